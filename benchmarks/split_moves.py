@@ -25,7 +25,9 @@ import cases
 
 from robotrue.calibration.tables import rigid_tables
 from robotrue.compensation import CompensationSettings, Status, compensate
-from robotrue.compensation.split_deviation import JobMoves, job_deviation, job_moves, measured
+from robotrue.compensation.split_deviation import job_deviation
+from robotrue.compensation.split_probe import measure_moves
+from robotrue.compensation.split_shapes import JobMoves, job_moves
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM, UM
 from robotrue.program.insertion import Moves
@@ -111,7 +113,7 @@ def job_of(model: cases.TableModel, T: Array, wrench: Array, *, arc: bool) -> Jo
 def fewest(jobs: list[JobMoves]) -> tuple[int, float]:
     """Returns the parts at which the median arm is under the tolerance, and what it has then."""
     for parts in range(1, 40):
-        size = [measured(job, np.zeros(1, int), np.full(1, parts)).size[0] for job in jobs]
+        size = [measure_moves(job, np.zeros(1, int), np.full(1, parts)).size[0] for job in jobs]
         if np.median(size) <= TOLERANCE:
             return parts, float(np.median(size))
     return 0, np.nan

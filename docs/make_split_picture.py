@@ -22,7 +22,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 from split_moves import FORCE, TOLERANCE, Move, arm, fewest, job_of, targets
 
 from robotrue.compensation.arcs import circles, from_circles
-from robotrue.compensation.split_deviation import job_deviation, sampled
+from robotrue.compensation.split_deviation import job_deviation
+from robotrue.compensation.split_probe import sample_moves
 from robotrue.core.units import UM
 
 OUT: Final = Path(__file__).resolve().parent / "_static" / "split_moves.png"
@@ -66,12 +67,13 @@ def profile(axis: Axes) -> None:
     job = job_of(arm(0), *targets(Move(25, np.pi, "", FORCE)), arc=True)
     needed, _ = fewest([job])
     for parts, colour in ((1, "#b5452c"), (2, "#c98a2b"), (needed, "#1f6f8b")):
-        ((_, points),) = sampled(job, np.zeros(1, int), np.full(1, parts), FINE)
+        (points,) = sample_moves(job, np.zeros(1, int), np.full(1, parts), FINE)
+        told = points.solved.replacement.position
         distance = []
         for part in range(parts):
             row = int(points.base[0]) + part * FINE
-            ends = (points.told[[each]] for each in (row, row + FINE // 2, row + FINE))
-            run = points.told[row : row + FINE + (part == parts - 1)]
+            ends = (told[[each]] for each in (row, row + FINE // 2, row + FINE))
+            run = told[row : row + FINE + (part == parts - 1)]
             distance.append(from_circles(run, circles(*ends), np.zeros(len(run), int)))
         off = np.concatenate(distance) / UM
         angle = np.linspace(0.0, 180.0, len(off))

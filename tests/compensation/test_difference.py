@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from robotrue.compensation.compensate import compensate
-from robotrue.compensation.difference import Change, difference
+from robotrue.compensation.difference import TargetChange, difference
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.core.arm_words import NO_WORD
 from robotrue.errors import ModelMismatchError
@@ -30,7 +30,7 @@ def job():
 def test_shift_and_errors_are_those_of_the_compensation(job):
     model, program, after, made = job
     found = difference(program, after, model=model, home=cases.path_joints(40)[0])
-    assert (found.change == Change.MOVED).all()
+    assert (found.change == TargetChange.MOVED).all()
     np.testing.assert_allclose(found.shift, made.shift, atol=1e-12)
     np.testing.assert_allclose(found.turn, made.turn, atol=1e-7)
     np.testing.assert_allclose(found.error_before, made.predicted_error_before, atol=1e-9)
@@ -41,7 +41,7 @@ def test_shift_and_errors_are_those_of_the_compensation(job):
 def test_a_program_is_the_same_as_itself(job):
     _, program, _, _ = job
     found = difference(program, program)
-    assert (found.change == Change.SAME).all()
+    assert (found.change == TargetChange.SAME).all()
     assert not found.shift.any()
     assert not found.has_errors
     assert found.summary()["shift_um"] is None
@@ -52,8 +52,8 @@ def test_a_word_alone_is_told_apart(job):
     words = np.full_like(program.words, NO_WORD)
     words[3] = 2, 10
     found = difference(program, replaced(program, words=words))
-    assert found.change[3] == Change.WORDS
-    assert (np.delete(found.change, 3) == Change.SAME).all()
+    assert found.change[3] == TargetChange.WORDS
+    assert (np.delete(found.change, 3) == TargetChange.SAME).all()
 
 
 def test_other_programs_are_refused(job):

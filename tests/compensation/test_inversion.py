@@ -10,7 +10,7 @@ import pytest
 
 from robotrue.calibration.model import Query
 from robotrue.compensation import CompensationSettings, Status, compensate
-from robotrue.compensation.chunks import CHUNK
+from robotrue.compensation.compensate import CHUNK
 from robotrue.core.units import DEG
 from robotrue.program.program import Motion
 from robotrue.robot.forward import forward

@@ -15,7 +15,8 @@ from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.tables import rigid_tables
 from robotrue.compensation import CompensationSettings, Status, compensate
 from robotrue.compensation.compensate_file import compensate_file
-from robotrue.compensation.split_deviation import job_moves, measured
+from robotrue.compensation.split_probe import measure_moves
+from robotrue.compensation.split_shapes import job_moves
 from robotrue.core.units import DEG
 from robotrue.program.formats import read_job
 from robotrue.program.program import FrameTable, Motion
@@ -100,9 +101,9 @@ def test_a_larger_turn_between_targets_is_not_split():
     rows = np.flatnonzero(case.deviation.size > TOLERANCE)
     whole = np.ones(len(rows), dtype=np.int64)
     good = job_moves(case.model, case.programs, case.moves, loose, case.settings)
-    assert (measured(good, rows, whole).status == Status.COMPENSATED).all()
+    assert (measure_moves(good, rows, whole).status == Status.COMPENSATED).all()
     bounded = job_moves(case.model, case.programs, case.moves, loose, tight)
-    assert (measured(bounded, rows, whole).status == Status.UNCHANGED_STEP).all()
+    assert (measure_moves(bounded, rows, whole).status == Status.UNCHANGED_STEP).all()
     plan = case.plan()
     case.settings = tight
     split, results, _ = case.split(plan)

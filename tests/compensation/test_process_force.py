@@ -12,7 +12,6 @@ from robotrue.compensation.process_force import (
     DescribedForce,
     ForceRule,
     ForceTable,
-    ModelForce,
     require_one_file,
 )
 from robotrue.compensation.process_force_file import read_force
@@ -210,7 +209,7 @@ class TestWhere:
         force = DescribedForce(
             parts=(rule([3, 4, 0], lines=[[12, 13]], name="side"), rule([0, 0, 2]))
         )
-        _, uses = force.applied(cut_path(a_program(SQUARE), cutter=Z))
+        _, uses = force.apply(cut_path(a_program(SQUARE), cutter=Z))
         assert [(u.name, u.targets, u.first_line, u.last_line, u.force) for u in uses] == [
             ("side", 2, 12, 13, (5.0, 5.0)),
             ("rule", 2, 14, 15, (2.0, 2.0)),
@@ -240,7 +239,7 @@ class TestWhere:
                 out[path.feeding, :3] = -50.0 * path.feed_direction[path.feeding]
                 return out
 
-        part = ModelForce(name="drag", model=Drag(), lines=np.array([[12, 13]]))
+        part = ForceRule(name="drag", axes="base", model=Drag(), lines=np.array([[12, 13]]))
         found = wrench((part,), a_program(SQUARE))
         np.testing.assert_allclose(
             found[:, :2], [[0, 0], [-50, 0], [0, -50], [0, 0], [0, 0]], atol=1e-12

@@ -11,8 +11,13 @@ from cases import TableModel, kr160, with_errors
 from robotrue.calibration.tables import rigid_tables
 from robotrue.compensation.compensate import compensate
 from robotrue.compensation.process_force import DescribedForce, ForceRule
-from robotrue.compensation.redundancy import FreeSpinSettings, choose_spins
-from robotrue.compensation.redundancy_cost import across, bending, stiffness
+from robotrue.compensation.redundancy import (
+    FreeSpinSettings,
+    across,
+    bending,
+    choose_spins,
+    stiffness,
+)
 from robotrue.compensation.redundancy_path import dense_run, runs_of
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.compensation.status import Status
@@ -256,7 +261,7 @@ class TestWritten:
         result = compensate(MODEL, found.program, settings=narrow)
         left = result.status == Status.UNCHANGED_STEP
         assert left.any()
-        new = found.written(program, result)
+        new = found.restate(program, result)
         assert new.replacement.changed.all()
         np.testing.assert_array_equal(new.replacement.position[left], program.position[left])
         np.testing.assert_array_equal(new.replacement.rotation[left], found.program.rotation[left])
@@ -269,7 +274,7 @@ class TestWritten:
         words[0] = configuration_words(ROBOT, "kuka", plain[:1])[0]
         program = replace(program, words=words)
         found = choose_spins(MODEL, program, FREE, settings=STANDS)
-        new = found.written(program, compensate(MODEL, found.program, settings=STANDS))
+        new = found.restate(program, compensate(MODEL, found.program, settings=STANDS))
         want = configuration_words(ROBOT, "kuka", new.joints[:1])[0]
         said = np.where(new.replacement.words[0] == NO_WORD, words[0], new.replacement.words[0])
         np.testing.assert_array_equal(said, want)

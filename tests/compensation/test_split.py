@@ -13,7 +13,9 @@ import pytest
 from robotrue.compensation import CompensationSettings, Status, compensate
 from robotrue.compensation.split import plan_split
 from robotrue.compensation.split_apply import compensate_split, split_job
-from robotrue.compensation.split_deviation import job_deviation, job_moves, measured
+from robotrue.compensation.split_deviation import job_deviation
+from robotrue.compensation.split_probe import measure_moves
+from robotrue.compensation.split_shapes import job_moves
 from robotrue.core.arm_words import NO_WORD
 from robotrue.core.poses import inverse
 from robotrue.core.rotations import abc_from_matrix, rotation_vector_from_matrix
@@ -102,9 +104,9 @@ def test_parts_are_the_fewest():
     case = Case("rapid")
     plan = case.plan()
     rows = np.flatnonzero(plan.parts > 1)
-    assert (measured(case.job, rows, plan.parts[rows]).size <= TOLERANCE).all()
-    assert (measured(case.job, rows, plan.parts[rows] - 1).size > TOLERANCE).all()
-    assert plan.size[rows] == pytest.approx(measured(case.job, rows, plan.parts[rows]).size)
+    assert (measure_moves(case.job, rows, plan.parts[rows]).size <= TOLERANCE).all()
+    assert (measure_moves(case.job, rows, plan.parts[rows] - 1).size > TOLERANCE).all()
+    assert plan.size[rows] == pytest.approx(measure_moves(case.job, rows, plan.parts[rows]).size)
     finer = case.plan(TOLERANCE / 4.0)
     lines = rows[case.moves.via[rows] < 0]
     assert (finer.parts[lines] >= 2 * plan.parts[lines] - 1).all()  # the square of the parts

@@ -14,13 +14,9 @@ from robotrue.compensation.arcs import (
     from_segments,
     on_circles,
 )
-from robotrue.compensation.split_deviation import (
-    JobMoves,
-    job_deviation,
-    job_moves,
-    measured,
-)
-from robotrue.compensation.split_shapes import along, loads
+from robotrue.compensation.split_deviation import job_deviation
+from robotrue.compensation.split_probe import measure_moves
+from robotrue.compensation.split_shapes import JobMoves, along, job_moves, loads
 from robotrue.core.poses import pose
 from robotrue.core.rotations import matrix_from_rotation_vector
 from robotrue.core.units import DEG, MM, UM
@@ -137,7 +133,7 @@ def test_lines_bow_with_the_square_of_their_length():
             model=job.model, moves=moves, poses=job.poses, joints=job.joints, status=job.status,
             load=job.load, settings=job.settings,
         )  # fmt: skip
-        sizes.append(measured(pairs, np.arange(4), np.ones(4, int)).size / UM)
+        sizes.append(measure_moves(pairs, np.arange(4), np.ones(4, int)).size / UM)
     sizes = np.array(sizes)
     law = sizes[:, 0] / sizes[:, 1]
     assert np.median(law) == pytest.approx(4.0, rel=0.05)
@@ -199,7 +195,7 @@ def test_short_lines_are_bounded_not_looked_at():
     found = job_deviation(job)
     assert found.bounded.mean() > 0.6
     assert np.isfinite(found.size).all()
-    looked = measured(job, np.arange(n - 1), np.ones(n - 1, int), steps=2)
+    looked = measure_moves(job, np.arange(n - 1), np.ones(n - 1, int), steps=2)
     assert (looked.size <= found.size + 1e-13).all()
     assert found.size[found.bounded].max() < 0.1 * UM
 
@@ -212,7 +208,7 @@ def test_long_lines_are_looked_at_however_many_there_are():
     job = job_of(at(offsets))
     found = job_deviation(job)
     assert not found.bounded.any()
-    looked = measured(job, np.arange(n - 1), np.ones(n - 1, int), steps=2)
+    looked = measure_moves(job, np.arange(n - 1), np.ones(n - 1, int), steps=2)
     assert (found.size >= looked.size - 1e-13).all()
     assert (found.size < 2.0 * looked.size).all()
 

@@ -20,14 +20,21 @@ from robotrue.cell.cutter_axis import cutter_axis
 from robotrue.cell.part import PartFrame
 from robotrue.compensation.between_targets import Between, look_between, require_no_spin
 from robotrue.compensation.compensate_file import CompensatedFile, compensate_file
-from robotrue.compensation.free_spin import compensate_with_spins, require_free_spin, spin_sentences
 from robotrue.compensation.process_force import DescribedForce
+from robotrue.compensation.redundancy import compensate_with_spins, require_free_spin
+from robotrue.compensation.redundancy_result import spin_sentences
 from robotrue.compensation.result import Compensation, unchanged
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.compensation.stance import sentence
 from robotrue.compensation.stated_force import StatedForce, note_rigid_model, state_forces
-from robotrue.compensation.step_rule import path_sentence, steps_sentence
-from robotrue.compensation.steps import NO_STEPS, Steps, job_steps, joined
+from robotrue.compensation.steps import (
+    NO_STEPS,
+    Steps,
+    job_steps,
+    join_steps,
+    path_sentence,
+    steps_sentence,
+)
 from robotrue.core.arrays import Array
 from robotrue.core.files import atomic_stream, sha256
 from robotrue.core.provenance import Provenance
@@ -84,7 +91,7 @@ def compensate_files(
         held = [made.held for made in rewritten if made.held is not None]
         seen = [(program, result.status, result.shift) for program, result in held]
         parts = [made.steps for made in rewritten]
-        steps = joined([job_steps(seen), *parts] if seen else parts)
+        steps = join_steps([job_steps(seen), *parts] if seen else parts)
         _require_steps(ground, files, rewritten, steps, context)
         documents = []
         for file, target, force, made, stack in zip(

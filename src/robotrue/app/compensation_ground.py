@@ -20,7 +20,7 @@ from robotrue.cell.part import PartFrame
 from robotrue.compensation.between_targets import SplitOptions
 from robotrue.compensation.process_force import DescribedForce
 from robotrue.compensation.stance import start_joints
-from robotrue.compensation.step_rule import StepRule
+from robotrue.compensation.steps import StepRule
 from robotrue.core.arrays import Array
 from robotrue.core.model_identity import ModelIdentity
 from robotrue.core.provenance import Provenance

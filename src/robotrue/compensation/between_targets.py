@@ -14,14 +14,9 @@ from robotrue.compensation.result import Compensation
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.compensation.split import SplitPlan, plan_split
 from robotrue.compensation.split_apply import Reread, compensate_split, split_job
-from robotrue.compensation.split_deviation import (
-    RESOLUTION,
-    JobDeviation,
-    JobMoves,
-    job_deviation,
-    job_moves,
-    measured,
-)
+from robotrue.compensation.split_deviation import RESOLUTION, job_deviation
+from robotrue.compensation.split_probe import MoveDeviations, measure_moves
+from robotrue.compensation.split_shapes import JobMoves, job_moves
 from robotrue.compensation.status import Status
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.units import DEG, MM, UM
@@ -161,7 +156,7 @@ def _sizes(size: Array) -> dict[str, float] | None:
     return {"mean": float(known.mean()), "max": float(known.max())} if len(known) else None
 
 
-def _document(job: JobMoves, deviation: JobDeviation) -> dict[str, Any]:
+def _document(job: JobMoves, deviation: MoveDeviations) -> dict[str, Any]:
     arcs = int(job.moves.circular.sum())
     turn = deviation.turn[np.isfinite(deviation.turn)]
     return {
@@ -177,7 +172,9 @@ def _document(job: JobMoves, deviation: JobDeviation) -> dict[str, Any]:
     }
 
 
-def _worst(job: JobMoves, deviation: JobDeviation, plan: SplitPlan | None) -> list[dict[str, Any]]:
+def _worst(
+    job: JobMoves, deviation: MoveDeviations, plan: SplitPlan | None
+) -> list[dict[str, Any]]:
     """The moves that are furthest off: kept whole, and split as planned or into two."""
     known = np.flatnonzero(np.isfinite(deviation.size) & ~deviation.bounded)
     rows = known[np.argsort(-deviation.size[known], kind="stable")[:_WORST]]
@@ -185,7 +182,7 @@ def _worst(job: JobMoves, deviation: JobDeviation, plan: SplitPlan | None) -> li
     if plan is None:
         parts = np.full(len(rows), 2)
         ordered = np.sort(rows)
-        halves = dict(zip(ordered.tolist(), measured(job, ordered, parts).size, strict=True))
+        halves = dict(zip(ordered.tolist(), measure_moves(job, ordered, parts).size, strict=True))
         split = np.array([halves[row] for row in rows.tolist()])
     else:
         parts, split = plan.parts[rows], plan.size[rows]
@@ -205,7 +202,7 @@ def _worst(job: JobMoves, deviation: JobDeviation, plan: SplitPlan | None) -> li
     ]
 
 
-def _left(job: JobMoves, deviation: JobDeviation, plan: SplitPlan) -> list[dict[str, Any]]:
+def _left(job: JobMoves, deviation: MoveDeviations, plan: SplitPlan) -> list[dict[str, Any]]:
     """The moves that stay whole although they may be beyond the tolerance, by reason."""
     out: list[dict[str, Any]] = []
 
@@ -244,7 +241,7 @@ def _left(job: JobMoves, deviation: JobDeviation, plan: SplitPlan) -> list[dict[
     return out
 
 
-def _kept_sentence(job: JobMoves, deviation: JobDeviation) -> str:
+def _kept_sentence(job: JobMoves, deviation: MoveDeviations) -> str:
     known = np.flatnonzero(np.isfinite(deviation.size))
     if not len(known):
         return "between the targets: no line or arc whose two ends are compensated"

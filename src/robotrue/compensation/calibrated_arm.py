@@ -6,7 +6,7 @@ T_actual = chain(theta = joint_map @ q_drive + theta_0 + dtheta); position += re
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -100,6 +100,7 @@ WORK_DTYPE: Final = np.dtype(
     align=True,
 )
 """Working memory of one thread for one target."""
+WorkArray: TypeAlias = np.ndarray[tuple[int], np.dtype[np.void]]
 
 
 class CalibratedArm(NamedTuple):

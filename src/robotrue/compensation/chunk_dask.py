@@ -18,8 +18,8 @@ from robotrue.calibration.model import ErrorModel
 from robotrue.compensation.chunk_task import (
     ChunkJob,
     ChunkTask,
-    SolvedChunk,
-    solve_chunk,
+    CompensatedChunk,
+    compensate_chunk,
 )
 from robotrue.compensation.chunk_workers import ChunkWorkers, Pending
 from robotrue.core.archive import archive_from
@@ -113,8 +113,8 @@ def versions() -> tuple[str, ...]:
     return (*(version(name) for name in names), f"{platform.machine()} {processor}")
 
 
-def _solve(job: ChunkJob, task: ChunkTask) -> SolvedChunk:
-    return solve_chunk(replace(job, setup=replace(job.setup, model=_model(job.archive))), task)
+def _solve(job: ChunkJob, task: ChunkTask) -> CompensatedChunk:
+    return compensate_chunk(replace(job, setup=replace(job.setup, model=_model(job.archive))), task)
 
 
 @lru_cache(maxsize=2)

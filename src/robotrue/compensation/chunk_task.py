@@ -64,7 +64,7 @@ class ChunkTask:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SolvedChunk:
+class CompensatedChunk:
     """A chunk that has been compensated.
 
     Attributes:
@@ -89,7 +89,9 @@ def with_model(job: ChunkJob) -> ChunkJob:
     return replace(job, setup=replace(job.setup, model=open_model(archive_from(job.archive))))
 
 
-def solve_chunk(job: ChunkJob, task: ChunkTask, progress: Progress = unheard) -> SolvedChunk:
+def compensate_chunk(
+    job: ChunkJob, task: ChunkTask, progress: Progress = unheard
+) -> CompensatedChunk:
     """Returns the compensated chunk: a function of the content of job and task alone."""
     state = task.state.copy()
     if task.lead is not None:
@@ -104,7 +106,7 @@ def solve_chunk(job: ChunkJob, task: ChunkTask, progress: Progress = unheard) ->
         text = "components are left out, and what the targets inherit is not known."
         note = row_note(program, incomplete, text, rank=_INCOMPLETE)
         tally = replace(tally, notes=(note, *tally.notes))
-    return SolvedChunk(
+    return CompensatedChunk(
         data=write_chunk(chunk, result.replacement),
         start=start,
         end=state,

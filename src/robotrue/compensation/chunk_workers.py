@@ -17,8 +17,8 @@ from typing import ClassVar, Final, Protocol, Self
 from robotrue.compensation.chunk_task import (
     ChunkJob,
     ChunkTask,
-    SolvedChunk,
-    solve_chunk,
+    CompensatedChunk,
+    compensate_chunk,
     with_model,
 )
 from robotrue.core.progress import Progress
@@ -35,7 +35,7 @@ _THREADS: Final = (
 class Pending(Protocol):
     """A chunk that is being solved."""
 
-    def result(self) -> SolvedChunk:
+    def result(self) -> CompensatedChunk:
         """Waits for it."""
         ...
 
@@ -87,7 +87,7 @@ class ChunkWorkers(ABC):
         with contextlib.suppress(*self.lost):  # found out when its chunk is asked for
             self._pending[task.number] = self._start(task)
 
-    def result(self, number: int) -> SolvedChunk:
+    def result(self, number: int) -> CompensatedChunk:
         """Returns a chunk when it is done.
 
         Raises:
@@ -129,8 +129,8 @@ class ThisProcess(ChunkWorkers):
         self._progress = progress
 
     def _start(self, task: ChunkTask) -> Pending:
-        done: Future[SolvedChunk] = Future()
-        done.set_result(solve_chunk(self._job, task, self._progress))
+        done: Future[CompensatedChunk] = Future()
+        done.set_result(compensate_chunk(self._job, task, self._progress))
         return done
 
     def close(self) -> None:
@@ -208,6 +208,6 @@ def _leave_with_parent() -> None:
         os._exit(1)
 
 
-def _solve(task: ChunkTask) -> SolvedChunk:
+def _solve(task: ChunkTask) -> CompensatedChunk:
     (job,) = _jobs()
-    return solve_chunk(job, task)
+    return compensate_chunk(job, task)

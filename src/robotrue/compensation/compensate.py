@@ -8,6 +8,7 @@ controller must be told. Arcs stay arcs and lines stay lines: targets move, none
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
@@ -16,18 +17,21 @@ from robotrue.compensation.arm_state import ArmState
 from robotrue.compensation.calibrated_arm import Outcome
 from robotrue.compensation.plan import Plan, lay_out, new_words
 from robotrue.compensation.result import Compensation
-from robotrue.compensation.row_notes import RowNote, row_note
+from robotrue.compensation.row_notes import RowNote, merge_notes, row_note
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.compensation.setup import CompensationSetup, compensation_setup
 from robotrue.compensation.stance import first_stance
 from robotrue.compensation.status import Route, Status
 from robotrue.core.arm_words import NO_WORD
 from robotrue.core.arrays import Array
+from robotrue.core.columns import concat
 from robotrue.core.progress import Progress, unheard
 from robotrue.core.units import UM
 from robotrue.program.program import Program, Reason, Replacement
 from robotrue.robot.statics import Load
 
+CHUNK: Final = 1 << 13
+"""Targets solved at a time; only results grow with the program."""
 _LEFT_ALONE, _UNSURE = 10, 99
 """Places of the notes."""
 
@@ -83,29 +87,35 @@ def compensate_targets(
     Raises:
         ModelMismatchError: Axis targets of another arm.
     """
-    from robotrue.compensation.chunks import empty_outcome, solve_chunks  # compiles: when needed
-
-    robot, settings = setup.robot, setup.settings
-    reached = bool(state.get("reached"))
-    plan = lay_out(
-        robot,
-        program,
-        settings,
-        begun=bool(state.get("begun")),
-        words=np.array(state.get("words")),
+    n, parts, rotation_known = len(program), [], True
+    for start in range(0, max(n, 1), CHUNK):
+        rows = slice(start, min(start + CHUNK, n))
+        part, known = _compensate_chunk(setup, program.take(rows), load.take(rows), state)
+        parts.append(part)
+        rotation_known &= known
+        progress("compensating", rows.stop, n)
+    return concat(
+        parts,
+        covariance=np.concatenate([part.covariance for part in parts]),
+        row_notes=merge_notes(note for part in parts for note in part.row_notes),
+        remarks=_remarks(program, rotation_known=rotation_known),
+        stance=next((part.stance for part in parts if part.stance is not None), None),
     )
-    state.set("begun", state.get("begun") or (plan.route != Route.SKIP).any())
-    state.get("words")[: len(plan.words)] = plan.words
-    outcome = empty_outcome(program, plan, covariance=settings.covariance)
-    rotation_known, stance = True, None
-    for chunk in solve_chunks(setup, program, plan, load, outcome, state):
-        first = chunk.rows.start
-        if stance is None and not reached:
-            stance = first_stance(robot, program, plan, settings, first, chunk.nominal)
-        rotation_known = rotation_known and chunk.rotation_known
-        progress("compensating", chunk.rows.stop, len(program))
+
+
+def _compensate_chunk(
+    setup: CompensationSetup, program: Program, load: Load, state: ArmState
+) -> tuple[Compensation, bool]:
+    """Returns the compensation of some targets, and whether their rotation errors are known."""
+    from robotrue.compensation.solve_targets import solve_targets  # compiles: when needed
+
+    robot, settings, reached = setup.robot, setup.settings, bool(state.get("reached"))
+    plan = lay_out(robot, program, settings, state)
+    chunk, outcome, rotation_known = solve_targets(setup, program, plan, load, state)
+    for column in outcome:
+        column.flags.writeable = False
     replacement, notes = _replacement(setup, program, plan, outcome)
-    return Compensation(
+    compensation = Compensation(
         replacement=replacement,
         status=outcome.status,
         predicted_error_before=outcome.before,
@@ -115,10 +125,10 @@ def compensate_targets(
         joints=outcome.joints,
         covariance=outcome.covariance,
         singular_value=outcome.singular,
-        stance=stance,
+        stance=None if reached else first_stance(robot, program, plan, settings, chunk.nominal),
         row_notes=notes,
-        remarks=_remarks(program, rotation_known=rotation_known),
     )
+    return compensation, rotation_known
 
 
 def load_about_part_origin(program: Program, load: Load) -> Load:

@@ -22,7 +22,7 @@ import numpy as np
 
 from robotrue.calibration.model import ErrorModel
 from robotrue.compensation.arm_state import ArmState
-from robotrue.compensation.chunk_task import ChunkJob, ChunkTask, SolvedChunk, drive_through
+from robotrue.compensation.chunk_task import ChunkJob, ChunkTask, CompensatedChunk, drive_through
 from robotrue.compensation.chunk_workers import ChunkProcesses, ChunkWorkers, ThisProcess
 from robotrue.compensation.compensate import load_about_part_origin
 from robotrue.compensation.result import Compensation, Tally, sum_tallies
@@ -196,7 +196,7 @@ def _job(
 
 def _in_order(
     staff: ChunkWorkers, job: ChunkJob, file: ProgramFile, load: Load, read: ReadLines
-) -> Iterator[tuple[SolvedChunk, bool]]:
+) -> Iterator[tuple[CompensatedChunk, bool]]:
     """Yields the chunks in file order, and whether each had to be done again."""
     state = guess = job.setup.start_state()
     if staff.ahead > 1:

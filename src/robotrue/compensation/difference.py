@@ -7,35 +7,37 @@ arm every target also has its predicted error before (the first program, as it s
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from enum import IntEnum
-from typing import Final
+from pathlib import Path
+from typing import Annotated, Final
 
 import numpy as np
 
-from robotrue.calibration.model import ErrorModel, Query
+from robotrue.calibration.model import ErrorModel
+from robotrue.cell.cell import Cell
+from robotrue.cell.frame_table import frame_table
 from robotrue.compensation.compensate import compensate
+from robotrue.compensation.process_force import DescribedForce
 from robotrue.compensation.settings import CompensationSettings
-from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
-from robotrue.core.poses import inverse, pose
+from robotrue.compensation.stated_force import state_forces
+from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.columns import Column, Columns
+from robotrue.core.poses import pose
 from robotrue.core.rotations import rotation_vector_from_matrix
 from robotrue.core.units import DEG, UM
 from robotrue.errors import ModelMismatchError
-from robotrue.program.program import Program, Reason
-from robotrue.robot.inverse import inverse_batch
-from robotrue.robot.inverse_numeric import solve
-from robotrue.robot.model import RobotModel
-from robotrue.robot.opw import opw_geometry
+from robotrue.program.formats import read_job
+from robotrue.program.program import FrameTable, Program, Reason
 from robotrue.robot.statics import NO_LOAD, Load
 
 STILL_POSITION: Final = 1e-9
 """m; numbers that differ by less were printed alike."""
 STILL_ANGLE: Final = 1e-10
-STILL_JOINT: Final = 1e-7
-"""rad of joint motion that has no direction."""
 
 
-class Change(IntEnum):
+class TargetChange(IntEnum):
     """What became of a target."""
 
     SAME = 0
@@ -45,11 +47,11 @@ class Change(IntEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Difference:
+class Difference(Columns):
     """n targets of two programs. NaN where a target has no pose or the arm cannot take it.
 
     Attributes:
-        change: (n,) :class:`Change`.
+        change: (n,) :class:`TargetChange`.
         line: (n,) one-based line in the first program.
         line_after: (n,) in the second.
         shift: (n, 3) m in base, second minus first; axis targets have none.
@@ -59,31 +61,14 @@ class Difference:
         covariance: (n, 3, 3) m^2 about ``error_after``; empty likewise.
     """
 
-    change: IntArray
-    line: IntArray
-    line_after: IntArray
-    shift: Array
-    turn: Array
-    error_before: Array
-    error_after: Array
-    covariance: Array
-
-    def __post_init__(self) -> None:
-        """Checks shapes and freezes."""
-        n = len(self.change)
-        for name in ("change", "line", "line_after"):
-            value = frozen(getattr(self, name), (n,), name, dtype=np.int64)
-            object.__setattr__(self, name, value)
-        m = n if len(self.error_before) else 0
-        for name, shape in (
-            ("shift", (n, 3)),
-            ("turn", (n,)),
-            ("error_before", (m, 3)),
-            ("error_after", (m, 3)),
-            ("covariance", (m, 3, 3)),
-        ):
-            value = frozen(getattr(self, name), shape, name, allow_nan=True)
-            object.__setattr__(self, name, value)
+    change: Annotated[IntArray, Column("n")]
+    line: Annotated[IntArray, Column("n")]
+    line_after: Annotated[IntArray, Column("n")]
+    shift: Annotated[Array, Column("n 3", unit="m", nan=True)]
+    turn: Annotated[Array, Column("n", unit="rad", nan=True)]
+    error_before: Annotated[Array, Column("m 3", unit="m", nan=True)]
+    error_after: Annotated[Array, Column("m 3", unit="m", nan=True)]
+    covariance: Annotated[Array, Column("m 3 3", unit="m^2", nan=True)]
 
     @property
     def axis_target(self) -> BoolArray:
@@ -97,11 +82,11 @@ class Difference:
 
     def summary(self) -> dict[str, object]:
         """Returns JSON values: counts, size of the shifts, predicted errors; um and deg."""
-        moved = self.change == Change.MOVED
-        number = np.bincount(self.change, minlength=len(Change))
+        moved = self.change == TargetChange.MOVED
+        number = np.bincount(self.change, minlength=len(TargetChange))
         out: dict[str, object] = {
             "targets": len(self.change),
-            **{c.name.lower(): int(number[c]) for c in Change},
+            **{c.name.lower(): int(number[c]) for c in TargetChange},
             "shift_um": _sizes(np.linalg.norm(self.shift[moved], axis=1) / UM),
             "turn_deg": _sizes(self.turn[moved] / DEG),
         }
@@ -145,23 +130,23 @@ def difference(
     axis = np.asarray(first.reason == Reason.JOINT_TARGET)
     if axis.any():
         turn[axis] = np.abs(second.axes[axis] - first.axes[axis]).max(axis=1)
-    empty = np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 3, 3))
-    errors = (
-        empty
-        if model is None
-        else _errors(
-            model, first, T_first, T_second, posed, load, np.empty(0) if home is None else home
-        )
-    )
+    before, after, covariance = np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 3, 3))
+    if model is not None:
+        settings = CompensationSettings(load=load, home=np.empty(0) if home is None else home)
+        here = compensate(model, first, settings=settings)
+        there = compensate(model, second, settings=replace(settings, covariance=True))
+        before = np.where(posed[:, None], here.predicted_error_before, np.nan)
+        after = shift + np.where(posed[:, None], there.predicted_error_before, np.nan)
+        covariance = np.where(np.isfinite(after)[..., None], there.covariance, np.nan)
     return Difference(
         change=_changes(first, second, shift, turn, posed | axis),
         line=first.line,
         line_after=second.line,
         shift=shift,
         turn=turn,
-        error_before=errors[0],
-        error_after=errors[1],
-        covariance=errors[2],
+        error_before=before,
+        error_after=after,
+        covariance=covariance,
     )
 
 
@@ -194,74 +179,56 @@ def _in_base(program: Program) -> Array:
 def _changes(
     first: Program, second: Program, shift: Array, turn: Array, readable: BoolArray
 ) -> IntArray:
-    change = np.full(len(first), int(Change.SAME), dtype=np.int64)
+    change = np.full(len(first), int(TargetChange.SAME), dtype=np.int64)
     if first.words.shape == second.words.shape:
-        change[(first.words != second.words).any(axis=1)] = Change.WORDS
+        change[(first.words != second.words).any(axis=1)] = TargetChange.WORDS
     far = np.linalg.norm(np.nan_to_num(shift), axis=1) > STILL_POSITION
-    change[far | (np.nan_to_num(turn) > STILL_ANGLE)] = Change.MOVED
-    change[~readable] = Change.UNREADABLE
+    change[far | (np.nan_to_num(turn) > STILL_ANGLE)] = TargetChange.MOVED
+    change[~readable] = TargetChange.UNREADABLE
     return change
-
-
-def _errors(
-    model: ErrorModel,
-    first: Program,
-    T_first: Array,
-    T_second: Array,
-    posed: BoolArray,
-    load: Load,
-    home: Array,
-) -> tuple[Array, Array, Array]:
-    """Predicted errors of both programs against the first one's targets, and the covariance."""
-    joints = compensate(model, first, settings=CompensationSettings(load=load, home=home)).joints
-    n = len(first)
-    before, after = np.full((n, 3), np.nan), np.full((n, 3), np.nan)
-    covariance = np.full((n, 3, 3), np.nan)
-    posed = np.asarray(posed & np.isfinite(joints).all(axis=1))
-    approach = _approach(joints)
-    robot = model.robot.nominal()
-    for k, tool in enumerate(first.T_flange_tool):
-        rows = np.flatnonzero(posed & (first.tool == k))
-        if not len(rows):
-            continue
-        own = np.allclose(tool, robot.T_flange_tool, rtol=0.0, atol=1e-9)
-        other = None if own else tool
-        for T, out in ((T_first, before), (T_second, after)):
-            q = _joints(robot.with_tool(tool), T[rows], joints[rows])
-            able = np.isfinite(q).all(axis=1)
-            mine = rows[able]
-            here = load.take(mine)
-            seen = model.predict(
-                Query(joints=q[able], approach=approach[mine], T_flange_tool=other, load=here)
-            )
-            out[mine] = T[mine, :3, 3] - T_first[mine, :3, 3] + seen.error
-            covariance[mine] = seen.covariance
-    return before, after, covariance
-
-
-def _approach(joints: Array) -> Array:
-    """Sign (n, dof) of the last motion of every joint into each target; 0 before the first."""
-    out = np.zeros_like(joints)
-    known = np.flatnonzero(np.isfinite(joints).all(axis=1))
-    step = np.diff(joints[known], axis=0)
-    moved = np.abs(step) > STILL_JOINT
-    # A joint that stands still keeps the side it came from.
-    last = np.maximum.accumulate(np.where(moved, np.arange(len(step))[:, None], -1), axis=0)
-    sign = np.take_along_axis(np.sign(step), np.maximum(last, 0), axis=0)
-    out[known[1:]] = np.where(last < 0, 0.0, sign)
-    return out
-
-
-def _joints(robot: RobotModel, T_base_tool: Array, near: Array) -> Array:
-    """Nominal joints (n, dof) rad of poses, nearest to others; NaN where there are none."""
-    if opw_geometry(robot) is not None:
-        flange = robot.with_tool(np.eye(4))
-        return inverse_batch(flange, T_base_tool @ inverse(robot.T_flange_tool), near=near)
-    found = solve(robot, T_base_tool, near)
-    return np.where(found.converged[:, None], found.joints, np.nan)
 
 
 def _sizes(values: Array) -> dict[str, float] | None:
     """Mean and largest; None (null) without any."""
     known = values[np.isfinite(values)]
     return {"mean": float(known.mean()), "max": float(known.max())} if len(known) else None
+
+
+def compare_jobs(
+    before: Sequence[Path],
+    after: Sequence[Path],
+    cell: Cell | None,
+    model: ErrorModel | None,
+    force: Array | DescribedForce,
+    home: Array,
+) -> list[tuple[str, Difference]]:
+    """Returns name and difference of each file of two jobs.
+
+    Args:
+        before: Programs as CAM made them.
+        after: The same with other numbers.
+        cell: Frames, tools and payload; None to compare numbers alone.
+        model: For predicted errors; None without.
+        force: (6,) N, N m on the tool for all targets, empty for none; or a description.
+        home: (6,) rad, start posture; empty where none is stated.
+
+    Raises:
+        ModelMismatchError: Jobs of another number of files, or other programs.
+    """
+    frames = FrameTable() if cell is None else frame_table(cell)
+    jobs = read_job(before, frames), read_job(after, frames)
+    if len(jobs[0]) != len(jobs[1]):
+        raise ModelMismatchError(
+            f"{before[0].name} is a job of {len(jobs[0])} files, {after[0].name} of "
+            f"{len(jobs[1])}.",
+            source=after[0],
+            hint="put the companions of both programs beside them.",
+        )
+    if cell is None:
+        return [(a.name, difference(a, b)) for a, b in zip(*jobs, strict=True)]
+    found = []
+    for a, b, stated in zip(*jobs, state_forces(force, jobs[0]), strict=True):
+        wrench = np.atleast_2d(stated.wrench) if stated.wrench.size else cell.payload.wrench
+        load = replace(cell.payload, wrench=wrench)
+        found.append((a.name, difference(a, b, model=model, load=load, home=home)))
+    return found

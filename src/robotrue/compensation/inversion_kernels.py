@@ -36,7 +36,7 @@ LOST = 1e3
 
 
 @compiled(EXACT)
-def solve_targets(
+def invert_targets(
     model: Any, chunk: Any, limits: Any, rows: IntArray, bump: Array, work: Any, outcome: Any
 ) -> None:
     """Inverts the arm for some targets of a chunk, and writes what becomes of them.

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from robotrue.compensation.arm_state import ArmState
 from robotrue.compensation.row_notes import RowNote, row_note
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.compensation.status import Route, Status
@@ -39,41 +40,32 @@ class Plan:
     Attributes:
         route: (n,) :class:`Route`.
         status: (n,) :class:`Status` of those not to be touched, ``COMPENSATED`` for the rest.
-        rows: (m,) targets whose joints are known beforehand.
-        joints: (m, 6) rad of those, model's sense.
+        joints: (n, 6) rad, model's sense, of targets whose joints are known beforehand; else NaN.
         worded: (k,) targets whose configuration words are to be renewed.
         known: (n,) 1 where the arm's configuration is known from here on, -1 where from here on it
             is not, 0 where it is what it was before.
-        words: (w,) the words that name the branch, of the last target that has any.
         notes: What the user should know.
     """
 
     route: IntArray
     status: IntArray
-    rows: IntArray
     joints: Array
     worded: IntArray
     known: IntArray
-    words: IntArray
     notes: tuple[RowNote, ...]
 
 
 def lay_out(
-    robot: RobotModel,
-    program: Program,
-    settings: CompensationSettings,
-    *,
-    begun: bool = False,
-    words: IntArray | None = None,
+    robot: RobotModel, program: Program, settings: CompensationSettings, state: ArmState
 ) -> Plan:
-    """Returns the plan for a program.
+    """Returns the plan for consecutive targets of a program.
 
     Args:
         robot: The nominal arm.
         program: The targets.
         settings: Whether axis targets count.
-        begun: These targets are not the first of their program.
-        words: Those of :attr:`Plan.words` before these targets.
+        state: Whether there were targets before these, and the last words that name a branch;
+            changed to what holds after them.
 
     Raises:
         ModelMismatchError: Axis targets of an arm with another number of joints.
@@ -81,49 +73,45 @@ def lay_out(
     n = len(program)
     route = np.where(program.motion == Motion.PTP, int(Route.FREE), int(Route.LINEAR))
     status = np.full(n, int(Status.COMPENSATED), dtype=np.int64)
+    joints = np.full((n, 6), np.nan)
     axis = np.asarray(program.reason == Reason.JOINT_TARGET)
     blocked = np.asarray(program.reason != Reason.NONE) & ~axis
     blocked |= ~axis & ~_has_pose(program)
     lost = _axes_in_a_lost_frame(robot, program)
-    joints_known = np.flatnonzero(axis | lost)
-    joints = np.empty((0, 6))
-    miscounted = _miscounted(robot, program, joints_known)
+    miscounted = _note_miscounted(robot, program, np.flatnonzero(axis | lost))
     if miscounted:
-        blocked |= axis
-        lost = np.zeros(n, np.bool_)
-        joints_known = np.empty(0, dtype=np.int64)
-    if len(joints_known):
-        joints, joints_known = _axis_joints(robot, program, joints_known)
-        blocked |= axis & ~np.isin(np.arange(n), joints_known)
-        route[joints_known] = int(Route.AXES if settings.axis_targets else Route.PASS)
-        if not settings.axis_targets:
-            status[joints_known] = Status.UNCHANGED_AXIS_TARGET
-    lost &= np.isin(np.arange(n), joints_known)
+        lost[:] = False
+    else:
+        _write_axis_joints(robot, program, np.flatnonzero(axis | lost), joints)
+    stated = np.isfinite(joints[:, 0])
+    blocked |= axis & ~stated
+    route[stated] = int(Route.AXES if settings.axis_targets else Route.PASS)
+    if not settings.axis_targets:
+        status[stated] = Status.UNCHANGED_AXIS_TARGET
     route[blocked] = Route.SKIP
-    route[lost] = Route.PASS
+    route[lost & stated] = Route.PASS
     status[blocked] = Status.UNCHANGED_SOURCE
-    chosen_by_words = _by_words(robot, program, route, begun, words)
-    worded, chosen = chosen_by_words.rows, chosen_by_words.joints
-    route[worded] = Route.GIVEN
+    before = np.array(state.get("words"))
+    by_words = _by_words(robot, program, route, bool(state.get("begun")), before)
+    state.set("begun", state.get("begun") or (route != Route.SKIP).any())
+    state.get("words")[: len(by_words.last)] = by_words.last
+    joints[by_words.rows] = by_words.joints
+    route[by_words.rows] = Route.GIVEN
     known = np.where(np.isin(route, [Route.GIVEN, Route.PASS, Route.AXES]), 1, 0)
-    known[chosen_by_words.changed] = -1
+    known[by_words.changed] = -1
     if not len(settings.home):  # where the user chose, words that say nothing do not unchoose
-        known[chosen_by_words.astray] = -1
-    rows = np.concatenate([joints_known, worded])
-    order = np.argsort(rows, kind="stable")
+        known[by_words.astray] = -1
     return Plan(
         route=route.astype(np.int64),
         status=status,
-        rows=rows[order],
-        joints=np.concatenate([joints, chosen])[order],
-        worded=_with_words(robot, program, route, worded),
+        joints=joints,
+        worded=_with_words(robot, program, route, by_words.rows),
         known=known,
-        words=chosen_by_words.last,
-        notes=miscounted + chosen_by_words.notes,
+        notes=miscounted + by_words.notes,
     )
 
 
-def _miscounted(robot: RobotModel, program: Program, rows: IntArray) -> tuple[RowNote, ...]:
+def _note_miscounted(robot: RobotModel, program: Program, rows: IntArray) -> tuple[RowNote, ...]:
     """Returns a note if axis targets are not this arm's joints.
 
     Fanuc's J3 is the angle of the forearm to the horizontal; it stays while J2 turns.
@@ -162,7 +150,10 @@ def _finite(values: Array) -> BoolArray:
     return np.asarray(finite.reshape(len(values), -1).all(axis=1))
 
 
-def _axis_joints(robot: RobotModel, program: Program, rows: IntArray) -> tuple[Array, IntArray]:
+def _write_axis_joints(robot: RobotModel, program: Program, rows: IntArray, joints: Array) -> None:
+    """Writes the joints of axis targets whose tool is known."""
+    if not len(rows):
+        return
     axes = program.axes[rows]
     if axes.shape[1] != robot.dof or robot.controller is None:
         raise ModelMismatchError(
@@ -171,7 +162,7 @@ def _axis_joints(robot: RobotModel, program: Program, rows: IntArray) -> tuple[A
             line=int(program.line[rows[0]]),
         )
     whole = np.isfinite(axes).all(axis=1) & _tool_known(program, rows)
-    return robot.controller.to_model(axes[whole]), rows[whole]
+    joints[rows[whole]] = robot.controller.to_model(axes[whole])
 
 
 def _axes_in_a_lost_frame(robot: RobotModel, program: Program) -> BoolArray:
@@ -211,7 +202,7 @@ class _WordChoice:
 
 
 def _by_words(
-    robot: RobotModel, program: Program, route: IntArray, under_way: bool, before: IntArray | None
+    robot: RobotModel, program: Program, route: IntArray, under_way: bool, before: IntArray
 ) -> _WordChoice:
     """Returns the targets whose words choose the nominal joints, and those joints (k, 6) rad.
 
@@ -220,8 +211,7 @@ def _by_words(
     before leads to a configuration that is not known.
     """
     maker = program.words_of
-    last = np.full(len(branch_words(maker, program.words[:0]).T), NO_WORD)
-    last = last if before is None else before[: len(last)]
+    last = before[: branch_words(maker, program.words[:0]).shape[1]]
     asked = np.asarray(route == Route.FREE)
     if maker == "" or (maker == "kuka" and not asked.any()):
         return _WordChoice(last=last)
@@ -238,7 +228,7 @@ def _by_words(
     if geometry is None:
         other = np.asarray((told[1:] != told[:-1]).any(axis=1))
         first = np.asarray((told[:-1] == NO_WORD).all(axis=1))
-        note = row_note(program, rows, _unused(robot, maker), rank=UNUSED)
+        note = row_note(program, rows, _note_unused(robot, maker), rank=UNUSED)
         return _WordChoice(
             astray=rows[other & first], changed=rows[other & ~first], last=told[-1], notes=(note,)
         )
@@ -279,7 +269,7 @@ def _fitting(
     return joints, np.asarray(reached.any(axis=1)), count.astype(np.int64)
 
 
-def _unused(robot: RobotModel, maker: Maker) -> str:
+def _note_unused(robot: RobotModel, maker: Maker) -> str:
     """Returns the note on words that nobody can read for this arm."""
     if robot.maker != maker:
         stated = "not stated" if robot.maker == "generic" else f"{robot.maker!r}"

@@ -30,23 +30,21 @@ ITERATIONS: Final = 15
 
 def correct_by_prediction(
     setup: CompensationSetup,
-    load: Load,
     program: Program,
+    load: Load,
     chunk: Chunk,
     limits: InversionLimits,
-    first: int,
-    part: Outcome,
+    outcome: Outcome,
 ) -> bool:
-    """Compensates the targets of a chunk that the nominal pass found free of guards.
+    """Compensates the targets that the nominal pass found free of guards.
 
     Args:
         setup: With a model.
-        load: Of the program.
         program: The targets.
-        chunk: Those of the chunk, solved with the nominal arm.
+        load: Of them.
+        chunk: Solved with the nominal arm.
         limits: Of the inversion.
-        first: Row of the first target of the chunk.
-        part: Outcome of the chunk, changed.
+        outcome: Changed.
 
     Returns:
         Whether the model gave a rotation error everywhere.
@@ -54,14 +52,14 @@ def correct_by_prediction(
     if setup.model is None:
         return True
     rotation_known = True
-    fine = np.flatnonzero(part.status == Status.UNCHANGED_NO_ERROR)
+    fine = np.flatnonzero(outcome.status == Status.UNCHANGED_NO_ERROR)
     for tool, rows in _by_tool(chunk.tool, fine):
         corrected = correct_rows(
             setup.model,
             setup.robot.with_tool(program.T_flange_tool[tool]),
             bool(setup.measured[tool]),
             chunk.nominal[rows],
-            load.take(first + rows),
+            load.take(rows),
             chunk.approach[rows],
             (limits.tolerance, limits.turn_tolerance),
         )
@@ -69,7 +67,7 @@ def correct_by_prediction(
         write_predicted(
             setup.arm, chunk, limits, rows, corrected.converged, corrected.joints,
             corrected.T_base_tool, np.array(corrected.T_base_target), corrected.before,
-            corrected.after, part,
+            corrected.after, outcome,
         )  # fmt: skip
     return rotation_known
 
@@ -93,17 +91,15 @@ def predicted_error(
 
 
 def write_covariances(
-    setup: CompensationSetup, program: Program, load: Load, chunk: Chunk, first: int, part: Outcome
+    setup: CompensationSetup, program: Program, load: Load, chunk: Chunk, outcome: Outcome
 ) -> None:
-    """Writes the covariance of the actual position at the joints of a chunk's targets."""
+    """Writes the covariance of the actual position at the joints of the targets."""
     if setup.model is None or not setup.settings.covariance:
         return
-    reached = np.flatnonzero(np.isfinite(part.joints).all(axis=1))
+    reached = np.flatnonzero(np.isfinite(outcome.joints).all(axis=1))
     for tool, rows in _by_tool(chunk.tool, reached):
-        query = _query(
-            setup, program, load, tool, first + rows, part.joints[rows], chunk.approach[rows]
-        )
-        part.covariance[rows] = setup.model.predict(query).covariance
+        query = _query(setup, program, load, tool, rows, outcome.joints[rows], chunk.approach[rows])
+        outcome.covariance[rows] = setup.model.predict(query).covariance
 
 
 def _query(

@@ -12,11 +12,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Literal, Protocol, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
 
-from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
+from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.columns import EMPTY, Column, Columns
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError, FormatError
 from robotrue.program.cut_path import CutPath, ProcessForce
@@ -28,42 +29,15 @@ FEEDING: tuple[Motion, ...] = (Motion.LIN, Motion.ARC_VIA, Motion.ARC_END, Motio
 _LONGER = 1.0 * MM  # of a table beyond the end of the path that is rounding
 
 
-class Part(Protocol):
-    """One part of a description.
-
-    Attributes:
-        name: For messages and the summary.
-        axes: What its wrench is written in.
-        general: It holds only where no other part does.
-        program: File whose targets it means; empty for any.
-    """
-
-    @property
-    def name(self) -> str: ...  # noqa: D102
-    @property
-    def axes(self) -> Axes: ...  # noqa: D102
-    @property
-    def general(self) -> bool: ...  # noqa: D102
-    @property
-    def program(self) -> str: ...  # noqa: D102
-
-    def claims(self, path: CutPath) -> BoolArray:
-        """Returns (n,) the targets it gives a force."""
-        ...
-
-    def values(self, path: CutPath, rows: IntArray) -> Array:
-        """Returns (k, 6) N, N m for some of the targets it claims, in its axes."""
-        ...
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ForceRule:
-    """One wrench for many targets.
+class ForceRule(Columns):
+    """One wrench for many targets, or a model of the process.
 
     Attributes:
         name: For messages.
         axes: What the wrench is written in.
         wrench: (6,) N, N m.
+        model: What answers in its place, such as a model of milling; in base axes, by contract.
         lines: (k, 2) first and last line of ranges; empty: all that no other part names.
         motions: Kinds of move that cut.
         feeds: Lowest and highest feed m/s of the moves that cut; any if not given.
@@ -72,17 +46,12 @@ class ForceRule:
 
     name: str
     axes: Axes
-    wrench: Array
-    lines: IntArray = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
+    wrench: Annotated[Array, Column("6", unit="N, N m", fill=0.0)] = EMPTY
+    model: ProcessForce | None = None
+    lines: Annotated[IntArray, Column("_ 2")] = EMPTY
     motions: tuple[Motion, ...] = FEEDING
     feeds: tuple[float, float] | None = None
     program: str = ""
-
-    def __post_init__(self) -> None:
-        """Checks shapes and freezes."""
-        object.__setattr__(self, "wrench", frozen(self.wrench, (6,), "wrench"))
-        lines = frozen(self.lines, (None, 2), "lines", dtype=np.int64)
-        object.__setattr__(self, "lines", lines)
 
     @property
     def general(self) -> bool:
@@ -125,12 +94,14 @@ class ForceRule:
         return np.asarray(claimed & (path.feed >= low) & (path.feed <= high))
 
     def values(self, path: CutPath, rows: IntArray) -> Array:
-        """Returns (k, 6) N, N m: the same everywhere."""
+        """Returns (k, 6) N, N m: the same everywhere, or what the model says."""
+        if self.model is not None:
+            return np.asarray(self.model.wrench(path)[rows])
         return np.tile(self.wrench, (len(rows), 1))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ForceTable:
+class ForceTable(Columns):
     """Wrenches by line, by target or by length of path.
 
     Attributes:
@@ -148,18 +119,14 @@ class ForceTable:
     name: str
     axes: Axes
     key: Key
-    at: Array
-    wrench: Array
+    at: Annotated[Array, Column("n")]
+    wrench: Annotated[Array, Column("n 6", unit="N, N m")]
     source: str
-    rows: IntArray
+    rows: Annotated[IntArray, Column("n")]
     program: str = ""
 
-    def __post_init__(self) -> None:
-        """Checks shapes and freezes."""
-        n = len(self.at)
-        object.__setattr__(self, "at", frozen(self.at, (n,), "at"))
-        object.__setattr__(self, "wrench", frozen(self.wrench, (n, 6), "wrench"))
-        object.__setattr__(self, "rows", frozen(self.rows, (n,), "rows", dtype=np.int64))
+    def _check_rules(self) -> None:
+        """Refuses a place that stands twice, and a path that goes back."""
         if self.key == "path_mm":
             late = np.flatnonzero(np.diff(self.at) <= 0.0)
         else:
@@ -189,7 +156,7 @@ class ForceTable:
         """
         if self.key != "path_mm":
             out = np.zeros(len(path), dtype=np.bool_)
-            out[self._named(path)[0]] = True
+            out[self._find_rows(path)[0]] = True
             return out
         longest = float(np.nanmax(path.along, initial=0.0))
         if self.at[-1] > longest + _LONGER:
@@ -209,11 +176,11 @@ class ForceTable:
             along = path.along[rows]
             return np.stack([np.interp(along, self.at, f) for f in self.wrench.T], axis=1)
         out = np.zeros((len(path), 6))
-        target, row = self._named(path)
+        target, row = self._find_rows(path)
         out[target] = self.wrench[row]
         return out[rows]
 
-    def _named(self, path: CutPath) -> tuple[IntArray, IntArray]:
+    def _find_rows(self, path: CutPath) -> tuple[IntArray, IntArray]:
         """Targets that are named and feed, and the row of the table that names each."""
         place = path.line if self.key == "line" else np.arange(1, len(path) + 1)
         order = np.argsort(self.at, kind="stable")
@@ -242,42 +209,8 @@ class ForceTable:
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ModelForce:
-    """A model of the process, such as one of milling, as a part of a description.
-
-    Attributes:
-        name: For messages.
-        model: What answers in base axes.
-        lines: As in :class:`ForceRule`.
-        program: File meant; empty for any.
-    """
-
-    name: str
-    model: ProcessForce
-    lines: IntArray = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
-    program: str = ""
-
-    @property
-    def axes(self) -> Axes:
-        """Base axes, by contract."""
-        return "base"
-
-    @property
-    def general(self) -> bool:
-        """It names no lines."""
-        return not len(self.lines)
-
-    def claims(self, path: CutPath) -> BoolArray:
-        """Returns (n,) as a rule of the same lines."""
-        rule = ForceRule(
-            name=self.name, axes="base", wrench=np.zeros(6), lines=self.lines, program=self.program
-        )
-        return rule.claims(path)
-
-    def values(self, path: CutPath, rows: IntArray) -> Array:
-        """Returns (k, 6) N, N m in base axes."""
-        return np.asarray(self.model.wrench(path)[rows])
+Part: TypeAlias = ForceRule | ForceTable
+"""One part of a description."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -318,9 +251,9 @@ class DescribedForce:
             ConfigurationError: Two parts that name the same target.
             FormatError: A table that does not fit the program.
         """
-        return self.applied(path)[0]
+        return self.apply(path)[0]
 
-    def applied(self, path: CutPath) -> tuple[Array, tuple[Use, ...]]:
+    def apply(self, path: CutPath) -> tuple[Array, tuple[Use, ...]]:
         """Returns :meth:`wrench` and where each part was used.
 
         Raises:

@@ -43,6 +43,8 @@ from robotrue.measurement.formats.sheet import Sheet, column_key
 from robotrue.measurement.formats.sheet_file import read_sheet
 from robotrue.program.program import Motion
 
+AXES: Final[tuple[Axes, ...]] = get_args(Axes)
+_AXES: Final = "base, tool or path; path with milling."
 MOVES: Final[Mapping[str, tuple[Motion, ...]]] = {
     "line": (Motion.LIN,),
     "arc": (Motion.ARC_VIA, Motion.ARC_END),
@@ -94,7 +96,7 @@ def _parts(
         if not isinstance(table, dict):
             raise _fault(path, text, ("force",), "force is no table", "write [[force]].")
         try:
-            out.append(_part(path, text, k, table, milling))
+            out.append(_ForceEntry(path, text, k, table).read_part(milling))
         except RobotrueError as cause:
             if cause.source is not None:
                 raise
@@ -105,126 +107,125 @@ def _parts(
     return tuple(out)
 
 
-def _part(path: Path, text: str, k: int, table: Mapping[str, Any], milling: Milling | None) -> Part:
-    for key in table:
-        if key not in ENTRIES:
-            known = f"known are {', '.join(ENTRIES)}."
-            raise _fault(path, text, ("force", k, key), f"unknown key {key} in [[force]]", known)
-    sources = [key for key in ("force_N", "milling", "csv") if key in table]
-    if len(sources) != 1:
-        said = " and ".join(sources) if sources else "neither force_N nor milling nor csv"
-        hint = "one of force_N, milling and csv says how large the force is."
-        raise _fault(path, text, ("force", k), f"{said} in one [[force]]", hint)
-    source = sources[0]
-    axes = _word(path, text, k, table, "axes", "path" if source == "milling" else "base")
-    if axes not in get_args(Axes) or (source == "milling" and axes != "path"):
-        hint = "base, tool or path; path with milling."
-        raise _fault(path, text, ("force", k, "axes"), f"axes is {axes!r}", hint)
-    name = _word(path, text, k, table, "name", f"force {k + 1}")
-    program = _word(path, text, k, table, "program", "")
-    if source == "csv":
-        beside = [key for key in ("moment_Nm", "lines", "moves", "feeds_mm_per_s") if key in table]
-        if beside:
-            hint = "leave it out: the table says where which force acts."
-            where = ("force", k, beside[0])
-            raise _fault(path, text, where, f"{beside[0]} stands beside csv", hint)
-        file = _word(path, text, k, table, "csv", "")
-        name = name if "name" in table else file
-        return read_force_table(path.parent / file, name=name, axes=_axes(axes), program=program)
-    moment = _three(path, text, k, "moment_Nm", table.get("moment_Nm", [0.0, 0.0, 0.0]))
-    if source == "force_N":
-        force = _three(path, text, k, "force_N", table["force_N"])
-        wrench = np.concatenate([force, moment])
-    else:
-        cut = table["milling"]
-        if milling is None or not isinstance(cut, dict):
-            where = ("force", k, "milling")
-            raise _fault(path, text, where, "milling is no table", "milling = { kind = ... }.")
-        wrench = milling(cut) + np.concatenate([np.zeros(3), moment])
-    return ForceRule(
-        name=name,
-        axes=_axes(axes),
-        wrench=wrench,
-        lines=_lines(path, text, k, table.get("lines")),
-        motions=_moves(path, text, k, table.get("moves")),
-        feeds=_feeds(path, text, k, table.get("feeds_mm_per_s")),
-        program=program,
-    )
+class _ForceEntry:
+    """One ``[[force]]`` table, and where it stands."""
 
+    def __init__(self, path: Path, text: str, number: int, stated: Mapping[str, Any]) -> None:
+        self.path, self.stated = path, stated
+        self._text, self._number = text, number
 
-def _word(path: Path, text: str, k: int, table: Mapping[str, Any], key: str, default: str) -> str:
-    value = table.get(key, default)
-    if not isinstance(value, str):
-        raise _fault(path, text, ("force", k, key), f"{key} is {value!r}", "text in quotes.")
-    return value
+    def fault(self, key: str, message: str, hint: str) -> ConfigurationError:
+        """Returns an error at a key, or at the table where that is empty."""
+        where = ("force", self._number, key) if key else ("force", self._number)
+        return _fault(self.path, self._text, where, message, hint)
 
-
-def _axes(name: str) -> Axes:
-    return "base" if name == "base" else "tool" if name == "tool" else "path"
-
-
-def _three(path: Path, text: str, k: int, key: str, value: object) -> Array:
-    numbers: list[Any] = value if isinstance(value, list) else []
-    good = all(type(v) in (int, float) and abs(v) <= LARGEST for v in numbers)
-    if not (good and len(numbers) == 3):
-        raise _fault(
-            path,
-            text,
-            ("force", k, key),
-            f"{key} is {value!r}, expected three numbers of at most {LARGEST:g}",
-            f"{key} = [120.0, -40.0, -60.0].",
+    def read_part(self, milling: Milling | None) -> Part:
+        """Returns the part of a description that the table states."""
+        stated, source = self.stated, self._source()
+        axes = self._axes("path" if source == "milling" else "base")
+        if source == "milling" and axes != "path":
+            raise self.fault("axes", f"axes is {axes!r}", _AXES)
+        name, program = self._word("name", f"force {self._number + 1}"), self._word("program", "")
+        if source == "csv":
+            beside = [k for k in ("moment_Nm", "lines", "moves", "feeds_mm_per_s") if k in stated]
+            if beside:
+                hint = "leave it out: the table says where which force acts."
+                raise self.fault(beside[0], f"{beside[0]} stands beside csv", hint)
+            file = self._word("csv", "")
+            name = name if "name" in stated else file
+            return read_force_table(self.path.parent / file, name=name, axes=axes, program=program)
+        moment = self._three("moment_Nm") if "moment_Nm" in stated else np.zeros(3)
+        if source == "force_N":
+            wrench = np.concatenate([self._three("force_N"), moment])
+        elif milling is None or not isinstance(stated["milling"], dict):
+            raise self.fault("milling", "milling is no table", "milling = { kind = ... }.")
+        else:
+            wrench = milling(stated["milling"]) + np.concatenate([np.zeros(3), moment])
+        return ForceRule(
+            name=name,
+            axes=axes,
+            wrench=wrench,
+            lines=self._lines(),
+            motions=self._moves(),
+            feeds=self._feeds(),
+            program=program,
         )
-    return np.array(numbers, dtype=np.float64)
+
+    def _source(self) -> str:
+        """Returns which key says how large the force is."""
+        for key in self.stated:
+            if key not in ENTRIES:
+                known = f"known are {', '.join(ENTRIES)}."
+                raise self.fault(key, f"unknown key {key} in [[force]]", known)
+        sources = [key for key in ("force_N", "milling", "csv") if key in self.stated]
+        if len(sources) != 1:
+            said = " and ".join(sources) if sources else "neither force_N nor milling nor csv"
+            hint = "one of force_N, milling and csv says how large the force is."
+            raise self.fault("", f"{said} in one [[force]]", hint)
+        return sources[0]
+
+    def _word(self, key: str, default: str) -> str:
+        value = self.stated.get(key, default)
+        if not isinstance(value, str):
+            raise self.fault(key, f"{key} is {value!r}", "text in quotes.")
+        return value
+
+    def _axes(self, default: Axes) -> Axes:
+        word = self._word("axes", default)
+        for axes in AXES:
+            if word == axes:
+                return axes
+        raise self.fault("axes", f"axes is {word!r}", _AXES)
+
+    def _list(self, key: str) -> list[Any]:
+        """Returns the values of a key; none if they are no list."""
+        value = self.stated[key]
+        return value if isinstance(value, list) else []
+
+    def _expected(self, key: str, what: str, example: str) -> ConfigurationError:
+        message = f"{key} is {self.stated[key]!r}, expected {what}"
+        return self.fault(key, message, f"{key} = {example}.")
+
+    def _three(self, key: str) -> Array:
+        numbers = self._list(key)
+        if len(numbers) != 3 or not all(_is_number(v) and abs(v) <= LARGEST for v in numbers):
+            what = f"three numbers of at most {LARGEST:g}"
+            raise self._expected(key, what, "[120.0, -40.0, -60.0]")
+        return np.array(numbers, dtype=np.float64)
+
+    def _lines(self) -> IntArray:
+        """Ranges (r, 2) of lines; empty if none is stated."""
+        if "lines" not in self.stated:
+            return np.empty((0, 2), dtype=np.int64)
+        ranges = self._list("lines")
+        for each in ranges or [None]:
+            good = isinstance(each, list) and len(each) == 2 and all(type(v) is int for v in each)
+            if not (good and 1 <= each[0] <= each[1] < 2**63):
+                what = "ranges of whole numbers, first and last"
+                raise self._expected("lines", what, "[[120, 480], [500, 500]]")
+        return np.array(ranges, dtype=np.int64)
+
+    def _moves(self) -> tuple[Motion, ...]:
+        if "moves" not in self.stated:
+            return FEEDING
+        names = self._list("moves")
+        if not names or not all(isinstance(name, str) and name in MOVES for name in names):
+            raise self._expected("moves", f"some of {', '.join(MOVES)}", '["line", "arc"]')
+        return tuple(motion for name in names for motion in MOVES[name])
+
+    def _feeds(self) -> tuple[float, float] | None:
+        """Lowest and highest feed, m/s; None if none is stated."""
+        if "feeds_mm_per_s" not in self.stated:
+            return None
+        pair = self._list("feeds_mm_per_s")
+        numbers = len(pair) == 2 and all(map(_is_number, pair))
+        if not (numbers and 0.0 <= pair[0] <= pair[1] < np.inf):
+            raise self._expected("feeds_mm_per_s", "the lowest and the highest", "[1.0, 60.0]")
+        return float(pair[0]) * MM, float(pair[1]) * MM
 
 
-def _lines(path: Path, text: str, k: int, value: object) -> IntArray:
-    """Ranges (r, 2) of lines; empty if none is stated."""
-    if value is None:
-        return np.empty((0, 2), dtype=np.int64)
-    ranges: list[Any] = value if isinstance(value, list) and value else [None]
-    for each in ranges:
-        good = isinstance(each, list) and len(each) == 2 and all(type(v) is int for v in each)
-        if not (good and 1 <= each[0] <= each[1] < 2**63):
-            raise _fault(
-                path,
-                text,
-                ("force", k, "lines"),
-                f"lines is {value!r}, expected ranges of whole numbers, first and last",
-                "lines = [[120, 480], [500, 500]].",
-            )
-    return np.array(ranges, dtype=np.int64)
-
-
-def _moves(path: Path, text: str, k: int, value: object) -> tuple[Motion, ...]:
-    if value is None:
-        return FEEDING
-    names: list[Any] = value if isinstance(value, list) and value else [value]
-    if not all(isinstance(name, str) and name in MOVES for name in names):
-        raise _fault(
-            path,
-            text,
-            ("force", k, "moves"),
-            f"moves is {value!r}, expected some of {', '.join(MOVES)}",
-            'moves = ["line", "arc"].',
-        )
-    return tuple(motion for name in names for motion in MOVES[name])
-
-
-def _feeds(path: Path, text: str, k: int, value: object) -> tuple[float, float] | None:
-    """Lowest and highest feed, m/s; None if none is stated."""
-    if value is None:
-        return None
-    pair: list[Any] = value if isinstance(value, list) else []
-    good = len(pair) == 2 and all(type(v) in (int, float) for v in pair)
-    if not (good and 0.0 <= pair[0] <= pair[1] < np.inf):
-        raise _fault(
-            path,
-            text,
-            ("force", k, "feeds_mm_per_s"),
-            f"feeds_mm_per_s is {value!r}, expected the lowest and the highest",
-            "feeds_mm_per_s = [1.0, 60.0].",
-        )
-    return float(pair[0]) * MM, float(pair[1]) * MM
+def _is_number(value: object) -> bool:
+    return type(value) in (int, float)
 
 
 def read_force_table(path: Path, *, name: str, axes: Axes, program: str) -> ForceTable:

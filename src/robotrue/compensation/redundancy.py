@@ -14,15 +14,16 @@ checked once more as the controller drives it.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from robotrue.calibration.model import ErrorModel
 from robotrue.compensation.compensate import compensate
-from robotrue.compensation.redundancy_cost import across, bending, stiffness
+from robotrue.compensation.process_force import DescribedForce
 from robotrue.compensation.redundancy_path import DenseRun, Run, dense_run, runs_of
 from robotrue.compensation.redundancy_result import PostureQuality, SpinChoice
+from robotrue.compensation.result import Compensation
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.core.arm_words import NO_WORD
 from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
@@ -34,7 +35,7 @@ from robotrue.errors import ConfigurationError
 from robotrue.program.cut_path import CutPath, cut_path
 from robotrue.program.program import Program
 from robotrue.robot.configuration import configuration_words, renew_words
-from robotrue.robot.forward import forward
+from robotrue.robot.forward import forward, walk
 from robotrue.robot.inverse import branches_of, inverse_branches, require_opw
 from robotrue.robot.model import RobotModel
 from robotrue.robot.opw import OpwGeometry
@@ -47,6 +48,8 @@ PRINTED: Final = ("krl", "rapid", "urscript", "jbi", "fanuc_ls")
 _STEP: Final = 45.0 * DEG
 """rad a joint may turn between two points of a straight move."""
 _TRIES: Final = 3
+_BENT: Final = 8192
+"""Targets looked at together."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,6 +71,41 @@ class FreeSpinSettings:
         for name in ("deflection", "most"):
             if not getattr(self, name) > 0.0:
                 raise ConfigurationError(f"{name} is {getattr(self, name)}, expected above 0.")
+
+
+def require_free_spin(model: ErrorModel | None, force: Array | DescribedForce) -> None:
+    """Checks that there is a model to ask, and that the force does not turn with the tool frame.
+
+    Raises:
+        ConfigurationError: There is none, or it does.
+    """
+    if model is None:
+        raise ConfigurationError(
+            "--free-spin asks a calibrated model how the arm bends; here is only a cell.",
+            hint="robotrue calibrate CELL MEASUREMENTS -o MODEL.",
+        )
+    if not isinstance(force, DescribedForce):
+        return
+    for part in force.parts:
+        if part.axes == "tool":
+            raise ConfigurationError(
+                f"force {part.name!r} is in tool axes, which --free-spin turns.",
+                hint='axes = "path" turns with the feed; axes = "base" stands still.',
+            )
+
+
+def compensate_with_spins(
+    model: ErrorModel, program: Program, settings: CompensationSettings, cutter: Array
+) -> tuple[Compensation, dict[str, Any]]:
+    """Returns the compensation of a program with its spins chosen anew, and what they won.
+
+    Raises:
+        ConfigurationError: As :func:`choose_spins`.
+    """
+    free = FreeSpinSettings(spin=SpinSettings(cutter=cutter))
+    choice = choose_spins(model, program, free, settings=settings)
+    result = choice.restate(program, compensate(model, choice.program, settings=settings))
+    return result, {**choice.summary(), "notes": list(choice.notes)}
 
 
 def choose_spins(
@@ -96,20 +134,7 @@ def choose_spins(
     settings = settings or CompensationSettings()
     robot = model.robot.nominal()
     geometry = require_opw(robot)
-    if program.dialect not in PRINTED:
-        raise ConfigurationError(
-            f"a {program.dialect} program does not print the rotation about the tool axis in full: "
-            "what is chosen could not be written.",
-            source=program.name,
-            hint="make a robot program of it first (robotrue program chooses the rotation), or "
-            "state [controller] spin_deg in the cell.",
-        )
-    if program.held.any():
-        raise ConfigurationError(
-            "the robot carries the part: its attitude is chosen by the program alone.",
-            source=program.name,
-            hint="leave the free spin off.",
-        )
+    _require_printed(program)
     base = compensate(model, program, settings=replace(settings, covariance=False))
     known = np.asarray(np.isfinite(base.joints).all(axis=1))
     path = cut_path(program, cutter=free.spin.cutter)
@@ -126,7 +151,7 @@ def choose_spins(
     runs = runs_of(program, known)
     notes, turned = [], 0
     for run in runs:
-        found = run.fault or _spun(task, run)
+        found = run.fault or _spin_run(task, run)
         if isinstance(found, str):
             if found:
                 lines = program.line[run.rows[[0, -1]]]
@@ -150,6 +175,24 @@ def choose_spins(
         runs=(len(runs), turned),
         notes=tuple(notes),
     )
+
+
+def _require_printed(program: Program) -> None:
+    """Refuses a program whose rotation about the tool axis is not its own to choose."""
+    if program.dialect not in PRINTED:
+        raise ConfigurationError(
+            f"a {program.dialect} program does not print the rotation about the tool axis in full: "
+            "what is chosen could not be written.",
+            source=program.name,
+            hint="make a robot program of it first (robotrue program chooses the rotation), or "
+            "state [controller] spin_deg in the cell.",
+        )
+    if program.held.any():
+        raise ConfigurationError(
+            "the robot carries the part: its attitude is chosen by the program alone.",
+            source=program.name,
+            hint="leave the free spin off.",
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -194,7 +237,7 @@ class _Scene:
         )
         return np.asarray(found[:, self.branch].reshape(len(at), *shape, 6))
 
-    def pushed(self, at: IntArray, joints: Array) -> Array:
+    def push_cost(self, at: IntArray, joints: Array) -> Array:
         """Cost per metre (m, ...) of the deflection at dense points with joints (m, ..., 6)."""
         shape = joints.shape[1:-1]
         rows = self.run.rows[self.dense.target[at]]
@@ -205,7 +248,7 @@ class _Scene:
         return np.asarray((size / task.free.deflection) ** 2).reshape(len(at), *shape)
 
 
-def _spun(task: _Task, run: Run) -> _Found | str:
+def _spin_run(task: _Task, run: Run) -> _Found | str:
     """The run with new spins, or why it stays."""
     program, spin = task.program, task.free.spin
     branch = branches_of(task.robot, task.joints[run.rows], geometry=task.geometry)
@@ -248,7 +291,7 @@ def _way(scene: _Scene, stations: IntArray) -> Way:
     def stand(spin: Array) -> tuple[Array, Array]:
         turn = matrix_from_rotation_vector(spin[..., None] * free.spin.cutter)
         joints = scene.joints(stations, attitude[:, None] @ turn, near)
-        extra = scene.pushed(stations, joints)
+        extra = scene.push_cost(stations, joints)
         extra = np.where(np.abs(wrap(spin)) > free.most, np.inf, extra)
         if scene.run.fixed:
             extra[0] = np.where(np.abs(wrap(spin[0])) > 1e-9, np.inf, extra[0])
@@ -283,7 +326,7 @@ def _gains(scene: _Scene, found: _Found) -> bool:
         @ np.nan_to_num(
             limit_cost(scene.robot, joints, task.free.spin)
             + singular_cost(task.geometry, joints, task.free.spin)
-            + scene.pushed(at, joints),
+            + scene.push_cost(at, joints),
             nan=np.inf,
             posinf=1e300,
         )
@@ -332,3 +375,41 @@ def _words(
     new = renew_words(maker, written, had, have)
     out[rows] = np.where(new == NO_WORD, written, new)
     return out
+
+
+def bending(robot: RobotModel, compliance: Array, joints: Array, wrench: Array) -> Array:
+    """Returns how far a wrench moves the tool point (n, 3) m in base, by joint compliance.
+
+    ``dx = J C J^T w`` with the drives' compliance C; the wrench alone, without gravity.
+
+    Args:
+        robot: The nominal arm with the tool.
+        compliance: (6,) rad/(N m) of the drives.
+        joints: (n, 6) rad; NaN gives NaN.
+        wrench: (n, 6) N, N m on the tool, at the tool point, in base axes.
+    """
+    out = np.empty((len(joints), 3))
+    for start in range(0, len(joints), _BENT):
+        part = slice(start, start + _BENT)
+        state = walk(robot, joints[part])
+        axis = state.joint_axis
+        move = np.cross(axis, state.position[:, None] - state.joint_origin)
+        torque = np.einsum("nij,nj->ni", move, wrench[part, :3])
+        torque += np.einsum("nij,nj->ni", axis, wrench[part, 3:])
+        drives = (torque @ robot.joint_map) * compliance
+        out[part] = np.einsum("ni,nij->nj", drives @ robot.joint_map.T, move)
+    return out
+
+
+def across(vector: Array, direction: Array) -> Array:
+    """Returns vectors (n, 3) without their part along unit directions (n, 3); NaN takes nothing."""
+    along = np.sum(vector * direction, axis=1, keepdims=True)
+    return np.asarray(vector - np.where(np.isnan(along), 0.0, along * np.nan_to_num(direction)))
+
+
+def stiffness(wrench: Array, moved: Array) -> Array:
+    """Returns force over its own deflection (n,) N/m, ``|f|^2 / (f . dx)``; NaN without force."""
+    force = wrench[:, :3]
+    work = np.sum(force * moved, axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(np.where(work > 0.0, np.sum(force * force, axis=1) / work, np.nan))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,6 +14,13 @@ from robotrue.core.arm_words import NO_WORD
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.units import DEG, UM
 from robotrue.program.program import Program
+
+_SHOWN = (
+    ("stiffness_N_per_um", "stiffness along the force", "N/um"),
+    ("deflection_across_feed_um", "deflection across the feed", "um"),
+    ("limit_distance_deg", "distance from joint limits", "deg"),
+    ("wrist_angle_deg", "angle of axes 4 and 6", "deg"),
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,7 +91,7 @@ class SpinChoice:
                 }
         return out
 
-    def written(self, program: Program, result: Compensation) -> Compensation:
+    def restate(self, program: Program, result: Compensation) -> Compensation:
         """Returns the compensation of the new program as one of the program that was read.
 
         Targets that were turned and then not compensated keep their place and get their attitude.
@@ -120,3 +128,19 @@ class SpinChoice:
             ),
             remarks=(*result.remarks, *notes),
         )
+
+
+def spin_sentences(won: Mapping[str, Any]) -> list[str]:
+    """Returns what was won, one sentence each."""
+    out = [
+        f"tool axis: {won['targets_turned']} targets turned in {won['runs_turned']} of "
+        f"{won['runs']} runs, at most by {won['largest_spin_deg']:.1f} deg"
+    ]
+    for key, what, unit in _SHOWN:
+        if key in won:
+            old, new = won[key]["before"], won[key]["after"]
+            out.append(
+                f"predicted {what}: {old['mean']:.3g} {unit} mean, {old['worst']:.3g} worst before;"
+                f" {new['mean']:.3g} mean, {new['worst']:.3g} worst after"
+            )
+    return out

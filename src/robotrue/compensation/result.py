@@ -7,17 +7,18 @@ the whole to rounding, since a sum of sums is.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from typing import Any, Final
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, Final, Self
 
 import numpy as np
 
 from robotrue.compensation.row_notes import RowNote, merge_notes
 from robotrue.compensation.stance import Stance
 from robotrue.compensation.status import Status
-from robotrue.compensation.steps import NO_STEPS, Steps, joined, steps_of
+from robotrue.compensation.steps import NO_STEPS, Steps, join_steps, steps_of
 from robotrue.core.arm_words import NO_WORD
 from robotrue.core.arrays import Array, IntArray
+from robotrue.core.columns import Column, Columns, Rows
 from robotrue.core.units import DEG, UM
 from robotrue.program.formats import unfollowed
 from robotrue.program.program import Program, Replacement
@@ -94,7 +95,7 @@ def sum_tallies(parts: Iterable[Tally]) -> Tally:
         notes = merge_notes([*notes, *part.notes])
         remarks |= dict.fromkeys(part.remarks)
         stance = stance or part.stance
-        steps = joined([steps, part.steps])
+        steps = join_steps([steps, part.steps])
     return Tally(
         status=status,
         total=total,
@@ -108,7 +109,7 @@ def sum_tallies(parts: Iterable[Tally]) -> Tally:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Compensation:
+class Compensation(Columns):
     """New targets, what became of each, and what the model expects.
 
     Attributes:
@@ -128,32 +129,23 @@ class Compensation:
         stance: How the arm stands at the first target that it reaches; None if it reaches none.
     """
 
-    replacement: Replacement
-    status: IntArray
-    predicted_error_before: Array
-    predicted_error_after: Array
-    shift: Array
-    turn: Array
-    joints: Array
-    covariance: Array
-    singular_value: Array
+    replacement: Annotated[Replacement, Column("n")]
+    status: Annotated[IntArray, Column("n")]
+    predicted_error_before: Annotated[Array, Column("n 3", unit="m", nan=True)]
+    predicted_error_after: Annotated[Array, Column("n 3", unit="m", nan=True)]
+    shift: Annotated[Array, Column("n 3", unit="m")]
+    turn: Annotated[Array, Column("n", unit="rad")]
+    joints: Annotated[Array, Column("n dof", unit="rad", nan=True)]
+    covariance: Annotated[Array, Column("c 3 3", unit="m^2", nan=True)]
+    singular_value: Annotated[Array, Column("n", nan=True)]
     row_notes: tuple[RowNote, ...] = ()
     remarks: tuple[str, ...] = ()
     stance: Stance | None = None
 
-    def __post_init__(self) -> None:
-        """Freezes the arrays; they were made for this object."""
-        for name in (
-            "status",
-            "predicted_error_before",
-            "predicted_error_after",
-            "shift",
-            "turn",
-            "joints",
-            "covariance",
-            "singular_value",
-        ):
-            getattr(self, name).flags.writeable = False
+    def take(self, rows: Rows) -> Self:
+        """Returns the compensation of some targets, in their order."""
+        known = self.covariance[rows] if len(self.covariance) else self.covariance
+        return replace(Columns.take(self, rows), covariance=known)
 
     @property
     def notes(self) -> tuple[str, ...]:

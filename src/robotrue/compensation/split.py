@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
-from robotrue.compensation.split_deviation import JobDeviation, JobMoves, measured, sampled
-from robotrue.compensation.split_shapes import along
+from robotrue.compensation.result import unchanged
+from robotrue.compensation.split_probe import MoveDeviations, measure_moves, sample_moves
+from robotrue.compensation.split_shapes import JobMoves, along
 from robotrue.core.arm_words import NO_WORD, WORDS
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.poses import inverse, pose
@@ -51,7 +52,7 @@ class SplitPlan:
 def plan_split(
     job: JobMoves,
     programs: Sequence[Program],
-    deviation: JobDeviation,
+    deviation: MoveDeviations,
     tolerance: float,
     *,
     limit: int = SPLIT_LIMIT,
@@ -117,7 +118,7 @@ def _fewest(
         trial = np.ceil(at * (there / tolerance) ** (1.0 / power[open_])).astype(np.int64)
         trial = np.clip(trial, few[open_] + 1, many[open_] - 1)
         _require_few(trial, np.where(power[open_] > 2.0, 2, 1), tolerance, limit, about=True)
-        found = measured(job, rows[open_], trial).size
+        found = measure_moves(job, rows[open_], trial).size
         good = found <= tolerance  # what could not be compensated is not
         many[open_] = np.where(good, trial, many[open_])
         many_size[open_] = np.where(good, found, many_size[open_])
@@ -188,25 +189,14 @@ def _vias(
         changed[at] = True
         places, turns = np.array(program.position), np.array(program.rotation)
         places[at], turns[at] = T[mine, :3, 3], T[mine, :3, :3]
-        out.append(
-            Replacement(
-                changed=changed,
-                position=places,
-                rotation=turns,
-                axes=program.axes,
-                words=np.full_like(program.words, NO_WORD),
-            )
-        )
+        whole = unchanged(program)
+        out.append(replace(whole, changed=changed, position=places, rotation=turns))
     return tuple(out)
-
-
-def _job_words(programs: Sequence[Program]) -> IntArray:
-    return np.concatenate([program.words for program in programs])
 
 
 def _turning(job: JobMoves, programs: Sequence[Program]) -> BoolArray:
     """Which moves (k,) begin with other configuration words than they end with."""
-    words, moves = _job_words(programs), job.moves
+    words, moves = np.concatenate([program.words for program in programs]), job.moves
     out = np.zeros(len(moves), dtype=np.bool_)
     if programs[0].words_of not in ("", "kuka"):  # KUKA reads S and T of joint moves alone
         known = np.flatnonzero((moves.start >= 0) & (moves.end >= 0))
@@ -216,15 +206,12 @@ def _turning(job: JobMoves, programs: Sequence[Program]) -> BoolArray:
     return out
 
 
-def _speaks(job: JobMoves, programs: Sequence[Program]) -> bool:
-    robot = job.model.robot
-    return robot.maker == programs[0].words_of and opw_geometry(robot.nominal()) is not None
-
-
 def _unspoken(job: JobMoves, programs: Sequence[Program]) -> BoolArray:
     """Which moves (k,) change words that cannot be told in between: of an arm not known."""
-    turning = _turning(job, programs)
-    return np.zeros_like(turning) if _speaks(job, programs) else turning
+    turning, robot = _turning(job, programs), job.model.robot
+    if robot.maker == programs[0].words_of and opw_geometry(robot.nominal()) is not None:
+        turning[:] = False
+    return turning
 
 
 def _words(
@@ -241,12 +228,12 @@ def _words(
     if not len(mine):
         return out
     joints = []
-    for _, points in sampled(job, rows[mine], parts[mine], 2):
-        bending = points.circular & np.isnan(points.normal[:, 0])
+    for points in sample_moves(job, rows[mine], parts[mine], 2):
+        bending = points.shapes.circular & np.isnan(points.shapes.normal[:, 0])
         for base, count, arc in zip(points.base, points.count, bending, strict=True):
             # Two steps to a part: an arc gets its middles, too, but for the last, which it has.
             inside = slice(base + 1, base + count - 1) if arc else slice(base + 2, base + count, 2)
-            joints.append(points.joints[inside])
+            joints.append(points.solved.joints[inside])
     out[np.isin(which, mine)] = configuration_words(
         job.model.robot.nominal(), maker, np.concatenate(joints)
     )

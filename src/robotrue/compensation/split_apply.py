@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final, TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
 
@@ -17,14 +17,13 @@ from robotrue.compensation.compensate import compensate
 from robotrue.compensation.result import Compensation
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.compensation.split import SplitPlan
-from robotrue.compensation.split_deviation import JobMoves
-from robotrue.compensation.split_shapes import along, job_poses, loads
+from robotrue.compensation.split_shapes import JobMoves, along, job_poses, loads
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.units import MM
 from robotrue.errors import FormatError
 from robotrue.program.formats import inserter, write_program
 from robotrue.program.insertion import Moves, job_rows
-from robotrue.program.program import Program, Replacement
+from robotrue.program.program import Program
 from robotrue.robot.statics import Load
 
 Reread: TypeAlias = Callable[[Mapping[str, bytes]], tuple[Program, ...]]
@@ -116,41 +115,10 @@ def compensate_split(
         else:
             turned = mine
         back = np.argsort(order)
-        results.append(_rows(compensate(model, _reordered(program, order), settings=turned), back))
+        along_path = replace(program.take(order), spans=None)
+        results.append(compensate(model, along_path, settings=turned).take(back))
         used.append(mine)
     return results, used
-
-
-def _reordered(program: Program, order: IntArray) -> Program:
-    names = ("position", "rotation", "axes", "motion", "reason", "words", "line", "frame", "tool")
-    columns: dict[str, Any] = {name: getattr(program, name)[order] for name in names}
-    if len(program.held):
-        columns["held"] = program.held[order]
-    return replace(program, spans=None, **columns)
-
-
-def _rows(result: Compensation, order: IntArray) -> Compensation:
-    names = (
-        "status",
-        "predicted_error_before",
-        "predicted_error_after",
-        "shift",
-        "turn",
-        "joints",
-        "singular_value",
-    )
-    columns: dict[str, Any] = {name: getattr(result, name)[order] for name in names}
-    if len(result.covariance):
-        columns["covariance"] = result.covariance[order]
-    written = result.replacement
-    new = Replacement(
-        changed=written.changed[order],
-        position=written.position[order],
-        rotation=written.rotation[order],
-        axes=written.axes[order],
-        words=written.words[order],
-    )
-    return replace(result, replacement=new, **columns)
 
 
 def _orders(

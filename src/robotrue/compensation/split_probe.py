@@ -8,16 +8,17 @@ where a language has arcs of a plane only, that circle seen along the normal of 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
-from robotrue.calibration.model import ErrorModel
 from robotrue.compensation.arcs import circles, from_circles, from_helices, from_segments
 from robotrue.compensation.compensate import compensate
+from robotrue.compensation.result import Compensation
 from robotrue.compensation.settings import CompensationSettings
-from robotrue.compensation.split_shapes import Shapes, along, loads
+from robotrue.compensation.split_shapes import JobMoves, Shapes, along, loads
 from robotrue.compensation.status import Status
 from robotrue.core.arm_words import NO_WORD
 from robotrue.core.arrays import Array, BoolArray, IntArray
@@ -29,6 +30,10 @@ STEPS: Final = 14
 """Steps of a part: a line is furthest off in the middle, an arc 0.211 from either end (3 / 14)."""
 COARSE: Final = 2
 """Steps of a part when only the middle of a line is looked at."""
+GOOD: Final = (Status.COMPENSATED, Status.UNCHANGED_NO_ERROR)
+"""Where the arm lands on the target."""
+_ROWS: Final = 1 << 16
+"""Points compensated at a time."""
 _EXACT: Final = 1e-10
 """m and rad the inversion may leave here: deviations of short moves are small."""
 
@@ -41,89 +46,111 @@ class Samples:
         base: (k,) row of the begin of each move; its step j is row ``base + j``.
         count: (k,) steps of each move.
         steps: Steps of a part.
-        circular: (k,) arcs.
-        normal: (k, 3) of the plane that an arc cannot leave; NaN for all others.
-        fresh: (k,) the begin is not the end of the move before.
+        shapes: Of the moves.
         position: (n, 3) m, base, wanted.
-        told: (n, 3) m, base, what the controller would have to be told.
-        rotation: (n, 3, 3) wanted.
-        told_rotation: (n, 3, 3) likewise.
-        joints: (n, 6) rad commanded.
-        status: (n,) :class:`Status`.
+        solved: (n,) what the controller would have to be told, in the base.
     """
 
     base: IntArray
     count: IntArray
     steps: int
-    circular: BoolArray
-    normal: Array
-    fresh: BoolArray
+    shapes: Shapes
     position: Array
-    told: Array
-    rotation: Array
-    told_rotation: Array
-    joints: Array
-    status: IntArray
+    solved: Compensation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Deviations:
+class MoveDeviations:
     """How far the controller's way is from the compensated one, per move (k,).
 
     Attributes:
-        size: m, largest distance; NaN where a point could not be compensated.
-        turn: rad, largest angle between the two orientations there.
-        at: Fraction of the move where the distance is largest.
-        place: (k, 3) m, base, wanted position there.
-        status: :class:`Status` of the points; not ``COMPENSATED`` where ``size`` is NaN.
+        size: m, largest distance; NaN where a point could not be compensated, or is not known.
+        bounded: ``size`` was not measured but is a bound, see
+            :func:`~robotrue.compensation.split_deviation.job_deviation`.
+        turn: rad, largest angle between the two orientations; NaN where not measured.
+        at: Fraction of the move where the distance is largest; NaN likewise.
+        place: (k, 3) m, base, wanted position there; NaN likewise.
+        length: m of path.
+        status: :class:`Status` that explains what is not known; ``UNCHANGED_SOURCE`` where the move
+            has no begin or end that is compensated.
     """
 
     size: Array
+    bounded: BoolArray
     turn: Array
     at: Array
     place: Array
+    length: Array
     status: IntArray
 
+    def put(self, rows: IntArray | slice, found: MoveDeviations) -> None:
+        """Replaces what is known of some moves."""
+        for name in self.__slots__:
+            getattr(self, name)[rows] = getattr(found, name)
 
-def sample(
-    model: ErrorModel,
-    shapes: Shapes,
-    tools: Array,
-    tool: IntArray,
-    begin: Array,
-    linked: BoolArray,
-    parts: IntArray,
-    steps: int,
-    settings: CompensationSettings,
-) -> Samples:
-    """Returns moves compensated point by point.
+
+def unknown_deviations(k: int) -> MoveDeviations:
+    """Returns room for the deviations of k moves."""
+    size, turn, at, length = np.full((4, k), np.nan)
+    return MoveDeviations(
+        size=size,
+        bounded=np.zeros(k, dtype=np.bool_),
+        turn=turn,
+        at=at,
+        place=np.full((k, 3), np.nan),
+        length=length,
+        status=np.full(k, int(Status.UNCHANGED_SOURCE)),
+    )
+
+
+def measure_moves(
+    job: JobMoves, rows: IntArray, parts: IntArray, *, steps: int = STEPS
+) -> MoveDeviations:
+    """Returns the deviations of some moves (k,), each cut into its number of equal parts."""
+    out, first = unknown_deviations(len(rows)), 0
+    for samples in sample_moves(job, rows, parts, steps):
+        last = first + len(samples.base)
+        out.put(slice(first, last), _deviations(samples))
+        first = last
+    return out
+
+
+def sample_moves(job: JobMoves, rows: IntArray, parts: IntArray, steps: int) -> Iterator[Samples]:
+    """Yields runs of the moves (k,) with their points compensated, in order.
 
     Args:
-        model: Error of the robot.
-        shapes: k moves.
-        tools: (t, 4, 4) T_flange_tool.
-        tool: (k,) index into ``tools``.
-        begin: (k, 6) rad, joints at the begin of each move: they choose the branch.
-        linked: (k,) the move begins where the one before it here ends.
+        job: The compensated job.
+        rows: (k,) moves.
         parts: (k,) equal parts of each.
         steps: Steps of a part; even.
-        settings: Guards; its load is replaced by that of the shapes where they have one.
     """
-    k = len(parts)
-    count = parts * steps
-    fresh = ~linked
-    # A fresh move has two rows more: an axis target that brings the arm there, and its begin.
-    rows = count + 2 * fresh
-    ends = np.cumsum(rows)
-    base = ends - count - 1
-    n = int(ends[-1]) if k else 0
-    move = np.repeat(np.arange(k), rows)
+    points, first = np.cumsum(parts * steps + 2), 0
+    while first < len(rows):
+        before = int(points[first - 1]) if first else 0
+        last = max(first + 1, int(np.searchsorted(points, before + _ROWS, side="right")))
+        yield _sample(job, rows[first:last], parts[first:last], steps)
+        first = last
+
+
+def _sample(job: JobMoves, rows: IntArray, parts: IntArray, steps: int) -> Samples:
+    """Returns moves compensated point by point; joints at the begin choose the branch."""
+    moves, shapes = job.moves, job.shapes(rows)
+    k, count = len(parts), parts * steps
+    # A move that does not begin where the one before it ends has two rows more: an axis target that
+    # brings the arm there, and its begin.
+    fresh = np.ones(k, dtype=np.bool_)
+    fresh[1:] = moves.start[rows[1:]] != moves.end[rows[:-1]]
+    points = count + 2 * fresh
+    base = np.cumsum(points) - count - 1
+    move = np.repeat(np.arange(k), points)
+    n = len(move)
     step = np.arange(n) - base[move]
     t = np.clip(step / count[move], 0.0, 1.0)
     position, rotation = along(shapes, move, t)
     arrival = base[fresh] - 1
     axes = np.full((n, 6), np.nan)
-    axes[arrival] = _controller(model.robot).to_controller(begin[fresh])
+    begin = job.joints[moves.start[rows[fresh]]]
+    axes[arrival] = _controller(job.model.robot).to_controller(begin)
     reason = np.zeros(n, dtype=np.int64)
     reason[arrival] = Reason.JOINT_TARGET
     program = Program(
@@ -139,24 +166,14 @@ def sample(
         words_of="",
         line=np.zeros(n, dtype=np.int64),
         frame=np.zeros(n, dtype=np.int64),
-        tool=tool[move],
+        tool=job.poses.tool[moves.end[rows]][move],
         T_base_frame=np.eye(4)[None],
-        T_flange_tool=tools,
+        T_flange_tool=job.poses.tools,
     )
-    found = compensate(model, program, settings=_settings(settings, loads(shapes, move, t)))
+    settings = _settings(job.settings, loads(shapes, move, t))
+    solved = compensate(job.model, program, settings=settings)
     return Samples(
-        base=base,
-        count=count,
-        steps=steps,
-        circular=shapes.circular,
-        normal=shapes.normal,
-        fresh=fresh,
-        position=position,
-        told=found.replacement.position,
-        rotation=rotation,
-        told_rotation=found.replacement.rotation,
-        joints=found.joints,
-        status=found.status,
+        base=base, count=count, steps=steps, shapes=shapes, position=position, solved=solved
     )
 
 
@@ -177,62 +194,58 @@ def _controller(robot: RobotModel) -> Configuration:
     return robot.controller or own
 
 
-def deviations(samples: Samples) -> Deviations:
-    """Returns how far the controller's way is from the points, per move."""
-    k, steps = len(samples.base), samples.steps
-    move = np.repeat(np.arange(k), samples.count)
-    inside = np.arange(len(move)) - np.repeat(
-        np.cumsum(samples.count) - samples.count, samples.count
-    )
-    node = samples.base[move] + inside - inside % steps
+def _deviations(samples: Samples) -> MoveDeviations:
+    """Returns how far the controller's way is from the points, per move; k > 0."""
+    shapes, steps = samples.shapes, samples.steps
+    told, status = samples.solved.replacement.position, samples.solved.status
+    first = np.cumsum(samples.count) - samples.count
+    move = np.repeat(np.arange(len(first)), samples.count)
+    inside = np.arange(len(move)) - first[move]
     row = samples.base[move] + inside
-    size = from_segments(samples.told[row], samples.told[node], samples.told[node + steps])
-    flat = np.isfinite(samples.normal[:, 0])
-    bow = np.flatnonzero((samples.circular & ~flat)[move])
+    node = row - inside % steps
+    size = from_segments(told[row], told[node], told[node + steps])
+    flat = np.isfinite(shapes.normal[:, 0])
+    bow = np.flatnonzero((shapes.circular & ~flat)[move])
     if len(bow):
-        size[bow] = _from_arcs(samples, row[bow], node[bow])
+        size[bow] = _from_arcs(told, row[bow], node[bow], steps)
     # An arc of a plane is kept whole, or becomes lines.
     bow = np.flatnonzero((flat & (samples.count == steps))[move])
     if len(bow):
-        begin, middle, end = (samples.told[node[bow] + k] for k in (0, steps // 2, steps))
-        normal = samples.normal[move[bow]]
-        size[bow] = from_helices(samples.told[row[bow]], begin, middle, end, normal)
-    turn = _turned(samples, row, node)
-    good = np.isin(samples.status, (Status.COMPENSATED, Status.UNCHANGED_NO_ERROR))
-    first = np.cumsum(samples.count) - samples.count
-    bad = np.where(good[row], 0, samples.status[row])
-    last = samples.base + samples.count
-    status = np.maximum(
-        np.maximum.reduceat(bad, first) if k else np.empty(0, np.int64),
-        np.where(good[last], 0, samples.status[last]),
-    )
+        begin, middle, end = (told[node[bow] + k] for k in (0, steps // 2, steps))
+        size[bow] = from_helices(told[row[bow]], begin, middle, end, shapes.normal[move[bow]])
+    fault = np.where(np.isin(status, GOOD), 0, status)
+    faults = np.maximum.reduceat(fault[row], first)
+    faults = np.maximum(faults, fault[samples.base + samples.count])
     size = np.where(np.isfinite(size), size, np.inf)
-    largest = np.maximum.reduceat(size, first) if k else np.empty(0)
-    found = np.flatnonzero(size == largest[move])
-    worst = found[np.searchsorted(move[found], np.arange(k))]
-    known = np.isfinite(largest) & (status == 0)
-    return Deviations(
+    largest = np.maximum.reduceat(size, first)
+    peaks = np.flatnonzero(size == largest[move])
+    worst = peaks[np.searchsorted(move[peaks], np.arange(len(first)))]
+    known = np.isfinite(largest) & (faults == 0)
+    turn = np.maximum.reduceat(_turns(samples, row, node), first)
+    return MoveDeviations(
         size=np.where(known, largest, np.nan),
-        turn=np.where(known, np.maximum.reduceat(turn, first) if k else np.empty(0), np.nan),
+        bounded=np.zeros(len(first), dtype=np.bool_),
+        turn=np.where(known, turn, np.nan),
         at=inside[worst] / samples.count,
         place=samples.position[row[worst]],
-        status=np.where(known, int(Status.COMPENSATED), status),
+        length=shapes.length,
+        status=np.where(known, int(Status.COMPENSATED), faults),
     )
 
 
-def _from_arcs(samples: Samples, row: IntArray, node: IntArray) -> Array:
+def _from_arcs(told: Array, row: IntArray, node: IntArray, steps: int) -> Array:
     """Distances (n,) m of points from the circles of their parts."""
     parts, which = np.unique(node, return_inverse=True)
-    middle = parts + samples.steps // 2
-    through = [samples.told[each] for each in (parts, middle, parts + samples.steps)]
-    return from_circles(samples.told[row], circles(*through), which.astype(np.int64))
+    circle = circles(*(told[parts + k] for k in (0, steps // 2, steps)))
+    return from_circles(told[row], circle, which.astype(np.int64))
 
 
-def _turned(samples: Samples, row: IntArray, node: IntArray) -> Array:
+def _turns(samples: Samples, row: IntArray, node: IntArray) -> Array:
     """Angles (n,) rad between the orientations told and those interpolated between the nodes."""
-    first, last = samples.told_rotation[node], samples.told_rotation[node + samples.steps]
+    told = samples.solved.replacement.rotation
+    first, last = told[node], told[node + samples.steps]
     way = rotation_vector_from_matrix(np.swapaxes(first, 1, 2) @ last)
     share = (row - node) / samples.steps
     between = first @ matrix_from_rotation_vector(share[:, None] * way)
-    off = np.swapaxes(between, 1, 2) @ samples.told_rotation[row]
+    off = np.swapaxes(between, 1, 2) @ told[row]
     return np.asarray(np.linalg.norm(rotation_vector_from_matrix(off), axis=1))

@@ -10,16 +10,21 @@ it otherwise, too.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
+from robotrue.calibration.model import ErrorModel
 from robotrue.compensation.arcs import Circles, circles, on_circles
+from robotrue.compensation.result import Compensation
+from robotrue.compensation.settings import CompensationSettings
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.rotations import matrix_from_rotation_vector, rotation_vector_from_matrix
+from robotrue.errors import ConfigurationError
 from robotrue.program.insertion import Moves
 from robotrue.program.program import Program
+from robotrue.robot.statics import Load
 
 _ON_THE_WAY: Final = 1e-3
 """rad a detour over the auxiliary orientation may add."""
@@ -108,44 +113,105 @@ class Shapes:
     load_via: Array
 
 
-def shapes_of(poses: JobPoses, moves: Moves, rows: IntArray, load: Array) -> Shapes:
-    """Returns the shapes of some moves.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JobMoves:
+    """What is needed of a compensated job to look between its targets.
 
-    Args:
-        poses: The job.
-        moves: Its moves.
-        rows: (k,) which of them.
-        load: (n, 6) N, N m of every job row in base axes, or empty.
+    Attributes:
+        model: Error of the robot.
+        moves: The k moves.
+        poses: Its targets in the base.
+        joints: (n, 6) rad commanded at every job row.
+        status: (n,) :class:`Status` of every job row.
+        load: (n, 6) N, N m, base, of every job row where it changes; else empty.
+        settings: Guards, and the load where it does not change.
     """
-    start, end = moves.start[rows], moves.end[rows]
-    circular = moves.via[rows] >= 0
-    via = np.where(circular, moves.via[rows], end)
-    first, last = poses.position[start], poses.position[end]
-    arc = np.flatnonzero(circular)
-    circle = _circles(first, poses.position[via], last, arc)
-    R_first, R_via, R_last = (poses.rotation[each] for each in (start, via, end))
-    turn, turns = np.zeros((len(rows), 3)), np.zeros((2, len(rows), 3))
-    turning = np.flatnonzero((R_first != R_last).any(axis=(1, 2)))
-    turn[turning] = _way(R_first[turning], R_last[turning])
-    turns[0, arc], turns[1, arc] = _way(R_first[arc], R_via[arc]), _way(R_via[arc], R_last[arc])
-    whole, detour = np.linalg.norm(turn, axis=1), np.linalg.norm(turns, axis=2).sum(axis=0)
-    with np.errstate(invalid="ignore"):
-        bent = circular & ((detour < whole + _ON_THE_WAY) | (whole > _AMBIGUOUS))
-    straight = np.linalg.norm(last - first, axis=1)
-    return Shapes(
-        first=first,
-        last=last,
-        circular=circular,
-        circle=circle,
-        normal=_normals(poses, moves, rows),
-        R_first=R_first,
-        turn=turn,
-        bent=np.asarray(bent),
-        R_via=R_via,
-        turns=turns,
-        length=np.where(circular, circle.radius * circle.third, straight),
-        load=np.stack([load[start], load[end]], axis=1) if len(load) else np.empty((0, 2, 6)),
-        load_via=load[via] if len(load) else np.empty((0, 6)),
+
+    model: ErrorModel
+    moves: Moves
+    poses: JobPoses
+    joints: Array
+    status: IntArray
+    load: Array
+    settings: CompensationSettings
+
+    def shapes(self, rows: IntArray) -> Shapes:
+        """Returns the shapes of some moves (k,)."""
+        poses, moves, load = self.poses, self.moves, self.load
+        start, end = moves.start[rows], moves.end[rows]
+        circular = moves.via[rows] >= 0
+        via = np.where(circular, moves.via[rows], end)
+        first, last = poses.position[start], poses.position[end]
+        arc = np.flatnonzero(circular)
+        circle = circles(
+            first, poses.position[via], last
+        )  # a straight move has no third point: NaN
+        R_first, R_via, R_last = (poses.rotation[each] for each in (start, via, end))
+        turn, turns = np.zeros((len(rows), 3)), np.zeros((2, len(rows), 3))
+        turning = np.flatnonzero((R_first != R_last).any(axis=(1, 2)))
+        turn[turning] = _way(R_first[turning], R_last[turning])
+        turns[0, arc], turns[1, arc] = _way(R_first[arc], R_via[arc]), _way(R_via[arc], R_last[arc])
+        whole, detour = np.linalg.norm(turn, axis=1), np.linalg.norm(turns, axis=2).sum(axis=0)
+        with np.errstate(invalid="ignore"):
+            bent = circular & ((detour < whole + _ON_THE_WAY) | (whole > _AMBIGUOUS))
+        straight = np.linalg.norm(last - first, axis=1)
+        return Shapes(
+            first=first,
+            last=last,
+            circular=circular,
+            circle=circle,
+            normal=_normals(poses, moves, rows),
+            R_first=R_first,
+            turn=turn,
+            bent=np.asarray(bent),
+            R_via=R_via,
+            turns=turns,
+            length=np.where(circular, circle.radius * circle.third, straight),
+            load=np.stack([load[start], load[end]], axis=1) if len(load) else np.empty((0, 2, 6)),
+            load_via=load[via] if len(load) else np.empty((0, 6)),
+        )
+
+
+def job_moves(
+    model: ErrorModel,
+    job: Sequence[Program],
+    moves: Moves,
+    results: Sequence[Compensation],
+    settings: Sequence[CompensationSettings],
+) -> JobMoves:
+    """Returns a compensated job for the functions here; one result and settings per program.
+
+    Raises:
+        ConfigurationError: The payload changes from target to target.
+    """
+    for program, each in zip(job, settings, strict=True):
+        if max(len(each.load.mass), len(each.load.com)) > 1:
+            raise ConfigurationError(
+                f"the payload changes from target to target of {program.name}; what it is between "
+                "them is not known.",
+                hint="give one payload, or leave the deviation and the splitting away.",
+            )
+    wrenches = [
+        np.broadcast_to(each.load_for(len(program)).wrench, (len(program), 6))
+        for program, each in zip(job, settings, strict=True)
+    ]
+    load = np.concatenate(wrenches)
+    first = settings[0].load
+    common = replace(
+        settings[0],
+        load=Load(mass=first.mass, com=first.com),
+        wrench=load[:1] if load[:1].any() else np.empty(0),
+    )
+    if not len(load) or (load == load[0]).all():
+        load = np.empty((0, 6))
+    return JobMoves(
+        model=model,
+        moves=moves,
+        poses=job_poses(job),
+        joints=np.concatenate([each.joints for each in results]),
+        status=np.concatenate([each.status for each in results]),
+        load=load,
+        settings=common,
     )
 
 
@@ -161,17 +227,6 @@ def _normals(poses: JobPoses, moves: Moves, rows: IntArray) -> Array:
 def _way(one: Array, other: Array) -> Array:
     """Returns the rotation vectors (k, 3) from one orientation to the other, in its axes."""
     return rotation_vector_from_matrix(np.swapaxes(one, 1, 2) @ other)
-
-
-def _circles(first: Array, via: Array, last: Array, arc: IntArray) -> Circles:
-    """Returns circles of all moves; NaN for those that are no arcs."""
-    found = circles(first[arc], via[arc], last[arc])
-    out = {}
-    for name in ("centre", "radius", "outward", "ahead", "second", "third"):
-        value = getattr(found, name)
-        out[name] = np.full((len(first), *value.shape[1:]), np.nan)
-        out[name][arc] = value
-    return Circles(**out)
 
 
 def along(shapes: Shapes, move: IntArray, t: Array) -> tuple[Array, Array]:

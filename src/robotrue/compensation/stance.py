@@ -64,29 +64,26 @@ def first_stance(
     program: Program,
     plan: Plan,
     settings: CompensationSettings,
-    first: int,
     nominal: Array,
 ) -> Stance | None:
-    """Returns the arm at the first target of a chunk that it reaches, None if there is none.
+    """Returns the arm at the first target that it reaches, None if there is none.
 
     Args:
         robot: The nominal arm.
         program: The targets.
         plan: Their treatment.
         settings: Whether a start posture is stated.
-        first: Row of the first target of the chunk.
-        nominal: (n, 6) rad, nominal joints of the chunk.
+        nominal: (n, 6) rad, their nominal joints.
     """
-    route = plan.route[first : first + len(nominal)]
-    reached = np.isfinite(nominal[:, 0]) & (route != Route.SKIP)
+    reached = np.isfinite(nominal[:, 0]) & (plan.route != Route.SKIP)
     if not reached.any() or robot.controller is None:
         return None
-    local = int(np.argmax(reached))
+    row = int(np.argmax(reached))
     by: ChosenBy = "start posture" if len(settings.home) else "middle of the limits"
-    if plan.known[first + local] > 0:
-        by = "words" if route[local] == Route.GIVEN else "axis target"
-    axes = robot.controller.to_controller(nominal[local])
-    return Stance(line=int(program.line[first + local]), axes=axes, chosen_by=by)
+    if plan.known[row] > 0:
+        by = "words" if plan.route[row] == Route.GIVEN else "axis target"
+    axes = robot.controller.to_controller(nominal[row])
+    return Stance(line=int(program.line[row]), axes=axes, chosen_by=by)
 
 
 def start_joints(robot: RobotModel, cell: Array, text: str | None = None) -> Array:

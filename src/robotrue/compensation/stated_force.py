@@ -91,7 +91,7 @@ def state_forces(force: Array | DescribedForce, job: Sequence[Program]) -> list[
         cut_path(program, cutter=force.cutter, feed=stated_feeds(program)) for program in job
     ]
     require_one_file(force, paths)
-    found = [force.applied(path) for path in paths]
+    found = [force.apply(path) for path in paths]
     if not any(uses for _, uses in found):
         raise ConfigurationError(
             "the force holds nowhere: no straight move, arc or spline to a known target.",

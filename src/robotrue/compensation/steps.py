@@ -8,6 +8,7 @@ way from a home position, an axis target reached by a joint move.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final, NamedTuple
@@ -17,6 +18,7 @@ import numpy as np
 from robotrue.compensation.status import Status
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.units import MM
+from robotrue.errors import ConfigurationError, StepError
 from robotrue.program.program import Motion, Program, Reason
 
 NAMED: Final = 5
@@ -45,7 +47,7 @@ class Edge(NamedTuple):
     place: tuple[float, float, float]
 
 
-class Step(NamedTuple):
+class PathStep(NamedTuple):
     """The move between two targets, one of them left alone: file and line of both, and m."""
 
     before: str
@@ -78,8 +80,8 @@ class Steps:
     """
 
     count: int = 0
-    first: tuple[Step, ...] = ()
-    worst: Step | None = None
+    first: tuple[PathStep, ...] = ()
+    worst: PathStep | None = None
     length: float = 0.0
     corrected: float = 0.0
     head: Edge | None = None
@@ -131,7 +133,7 @@ def steps_of(parts: Sequence[tuple[Program, IntArray, Array]]) -> Steps:
         path = _Path(*merged)
     if not len(path.line):
         return Steps()
-    return _measured(path, [program.name for program, _, _ in parts])
+    return _measure_path(path, [program.name for program, _, _ in parts])
 
 
 def job_steps(parts: Sequence[tuple[Program, IntArray, Array]]) -> Steps:
@@ -144,10 +146,10 @@ def job_steps(parts: Sequence[tuple[Program, IntArray, Array]]) -> Steps:
     texts = [one] if one else []
     texts += [[part] for part in parts if not any(part is each for each in one)]
     apart = [replace(steps_of(text), head=None, tail=None) for text in texts]
-    return joined(apart)
+    return join_steps(apart)
 
 
-def joined(parts: Iterable[Steps]) -> Steps:
+def join_steps(parts: Iterable[Steps]) -> Steps:
     """Returns the steps of a whole from those of its parts in order, and those between them."""
     out = Steps()
     for part in parts:
@@ -171,11 +173,11 @@ def _between(tail: Edge | None, head: Edge | None) -> Steps:
         return Steps()
     far = float(np.linalg.norm(np.subtract(head.place, tail.place)))
     far = far if np.isfinite(far) else 0.0
-    step: tuple[Step, ...] = ()
+    step: tuple[PathStep, ...] = ()
     if head.left != tail.left and not tail.home:
         size = head.size + tail.size
         left = head.where if head.left else tail.where
-        step = (Step(tail.where, head.where, left, size),)
+        step = (PathStep(tail.where, head.where, left, size),)
     return Steps(
         count=len(step),
         first=step,
@@ -226,7 +228,7 @@ def _places(program: Program) -> Array:
     return out
 
 
-def _measured(path: _Path, names: Sequence[str]) -> Steps:
+def _measure_path(path: _Path, names: Sequence[str]) -> Steps:
     joined, left = path.joined[1:], path.left
     far = np.nan_to_num(np.linalg.norm(np.diff(path.place, axis=0), axis=1)) * joined
     uneven = joined & (left[1:] != left[:-1]) & ~path.home[:-1]
@@ -236,10 +238,10 @@ def _measured(path: _Path, names: Sequence[str]) -> Steps:
     def where(row: int) -> str:
         return f"{names[path.file[row]]}:{path.line[row]}"
 
-    def step(k: int) -> Step:
+    def step(k: int) -> PathStep:
         row = int(at[k])
         odd = row if left[row] else row + 1
-        return Step(where(row), where(row + 1), where(odd), float(size[k]))
+        return PathStep(where(row), where(row + 1), where(odd), float(size[k]))
 
     def edge(row: int) -> Edge:
         x, y, z = path.place[row].tolist()
@@ -256,3 +258,78 @@ def _measured(path: _Path, names: Sequence[str]) -> Steps:
         head=edge(0),
         tail=edge(len(path.line) - 1),
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepRule:
+    """What is allowed between a target left alone and its compensated neighbours.
+
+    Attributes:
+        max_mm: Largest step.
+        allow: Write the program all the same.
+    """
+
+    max_mm: float
+    allow: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuses a limit that is none.
+
+        Raises:
+            ConfigurationError: Below 0, or not finite.
+        """
+        if not 0.0 <= self.max_mm < math.inf:
+            raise ConfigurationError(
+                f"--max-step is {self.max_mm:g} mm, expected 0 or more.", hint="--max-step 0.1"
+            )
+
+    def require(self, steps: Steps, name: str) -> None:
+        """Passes if the program may be written.
+
+        Raises:
+            StepError: A step beyond the limit, and steps are not allowed.
+        """
+        if self.allow or steps.worst is None or steps.largest <= self.max_mm * MM:
+            return
+        fault = StepError(
+            f"{_count_sentence(steps)}, above {self.max_mm:g} mm; {_step_sentence(steps.worst)}. "
+            "Nothing was written.",
+            source=name,
+            hint="--allow-steps; the notes say why targets are left alone, and what cures it.",
+        )
+        fault.detail = {"steps": self.document(steps)}
+        raise fault
+
+    def document(self, steps: Steps) -> dict[str, Any]:
+        """Returns JSON values: the steps, and what is allowed."""
+        return {**steps.document(), "limit_mm": self.max_mm, "allowed": self.allow}
+
+
+def path_sentence(steps: Steps) -> str:
+    """Returns how much of the path is compensated; empty if all of it, or if there is none."""
+    if not 0.0 <= steps.corrected < steps.length:
+        return ""
+    share = 100.0 * steps.corrected / steps.length
+    return (
+        f"{steps.corrected / MM:.1f} of {steps.length / MM:.1f} mm of the path "
+        f"({share:.1f} %) lie between compensated targets"
+    )
+
+
+def steps_sentence(steps: Steps) -> str:
+    """Returns how many steps there are and which is the largest; empty without any."""
+    return (
+        "" if steps.worst is None else f"{_count_sentence(steps)}; {_step_sentence(steps.worst)}."
+    )
+
+
+def _count_sentence(steps: Steps) -> str:
+    size = f"{steps.largest / MM:.3f} mm"
+    where = "in the path between targets left alone and compensated ones"
+    if steps.count == 1:
+        return f"1 step of {size} {where}"
+    return f"{steps.count} steps {where}, the largest {size}"
+
+
+def _step_sentence(step: PathStep) -> str:
+    return f"from {step.before} to {step.after}, {step.left} is left alone"

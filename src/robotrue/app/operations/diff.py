@@ -103,7 +103,7 @@ def run(request: DiffRequest, context: Context) -> ProgramDifference:
 
     from robotrue.app.force_options import read_force_options
     from robotrue.app.registered import opened, provenance_used
-    from robotrue.compensation.job_difference import compare_jobs
+    from robotrue.compensation.difference import compare_jobs
     from robotrue.compensation.stance import start_joints
     from robotrue.core.csv_text import csv_text
     from robotrue.core.files import write_atomic
@@ -135,13 +135,13 @@ def _rows(name: str, found: Difference) -> Iterable[Sequence[str]]:
     """The values of ``COLUMNS`` for every target."""
     import numpy as np
 
-    from robotrue.compensation.difference import Change
+    from robotrue.compensation.difference import TargetChange
 
     size = np.linalg.norm(found.shift, axis=1)
     errors = np.column_stack(_errors(found)) / UM
     numbers = np.column_stack([found.shift / UM, size / UM, found.turn / DEG, errors])
     for i, row in enumerate(numbers.tolist()):
-        status = Change(int(found.change[i])).name.lower()
+        status = TargetChange(int(found.change[i])).name.lower()
         values = (f"{value:.6g}" if np.isfinite(value) else "" for value in row)
         yield (name, str(found.line[i]), str(found.line_after[i]), status, *values)
 
@@ -162,7 +162,7 @@ def _errors(found: Difference) -> tuple[Array, Array, Array]:
 def _table(name: str, found: Difference) -> Table:
     import numpy as np
 
-    from robotrue.compensation.difference import Change
+    from robotrue.compensation.difference import TargetChange
 
     size = np.nan_to_num(np.linalg.norm(found.shift, axis=1))
     errors = np.column_stack(_errors(found)) / MM
@@ -179,7 +179,7 @@ def _table(name: str, found: Difference) -> Table:
                 *((f"{v:.4f}" for v in errors[i]) if known else ()),
             )
             for i in np.argsort(-size, kind="stable")[:SHOWN].tolist()
-            if found.change[i] == Change.MOVED
+            if found.change[i] == TargetChange.MOVED
         ),
     )
 
@@ -187,11 +187,11 @@ def _table(name: str, found: Difference) -> Table:
 def _sentences(name: str, found: Difference) -> Iterable[Note]:
     import numpy as np
 
-    from robotrue.compensation.difference import Change
+    from robotrue.compensation.difference import TargetChange
 
     before, after, bound = _errors(found)
-    number = np.bincount(found.change, minlength=len(Change))
-    said = ", ".join(f"{number[c]} {c.name.lower()}" for c in Change if number[c])
+    number = np.bincount(found.change, minlength=len(TargetChange))
+    said = ", ".join(f"{number[c]} {c.name.lower()}" for c in TargetChange if number[c])
     yield Note(f"{name}: {said}")
     if found.has_errors and np.isfinite(after).any():
         yield Note(

@@ -204,7 +204,7 @@ def _cell_and_settings(request: ProgramRequest, context: Context) -> tuple[Cell,
 
     from robotrue.cell.config import read_cell
     from robotrue.cell.cutter_axis import cutter_axis
-    from robotrue.compensation.step_rule import StepRule
+    from robotrue.compensation.steps import StepRule
     from robotrue.planning.machining import MachiningSettings
     from robotrue.program.formats.krl_machining import require_name
     from robotrue.robot.spin import SpinSettings

@@ -81,7 +81,7 @@ def draft_program(
     """
     from robotrue.app.force_options import read_force_options
     from robotrue.app.registered import opened, provenance_used
-    from robotrue.compensation.job_difference import compare_jobs
+    from robotrue.compensation.difference import compare_jobs
     from robotrue.compensation.stance import start_joints
     from robotrue.report.calibration_report import fact
     from robotrue.report.program_report import program_content
