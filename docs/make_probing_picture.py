@@ -17,13 +17,13 @@ import numpy as np
 from robotrue.calibration.priors import prior_belief
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.terms.geometry import PriorScales
-from robotrue.cli.probe_plan_page import part_map
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, pose
 from robotrue.core.units import MM
 from robotrue.measurement.formats.part_points import Features
 from robotrue.planning.probing import Machining, ProbingTask, plan_touches
 from robotrue.planning.probing_candidates import touch_candidates
+from robotrue.report.probing_report import part_map
 from robotrue_reproductions.feng2018.machining_cell import (
     EDGE,
     FACES,

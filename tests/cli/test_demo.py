@@ -5,18 +5,30 @@ import json
 import numpy as np
 import pytest
 
-from robotrue.cli.demo import run_demo
-from robotrue.cli.demo_data import run_demo_on_data
+from robotrue.app.demo_measured import run_measured_demo
+from robotrue.app.demo_virtual import run_virtual_demo
+from robotrue.app.files_context import FilesContext
+from robotrue.app.reporting import Silent
 from robotrue.program.formats import read_program
 from robotrue.simulation.flange_hole import FlangeHole, side_rows
 
 
+class Steps(Silent):
+    """Keeps the share of the job that is behind."""
+
+    def __init__(self):
+        self.shares = []
+
+    def step(self, text, done, of):
+        self.shares.append(done / of)
+
+
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory):
-    steps = []
+    steps = Steps()
     folder = tmp_path_factory.mktemp("demo")
-    result = run_demo(folder, seed=1, progress=lambda text, done: steps.append(done))
-    return result, steps
+    result = run_virtual_demo(folder, FilesContext(steps), seed=1)
+    return result, steps.shares
 
 
 def test_the_demo_leaves_everything_to_run_it_again(demo):
@@ -69,7 +81,7 @@ def test_progress_goes_from_nothing_to_done(demo):
 
 @pytest.mark.data
 def test_the_demo_on_the_ur10(data_dir, tmp_path):
-    result = run_demo_on_data(data_dir, tmp_path, rows=150)
+    result = run_measured_demo(data_dir, tmp_path, FilesContext(Silent()), seed=1, rows=150)
     assert result.simulated is False
     random = result.results["held_out"][0]
     assert random["after"]["mean_mm"] < 0.6 * random["before_aligned"]["mean_mm"]

@@ -213,7 +213,7 @@ def test_parameters_are_read_as_they_are_meant() -> None:
 def test_the_store_is_an_extra(folder: Path, cli: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     known = sys.modules["importlib.util"].find_spec
     monkeypatch.setattr(
-        "robotrue.cli.groups.find_spec",
+        "robotrue.cli.generate.find_spec",
         lambda name: None if name == "alembic" else known(name),
     )
     found = cli("workspace", "list")

@@ -15,9 +15,10 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 
 from constant_attitude import is_better, run, simulate
 
+from robotrue.app.measured_rows import read_together
+from robotrue.app.reporting import Silent
 from robotrue.calibration.methods import METHODS, fit
 from robotrue.cell.config import read_cell
-from robotrue.cli.inputs import measured
 from robotrue.core.units import MM
 from robotrue.planning.information import settings_of
 from robotrue.validation.evaluation import evaluate
@@ -57,7 +58,10 @@ def test_circles_of_constant_attitude(data_dir, number, reach):
     if not folder.exists():
         pytest.skip(f"{folder} not found")
     cell = read_cell(folder / "cell.toml")
-    train, test = (measured(cell, [folder / f"{name}.csv"], None) for name in ("train", "test"))
+    train, test = (
+        read_together(cell, [folder / f"{name}.csv"], None, reporter=Silent())
+        for name in ("train", "test")
+    )
     table = {name: METHODS[name] for name in FAST}
     model = fit_auto(cell.measured_robot, train, settings_of(cell), methods=table)
     assert model.training_summary()["method"] == "geometric"

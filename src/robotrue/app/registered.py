@@ -51,6 +51,14 @@ def opened(path: Path, registered: Path | None = None) -> tuple[Cell, ErrorModel
     return overlay_cell(cell, place), model
 
 
+def read_model_or_cell(path: Path) -> tuple[Cell, ErrorModel | None]:
+    """Returns the cell of a cell file or model file, and the model of the latter."""
+    if read_bytes(path).startswith(ZIP):
+        stored = read_model(path)
+        return stored.cell, stored.model
+    return read_cell(path), None
+
+
 def provenance_used(cell: Cell | None, model: ErrorModel | None) -> Provenance:
     """Returns where what a program is written or checked with comes from: model and part frame."""
     return merge(
@@ -93,13 +101,10 @@ def model_of_part(part: PartTable, cell: Path) -> ErrorModel | None:
 
 def _cell_and_model(path: Path) -> tuple[Cell, ErrorModel | None]:
     """The content of a model file, or a bare cell."""
-    if read_bytes(path).startswith(ZIP):
-        stored = read_model(path)
-        return stored.cell, stored.model
     if path.suffix.lower() == ".toml":
-        return read_cell(path), None
+        return read_model_or_cell(path)
     try:
-        return read_cell(path), None
+        return read_model_or_cell(path)
     except ConfigurationError as cause:
         raise ArchiveError(
             f"neither a model file nor a cell ({cause.message})",

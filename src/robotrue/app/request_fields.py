@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Final, TypeAlias
 
-from robotrue.app.request import InputFile, Item, Output, Reference
+from robotrue.app.request import InputFile, Item, Option, Output, Reference
 
 PAGE_FILE: Final = "report.html"
 MODEL_FILE: Final = "model.rtm"
@@ -35,4 +35,20 @@ SavedPage: TypeAlias = Annotated[
 Columns: TypeAlias = Annotated[Path | None, InputFile(help="Column mapping (TOML).")]
 ForeignColumns: TypeAlias = Annotated[
     Path | None, InputFile(help="Column mapping (TOML) for files of another layout.")
+]
+Page: TypeAlias = Annotated[
+    Path | None,
+    Output(what="a page", suffixes=(".html", ".htm"), help="Also write a report page (HTML)."),
+]
+"""A page that jobs do not write."""
+CellOrModel: TypeAlias = Annotated[
+    Reference,
+    Item(noun="cell", argument="CELL|MODEL", help="cell.toml (nominal arm) or model file."),
+]
+TOUCH_SIGMA_MM: Final = 0.1
+TouchSigma: TypeAlias = Annotated[
+    float, Option(help="One standard deviation per axis of one touch.")
+]
+ToolSigma: TypeAlias = Annotated[
+    float | None, Option(help="Of the tip in the flange; 0: unchanged since the model was made.")
 ]

@@ -14,56 +14,23 @@ from __future__ import annotations
 import os
 import sys
 from copy import copy
-from pathlib import Path
-from typing import Annotated, Final
+from typing import Final
 
 import typer
 
-from robotrue.cli import part_commands, serve_commands
-from robotrue.cli.app import Json, app
+from robotrue.cli import serve_commands
+from robotrue.cli.app import app
 from robotrue.cli.generate import name_of, register_operations, without_options
 from robotrue.errors import RobotrueError
 
 __all__ = [
     "app",
-    "part_commands",
     "run",
     "serve_commands",
 ]
 
 INTERRUPTED = 130
 """What the command line library makes of Ctrl-C."""
-
-
-@app.command()
-def demo(
-    out: Annotated[Path, typer.Option(help="Folder for everything the demo makes.")] = Path(
-        "demo-out"
-    ),
-    data: Annotated[
-        Path | None, typer.Option(help="Folder of measured data: the same job on a real UR10.")
-    ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of the virtual cell.")] = 1,
-    json: Json = False,
-) -> None:
-    """Measure, calibrate, validate, compensate and re-measure a virtual cell (or real data)."""
-    from robotrue.cli.demo import run
-
-    run(out=out, data=data, seed=seed, as_json=json)
-
-
-@app.command()
-def inspect(
-    path: Annotated[
-        Path, typer.Argument(metavar="FILE", help="Model, cell, measurements or program.")
-    ],
-    mapping: Annotated[Path | None, typer.Option(help="Column mapping (TOML).")] = None,
-    json: Json = False,
-) -> None:
-    """Say what a file holds: a model, a cell, measurements or a program."""
-    from robotrue.cli.inspect import run
-
-    run(path, mapping=mapping, as_json=json)
 
 
 ORDER: Final = (

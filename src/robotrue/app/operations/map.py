@@ -192,17 +192,13 @@ def run(request: MapRequest, context: Context) -> Mapped:
 
 def _model(path: Path, context: Context) -> tuple[ErrorModel, Cell]:
     """The model in a file, or what is assumed of a cell's arm before any measurement."""
-    from robotrue.core.files import read_bytes
+    from robotrue.app.registered import read_model_or_cell
     from robotrue.planning.information import settings_of
-    from robotrue.store.model_file import ZIP, read_model
     from robotrue.validation.error_map import build_prior_model
 
-    if read_bytes(path).startswith(ZIP):
-        stored = read_model(path)
-        return stored.model, stored.cell
-    from robotrue.cell.config import read_cell
-
-    cell = read_cell(path)
+    cell, model = read_model_or_cell(path)
+    if model is not None:
+        return model, cell
     context.note("a cell and no model: stated stiffness and prior scales, nothing measured")
     return build_prior_model(cell.measured_robot, settings_of(cell)), cell
 

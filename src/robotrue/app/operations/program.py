@@ -13,6 +13,7 @@ from robotrue.app.operation import Operation
 from robotrue.app.operations.compensate import run as compensate
 from robotrue.app.presentation import Block, Table
 from robotrue.app.request import InputFile, Item, Option, Output, Reference, Request
+from robotrue.app.request_fields import Page
 from robotrue.core.provenance import Provenance, marked_document, merge
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ModelMismatchError
@@ -77,10 +78,7 @@ class ProgramRequest(Request):
     ] = MAX_SHIFT_MM
     max_step_mm: Annotated[float, MAX_STEP] = MAX_STEP_MM
     allow_steps: Annotated[bool, ALLOW_STEPS] = False
-    report: Annotated[
-        Path | None,
-        Output(what="a page", suffixes=(".html", ".htm"), help="Also write a report page (HTML)."),
-    ] = None
+    report: Page = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

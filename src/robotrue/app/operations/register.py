@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block
-from robotrue.app.request import InputFile, Item, Option, Output, Reference, Request
+from robotrue.app.request import InputFile, Option, Output, Request
+from robotrue.app.request_fields import TOUCH_SIGMA_MM, CellOrModel, ToolSigma, TouchSigma
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError
@@ -28,10 +29,7 @@ UNITS: Final = {"mm": MM, "m": 1.0, "inch": 25.4 * MM}
 class RegisterRequest(Request):
     """Which touches to find the part from, and how sure they are."""
 
-    cell: Annotated[
-        Reference,
-        Item(noun="cell", argument="CELL|MODEL", help="cell.toml (nominal arm) or model file."),
-    ]
+    cell: CellOrModel
     points: Annotated[Path, InputFile(argument="POINTS", help="CSV of the touches.")]
     output: Annotated[
         Path,
@@ -42,16 +40,11 @@ class RegisterRequest(Request):
             help="Registered cell to write.",
         ),
     ]
-    touch_sigma_mm: Annotated[
-        float, Option(help="One standard deviation per axis of one touch.")
-    ] = 0.1
+    touch_sigma_mm: TouchSigma = TOUCH_SIGMA_MM
     robot_sigma_mm: Annotated[
         float | None, Option(help="Of the arm over the part; default: what its model says.")
     ] = None
-    tool_sigma_mm: Annotated[
-        float | None,
-        Option(help="Of the tip in the flange; 0: unchanged since the model was made."),
-    ] = None
+    tool_sigma_mm: ToolSigma = None
     tolerance_mm: Annotated[
         float | None, Option(help="What machined points must keep, for the verdict.")
     ] = None

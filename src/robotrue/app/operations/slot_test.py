@@ -10,7 +10,6 @@ from robotrue.app.context import Context
 from robotrue.app.operation import Operation, PlainResult
 from robotrue.app.presentation import Facts, Table
 from robotrue.app.request import InputFile, Option, Output, Request
-from robotrue.core.number_list import parse_number_list
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
@@ -137,6 +136,8 @@ def _facts(found: SlotEvaluation, names: Sequence[str]) -> tuple[tuple[str, str]
 
 
 def _three(name: str, text: str) -> Array:
+    from robotrue.core.number_list import parse_number_list
+
     values = parse_number_list(text)
     if values.shape != (3,):
         raise ConfigurationError(f"{name} {text!r}, expected three numbers like 1,0,0.")

@@ -17,11 +17,10 @@ from robotrue.app.request import (
     ON_COMMAND_LINE,
     Item,
     Option,
-    Output,
     Reference,
     Request,
 )
-from robotrue.app.request_fields import ForeignColumns, ModelOutput
+from robotrue.app.request_fields import ForeignColumns, ModelOutput, Page
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError, ModelMismatchError, ObservabilityError
@@ -77,10 +76,7 @@ class TransferRequest(Request):
         Item(noun="model", shells=IN_JOBS, needed_in=IN_JOBS, help="Model to bring up to date."),
     ] = None
     mapping: ForeignColumns = None
-    report: Annotated[
-        Path | None,
-        Output(what="a page", suffixes=(".html", ".htm"), help="Also write a report page (HTML)."),
-    ] = None
+    report: Page = None
     curve: Annotated[
         bool,
         Option(shells=ON_COMMAND_LINE, help="Also accuracy against the number of target poses."),

@@ -1,4 +1,4 @@
-"""What ``robotrue probe-plan`` reads: the arm, the part's rough frame, the machined postures."""
+"""Files of what is machined, as postures: tables of joints, tool paths, robot programs."""
 
 from __future__ import annotations
 
@@ -9,11 +9,8 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
-from robotrue.cell.config import read_cell
 from robotrue.cell.frame_table import frame_table
-from robotrue.cli.console import say
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.files import read_bytes
 from robotrue.core.number_list import parse_number_list
@@ -32,7 +29,6 @@ from robotrue.program.program import Program, Reason
 from robotrue.robot.forward import forward
 from robotrue.robot.inverse import inverse_batch
 from robotrue.robot.spin import SpinSettings
-from robotrue.store.model_file import ZIP, read_model
 
 MOST: Final = 300
 """Postures of one machined file that are looked at, evenly over it."""
@@ -45,28 +41,22 @@ _HEAD: Final = 1 << 16
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Placed:
-    """A machined file as postures.
+class MachinedFile:
+    """A machined file as postures, evenly over it.
 
     Attributes:
+        postures: How many it has.
         group: (m) names.
         point: (m, 3) m in part.
         joints: (m, dof) rad.
         part: (m) names of the part, empty where the file names none.
     """
 
+    postures: int
     group: tuple[str, ...]
     point: Array
     joints: Array
     part: tuple[str, ...]
-
-
-def opened(path: Path) -> tuple[Cell, ErrorModel | None]:
-    """Returns the cell of a cell file or model file, and the model of the latter."""
-    if read_bytes(path).startswith(ZIP):
-        stored = read_model(path)
-        return stored.cell, stored.model
-    return read_cell(path), None
 
 
 def rough_frames(cell: Cell, stated: str | None, parts: Sequence[str]) -> dict[int, Array]:
@@ -140,8 +130,8 @@ def read_machining(
     parts: Sequence[str],
     *,
     tip_axis: Array,
-) -> Machining:
-    """Returns the postures of all machined files.
+) -> tuple[Machining, tuple[str, ...]]:
+    """Returns the postures of all machined files, and what is to be noted of them.
 
     A file is a table of postures (``name, px_mm, py_mm, pz_mm, j1_deg ..``; the name is that of the
     group), a tool path (APT or CL data, or CSV with ``x_mm, y_mm, z_mm, i, j, k``), or a robot
@@ -164,16 +154,22 @@ def read_machining(
             )
         numbers = [parts.index(name) if name else 0 for name in item.part]
         part.append(np.array(numbers, dtype=np.int64))
-    return Machining(
+    notes = tuple(
+        f"{MOST} of {item.postures} postures of {path.name} are looked at, evenly over the file"
+        for path, item in zip(paths, found, strict=True)
+        if item.postures > MOST
+    )
+    machining = Machining(
         group=tuple(name for item in found for name in item.group),
         point=np.concatenate([item.point for item in found]),
         joints=np.concatenate([item.joints for item in found]),
         part=np.concatenate(part),
         load=cell.payload,
     )
+    return machining, notes
 
 
-def _read(cell: Cell, path: Path, T_base_part: Array, tip_axis: Array) -> Placed:
+def _read(cell: Cell, path: Path, T_base_part: Array, tip_axis: Array) -> MachinedFile:
     head = read_bytes(path)[:_HEAD].decode("latin-1").removeprefix("\xef\xbb\xbf")
     if "j1_deg" in head.casefold() or path.suffix.casefold() in (".xlsx", ".ods"):
         return _table(cell, path)
@@ -182,7 +178,7 @@ def _read(cell: Cell, path: Path, T_base_part: Array, tip_axis: Array) -> Placed
     return _program(cell, path, T_base_part, tip_axis)
 
 
-def _table(cell: Cell, path: Path) -> Placed:
+def _table(cell: Cell, path: Path) -> MachinedFile:
     file = read_points(path)
     touches = file.touches
     if not touches.has_joints or touches.joints.shape[1] != cell.robot.dof:
@@ -191,9 +187,10 @@ def _table(cell: Cell, path: Path) -> Placed:
             source=path,
             hint="one column j1_deg, j2_deg, ... for each joint.",
         )
-    kept = _evenly(len(touches), path)
+    kept = _choose_evenly(len(touches))
     named = len(file.parts) > 1 or file.parts[0] != "part"
-    return Placed(
+    return MachinedFile(
+        postures=len(touches),
         group=tuple(touches.names[k] for k in kept),
         point=touches.point[kept],
         joints=touches.joints[kept],
@@ -201,21 +198,22 @@ def _table(cell: Cell, path: Path) -> Placed:
     )
 
 
-def _toolpath(cell: Cell, path: Path, T_base_part: Array, tip_axis: Array) -> Placed:
+def _toolpath(cell: Cell, path: Path, T_base_part: Array, tip_axis: Array) -> MachinedFile:
     toolpath = read_toolpath(path)
     posed = resolve_spin(cell.robot, T_base_part, toolpath, SpinSettings(cutter=tip_axis))
     cutting = np.flatnonzero(toolpath.cutting)
-    kept = cutting[_evenly(len(cutting), path)]
+    kept = cutting[_choose_evenly(len(cutting))]
     joints = posed.joints[kept]
-    return Placed(
-        group=_grouped(cell, toolpath.name, joints, tip_axis),
+    return MachinedFile(
+        postures=len(cutting),
+        group=_name_groups(cell, toolpath.name, joints, tip_axis),
         point=toolpath.position[kept],
         joints=joints,
         part=("",) * len(kept),
     )
 
 
-def _program(cell: Cell, path: Path, T_base_part: Array, tip_axis: Array) -> Placed:
+def _program(cell: Cell, path: Path, T_base_part: Array, tip_axis: Array) -> MachinedFile:
     frames = replace(frame_table(cell), T_base_frame=T_base_part)
     joints = np.concatenate([_program_joints(cell, program) for program in read_job(path, frames)])
     if not len(joints):
@@ -224,10 +222,12 @@ def _program(cell: Cell, path: Path, T_base_part: Array, tip_axis: Array) -> Pla
             source=path,
             hint="check its work frame and tool, and --frame.",
         )
-    joints = joints[_evenly(len(joints), path)]
+    postures = len(joints)
+    joints = joints[_choose_evenly(postures)]
     tip = forward(cell.robot.nominal(), joints)[:, :3, 3]
-    return Placed(
-        group=_grouped(cell, path.stem, joints, tip_axis),
+    return MachinedFile(
+        postures=postures,
+        group=_name_groups(cell, path.stem, joints, tip_axis),
         point=apply(inverse(T_base_part), tip),
         joints=joints,
         part=("",) * len(joints),
@@ -243,7 +243,7 @@ def _program_joints(cell: Cell, program: Program) -> Array:
     return joints[np.isfinite(joints).all(axis=1)]
 
 
-def _grouped(cell: Cell, name: str, joints: Array, tip_axis: Array) -> tuple[str, ...]:
+def _name_groups(cell: Cell, name: str, joints: Array, tip_axis: Array) -> tuple[str, ...]:
     """The name alone where the tool keeps its attitude; else one group for each attitude."""
     group, first = attitude_groups(cell.robot, joints, tip_axis=tip_axis)
     if len(first) == 1:
@@ -251,7 +251,5 @@ def _grouped(cell: Cell, name: str, joints: Array, tip_axis: Array) -> tuple[str
     return tuple(f"{name}, attitude {int(k) + 1}" for k in group)
 
 
-def _evenly(n: int, path: Path) -> IntArray:
-    if n > MOST:
-        say(f"note: {MOST} of {n} postures of {path.name} are looked at, evenly over the file")
+def _choose_evenly(n: int) -> IntArray:
     return np.unique(np.linspace(0, n - 1, min(n, MOST)).round().astype(np.int64))

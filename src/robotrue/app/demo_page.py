@@ -6,12 +6,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from robotrue.cli.demo_result import Chosen, HoleRuns, lengths_mm, statistics_mm
 from robotrue.compensation.result import Compensation
 from robotrue.core.arrays import Array
 from robotrue.core.units import MM
 from robotrue.report.calibration_report import calibration_content
 from robotrue.report.content import Fact, ReportContent, Section, Table, TableColumn, Tile, Verdict
+from robotrue.report.demo_result import Chosen, HoleRuns, lengths_mm, statistics_mm
 from robotrue.report.plots import HoleContour, PointErrors
 from robotrue.simulation.flange_hole import FlangeHole
 from robotrue.validation.hole_contour import HoleResult

@@ -12,7 +12,6 @@ from robotrue.planning.probing_plan import ProbePlan
 from robotrue.report.content import Fact, ReportContent, Section, Table, TableColumn, Tile, Verdict
 from robotrue.report.curve_plots import PoseCurves, PoseSeries
 from robotrue.report.map_plots import PartMap
-from robotrue.report.page import report_html
 from robotrue.robot.forward import forward
 from robotrue.validation.error_map import radius_95
 
@@ -46,7 +45,7 @@ def part_map(plan: ProbePlan, task: ProbingTask, tip_axis: Array) -> PartMap:
     )
 
 
-def probe_plan_page(
+def probing_content(
     plan: ProbePlan,
     task: ProbingTask,
     *,
@@ -55,8 +54,8 @@ def probe_plan_page(
     source: str,
     robot: str,
     origin: Provenance,
-) -> str:
-    """Returns the page (HTML)."""
+) -> ReportContent:
+    """Returns the content of the page."""
     n = len(plan.row)
     radius = radius_95(plan.covariance) / MM
     covered = not plan.warnings
@@ -64,34 +63,32 @@ def probe_plan_page(
     if not covered:
         named = ", ".join(group.name for group in plan.groups if not group.covered)
         text = f"{n} touches leave postures that none covers: {named}."
-    return report_html(
-        ReportContent(
-            title=f"Touches of a part: {robot}",
-            verdict=Verdict(
-                text=text,
-                tone="plain" if covered else "caution",
-                detail=f"As many touches spread evenly: {plan.spread_mean[n] / MM:.3f} mm rms "
-                f"instead of {plan.mean[n] / MM:.3f} mm.",
+    return ReportContent(
+        title=f"Touches of a part: {robot}",
+        verdict=Verdict(
+            text=text,
+            tone="plain" if covered else "caution",
+            detail=f"As many touches spread evenly: {plan.spread_mean[n] / MM:.3f} mm rms "
+            f"instead of {plan.mean[n] / MM:.3f} mm.",
+        ),
+        simulated=origin.simulated,
+        subtitle="a plan, before any touch",
+        tiles=(
+            Tile(label="touches", value=float(n), digits=0),
+            Tile(label="rms, one sigma", value=float(plan.mean[n] / MM), unit="mm"),
+            Tile(label="worst, 95 % within", value=float(radius.max()), unit="mm"),
+            Tile(label="spread, rms", value=float(plan.spread_mean[n] / MM), unit="mm"),
+        ),
+        sections=(
+            Section(
+                title="Over the part",
+                blocks=(part_map(plan, task, tip_axis), _groups(plan, task)),
             ),
-            simulated=origin.simulated,
-            subtitle="a plan, before any touch",
-            tiles=(
-                Tile(label="touches", value=float(n), digits=0),
-                Tile(label="rms, one sigma", value=float(plan.mean[n] / MM), unit="mm"),
-                Tile(label="worst, 95 % within", value=float(radius.max()), unit="mm"),
-                Tile(label="spread, rms", value=float(plan.spread_mean[n] / MM), unit="mm"),
-            ),
-            sections=(
-                Section(
-                    title="Over the part",
-                    blocks=(part_map(plan, task, tip_axis), _groups(plan, task)),
-                ),
-                Section(title="Against the number of touches", blocks=(_curve(plan),)),
-                Section(title="Touches", blocks=(_touches(plan),)),
-            ),
-            doubts=(*plan.warnings, *notes),
-            provenance=(Fact(name="arm", value=source),),
-        )
+            Section(title="Against the number of touches", blocks=(_curve(plan),)),
+            Section(title="Touches", blocks=(_touches(plan),)),
+        ),
+        doubts=(*plan.warnings, *notes),
+        provenance=(Fact(name="arm", value=source),),
     )
 
 

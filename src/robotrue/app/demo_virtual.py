@@ -1,31 +1,29 @@
-"""``robotrue demo``: the whole job on a virtual cell, every file left behind to run again.
+"""The whole job on a virtual cell, every file left behind to run again.
 
 The virtual robot is a simulation. Everything the demo prints about it says so.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
 
+from robotrue.app.context import Context
+from robotrue.app.demo_page import demo_content, demo_results, demo_tables
 from robotrue.calibration.methods import METHODS, fit
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
 from robotrue.cell.frame_table import frame_table
-from robotrue.cli.console import emit_json, emit_table, progress, say
-from robotrue.cli.demo_page import demo_content, demo_results, demo_tables
-from robotrue.cli.demo_result import Chosen, DemoResult, HoleRuns, Progress, write_report
-from robotrue.cli.inputs import measured
 from robotrue.compensation.compensate import compensate
 from robotrue.compensation.result import Compensation
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.core.arrays import Array
 from robotrue.core.files import write_atomic
-from robotrue.core.provenance import Provenance
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM, UM
 from robotrue.measurement.formats.canonical import write_canonical
@@ -33,6 +31,7 @@ from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.planning.information import settings_of
 from robotrue.program.formats import read_program, write_program
 from robotrue.program.program import Program
+from robotrue.report.demo_result import Chosen, DemoResult, HoleRuns, write_report
 from robotrue.simulation.flange_hole import FlangeHole, check_rows, hole_program
 from robotrue.simulation.milling import dry_run, mill_hole
 from robotrue.simulation.plans import VALIDATION, Region, random_joints
@@ -46,34 +45,16 @@ CALIBRATION_POSES: Final = 80
 HELD_OUT_POSES: Final = 50
 REGION: Final = Region(turn=(20 * DEG, 20 * DEG, 40 * DEG))
 CHECK_LEVEL: Final = 15
+Share: TypeAlias = Callable[[str, float], None]
+"""Told what is done next and the share of the job that is behind, 0 to 1."""
 
 
-def run(*, out: Path, data: Path | None, seed: int, as_json: bool) -> None:
-    """Runs the demo with a bar on stderr; tables, or JSON, on stdout."""
-    with progress() as bar:
-
-        def step(text: str, done: float) -> None:
-            bar(text, round(100.0 * done), 100)
-
-        if data is None:
-            result = run_demo(out, seed=seed, progress=step)
-        else:
-            from robotrue.cli.demo_data import run_demo_on_data
-
-            result = run_demo_on_data(data, out, seed=seed, progress=step)
-    origin = Provenance(simulated=result.simulated, instrument="virtual cell" * result.simulated)
-    if as_json:
-        emit_json(result.results, origin)
-    else:
-        for table in result.tables:
-            columns = [f"{c.title} {c.unit}".strip() for c in table.columns]
-            rows = [[_cell(c) for c in row] for row in table.rows]
-            emit_table(table.title, columns, rows, provenance=origin)
-    say(f"page: {result.page}")
-    say(f"everything to run it again: {result.folder}")
+def tell_share(context: Context, text: str, done: float) -> None:
+    """Reports what is done next and the share of the job that is behind, 0 to 1."""
+    context.step(text, round(100.0 * done), 100)
 
 
-def run_demo(out_dir: Path, *, seed: int = 1, progress: Progress | None = None) -> DemoResult:
+def run_virtual_demo(out_dir: Path, context: Context, *, seed: int) -> DemoResult:
     """Returns the demo on the virtual KR160: measured, calibrated, compensated, measured again.
 
     Writes ``cell.toml``, ``calibration.csv``, ``held_out.csv``, ``flange_hole.src``,
@@ -81,29 +62,28 @@ def run_demo(out_dir: Path, *, seed: int = 1, progress: Progress | None = None) 
 
     Args:
         out_dir: Folder, made if it is not there; files of the same names are replaced.
+        context: Told before each step.
         seed: Of the virtual cell and all its noise.
-        progress: Told before each step.
 
     Raises:
         FormatError: The folder cannot be written to.
     """
-    tell = progress or (lambda text, done: None)
-    out_dir = Path(out_dir)
+    tell = partial(tell_share, context)
     out_dir.mkdir(parents=True, exist_ok=True)
     tell("measuring the virtual cell", 0.0)
     virtual, hole = reflector_at_tool(deng2022(seed)), FlangeHole()
     write_virtual_cell(virtual, hole, out_dir)
     cell = read_cell(out_dir / "cell.toml")
-    training = measured(cell, [out_dir / "calibration.csv"], None)
-    chosen = calibrated(
+    training = context.measurements(cell, [out_dir / "calibration.csv"])
+    chosen = choose_model(
         cell, training, lambda text, done: tell(f"calibrating: {text}", 0.05 + 0.6 * done)
     )
     write_model(out_dir / "model.robotrue", chosen.model, cell)
     tell("validating on poses the fit never saw", 0.68)
-    held_out = measured(cell, [out_dir / "held_out.csv"], None)
+    held_out = context.measurements(cell, [out_dir / "held_out.csv"])
     report = validate(chosen.model, held_out, payload=cell.payload)
     tell("compensating the flange-hole program", 0.72)
-    program, driven, compensation = compensated(
+    program, driven, compensation = compensate_program(
         chosen.model, cell, out_dir / "flange_hole.src", out_dir / "flange_hole_compensated.src"
     )
     tell("running the program on the virtual cell, before and after", 0.85)
@@ -175,7 +155,7 @@ def cell_toml(cell: Cell) -> str:
     )
 
 
-def calibrated(cell: Cell, training: MeasurementSet, step: Progress) -> Chosen:
+def choose_model(cell: Cell, training: MeasurementSet, step: Share) -> Chosen:
     """Returns the method that wins on held-out poses, fitted on all rows."""
     robot, settings = cell.measured_robot, settings_of(cell)
     candidates = {name: partial(fit, robot, method=name, settings=settings) for name in METHODS}
@@ -189,7 +169,7 @@ def calibrated(cell: Cell, training: MeasurementSet, step: Progress) -> Chosen:
     return Chosen(model=model, selection=selection)
 
 
-def compensated(
+def compensate_program(
     model: ErrorModel, cell: Cell, source: Path, target: Path
 ) -> tuple[Program, Program, Compensation]:
     """Returns the program, its compensated copy as read back from the file, and the details."""
@@ -213,9 +193,3 @@ def run_hole(virtual: VirtualCell, hole: FlangeHole, program: Program, driven: P
 
 def _numbers(values: Array, unit: float) -> str:
     return "[" + ", ".join(f"{v / unit:.9g}" for v in values) + "]"
-
-
-def _cell(value: str | int | float | None) -> str:
-    if value is None:
-        return "-"
-    return f"{value:.3f}" if isinstance(value, float) else str(value)

@@ -1,4 +1,4 @@
-"""``robotrue demo --data``: the same job on the measured UR10 (Landgraf et al., CASE 2021).
+"""The demo on data: the same job on the measured UR10 (Landgraf et al., CASE 2021).
 
 Nobody moved the robot again: errors on held-out poses are measured against predicted, the errors of
 the compensated path are predictions, and the page says so.
@@ -14,13 +14,13 @@ from typing import Any, Final
 
 import numpy as np
 
+from robotrue.app.context import Context
+from robotrue.app.demo_virtual import Share, tell_share
 from robotrue.calibration.methods import METHODS, fit
 from robotrue.calibration.model import ErrorModel, Query
 from robotrue.calibration.settings import FitSettings
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
-from robotrue.cli.demo_result import DemoResult, Progress, lengths_mm, statistics_mm, write_report
-from robotrue.cli.inputs import measured
 from robotrue.compensation.compensate import compensate
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.compensation.status import Status
@@ -34,6 +34,7 @@ from robotrue.planning.information import settings_of
 from robotrue.program.formats import read_program, write_program
 from robotrue.report.calibration_report import calibration_content
 from robotrue.report.content import Fact, ReportContent, Section, Table, TableColumn, Tile, Verdict
+from robotrue.report.demo_result import DemoResult, lengths_mm, statistics_mm, write_report
 from robotrue.report.plots import PointErrors
 from robotrue.robot.forward import forward
 from robotrue.store.model_file import write_model
@@ -97,13 +98,8 @@ class PathCheck:
     compensated: int
 
 
-def run_demo_on_data(
-    data_dir: Path,
-    out_dir: Path,
-    *,
-    seed: int = 1,
-    rows: int = MOST_ROWS,
-    progress: Progress | None = None,
+def run_measured_demo(
+    data_dir: Path, out_dir: Path, context: Context, *, seed: int, rows: int = MOST_ROWS
 ) -> DemoResult:
     """Returns the demo on the UR10 tracker data: calibrated, held-out report, a path compensated.
 
@@ -113,22 +109,21 @@ def run_demo_on_data(
     Args:
         data_dir: Folder that holds ``ur10-landgraf``.
         out_dir: Folder, made if it is not there.
+        context: Told before each step.
         seed: Of the random split.
         rows: How many rows of a series are used at most.
-        progress: Told before each step.
 
     Raises:
         FormatError: The data are not there or cannot be read, or the folder cannot be written to.
         ReachError: The path cannot be driven.
     """
-    tell = progress or (lambda text, done: None)
-    out_dir = Path(out_dir)
+    tell = partial(tell_share, context)
     out_dir.mkdir(parents=True, exist_ok=True)
     write_atomic(out_dir / "cell.toml", CELL.encode())
     cell = read_cell(out_dir / "cell.toml")
     settings = settings_of(cell)
     tell("reading the UR10 measurements", 0.0)
-    series = {name: _series(cell, Path(data_dir) / path, rows) for name, path in SERIES.items()}
+    series = {name: _series(cell, data_dir / path, rows, context) for name, path in SERIES.items()}
     selection = _contest(cell, settings, series["A"], tell)
     chosen = partial(fit, cell.measured_robot, method=selection.winner, settings=settings)
     held_out: list[HeldOut] = []
@@ -151,9 +146,9 @@ def run_demo_on_data(
     return DemoResult(folder=out_dir, page=page, results=results, tables=tables, simulated=False)
 
 
-def _series(cell: Cell, path: Path, most: int) -> MeasurementSet:
+def _series(cell: Cell, path: Path, most: int, context: Context) -> MeasurementSet:
     """Positions of some rows; without the orientations a fit takes a third of the time."""
-    rows = measured(cell, [path], None)
+    rows = context.measurements(cell, [path])
     few = rows.subset(_spaced(len(rows), most))
     unknown = np.full((len(few), 3, 3), np.nan)
     return replace(few, rotation=unknown, rotation_covariance=unknown)
@@ -163,7 +158,7 @@ def _spaced(n: int, most: int) -> Array:
     return np.unique(np.linspace(0, n - 1, min(n, most)).astype(np.int64))
 
 
-def _contest(cell: Cell, settings: FitSettings, rows: MeasurementSet, tell: Progress) -> Selection:
+def _contest(cell: Cell, settings: FitSettings, rows: MeasurementSet, tell: Share) -> Selection:
     """Which method wins on blocks of series A; the poses come from the whole series."""
     few = rows.subset(_spaced(len(rows), CONTEST_ROWS))
     candidates = {

@@ -1,23 +1,23 @@
-"""``robotrue inspect``: what a file holds, told from its content and not its name."""
+"""What a file holds, told from its content and not its name."""
 
 from __future__ import annotations
 
 import tomllib
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
+from robotrue.app.operation import PlainResult
+from robotrue.app.presentation import Block, Facts, Note, Table
 from robotrue.calibration.lineage import provenance_of
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
 from robotrue.cell.part import PartTable
-from robotrue.cli.console import emit_facts, emit_json, emit_table, say, say_mark
 from robotrue.core.files import read_bytes
-from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import FormatError
 from robotrue.measurement.formats.mapping import read_mapping
@@ -44,18 +44,18 @@ WORKBOOKS: Final = (".xlsx", ".xlsm", ".xls", ".xlsb", ".ods")
 LOOKED_AT: Final = 1 << 18
 """Bytes that decide whether a file is a tool path."""
 TABLES: Final = (".csv", ".tsv", ".txt")
+REMARKS: Final = ("doubts", "notes")
 
 
-def run(path: Path, *, mapping: Path | None, as_json: bool) -> None:
-    """Prints what the file holds."""
+def describe_file(path: Path, mapping: Path | None) -> PlainResult:
+    """Returns what a file holds; a mapping says that it holds measurements.
+
+    Raises:
+        FormatError: Nothing that is known here.
+    """
     data = read_bytes(path)
     if data.startswith(b"PK") and path.suffix.lower() not in WORKBOOKS:
-        stored = read_model(path)
-        if as_json:
-            emit_json(model_document(stored), provenance_of(stored.model))
-        else:
-            show_model(path, stored)
-        return
+        return _model_result(path, read_model(path))
     origin = None
     untold = mapping is None and path.suffix.lower() not in WORKBOOKS
     if untold and _is_cell(path, data):
@@ -72,11 +72,64 @@ def run(path: Path, *, mapping: Path | None, as_json: bool) -> None:
     else:
         rows = _measurements(path, mapping)
         document, origin = measurement_document(rows), rows.provenance
-    say_mark(origin)
-    if as_json:
-        emit_json(document, origin)
-    else:
-        _show(path, document, origin)
+    return PlainResult(values=document, shown=_facts(path, document), provenance=origin)
+
+
+def _model_result(path: Path, stored: ModelFile) -> PlainResult:
+    """A model: what it came to, the errors it found, the stiffness, where it came from."""
+    summary, cell = stored.model.training_summary(), stored.cell
+    facts = Facts(
+        title=f"{path.name}: error model of {stored.model.robot.name}",
+        rows=(
+            *result_facts(summary),
+            ("measured", "; ".join(summary.sources) or "not recorded"),
+            ("training data", f"sha256:{summary.data_sha256 or 'not recorded'}"),
+            ("cell", f"{cell.source or 'made in code'} sha256:{cell.digest or 'none'}"),
+            ("tracker frame", "the robot base" if cell.frame == "base" else "found by the fit"),
+            ("kind", f"{stored.archive.kind}, schema {stored.archive.schema}"),
+        ),
+    )
+    return PlainResult(
+        values=model_document(stored),
+        shown=(facts, *_error_tables(stored.model), *map(Note, remarks(summary))),
+        provenance=provenance_of(stored.model),
+    )
+
+
+def _error_tables(model: ErrorModel) -> Iterable[Table]:
+    """The tables of what was identified; a kind of error the model does not have has none."""
+    if errors := list_geometric_errors(model):
+        yield Table(
+            title="identified errors, actual minus nominal",
+            columns=("", "value", "sd", "unit", "known"),
+            rows=tuple(
+                (name, _signed(row["value"]), _plain(row["sd"]), row["unit"], row["known"])
+                for name, row in errors.items()
+            ),
+        )
+    if springs := stiffness(model):
+        yield Table(
+            title="stiffness of the drives",
+            columns=("", "N m/rad", "sd", "known"),
+            rows=tuple(
+                (name, _big(row["Nm_per_rad"]), _big(row["sd_Nm_per_rad"]), row["known"])
+                for name, row in springs.items()
+            ),
+        )
+    if drives := drive_errors(model):
+        yield Table(
+            title="ripple and backlash of the drives",
+            columns=("", "ripple rms, 0.001 deg", "strongest, per turn", "backlash, 0.001 deg"),
+            rows=tuple(
+                (
+                    name,
+                    f"{row['ripple_mdeg']:.2f}",
+                    str(row["strongest"]) if row["ripple_mdeg"] >= 0.005 else "none",
+                    f"{row['backlash_mdeg']:+.2f}",
+                )
+                for name, row in drives.items()
+            ),
+        )
 
 
 def model_document(stored: ModelFile) -> dict[str, Any]:
@@ -97,67 +150,6 @@ def model_document(stored: ModelFile) -> dict[str, Any]:
             "tracker_frame": "base" if cell.frame == "base" else "unknown",
         },
     }
-
-
-def show_model(path: Path, stored: ModelFile) -> None:
-    """Prints a model: what it came to, the errors it found, the stiffness, where it came from."""
-    summary, cell = stored.model.training_summary(), stored.cell
-    origin = provenance_of(stored.model)
-    say_mark(origin)
-    emit_facts(
-        f"{path.name}: error model of {stored.model.robot.name}",
-        [
-            *result_facts(summary),
-            ("measured", "; ".join(summary.sources) or "not recorded"),
-            ("training data", f"sha256:{summary.data_sha256 or 'not recorded'}"),
-            ("cell", f"{cell.source or 'made in code'} sha256:{cell.digest or 'none'}"),
-            ("tracker frame", "the robot base" if cell.frame == "base" else "found by the fit"),
-            ("kind", f"{stored.archive.kind}, schema {stored.archive.schema}"),
-        ],
-        origin,
-    )
-    _show_errors(stored.model)
-    for line in remarks(summary):
-        say(line)
-
-
-def _show_errors(model: ErrorModel) -> None:
-    """The tables of what was identified; a kind of error the model does not have has none."""
-    errors = list_geometric_errors(model)
-    if errors:
-        emit_table(
-            "identified errors, actual minus nominal",
-            ("", "value", "sd", "unit", "known"),
-            [
-                (name, _signed(row["value"]), _plain(row["sd"]), row["unit"], row["known"])
-                for name, row in errors.items()
-            ],
-        )
-    springs = stiffness(model)
-    if springs:
-        emit_table(
-            "stiffness of the drives",
-            ("", "N m/rad", "sd", "known"),
-            [
-                (name, _big(row["Nm_per_rad"]), _big(row["sd_Nm_per_rad"]), row["known"])
-                for name, row in springs.items()
-            ],
-        )
-    drives = drive_errors(model)
-    if drives:
-        emit_table(
-            "ripple and backlash of the drives",
-            ("", "ripple rms, 0.001 deg", "strongest, per turn", "backlash, 0.001 deg"),
-            [
-                (
-                    name,
-                    f"{row['ripple_mdeg']:.2f}",
-                    str(row["strongest"]) if row["ripple_mdeg"] >= 0.005 else "none",
-                    f"{row['backlash_mdeg']:+.2f}",
-                )
-                for name, row in drives.items()
-            ],
-        )
 
 
 def cell_document(cell: Cell) -> dict[str, Any]:
@@ -321,20 +313,19 @@ def _measurements(path: Path, mapping: Path | None) -> MeasurementSet:
         ) from cause
 
 
-def _show(path: Path, document: dict[str, Any], origin: Provenance | None) -> None:
-    remarks_of = ("doubts", "notes")
-    emit_facts(
-        f"{path.name}: {document['holds']}",
-        [
+def _facts(path: Path, document: dict[str, Any]) -> tuple[Block, ...]:
+    told = Facts(
+        title=f"{path.name}: {document['holds']}",
+        rows=tuple(
             (key.replace("_", " "), _told(key, value))
             for key, value in document.items()
-            if key not in (*remarks_of, "holds")
-        ],
-        origin,
+            if key not in (*REMARKS, "holds")
+        ),
     )
-    for key in remarks_of:
-        for line in document.get(key, ()):
-            say(f"{key.removesuffix('s')}: {line}")
+    lines = (
+        f"{key.removesuffix('s')}: {each}" for key in REMARKS for each in document.get(key, ())
+    )
+    return (told, *map(Note, lines))
 
 
 def _told(key: str, value: Any) -> str:

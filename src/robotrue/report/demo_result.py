@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 from robotrue.calibration.model import ErrorModel
 from robotrue.core.arrays import Array
@@ -18,9 +18,6 @@ from robotrue.report.page import report_html
 from robotrue.validation.contest import Selection
 from robotrue.validation.hole_contour import HoleResult
 from robotrue.validation.metrics import ErrorStatistics, error_statistics
-
-Progress: TypeAlias = Callable[[str, float], None]
-"""Told what is done next and the share of the job that is behind, 0 to 1."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

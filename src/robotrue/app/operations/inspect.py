@@ -1,0 +1,32 @@
+"""Say what a file holds: a model, a cell, measurements or a program."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Final
+
+from robotrue.app.context import Context
+from robotrue.app.operation import Operation, PlainResult
+from robotrue.app.request import InputFile, Request
+from robotrue.app.request_fields import Columns
+
+
+class InspectRequest(Request):
+    """Which file to look into; its content says what it is, not its name."""
+
+    path: Annotated[Path, InputFile(argument="FILE", help="Model, cell, measurements or program.")]
+    mapping: Columns = None
+
+
+def run(request: InspectRequest, context: Context) -> PlainResult:
+    """Returns what the file holds.
+
+    Raises:
+        FormatError: Nothing that is known here.
+    """
+    from robotrue.app.file_contents import describe_file
+
+    return describe_file(request.path, request.mapping)
+
+
+OPERATION: Final = Operation(request=InspectRequest, run=run)
