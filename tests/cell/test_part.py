@@ -11,8 +11,7 @@ import pytest
 from robotrue.cell.cell import Cell
 from robotrue.cell.cell_text import cell_text
 from robotrue.cell.config import parse_cell, read_cell
-from robotrue.cell.part import PartFrame, PartTable
-from robotrue.cell.part_tables import part_tables
+from robotrue.cell.part import PartFrame, PartTable, part_tables
 from robotrue.cell.toml_edit import (
     PART_HEADING,
     rename_files,

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 import shop
 
-from robotrue.cell.part import PartFrame, PartTable
-from robotrue.cell.part_tables import part_tables
+from robotrue.cell.part import PartFrame, PartTable, part_tables
 from robotrue.cell.toml_edit import write_toml
 from robotrue.core.poses import apply, pose, pose_from_xyz_abc
 from robotrue.core.rotations import matrix_from_abc

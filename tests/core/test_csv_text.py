@@ -16,9 +16,9 @@ from robotrue.core.csv_text import as_written, csv_remark, csv_text
 from robotrue.measurement.formats.part_points import read_points, write_points
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.measurement.touch_session import (
+    ProbingSession,
     TouchFeature,
     TouchReading,
-    TouchSession,
     session_csv,
 )
 
@@ -84,7 +84,7 @@ def test_touched_points_keep_the_names_of_their_features(tmp_path: Path) -> None
 
 
 def test_readings_of_a_session_are_handed_out_the_same_way() -> None:
-    session = TouchSession(
+    session = ProbingSession(
         features=(TouchFeature(name=HOSTILE[0], part=1, point_mm=(1.0, -2.0, 3.0)),),
         parts=("front", "=1+1"), rough=(), reads="position", settings={},
     )  # fmt: skip

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robotrue.core.exponentials import exponentials
-from robotrue.core.sines import arc_tangents, sines
+from robotrue.core.sines import arc_tangents, exponentials, sines
 from robotrue.core.units import DEG
 
 

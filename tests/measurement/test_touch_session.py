@@ -11,16 +11,16 @@ import pytest
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.formats.part_points import read_points
 from robotrue.measurement.touch_session import (
+    ProbingSession,
     State,
     TouchFeature,
     TouchReading,
-    TouchSession,
     session_csv,
     session_document,
     session_of,
 )
 
-EMPTY = TouchSession(
+EMPTY = ProbingSession(
     features=(
         TouchFeature(name="A, left", part=0, point_mm=(0.1, 0.2, 0.3)),
         TouchFeature(name="B", part=1, point_mm=(1.0, 2.0, 3.0), normal=(0.0, 0.0, 1.0)),
@@ -50,25 +50,25 @@ def test_a_reading_that_waits_is_decided_first() -> None:
     assert waiting.open == (1, 2)
     with pytest.raises(ConfigurationError, match="'A, left' waits for a decision"):
         waiting.with_reading(reading(1))
-    assert waiting.decided("kept").kept == (reading(0),)
-    assert waiting.decided("dropped").open == (0, 1, 2)
-    assert waiting.decided("skipped").open == (1, 2)
-    assert not waiting.decided("skipped").kept
+    assert waiting.decide("kept").kept == (reading(0),)
+    assert waiting.decide("dropped").open == (0, 1, 2)
+    assert waiting.decide("skipped").open == (1, 2)
+    assert not waiting.decide("skipped").kept
     with pytest.raises(ConfigurationError, match="no reading waits"):
-        EMPTY.decided("kept")
+        EMPTY.decide("kept")
 
 
 def test_a_feature_touched_again_replaces_and_undo_brings_the_first_back() -> None:
     twice = EMPTY.with_reading(reading(0)).with_reading(reading(2)).with_reading(reading(0, x=5.0))
     assert [(each.feature, each.values[0]) for each in twice.kept] == [(2, 1.0), (0, 5.0)]
-    once = twice.undone()
+    once = twice.undo()
     assert [(each.feature, each.values[0]) for each in once.kept] == [(0, 1.0), (2, 1.0)]
     assert [each.state for each in once.readings] == ["kept", "kept", "undone"]
-    nothing = once.undone().undone()
+    nothing = once.undo().undo()
     assert not nothing.kept
     assert len(nothing.readings) == 3
     with pytest.raises(ConfigurationError, match="nothing to undo"):
-        nothing.undone()
+        nothing.undo()
 
 
 def test_the_file_of_a_session_is_read_to_the_last_bit(tmp_path: Path) -> None:

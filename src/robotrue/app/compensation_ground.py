@@ -14,8 +14,7 @@ from robotrue.app.reporting import place_in_file
 from robotrue.calibration.lineage import identity_of
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.nominal import NominalModel
-from robotrue.cell.cell import Cell
-from robotrue.cell.frame_table import frame_table
+from robotrue.cell.cell import Cell, frame_table
 from robotrue.cell.part import PartFrame
 from robotrue.compensation.between_targets import SplitOptions
 from robotrue.compensation.process_force import DescribedForce

@@ -16,9 +16,8 @@ from robotrue.app.context import Context
 from robotrue.app.demo_page import demo_content, demo_results, demo_tables
 from robotrue.calibration.methods import METHODS, fit
 from robotrue.calibration.model import ErrorModel
-from robotrue.cell.cell import Cell
+from robotrue.cell.cell import Cell, frame_table
 from robotrue.cell.config import read_cell
-from robotrue.cell.frame_table import frame_table
 from robotrue.compensation.compensate import compensate
 from robotrue.compensation.result import Compensation
 from robotrue.compensation.settings import CompensationSettings

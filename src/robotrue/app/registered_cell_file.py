@@ -9,8 +9,7 @@ from pathlib import Path
 from robotrue.cell.cell import Cell
 from robotrue.cell.cell_text import cell_text
 from robotrue.cell.config import parse_cell
-from robotrue.cell.part import PartTable
-from robotrue.cell.part_tables import part_tables
+from robotrue.cell.part import PartTable, part_tables
 from robotrue.cell.toml_edit import rename_files, with_part
 from robotrue.core.files import read_bytes
 from robotrue.store.model_file import ZIP

@@ -9,7 +9,7 @@ shows are parameters that move the arm alike, of which only a combination exists
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Literal, TypeAlias
 
 import numpy as np
@@ -183,7 +183,7 @@ def _imagined(
     push = np.zeros((PROBES, 6))
     push[:, :3] = 0.1 * weight * rng.standard_normal((PROBES, 3))
     quiet = Load(mass=payload.mass, com=payload.com)
-    loaded = Load(mass=payload.mass, com=payload.com, wrench=push)
+    loaded = replace(payload, wrench=push)
     scale = np.repeat([1.0 / 5e-5, 1.0 / 1e-4], 3)[None, :, None]
     still = scale * parameter_jacobian(robot, state, joints, torque_at(robot, state, quiet))
     pushed = still.copy()

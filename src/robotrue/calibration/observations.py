@@ -239,18 +239,6 @@ def join_chunks(parts: list[Array], observations: Sequence[Observation]) -> tupl
     return tuple(out)
 
 
-def loads_of(measurements: MeasurementSet, payload: Load) -> Load:
-    """Returns the load of every row; what a row does not say comes from ``payload``."""
-    n = len(measurements)
-    mass = np.where(np.isnan(measurements.payload_mass), payload.mass[0], measurements.payload_mass)
-    com = np.where(
-        np.isnan(measurements.payload_com),
-        np.broadcast_to(payload.com[0], (n, 3)),
-        measurements.payload_com,
-    )
-    return Load(mass=mass, com=com, wrench=measurements.wrench)
-
-
 def observations_of(
     robot: RobotModel,
     measurements: MeasurementSet,
@@ -268,7 +256,10 @@ def observations_of(
         repeatability: m, sd per axis of one visit.
         rotation_sd: rad per axis, where a row states no covariance of its orientation.
     """
-    torque = drive_torque(robot, measurements.joints, loads_of(measurements, payload))
+    loads = payload.fill_rows(
+        measurements.payload_mass, measurements.wrench, measurements.payload_com
+    )
+    torque = drive_torque(robot, measurements.joints, loads)
     station = (
         measurements.station
         if measurements.frame == "tracker"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Final
 
 import numpy as np
@@ -19,6 +19,7 @@ from robotrue.measurement.tracker import (
     TrackerSpecification,
     point_covariance,
 )
+from robotrue.program.external_axes import ExternalAxis
 from robotrue.program.program import FrameTable
 from robotrue.robot.model import RobotModel
 from robotrue.robot.statics import NO_LOAD, Load
@@ -153,3 +154,25 @@ class Cell(Columns):
 def tracker_covariance(cell: Cell, position: Array) -> Array:
     """Returns the instrument's covariance (n, 3, 3) m^2 at positions (n, 3) m in ``cell.frame``."""
     return point_covariance(cell.tracker, position, cell.tracker_position)
+
+
+def frame_table(cell: Cell) -> FrameTable:
+    """Returns the frames a program falls back on, and those it names."""
+    named = () if cell.part is None else cell.part.frames
+    return replace(
+        cell.controller,
+        external=tuple(_carrying(axis, cell) for axis in cell.controller.external),
+        T_base_frame=cell.T_base_frame,
+        T_flange_tool=cell.robot.T_flange_tool,
+        bases={**cell.controller.bases, **{frame.name: frame.T_base_part for frame in named}},
+    )
+
+
+def _carrying(axis: ExternalAxis, cell: Cell) -> ExternalAxis:
+    """The axis, with the default work frame on it where that is a part frame it carries."""
+    carried = {name.lower() for name in axis.frames}
+    parts = () if cell.part is None else cell.part.frames
+    mine = [part.T_base_part for part in parts if part.name.lower() in carried]
+    if any(np.array_equal(T, cell.T_base_frame) for T in mine):
+        return replace(axis, frames=(*axis.frames, "base"))
+    return axis

@@ -15,11 +15,12 @@ from pydantic import ValidationError
 from robotrue.cell.cell import DEFAULT_TARGET_SIGMA, Cell
 from robotrue.cell.controller_table import read_controller
 from robotrue.cell.obstacles import Box, HalfSpace, Obstacle, Sphere
-from robotrue.cell.part_tables import read_part
+from robotrue.cell.part import PartFrame, PartTable
 from robotrue.cell.robot_table import read_compliance, read_robot
 from robotrue.cell.schema import (
     CellFile,
     ObstacleTable,
+    PartFrameTable,
     PayloadTable,
     PoseTable,
     TargetTable,
@@ -27,9 +28,10 @@ from robotrue.cell.schema import (
 )
 from robotrue.cell.schema_faults import configuration_error, line_of_key
 from robotrue.core.arrays import Array
-from robotrue.core.files import read_bytes, sha256
+from robotrue.core.files import parse_toml, read_bytes, sha256
+from robotrue.core.model_identity import ModelIdentity
 from robotrue.core.poses import pose, pose_from_xyz_abc
-from robotrue.core.toml_text import parse_toml
+from robotrue.core.provenance import Provenance, SourceFile
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ConfigurationError, ShapeError
 from robotrue.measurement.tracker import DEFAULT_SPECIFICATION, TrackerSpecification, one_sigma
@@ -147,7 +149,7 @@ def _build_cell(file: CellFile, source: _Source) -> Cell:
     robot = read_robot(file.robot, source.path, source.read_file)
     if file.tool is not None:
         robot = robot.with_tool(_pose(file.tool))
-    part, target, tracker = read_part(file), file.target, file.tracker
+    part, target, tracker = _read_part(file), file.target, file.tracker
     return Cell(
         robot=robot,
         T_flange_target=robot.T_flange_tool
@@ -184,7 +186,7 @@ def _point(values_mm: list[float] | None) -> Array | None:
     return None if values_mm is None else np.array(values_mm) * MM
 
 
-def _pose(table: PoseTable) -> Array:
+def _pose(table: PoseTable | PartFrameTable) -> Array:
     return pose_from_xyz_abc(np.array(table.xyz_mm) * MM, np.array(table.abc_deg) * DEG)
 
 
@@ -234,3 +236,52 @@ def _tracker(table: TrackerTable) -> TrackerSpecification:
         )
     specification = one_sigma(fixed * UM, slope * UM)
     return replace(specification, name=table.name) if table.name else specification
+
+
+def _read_part(file: CellFile) -> PartTable | None:
+    """Returns where touching found the part; None in a cell that is not registered.
+
+    Raises:
+        ConfigurationError: Frames without what they were made with, or the reverse, or two of one
+            name.
+    """
+    if file.registration is None and not file.part:
+        return None
+    names = [table.name for table in file.part]
+    if file.registration is None or not names or len(set(names)) < len(names):
+        raise ConfigurationError(
+            f"part frames {names} {'without' if file.registration is None else 'with'} a "
+            "[registration], expected one table [registration] and one or more [[part]], of "
+            "different names.",
+            hint="robotrue register CELL POINTS -o CELL_OUT writes both.",
+        )
+    made = file.registration
+    return PartTable(
+        frames=tuple(_read_frame(table) for table in file.part),
+        identity=ModelIdentity(
+            kind=made.model.kind, robot=made.model.robot, sha256=made.model.sha256
+        ),
+        method=made.method,
+        model_file=made.model.file,
+        points_file=made.points_file,
+        points_sha256=made.points_sha256,
+        provenance=Provenance(
+            simulated=made.simulated,
+            instrument=made.instrument,
+            files=(SourceFile(name=made.points_file, sha256=made.points_sha256),)
+            if made.points_file
+            else (),
+        ),
+    )
+
+
+def _read_frame(table: PartFrameTable) -> PartFrame:
+    return PartFrame(
+        name=table.name,
+        T_base_part=_pose(table),
+        covariance=np.array(table.covariance_m_rad),
+        touches=table.touches,
+        outliers=tuple(table.outliers),
+        rms=table.rms_mm * MM,
+        verdict=table.verdict,
+    )

@@ -105,3 +105,33 @@ class PartTable:
         raise ConfigurationError(
             f"no part {name!r} in the cell; it has {listed}.", hint=f"--part {self.names[0]}"
         )
+
+
+def part_tables(part: PartTable) -> dict[str, Any]:
+    """Returns the tables; every digit of poses, covariances and residuals is kept."""
+    origin = part.provenance
+    return {
+        "registration": {
+            "method": part.method,
+            "points_file": part.points_file,
+            "points_sha256": part.points_sha256,
+            **({"simulated": True} if origin.simulated else {}),
+            **({"instrument": origin.instrument} if origin.instrument else {}),
+            "model": {**part.identity.document(), "file": part.model_file},
+        },
+        "part": [_frame_table(frame) for frame in part.frames],
+    }
+
+
+def _frame_table(frame: PartFrame) -> dict[str, Any]:
+    T = frame.T_base_part
+    return {
+        "name": frame.name,
+        "xyz_mm": (T[:3, 3] / MM + 0.0).tolist(),
+        "abc_deg": (abc_from_matrix(T[:3, :3]) / DEG + 0.0).tolist(),
+        "touches": frame.touches,
+        "outliers": list(frame.outliers),
+        "rms_mm": float(frame.rms / MM),
+        "verdict": frame.verdict,
+        "covariance_m_rad": (frame.covariance + 0.0).tolist(),
+    }

@@ -92,7 +92,7 @@ def with_part(text: str, tables: Mapping[str, Any]) -> str:
 
     Args:
         text: The cell.toml.
-        tables: What :func:`robotrue.cell.part_tables.part_tables` returns.
+        tables: What :func:`robotrue.cell.part.part_tables` returns.
     """
     return f"{without_part(text)}\n{PART_HEADING}{write_toml(tables)}"
 

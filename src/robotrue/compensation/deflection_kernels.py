@@ -11,8 +11,7 @@ from typing import Any
 from robotrue.compensation.nominal_kernels import write_theta
 from robotrue.core.arrays import Array
 from robotrue.core.compiled import EXACT, SUMS, compiled
-from robotrue.core.exponentials import exponentials
-from robotrue.core.sines import sine_and_cosine
+from robotrue.core.sines import exponentials, sine_and_cosine
 from robotrue.robot.chain import ORIGIN
 from robotrue.robot.chain_kernels import multiply, walk, write_load_torque
 

@@ -16,8 +16,7 @@ from typing import Annotated, Final
 import numpy as np
 
 from robotrue.calibration.model import ErrorModel
-from robotrue.cell.cell import Cell
-from robotrue.cell.frame_table import frame_table
+from robotrue.cell.cell import Cell, frame_table
 from robotrue.compensation.compensate import compensate
 from robotrue.compensation.process_force import DescribedForce
 from robotrue.compensation.settings import CompensationSettings

@@ -36,7 +36,7 @@ from robotrue.compensation.process_force import (
     Part,
 )
 from robotrue.core.arrays import Array, IntArray
-from robotrue.core.toml_text import read_toml
+from robotrue.core.files import read_toml
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError, RobotrueError
 from robotrue.measurement.formats.sheet import Sheet, column_key

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -95,7 +95,7 @@ class CompensationSettings:
             ConfigurationError: Neither one row nor one per target.
         """
         wrench = self.wrench if self.wrench.size else self.load.wrench
-        load = Load(mass=self.load.mass, com=self.load.com, wrench=wrench)
+        load = replace(self.load, wrench=wrench)
         for name in ("mass", "com", "wrench"):
             rows = len(getattr(load, name))
             if rows not in (1, count):

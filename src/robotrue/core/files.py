@@ -1,4 +1,4 @@
-"""Files that are either whole or not there."""
+"""Files that are either whole or not there, and their text with the line of a fault."""
 
 from __future__ import annotations
 
@@ -6,12 +6,13 @@ import contextlib
 import hashlib
 import os
 import tempfile
+import tomllib
 import uuid
 from collections.abc import Iterator
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
-from robotrue.errors import FormatError
+from robotrue.errors import ConfigurationError, FormatError, RobotrueError
 
 
 def write_atomic(path: str | Path, data: bytes) -> None:
@@ -124,3 +125,66 @@ def sha256_of_file(path: str | Path) -> str:
         raise FormatError(
             f"cannot read: {cause.strerror}.", source=path, hint="check the path."
         ) from cause
+
+
+def utf8_text(
+    data: bytes,
+    path: str | Path,
+    *,
+    hint: str = "save the file as UTF-8.",
+    error: type[RobotrueError] = FormatError,
+) -> str:
+    """Returns the text, a byte order mark left out.
+
+    Args:
+        data: Content of the file.
+        path: The file.
+        hint: What to try where it is not UTF-8.
+        error: What to raise then.
+
+    Raises:
+        FormatError: Not UTF-8, with the line; or the ``error`` asked for.
+    """
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as cause:
+        raise error(
+            f"byte 0x{data[cause.start]:02x} is not UTF-8.",
+            source=path,
+            line=data.count(b"\n", 0, cause.start) + 1,
+            hint=hint,
+        ) from None
+
+
+def read_toml(path: str | Path, *, example: str) -> tuple[dict[str, Any], str]:
+    """Returns the tables of a TOML file and its text, for the lines of later faults.
+
+    Args:
+        path: The file.
+        example: Where the user finds one that is right.
+
+    Raises:
+        ConfigurationError: Not UTF-8 or not TOML, with the line.
+        FormatError: The file cannot be read.
+    """
+    return parse_toml(read_bytes(path), path, example=example)
+
+
+def parse_toml(data: bytes, path: str | Path, *, example: str) -> tuple[dict[str, Any], str]:
+    """Returns the tables in the content of a file and its text; see :func:`read_toml`.
+
+    Raises:
+        ConfigurationError: Not UTF-8 or not TOML, with the line.
+    """
+    text = utf8_text(data, path, error=ConfigurationError)
+    try:
+        return tomllib.loads(text), text
+    except (tomllib.TOMLDecodeError, RecursionError) as cause:
+        head, _, place = (str(cause) or "nested too deeply").partition(" (at ")
+        digits = "".join(c for c in place.partition("line ")[2].partition(",")[0] if c.isdigit())
+        raise ConfigurationError(
+            f"not TOML: {head}.",
+            source=path,
+            line=int(digits) if digits else text.count("\n") + 1,
+            hint=f"compare the line with the example in {example}.",
+        ) from None

@@ -27,7 +27,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from robotrue.cell.schema import Above0, Number, Three, Two
 from robotrue.cell.schema_faults import configuration_error, line_of_key
 from robotrue.core.arrays import Array
-from robotrue.core.toml_text import read_toml
+from robotrue.core.files import read_toml
 from robotrue.core.units import DEG, MM, UM
 from robotrue.drilling.foot import FLAT, Foot, Skin
 from robotrue.drilling.head import Head

@@ -8,8 +8,11 @@ says so.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
+from functools import cache
 from typing import Any, Final, Literal, TypeAlias
+
+from pydantic import TypeAdapter, ValidationError
 
 from robotrue.core.csv_text import csv_text
 from robotrue.core.provenance import Provenance, mark_line
@@ -70,7 +73,7 @@ class TouchReading:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TouchSession:
+class ProbingSession:
     """All of it.
 
     Attributes:
@@ -107,7 +110,7 @@ class TouchSession:
         done = {each.feature for each in self.readings if each.state in COUNTED}
         return tuple(k for k in range(len(self.features)) if k not in done)
 
-    def with_reading(self, reading: TouchReading) -> TouchSession:
+    def with_reading(self, reading: TouchReading) -> ProbingSession:
         """Returns the session with one more reading.
 
         Raises:
@@ -123,25 +126,25 @@ class TouchSession:
                 f"feature {reading.feature + 1} of {len(self.features)}: there is none."
             )
         found = replace(self, readings=(*self.readings, reading))
-        return found._settled() if reading.state == "kept" else found
+        return found._count_last_kept() if reading.state == "kept" else found
 
-    def decided(self, state: Literal["kept", "dropped", "skipped"]) -> TouchSession:
+    def decide(self, state: Literal["kept", "dropped", "skipped"]) -> ProbingSession:
         """Returns the session in which the reading that waits is kept, dropped, or its point left.
 
         Raises:
             ConfigurationError: None waits.
         """
-        found = self._changed(("held",), state)
-        return found._settled() if state == "kept" else found
+        found = self._change_last(("held",), state)
+        return found._count_last_kept() if state == "kept" else found
 
-    def undone(self) -> TouchSession:
+    def undo(self) -> ProbingSession:
         """Returns the session as if what was entered last had not been; it stays on record.
 
         Raises:
             ConfigurationError: Nothing was entered.
         """
         last = next((each for each in reversed(self.readings) if each.state in COUNTED), None)
-        found = self._changed(COUNTED, "undone")
+        found = self._change_last(COUNTED, "undone")
         if last is not None and last.state == "kept":  # the touch it had replaced is back
             back = [
                 k
@@ -151,7 +154,7 @@ class TouchSession:
             return found._with_state(back[-1], "kept") if back else found
         return found
 
-    def _changed(self, among: Sequence[str], state: State) -> TouchSession:
+    def _change_last(self, among: Sequence[str], state: State) -> ProbingSession:
         for k in range(len(self.readings) - 1, -1, -1):
             if self.readings[k].state in among:
                 return self._with_state(k, state)
@@ -161,12 +164,12 @@ class TouchSession:
             else "nothing was entered yet: nothing to undo."
         )
 
-    def _with_state(self, number: int, state: State) -> TouchSession:
+    def _with_state(self, number: int, state: State) -> ProbingSession:
         changed = replace(self.readings[number], state=state)
         readings = (*self.readings[:number], changed, *self.readings[number + 1 :])
         return replace(self, readings=readings)
 
-    def _settled(self) -> TouchSession:
+    def _count_last_kept(self) -> ProbingSession:
         """One reading of each feature counts: the last that was kept."""
         last = {each.feature: k for k, each in enumerate(self.readings) if each.state == "kept"}
         found = self
@@ -176,56 +179,31 @@ class TouchSession:
         return found
 
 
-def session_document(session: TouchSession) -> dict[str, Any]:
+def session_document(session: ProbingSession) -> dict[str, Any]:
     """Returns a session as JSON values."""
     return asdict(session)
 
 
-def session_of(document: Mapping[str, Any]) -> TouchSession:
-    """Returns a session from its JSON values.
+@cache
+def _sessions() -> TypeAdapter[ProbingSession]:
+    return TypeAdapter(ProbingSession)
+
+
+def session_of(document: Mapping[str, Any]) -> ProbingSession:
+    """Returns a session from its JSON values; keys it does not know are passed over.
 
     Raises:
         ConfigurationError: They are those of something else.
     """
     try:
-        return TouchSession(
-            features=tuple(
-                TouchFeature(
-                    name=str(each["name"]),
-                    part=int(each["part"]),
-                    point_mm=_three(each["point_mm"]),
-                    normal=None if each["normal"] is None else _three(each["normal"]),
-                    postures_deg=tuple(tuple(map(float, row)) for row in each["postures_deg"]),
-                )
-                for each in document["features"]
-            ),
-            parts=tuple(map(str, document["parts"])),
-            rough=tuple(
-                tuple(tuple(map(float, row)) for row in each) for each in document["rough"]
-            ),
-            reads="joints" if document["reads"] == "joints" else "position",
-            settings=dict(document["settings"]),
-            readings=tuple(_reading(each) for each in document["readings"]),
-            simulated=bool(document["simulated"]),
-        )
-    except (KeyError, TypeError, ValueError) as cause:
-        raise ConfigurationError(f"no session of touches: {cause!r}.") from cause
+        return _sessions().validate_python(document)
+    except ValidationError as cause:
+        fault = cause.errors()[0]
+        where = ".".join(map(str, fault["loc"]))
+        raise ConfigurationError(f"no session of touches: {where}: {fault['msg']}.") from cause
 
 
-def _reading(stated: Mapping[str, Any]) -> TouchReading:
-    known = {field.name for field in fields(TouchReading)}
-    values = {key: value for key, value in stated.items() if key in known}
-    values["values"] = tuple(map(float, values.get("values", ())))
-    values["suspicions"] = tuple(dict(each) for each in values.get("suspicions", ()))
-    return TouchReading(**values)
-
-
-def _three(values: Sequence[float]) -> tuple[float, float, float]:
-    x, y, z = values
-    return float(x), float(y), float(z)
-
-
-def session_csv(session: TouchSession, readings: Sequence[TouchReading]) -> bytes:
+def session_csv(session: ProbingSession, readings: Sequence[TouchReading]) -> bytes:
     """Returns readings as the file of touched points that ``robotrue register`` reads.
 
     Args:

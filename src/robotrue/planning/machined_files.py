@@ -9,8 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.cell.cell import Cell
-from robotrue.cell.frame_table import frame_table
+from robotrue.cell.cell import Cell, frame_table
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.files import read_bytes
 from robotrue.core.number_list import parse_number_list

@@ -7,8 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.cell.cell import Cell
-from robotrue.cell.frame_table import frame_table
+from robotrue.cell.cell import Cell, frame_table
 from robotrue.core.arrays import Array
 from robotrue.core.poses import pose
 from robotrue.core.regions import CubeRegion, CylinderRegion, Region

@@ -41,6 +41,22 @@ class Load(Columns):
         )
         return Load(mass=mass, com=com, wrench=wrench)
 
+    def fill_rows(self, mass: Array, wrench: Array, com: Array | None = None) -> Load:
+        """Returns the load of n rows; what a row does not say is that of this payload.
+
+        Args:
+            mass: (n,) kg at the flange; NaN where not stated.
+            wrench: (n, 6) N, N m.
+            com: (n, 3) m in the flange frame, NaN where not stated; None: nowhere.
+        """
+        n = len(mass)
+        own = np.broadcast_to(self.com, (n, 3))
+        return Load(
+            mass=np.where(np.isnan(mass), self.mass, mass),
+            com=own if com is None else np.where(np.isnan(com), own, com),
+            wrench=wrench,
+        )
+
 
 NO_LOAD = Load()
 

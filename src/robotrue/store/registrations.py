@@ -12,7 +12,7 @@ from typing import Final
 
 from robotrue.cell.config import read_cell
 from robotrue.errors import ConfigurationError, ModelMismatchError
-from robotrue.measurement.touch_session import TouchSession, session_document, session_of
+from robotrue.measurement.touch_session import ProbingSession, session_document, session_of
 from robotrue.store import documents, items
 from robotrue.store.nouns import DOCUMENT, REGISTRATION, DocumentRecord, RegistrationRecord
 from robotrue.store.records import Ref, links_to
@@ -88,7 +88,7 @@ def add(
 
 def add_session(
     where: Workspace | Transaction,
-    session: TouchSession,
+    session: ProbingSession,
     *,
     name: str,
     cell: Ref,
@@ -114,7 +114,7 @@ def add_session(
     return documents.add(where, SESSION_KIND, name=name, files=files, about=about, detail=detail)
 
 
-def session_in(record: DocumentRecord) -> TouchSession:
+def session_in(record: DocumentRecord) -> ProbingSession:
     """Returns the session of a record.
 
     Raises:
@@ -135,7 +135,7 @@ def save_session(
     where: Workspace | Transaction,
     id: str,
     version: int,
-    session: TouchSession,
+    session: ProbingSession,
     *,
     result: str | None = None,
 ) -> DocumentRecord:

@@ -76,7 +76,7 @@ def evaluate(
         prediction = seen.predict(
             Query(
                 joints=measured.joints[rows],
-                load=Load(mass=load.mass[rows], com=load.com[rows], wrench=load.wrench[rows]),
+                load=load.take(rows),
                 approach=measured.approach[rows],
                 temperature=measured.temperature[rows],
             )
@@ -99,13 +99,10 @@ def evaluate(
 
 def row_loads(measurements: MeasurementSet, payload: Load | None = None) -> Load:
     """Returns the load of every row: its own payload where stated, else ``payload``; its wrench."""
-    n = len(measurements)
     default = NO_LOAD if payload is None else payload
-    unknown = ~np.isfinite(measurements.payload_mass)
-    mass = np.where(unknown, np.broadcast_to(default.mass, (n,)), measurements.payload_mass)
-    own = np.where(np.isfinite(measurements.payload_com), measurements.payload_com, 0.0)
-    com = np.where(unknown[:, None], np.broadcast_to(default.com, (n, 3)), own)
-    return Load(mass=mass, com=com, wrench=measurements.wrench)
+    return default.fill_rows(
+        measurements.payload_mass, measurements.wrench, measurements.payload_com
+    )
 
 
 FEWEST_POINTS = 10

@@ -63,8 +63,8 @@ def run(request: DynamicsForceRequest, context: Context) -> PlainResult:
     Raises:
         ConfigurationError: Several jobs at once, or a cut that cannot be.
     """
+    from robotrue.core.files import read_toml
     from robotrue.core.provenance import read_provenance
-    from robotrue.core.toml_text import read_toml
     from robotrue.dynamics.cutting_data import cutting_data
     from robotrue.dynamics.milling_force import CALCULATED
 

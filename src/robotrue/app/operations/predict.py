@@ -15,9 +15,7 @@ from robotrue.app.request_fields import CalibratedModel, Columns
 from robotrue.core.provenance import Provenance
 
 if TYPE_CHECKING:
-    from robotrue.measurement.formats.measured_files import QueryTable
-    from robotrue.robot.statics import Load
-    from robotrue.store.model_file import ModelFile
+    pass
 
 
 class PredictRequest(Request):
@@ -100,8 +98,9 @@ def run(request: PredictRequest, context: Context) -> Predictions:
             source=request.queries,
             hint="one column j1_deg, j2_deg, ... per joint.",
         )
+    load = stored.cell.payload.fill_rows(queries.payload_mass, queries.wrench)
     prediction = stored.model.predict(
-        Query(joints=queries.joints, load=_load(stored, queries), approach=queries.approach)
+        Query(joints=queries.joints, load=load, approach=queries.approach)
     )
     sigma = np.sqrt(np.diagonal(prediction.covariance, axis1=1, axis2=2))
     origin, output = provenance_of(stored.model), context.output(request.output)
@@ -117,21 +116,6 @@ def run(request: PredictRequest, context: Context) -> Predictions:
         mean_sigma_mm=float((sigma / MM).mean()),
         output=output,
         provenance=origin,
-    )
-
-
-def _load(stored: ModelFile, queries: QueryTable) -> Load:
-    """The load of each query: its own mass where it states one, else the payload of the cell."""
-    import numpy as np
-
-    from robotrue.robot.statics import Load
-
-    n, payload = len(queries), stored.cell.payload
-    stated = np.isfinite(queries.payload_mass)
-    return Load(
-        mass=np.where(stated, queries.payload_mass, payload.mass[0]),
-        com=np.broadcast_to(payload.com[0], (n, 3)),
-        wrench=queries.wrench,
     )
 
 

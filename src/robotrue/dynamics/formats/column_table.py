@@ -16,9 +16,8 @@ import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.core.csv_text import as_written, csv_text
-from robotrue.core.files import read_bytes, sha256
+from robotrue.core.files import read_bytes, sha256, utf8_text
 from robotrue.core.provenance import Provenance, read_provenance
-from robotrue.core.utf8 import utf8_text
 from robotrue.dynamics.frf import ComplexArray
 from robotrue.errors import FormatError, ImplausibleDataError
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final, Literal, TypeAlias, get_args
 
-from robotrue.core.toml_text import read_toml
+from robotrue.core.files import read_toml
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.measurement_set import MeasurementFrame

@@ -18,8 +18,8 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array
+from robotrue.core.files import utf8_text
 from robotrue.core.units import MM
-from robotrue.core.utf8 import utf8_text
 from robotrue.errors import FormatError
 from robotrue.program.toolpath import FASTEST, Toolpath
 

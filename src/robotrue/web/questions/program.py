@@ -11,10 +11,9 @@ import numpy as np
 
 from robotrue.app.force_options import parse_wrench
 from robotrue.calibration.model import ErrorModel
-from robotrue.cell.cell import Cell
+from robotrue.cell.cell import Cell, frame_table
 from robotrue.cell.cell_overlay import overlay_cell
 from robotrue.cell.config import read_cell
-from robotrue.cell.frame_table import frame_table
 from robotrue.compensation.difference import Difference, difference
 from robotrue.compensation.stance import start_joints
 from robotrue.core.arrays import Array

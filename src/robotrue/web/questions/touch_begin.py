@@ -26,7 +26,7 @@ from robotrue.measurement.formats.part_points import (
     read_points,
 )
 from robotrue.measurement.formats.sheet_file import read_sheet
-from robotrue.measurement.touch_session import TouchFeature, TouchSession
+from robotrue.measurement.touch_session import ProbingSession, TouchFeature
 from robotrue.planning.arm_scene import scene_of
 from robotrue.planning.facing import facing
 from robotrue.planning.probing_candidates import TouchLimits, touch_candidates
@@ -91,7 +91,7 @@ def begun(folder: str, asked: str) -> bytes:
 
 def _session(
     cell: Cell, model: ErrorModel | None, path: Path, stated: Mapping[str, Any]
-) -> TouchSession:
+) -> ProbingSession:
     settings = _settings(stated)
     settings_from(settings, cell)  # refuses sizes that cannot be
     features, planned = _features(path, cell)
@@ -101,7 +101,7 @@ def _session(
     if reads == "joints" and not any(postures):
         raise ConfigurationError("not one feature can be reached as far as is known.")
     nan = np.isnan(features.normal[:, 0])
-    return TouchSession(
+    return ProbingSession(
         features=tuple(
             TouchFeature(
                 name=features.names[k],

@@ -7,8 +7,7 @@ from tempfile import TemporaryDirectory
 from typing import Final
 
 from robotrue.cell.config import parse_cell
-from robotrue.cell.part import PartTable
-from robotrue.cell.part_tables import part_tables
+from robotrue.cell.part import PartTable, part_tables
 from robotrue.cell.toml_edit import with_part
 from robotrue.core.files import write_atomic
 from robotrue.errors import ConfigurationError

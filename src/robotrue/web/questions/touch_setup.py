@@ -23,7 +23,7 @@ from robotrue.errors import (
 )
 from robotrue.measurement.formats.part_points import PointsFile, read_points
 from robotrue.measurement.probing_set import ProbingSet
-from robotrue.measurement.touch_session import TouchReading, TouchSession, session_csv
+from robotrue.measurement.touch_session import ProbingSession, TouchReading, session_csv
 from robotrue.planning.information import settings_of
 from robotrue.robot.model import nominal_identity
 from robotrue.store import items, models
@@ -51,7 +51,7 @@ class Opened:
     """
 
     record: DocumentRecord
-    session: TouchSession
+    session: ProbingSession
     cell: Cell
     cell_record: CellRecord
     model: ErrorModel | None
@@ -138,7 +138,7 @@ def require_same_arm(cell: Cell, model: ErrorModel | None) -> None:
         )
 
 
-def readings_name(session: TouchSession) -> str:
+def readings_name(session: ProbingSession) -> str:
     """Returns the name of the file of readings; what is simulated says so wherever it goes."""
     return "readings simulated.csv" if session.simulated else "readings.csv"
 

@@ -14,7 +14,7 @@ from robotrue.errors import ConfigurationError, FormatError
 from robotrue.measurement.formats.part_points import read_points
 from robotrue.measurement.formats.reading_line import joints_line, position_line
 from robotrue.measurement.probing_set import ProbingSet
-from robotrue.measurement.touch_session import TouchReading, TouchSession
+from robotrue.measurement.touch_session import ProbingSession, TouchReading
 from robotrue.store.nouns import DocumentRecord
 from robotrue.store.registrations import save_session
 from robotrue.store.workspace import Workspace
@@ -58,7 +58,7 @@ def decided(folder: str, id: str, version: int, decision: str, feature: int) -> 
         at = opened(workspace, id, version)
         session = at.session
         if decision == "undo":
-            session = session.undone()
+            session = session.undo()
         elif decision == "skip" and session.held is None:
             session = session.with_reading(
                 TouchReading(feature=feature, state="skipped", at=_now())
@@ -67,7 +67,7 @@ def decided(folder: str, id: str, version: int, decision: str, feature: int) -> 
             words: dict[str, Literal["kept", "dropped", "skipped"]] = {
                 "keep": "kept", "retake": "dropped", "skip": "skipped",
             }  # fmt: skip
-            session = _with_radius(at, session.decided(words[decision]))
+            session = _with_radius(at, session.decide(words[decision]))
         else:
             raise ConfigurationError(
                 f"decision {decision!r}, expected one of {', '.join(DECISIONS)}."
@@ -105,7 +105,7 @@ def reading_values(at: Opened, text: str) -> tuple[float, ...]:
 
 def _with(
     at: Opened, feature: int, values: tuple[float, ...], text: str, *, hold: bool
-) -> TouchSession:
+) -> ProbingSession:
     """The session with a reading that was judged by those before it."""
     before = [each for each in at.session.kept if each.feature != feature]
     found, _ = fitted(at, before)
@@ -133,7 +133,7 @@ def _with(
     return _with_radius(at, at.session.with_reading(reading))
 
 
-def _with_file(at: Opened, path: Path) -> TouchSession:
+def _with_file(at: Opened, path: Path) -> ProbingSession:
     """The session with the readings of a file: judged together where they fix a frame."""
     rows, session = _rows_of_file(at, path), at.session
     for feature, values in rows:
@@ -165,7 +165,7 @@ def _others(at: Opened, feature: int) -> ProbingSet:
     return places(at, rows)
 
 
-def _with_radius(at: Opened, session: TouchSession) -> TouchSession:
+def _with_radius(at: Opened, session: ProbingSession) -> ProbingSession:
     """The session whose last kept reading says how well the worst place is known after it."""
     kept = [k for k, each in enumerate(session.readings) if each.state == "kept"]
     if not kept or session.readings[kept[-1]].radius_mm is not None:
