@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from planted_arm import PAYLOAD, arm, planted, postures
 
+from robotrue.calibration.design import HeldOut, temper_factor
 from robotrue.calibration.evidence import Group, held_scales, learn, posterior, sums_of
-from robotrue.calibration.held_out import HeldOut, temper_factor
 from robotrue.calibration.learned import LearnedParts, fit_learned
 from robotrue.calibration.methods import FitSettings, fit
 from robotrue.calibration.model import Query

@@ -10,9 +10,9 @@ from planted_arm import PAYLOAD, arm, planted, postures
 
 from robotrue.calibration.archive import open_model
 from robotrue.calibration.calibrated_model import LEARNED
+from robotrue.calibration.design import predict_held_out
 from robotrue.calibration.estimate import estimate
 from robotrue.calibration.evidence import learn
-from robotrue.calibration.held_out import predict_held_out
 from robotrue.calibration.learned import (
     LearnedParts,
     climb_ladder,

@@ -16,9 +16,9 @@ from typing import Final
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
-from scipy.optimize import minimize
 
 from robotrue.calibration.drift import Drift, carry_over
+from robotrue.calibration.learners.search import deviation_axes, search_theta
 from robotrue.calibration.new_rows import NUISANCE_SD, left_out_lengths
 from robotrue.calibration.observations import LinearRows
 from robotrue.core.arrays import Array, IntArray
@@ -130,18 +130,18 @@ class Problem:
         plain = np.exp(2.0 * log_scale[1]) * np.diag(self._stack.white) + self._stack.known
         return np.asarray(plain - np.exp(2.0 * log_scale[1]) * self._white - self._known)
 
-    def objective(self, log_scale: Array) -> tuple[float, Array]:
-        """Minus the log posterior of the scales and its gradient."""
+    def log_posterior(self, log_scale: Array) -> tuple[float, Array]:
+        """Log posterior of the scales, up to a constant, and its gradient."""
         total, slopes, y, moved = self.matrices(log_scale)
         factor = cho_factor(total, lower=True)
         alpha = cho_solve(factor, y)
         inverse = cho_solve(factor, np.eye(len(y)))
-        weight = 0.5 * (inverse - np.outer(alpha, alpha))
+        weight = 0.5 * (np.outer(alpha, alpha) - inverse)
         off = (log_scale - self._drift.rest) / self._drift.log_sd
-        value = float(np.log(np.diagonal(factor[0])).sum()) + 0.5 * float(y @ alpha + off @ off)
+        value = -float(np.log(np.diagonal(factor[0])).sum()) - 0.5 * float(y @ alpha + off @ off)
         gradient = np.array([float((weight * slope).sum()) for slope in slopes])
-        gradient[2:4] += [float(alpha @ m) for m in moved]
-        return value, gradient + off / self._drift.log_sd
+        gradient[2:4] -= [float(alpha @ m) for m in moved]
+        return value, gradient - off / self._drift.log_sd
 
     def mean(self, log_scale: Array) -> Array:
         """Posterior mean (p + nuisances,) at given scales."""
@@ -158,28 +158,14 @@ class Problem:
 
 def learn_drift(drift: Drift, problem: Problem) -> Drift:
     """Returns the drift with the scales that the rows make most probable, and their covariance."""
-    low, high = drift.rest - WIDEST, drift.rest + WIDEST
-    found = minimize(
-        problem.objective,
-        np.clip(drift.log_scale, low, high),
-        jac=True,
-        method="L-BFGS-B",
-        bounds=list(zip(low, high, strict=True)),
-        options={"maxiter": STEPS},
-    )
-    at = np.asarray(found.x)
-    curvature = np.empty((len(at), len(at)))
-    for k in range(len(at)):
-        step = np.zeros(len(at))
-        step[k] = DIFFERENCE
-        ahead, behind = problem.objective(at + step)[1], problem.objective(at - step)[1]
-        curvature[k] = (ahead - behind) / (2.0 * DIFFERENCE)
+    bounds = drift.rest[:, None] + np.array([-WIDEST, WIDEST])
+    best = search_theta(problem.log_posterior, drift.log_scale, bounds, steps=STEPS)
     # Whitened by the prior the curvature of a proper posterior is about 1 or more; a saddle of
     # the Gaussian approximation is taken for "not better known than before".
-    unit = drift.log_sd[:, None] * (0.5 * (curvature + curvature.T)) * drift.log_sd
-    values, vectors = np.linalg.eigh(unit)
-    half = drift.log_sd[:, None] * vectors / np.sqrt(np.maximum(values, 1.0))
-    return replace(drift, log_scale=at, log_cov=half @ half.T)
+    axes = deviation_axes(
+        lambda at: problem.log_posterior(at)[1], best, drift.log_sd, step=DIFFERENCE, least=1.0
+    )
+    return replace(drift, log_scale=best, log_cov=axes @ axes.T)
 
 
 def leave_rows_out(

@@ -17,11 +17,10 @@ from typing import Any, Final
 import numpy as np
 
 from robotrue.calibration.calibrated_model import CalibratedModel
-from robotrue.calibration.design import Design
+from robotrue.calibration.design import Design, HeldOut, predict_held_out, temper_factor
 from robotrue.calibration.estimate import Estimate, estimate
 from robotrue.calibration.estimator import NOISE_FLOOR
 from robotrue.calibration.evidence import Sums, Weights, learn
-from robotrue.calibration.held_out import HeldOut, predict_held_out, temper_factor
 from robotrue.calibration.learned_assembly import LinearFit, assemble_model, day_shift
 from robotrue.calibration.observations import (
     observations_of,

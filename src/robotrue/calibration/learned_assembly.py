@@ -14,16 +14,16 @@ import numpy as np
 
 from robotrue.calibration.belief import Belief
 from robotrue.calibration.calibrated_model import CalibratedModel, model_of
-from robotrue.calibration.design import Design
+from robotrue.calibration.design import Design, HeldOut
 from robotrue.calibration.estimate import Estimate
 from robotrue.calibration.evidence import Sums, Weights
-from robotrue.calibration.held_out import HeldOut
 from robotrue.calibration.lineage import describe_rows
 from robotrue.calibration.parameters import retract, station_as_base, target_as_tool
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.terms.ripple import Ripple, harmonics
 from robotrue.calibration.terms.smooth import SmoothResidual
 from robotrue.calibration.terms.term import Term
+from robotrue.calibration.training_summary import describe_parameters
 from robotrue.core.arrays import IntArray
 from robotrue.robot.model import parameter_names, parameter_slice
 
@@ -61,12 +61,9 @@ def assemble_model(
     belief = _belief_of_fit(at, settings, held_out.inflation)
     classes = physical.identifiability.classes
     sd = np.sqrt(belief.variance[: len(belief.errors)])
-    parameters = {
-        name: {"value": float(value), "sd": float(spread), "class": classes.get(name, "fixed")}
-        for name, value, spread in zip(
-            parameter_names(belief.robot.dof), belief.errors, sd, strict=True
-        )
-    }
+    names = parameter_names(belief.robot.dof)
+    kinds = [classes.get(name, "fixed") for name in names]
+    parameters = describe_parameters(names, belief.errors, sd, kinds)
     summary = _summary(physical, at, held_out, belief.white, notes)
     return model_of(belief, {**summary, "parameters": parameters})
 

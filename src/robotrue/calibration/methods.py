@@ -16,6 +16,7 @@ from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.parameters import station_as_base, target_as_tool
 from robotrue.calibration.priors import free_groups
 from robotrue.calibration.settings import FitSettings
+from robotrue.calibration.training_summary import describe_parameters
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel, parameter_slice
@@ -107,6 +108,7 @@ def _summary(result: Estimate, method: str) -> dict[str, Any]:
     """JSON values; lengths of this block are SI like everything in an archive."""
     posterior, seen = result.posterior, result.identifiability
     classes = seen.classes
+    names, values, sd = zip(*result.table(), strict=True)
     return {
         "method": method,
         **describe_rows(result.measurements),
@@ -115,10 +117,9 @@ def _summary(result: Estimate, method: str) -> dict[str, Any]:
         "verdict": result.verdict.status,
         "doubts": list(result.verdict.doubts),
         "unseen": seen.document(),
-        "parameters": {
-            name: {"value": float(value), "sd": float(sd), "class": classes.get(name, "fixed")}
-            for name, value, sd in result.table()
-        },
+        "parameters": describe_parameters(
+            names, np.array(values), np.array(sd), [classes.get(name, "fixed") for name in names]
+        ),
         "white_sd_m": float(np.sqrt(posterior.noise[0])),
         "white_sd_rad": float(np.sqrt(posterior.noise[1])),
         "rms_m": result.rms,

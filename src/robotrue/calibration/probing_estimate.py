@@ -19,6 +19,7 @@ from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.parameters import Layout
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.touches import frame_displacement
+from robotrue.calibration.training_summary import describe_parameters
 from robotrue.calibration.update import renew_summary
 from robotrue.core.arrays import Array, BoolArray, frozen
 from robotrue.core.files import sha256
@@ -253,9 +254,5 @@ def _parameters(before: Belief, after: Belief) -> dict[str, dict[str, Any]]:
         visibility(float(now / prior)) if prior > 0.0 else "fixed"
         for now, prior in zip(sd, known, strict=True)
     ]
-    return {
-        name: {"value": float(value), "sd": float(spread), "class": kind}
-        for name, value, spread, kind in zip(
-            parameter_names(after.robot.dof), after.errors, sd, kinds, strict=True
-        )
-    }
+    names = parameter_names(after.robot.dof)
+    return describe_parameters(names, after.errors, sd, kinds)

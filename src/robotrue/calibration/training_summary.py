@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -39,6 +39,18 @@ class EstimatedParameter:
     value: float
     sd: float
     kind: str
+
+
+def describe_parameters(
+    names: Iterable[str], values: Array, sd: Array, kinds: Iterable[str]
+) -> dict[str, dict[str, Any]]:
+    """Returns the JSON values of parameters; kinds as in :class:`EstimatedParameter`."""
+    return {
+        name: {"value": value, "sd": spread, "class": kind}
+        for name, value, spread, kind in zip(
+            names, values.tolist(), sd.tolist(), kinds, strict=True
+        )
+    }
 
 
 @dataclass(frozen=True, slots=True, eq=False)

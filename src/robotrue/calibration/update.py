@@ -31,6 +31,7 @@ from robotrue.calibration.new_rows import (
 )
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.terms.smooth import add_centres
+from robotrue.calibration.training_summary import describe_parameters
 from robotrue.core.arrays import Array
 from robotrue.errors import ModelMismatchError
 from robotrue.measurement.measurement_set import MeasurementSet
@@ -146,15 +147,14 @@ def renew_summary(
     summary: dict[str, Any], lineage: list[dict[str, Any]], belief: Belief
 ) -> dict[str, Any]:
     """Returns the summary after a step: rows, parameters and lineage are new."""
-    parameters = {
-        name: {**dict(entry), "value": float(value), "sd": float(sd)}
-        for (name, entry), value, sd in zip(
-            summary.get("parameters", {}).items(),
-            belief.errors,
-            np.sqrt(belief.variance[: len(belief.errors)]),
-            strict=False,
-        )
-    }
+    known = dict(summary.get("parameters", {}))
+    size = len(known)
+    parameters = describe_parameters(
+        known,
+        belief.errors[:size],
+        np.sqrt(belief.variance[:size]),
+        [entry["class"] for entry in known.values()],
+    )
     return {
         **summary,
         "rows": sum(int(step.get("rows", 0)) for step in lineage),

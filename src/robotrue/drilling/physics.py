@@ -181,7 +181,7 @@ def fit_physics(
         return _solve_errors(theta, covariance, errors).left_out()
 
     limits = bounds(mean)
-    theta = search_theta(log_posterior, mean, limits, fixed, 0, np.random.RandomState(0))
+    theta = search_theta(log_posterior, mean, limits, fixed)
     widening = inflation_factor(log_posterior, leave_out, theta, limits, free)
     return PhysicsCorrection(causes=causes, errors=errors, theta=theta, widening=widening)
 

@@ -146,7 +146,7 @@ def learn_sizes(rows: WindowRows, values: Array, prior: Array) -> Array:
         return found.log_evidence - 0.5 * float(off @ off), gradient - off / SPREAD
 
     held = np.full(len(CENTRE), np.nan)
-    return search_theta(log_posterior, CENTRE, BOUNDS, held, 0, np.random.RandomState(0))
+    return search_theta(log_posterior, CENTRE, BOUNDS, held)
 
 
 def _squared_distance(one: Array, two: Array) -> Array:

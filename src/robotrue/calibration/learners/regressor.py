@@ -173,7 +173,7 @@ class ProcessRegressor(Regressor):
         """
         start, bounds = start_and_bounds(data)
         value = partial(log_posterior, data)
-        theta = search_theta(value, start, bounds, held, self.restarts, random)
+        theta = search_theta(value, start, bounds, held, restarts=self.restarts, random=random)
         if self.intervals == "plug-in":
             return theta, 1.0
         left_out = partial(left_out_rows, data)

@@ -38,17 +38,20 @@ def search_theta(
     log_posterior: LogPosterior,
     start: Array,
     bounds: Array,
-    held: Array,
-    restarts: int,
-    random: np.random.RandomState,
+    held: Array | None = None,
+    *,
+    restarts: int = 0,
+    random: np.random.RandomState | None = None,
+    steps: int = _STEPS,
 ) -> Array:
     """Returns theta (p,) of largest posterior within bounds (p, 2), found by L-BFGS-B.
 
     Entries of ``held`` (p,) that are not NaN stay as they are. The first search begins at
     ``start``, each restart at a random place within a factor of ten of it.
     """
-    free = np.isnan(held)
-    theta = np.where(free, start, held)
+    free = np.ones(len(start), dtype=bool) if held is None else np.isnan(held)
+    theta = np.where(free, start, start if held is None else held)
+    draws = np.random.RandomState(0) if random is None else random
     if not free.any():
         return theta
 
@@ -69,19 +72,38 @@ def search_theta(
     for k in range(restarts + 1):
         begin = start[free]
         if k:
-            begin = begin + np.log(_FACTOR) * random.uniform(-1.0, 1.0, len(begin))
+            begin = begin + np.log(_FACTOR) * draws.uniform(-1.0, 1.0, len(begin))
         found = minimize(
             downhill,
             np.clip(begin, *bounds[free].T),
             jac=True,
             method="L-BFGS-B",
             bounds=[(low, high) for low, high in bounds[free]],
-            options={"maxiter": _STEPS},
+            options={"maxiter": steps},
         )
         if found.fun < lowest:
             chosen, lowest = found.x, found.fun
     theta[free] = chosen
     return theta
+
+
+def deviation_axes(
+    slope: Callable[[Array], Array], theta: Array, unit: Array, *, step: float, least: float
+) -> Array:
+    """Returns A (p, p), A A' the covariance of theta by the curvature at its best value (Laplace).
+
+    Args:
+        slope: Gradient of the log posterior.
+        theta: (p,) its best value.
+        unit: (p,) in which the curvature is bounded.
+        step: Of the differences.
+        least: Curvature in that unit that counts at least: a saddle says nothing.
+    """
+    steps = step * np.eye(len(theta))
+    curvature = np.array([slope(theta - axis) - slope(theta + axis) for axis in steps])
+    whitened = unit[:, None] * (curvature + curvature.T) / (4.0 * step) * unit
+    values, vectors = np.linalg.eigh(whitened)
+    return np.asarray(unit[:, None] * vectors / np.sqrt(np.maximum(values, least)))
 
 
 def inflation_factor(
@@ -107,14 +129,15 @@ def inflation_factor(
     residual, variance = left_out(theta)
     if not count or residual.size >= _ENOUGH * count:
         return 1.0
-    axes = np.eye(len(theta))[free]
-    down = np.array([log_posterior(theta - _STEP * axis)[1][free] for axis in axes])
-    up = np.array([log_posterior(theta + _STEP * axis)[1][free] for axis in axes])
-    curvature = (down - up) / (2.0 * _STEP)
-    values, vectors = np.linalg.eigh(0.5 * (curvature + curvature.T))
-    deviation = 1.0 / np.sqrt(np.maximum(values, _WIDEST**-2))
+
+    def slope(part: Array) -> Array:
+        there = theta.copy()
+        there[free] = part
+        return log_posterior(there)[1][free]
+
+    axes = deviation_axes(slope, theta[free], np.ones(count), step=_STEP, least=_WIDEST**-2)
     total = np.repeat(variance[:, None], residual.shape[1], axis=1)
-    for part in (vectors * deviation).T:
+    for part in axes.T:
         for sign in (-1.0, 1.0):
             there = theta.copy()
             there[free] = np.clip(theta[free] + sign * part, *bounds[free].T)

@@ -4,7 +4,7 @@ Three Gaussian processes with one kernel, one per axis of the base frame,
 
     k(q, q') = amplitude^2 exp(-|s(q) - s(q')|^2 / 2),   s(q) = [sin q, cos q] / length
 
-Lengths are learned (marginal likelihood, gradient by hand) on a part of the rows. The process is
+Lengths are learned (marginal likelihood) on a part of the rows. The process is
 then carried by a few hundred centres c (pivoted Cholesky: the next centre is the training pose
 whose value the centres so far predict worst), as the linear model w ~ N(0, amplitude^2) over the
 columns L^-1 k(c, q), L L' = k(c, c) / amplitude^2. The variance that the centres do not carry,
@@ -16,13 +16,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, ClassVar, Final, Self
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, solve_triangular
-from scipy.optimize import minimize
+from scipy.linalg import solve_triangular
 
 from robotrue.calibration.evidence import Group
+from robotrue.calibration.learners.process import centre_rows, log_evidence
+from robotrue.calibration.learners.search import search_theta
 from robotrue.calibration.tables import MeanTables
 from robotrue.calibration.terms.term import ArmPostures, Carry, Effect, Sensitivity, Term
 from robotrue.core.arrays import Array, IntArray, frozen
@@ -116,53 +118,14 @@ def learn_smooth(joints: Array, residual: Array, *, steps: int = 60) -> SmoothSc
     x = features(joints)
     unit = max(float(np.sqrt((residual**2).mean())), 1e-12)
     y = residual / unit
-    start = np.concatenate([np.log(np.full(x.shape[1], 1.5)), np.log([0.5, 0.7])])
-    bounds = [(np.log(SHORTEST), np.log(LONGEST))] * x.shape[1]
-    bounds += [(np.log(1e-3), np.log(10.0))] * 2
-    found = minimize(
-        negative_evidence,
-        start,
-        args=(x, y),
-        jac=True,
-        method="L-BFGS-B",
-        bounds=bounds,
-        options={"maxiter": steps},
-    )
+    data = centre_rows(x, y, np.ones(len(x)), isotropic=False, mean="zero", prior=False)
+    start = np.log([*np.full(x.shape[1], 1.5), 0.5, 0.7])
+    bounds = np.log([*[[SHORTEST, LONGEST]] * x.shape[1], [1e-3, 10.0], [1e-3, 10.0]])
+    theta = search_theta(partial(log_evidence, data), start, bounds, steps=steps)
     white = -0.5 * (y.size * np.log(2.0 * np.pi * (y**2).mean()) + y.size)
-    return SmoothScales(
-        length=np.exp(found.x[:-2]),
-        amplitude=float(np.exp(found.x[-2])) * unit,
-        noise=float(np.exp(found.x[-1])) * unit,
-        gain=float(-found.fun - white),
-    )
-
-
-def negative_evidence(log_scales: Array, x: Array, y: Array) -> tuple[float, Array]:
-    """Returns minus the log marginal likelihood of y (n, 3) and its gradient.
-
-    Args:
-        log_scales: (2 dof + 2,) log lengths, log amplitude, log noise sd.
-        x: (n, 2 dof) unscaled features.
-        y: (n, 3) values, one process per column.
-    """
-    length, (amplitude, noise) = np.exp(log_scales[:-2]), np.exp(log_scales[-2:])
-    n, outputs = y.shape
-    scaled = x / length
-    signal = amplitude**2 * unit_kernel(scaled, scaled)
-    factor = cho_factor(signal + noise**2 * np.eye(n), lower=True)
-    alpha = cho_solve(factor, y)
-    value = 0.5 * float((y * alpha).sum())
-    value += outputs * float(np.log(np.diagonal(factor[0])).sum())
-    value += 0.5 * y.size * float(np.log(2.0 * np.pi))
-    slope = 0.5 * (outputs * cho_solve(factor, np.eye(n)) - alpha @ alpha.T)
-    weighted = slope * signal
-    # sum_ij W_ij (x_i - x_j)^2 = 2 (row sums . x^2 - x' W x)
-    rows = weighted.sum(axis=1)
-    squares = 2.0 * (rows @ scaled**2 - ((weighted @ scaled) * scaled).sum(axis=0))
-    gradient = np.concatenate(
-        [squares, [2.0 * weighted.sum(), 2.0 * noise**2 * float(np.trace(slope))]]
-    )
-    return value, gradient
+    length, (amplitude, noise) = np.exp(theta[:-2]), (unit * np.exp(theta[-2:])).tolist()
+    gain = float(log_evidence(data, theta)[0] - white)
+    return SmoothScales(length=length, amplitude=amplitude, noise=noise, gain=gain)
 
 
 def choose_centres(joints: Array, length: Array, *, most: int, enough: float) -> SmoothBasis:
