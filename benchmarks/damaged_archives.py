@@ -27,7 +27,7 @@ from robotrue.calibration.archive import open_model
 from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.deng2022.committee import single
 from robotrue.calibration.deng2022.joined import Expert, PoseModel
-from robotrue.calibration.deng2022.readings import Readings
+from robotrue.calibration.deng2022.readings import DengReadings
 from robotrue.calibration.terms.backlash import Backlash
 from robotrue.calibration.terms.ripple import Ripple
 from robotrue.calibration.terms.smooth import SmoothBasis, SmoothResidual
@@ -74,7 +74,7 @@ def samples() -> dict[str, bytes]:
     )  # fmt: skip
     inputs = random.uniform(-1.0, 1.0, (20, 6))
     region = CylinderRegion(angle=(-1.0, 1.0), radius=(0.5, 1.5), height=(0.0, 1.0))
-    committee = single(inputs, 1e-4 * random.normal(size=(20, 3)), Readings())
+    committee = single(inputs, 1e-4 * random.normal(size=(20, 3)), DengReadings())
     posed = PoseModel(
         robot=robot, experts=(Expert(region=region, committee=committee, white=1e-5),),
         reference=np.zeros(3), outside="nearest", summary={},

@@ -23,7 +23,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "compensation"))
 import cases
 
-from robotrue.calibration.tables import rigid_tables
+from robotrue.calibration.mean_tables import rigid_tables
 from robotrue.compensation import CompensationSettings, Status, compensate
 from robotrue.compensation.split_deviation import job_deviation
 from robotrue.compensation.split_probe import measure_moves

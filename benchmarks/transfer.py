@@ -23,12 +23,12 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from real_arms import CHI2_95, ROOT, examine, nominal_y, points
 
-from robotrue.calibration.drift import DriftScales
+from robotrue.calibration.drift_prior import DriftScales
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel, Query, require_belief
 from robotrue.calibration.new_rows import new_rows
 from robotrue.calibration.settings import FitSettings
-from robotrue.calibration.transfer import Source, fit_transfer
+from robotrue.calibration.transfer import TransferSource, fit_transfer
 from robotrue.core.units import MM
 from robotrue.errors import RobotrueError
 from robotrue.measurement.measurement_set import MeasurementSet, concatenate
@@ -109,7 +109,7 @@ def contestants(
 ) -> Iterator[tuple[str, Callable[[], ErrorModel]]]:
     """Yields name and fit of every way to use the same rows."""
     robot = preset("UR10")
-    given = [Source(model=model, relation=case.relation, name="source")]  # type: ignore[arg-type]
+    given = [TransferSource(model=model, relation=case.relation, name="source")]  # type: ignore[arg-type]
     yield "transfer", lambda: fit_transfer(robot, known, given)
     if not others:
         return
@@ -210,7 +210,7 @@ def measured_case(case: Case, draws: int, quick: bool, pooled: bool) -> Iterator
             made = fit_transfer(
                 preset("UR10"),
                 target.subset(picked),
-                [Source(model=model, relation="region", name="source")],
+                [TransferSource(model=model, relation="region", name="source")],
             )
             errors, inside = examine(made, thinned(rest))
             values = [(float(errors.mean()) / MM, float(inside.mean()))]
@@ -275,7 +275,7 @@ def simulated_case(name: str, arms: int, pooled: bool) -> Iterator[str]:
             rows = scenarios.transfer(case, n)
             source, known = rows.subset(rows.group == 0), rows.subset(rows.group == 1)
             model = fit(robot, source, method="gp", settings=settings)
-            given = [Source(model=model, relation="region", name="source")]
+            given = [TransferSource(model=model, relation="region", name="source")]
             made = {"transfer": fit_transfer(robot, known, given, settings), "source": model}
             if n:
                 made["target"] = alone(robot, known, leaning)

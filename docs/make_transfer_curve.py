@@ -16,7 +16,7 @@ from make_transfer_picture import HERE, regions
 
 from robotrue.calibration.methods import fit
 from robotrue.calibration.settings import FitSettings
-from robotrue.calibration.transfer import Source
+from robotrue.calibration.transfer import TransferSource
 from robotrue.core.files import write_atomic
 from robotrue.report.transfer_report import curves_of
 from robotrue.robot.presets import preset
@@ -35,7 +35,7 @@ def main() -> None:
     tenth = len(target) // 10
     test, known = target.subset(order[:tenth]), target.subset(order[tenth : tenth + SPARE])
     model = fit(preset("UR10"), source, method="gp")
-    given = [Source(model=model, relation="region", name="y < -200 mm")]
+    given = [TransferSource(model=model, relation="region", name="y < -200 mm")]
     candidates = contestants(preset("UR10"), None, given, FitSettings()).all
     curve = learning_curve(candidates, known, test=test, repeats=REPEATS)
     for name, found in curve.to_json()["candidates"].items():

@@ -20,7 +20,7 @@ from matplotlib import pyplot as plt
 
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel, Query
-from robotrue.calibration.transfer import Source, fit_transfer
+from robotrue.calibration.transfer import TransferSource, fit_transfer
 from robotrue.core.units import DEG, MM
 from robotrue.measurement.formats.measured_files import read_measurements
 from robotrue.measurement.measurement_set import MeasurementSet
@@ -45,7 +45,7 @@ def main() -> None:
     order = np.random.default_rng(0).permutation(len(target))
     known = target.subset(np.sort(order[:POINTS]))
     carried = fit_transfer(
-        preset("UR10"), known, [Source(model=model, relation="region", name="y < -200 mm")]
+        preset("UR10"), known, [TransferSource(model=model, relation="region", name="y < -200 mm")]
     )
     rows = carried.in_base(target.subset(np.sort(order[POINTS:])[::3]))
     left, turn = residual(carried, rows)

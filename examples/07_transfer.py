@@ -13,7 +13,7 @@ import numpy as np
 
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel
-from robotrue.calibration.sources import Source
+from robotrue.calibration.sources import TransferSource
 from robotrue.calibration.transfer import fit_transfer
 from robotrue.core.units import MM
 from robotrue.validation.evaluation import evaluate
@@ -39,7 +39,7 @@ def main(out: Path) -> None:
     found = []
     for n in counts:
         few = rows.subset(126 + np.arange(n)) if n else None
-        carried = [Source(model=source, relation="region", name="measured region")]
+        carried = [TransferSource(model=source, relation="region", name="measured region")]
         found.append(held_out_error(fit_transfer(robot, few, carried, case.settings)))
     error, sd, inside = np.array(found).T
 

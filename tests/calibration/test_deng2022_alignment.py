@@ -6,17 +6,17 @@ import pytest
 from robotrue.calibration.deng2022.alignment import (
     RIDGES,
     align,
+    carry_source,
     design,
     leave_one_out,
     measurement_weights,
     ridge_solution,
     row_transform,
-    transferred,
     turned_labels,
     weighted_columns,
 )
 from robotrue.calibration.deng2022.domains import turned_features
-from robotrue.calibration.deng2022.readings import Readings
+from robotrue.calibration.deng2022.readings import DengReadings
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ConfigurationError, ObservabilityError, ShapeError
 
@@ -119,12 +119,12 @@ def _aligned(cloud, readings, count=16):
         target_errors=there[mapped],
         covariance=np.tile((20 * UM) ** 2 * np.eye(3), (count, 1, 1)),
     )
-    moved, carried = transferred(found, readings, features, errors)
+    moved, carried = carry_source(found, readings, features, errors)
     return found, moved, np.abs(carried - there).max()
 
 
 def test_errors_that_turn_with_the_pose_are_carried(cloud):
-    found, moved, away = _aligned(cloud, Readings())
+    found, moved, away = _aligned(cloud, DengReadings())
     assert away < 1e-6
     assert found.ridge in RIDGES
     np.testing.assert_allclose(moved, turned_features(cloud[0], ANGLE, "turning"), atol=1e-14)
@@ -132,14 +132,14 @@ def test_errors_that_turn_with_the_pose_are_carried(cloud):
 
 def test_a_large_lambda_shrinks_to_no_error_or_to_the_rotation(cloud):
     strong = {"ridge": "fixed", "ridge_value": 1e12}
-    _, _, zero = _aligned(cloud, Readings(**strong))
-    _, _, rotation = _aligned(cloud, Readings(**strong, shrink_to="rotation"))
+    _, _, zero = _aligned(cloud, DengReadings(**strong))
+    _, _, rotation = _aligned(cloud, DengReadings(**strong, shrink_to="rotation"))
     assert zero == pytest.approx(np.abs(cloud[1]).max(), rel=0.5)
     assert rotation < 1e-9
 
 
 def test_a_fixed_attitude_is_not_turned(cloud):
-    _, moved, _ = _aligned(cloud, Readings(attitude="fixed", transform="least-squares"))
+    _, moved, _ = _aligned(cloud, DengReadings(attitude="fixed", transform="least-squares"))
     np.testing.assert_array_equal(moved[:, 3:], cloud[0][:, 3:])
 
 
@@ -163,4 +163,4 @@ def test_measurement_weights_vanish_below_the_trackers_deviation():
 )
 def test_readings_that_mean_nothing_are_refused(values, match):
     with pytest.raises(ConfigurationError, match=match):
-        Readings(**values)
+        DengReadings(**values)

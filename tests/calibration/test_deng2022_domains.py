@@ -8,7 +8,7 @@ from robotrue.calibration.deng2022.domains import (
     divide_target,
     mapped_pairs,
     members,
-    shared,
+    overlap_members,
     turned_features,
 )
 from robotrue.calibration.deng2022.sampling import (
@@ -142,5 +142,5 @@ def test_rule_4_no_overlap_with_attitudes_and_three_shared_data_without(source):
     with pytest.raises(ConfigurationError, match="must share 3 data or more"):
         check_overlap(apart, still)
     assert members(lapped, still[:, :3]).sum(axis=0).max() == 2
-    assert shared(lapped, still[:, :3]).any()
-    assert not shared(apart, still[:, :3]).any()
+    assert overlap_members(lapped, still[:, :3]).any()
+    assert not overlap_members(apart, still[:, :3]).any()

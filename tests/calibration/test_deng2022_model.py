@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robotrue.calibration.archive import open_model
-from robotrue.calibration.deng2022.readings import Readings
+from robotrue.calibration.deng2022.readings import DengReadings
 from robotrue.calibration.deng2022.transfer_gpr import fit_deng2022, fit_pose_gpr
 from robotrue.calibration.model import Query
 from robotrue.core.archive import Archive, archive_bytes
@@ -45,7 +45,7 @@ def fitted(case, rows, **readings):
         rows.subset(rows.group == 1),
         paper_domains(),
         case.settings,
-        Readings(rounds=4, **readings),
+        DengReadings(rounds=4, **readings),
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robotrue.calibration.evidence import Group, learn, posterior, spread, sums_of
+from robotrue.calibration.evidence import PriorGroup, learn, posterior, spread, sums_of
 
 NOISE = 0.3
 
@@ -18,8 +18,8 @@ def case():
     weights = np.concatenate([0.8 * rng.standard_normal(20), np.zeros(20)])
     values = columns @ weights + NOISE * rng.standard_normal(450)
     groups = [
-        Group(name="at work", columns=np.arange(20), sd=1.0, rest=1e-4),
-        Group(name="idle", columns=np.arange(20, 40), sd=0.5, rest=1e-4),
+        PriorGroup(name="at work", columns=np.arange(20), sd=1.0, rest=1e-4),
+        PriorGroup(name="idle", columns=np.arange(20, 40), sd=0.5, rest=1e-4),
     ]
     return columns, values, groups
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from planted_arm import PAYLOAD, arm, planted, postures
 
-from robotrue.calibration.design import HeldOut, temper_factor
-from robotrue.calibration.evidence import Group, held_scales, learn, posterior, sums_of
+from robotrue.calibration.design import HeldOutRows, temper_factor
+from robotrue.calibration.evidence import PriorGroup, held_scales, learn, posterior, sums_of
 from robotrue.calibration.learned import LearnedParts, fit_learned
 from robotrue.calibration.methods import FitSettings, fit
 from robotrue.calibration.model import Query
@@ -25,9 +25,9 @@ REPEATABILITY = 2e-5  # m, per axis
 SETTINGS = FitSettings(payload=PAYLOAD, repeatability=3.6158 * REPEATABILITY, campaign_shift=0.0)
 
 
-def group(k: int, *, rest: float = 1.0, size: int = 10) -> Group:
+def group(k: int, *, rest: float = 1.0, size: int = 10) -> PriorGroup:
     columns = np.arange(size * k, size * (k + 1))
-    return Group(name=f"g{k}", columns=columns, sd=rest, rest=rest, hold=0.5)
+    return PriorGroup(name=f"g{k}", columns=columns, sd=rest, rest=rest, hold=0.5)
 
 
 def test_held_scales_stay_at_rest_where_nothing_is_seen():
@@ -118,10 +118,10 @@ def test_students_factor_falls_to_one():
 
 
 def test_the_factor_of_the_blocks_counts_more_with_more_rows():
-    def found(rows: int) -> HeldOut:
+    def found(rows: int) -> HeldOutRows:
         none = np.zeros((rows, 3, 3))
         error = np.zeros((rows, 3))
-        return HeldOut(error=error, learned=none, white=none, instrument=none, inflation=3.0)
+        return HeldOutRows(error=error, learned=none, white=none, instrument=none, inflation=3.0)
 
     # Held at the fewest degrees.
     assert temper_factor(found(5), 1.0).inflation == temper_factor(found(5), 6.0).inflation

@@ -14,7 +14,7 @@ from robotrue.calibration.machined import (
     machined_covariance,
     smooth_rest,
     tip_columns,
-    uncarried,
+    uncarried_variance,
     unchanged_covariance,
 )
 from robotrue.calibration.model import Query
@@ -156,7 +156,7 @@ def test_what_no_centre_carries_is_in_both_routes() -> None:
     plain = believed()
     smooth = with_amplitude(with_centres(plain, basis), 0.2 * MM)
     query = Query(joints=work)
-    left = uncarried(smooth, query)
+    left = uncarried_variance(smooth, query)
     assert (left > 0.0).all()
     assert (left <= (0.2 * MM) ** 2).all()
     np.testing.assert_allclose(np.diagonal(smooth_rest(smooth, query)), left)

@@ -7,7 +7,7 @@ import pytest
 from planted_arm import PAYLOAD, arm, measure, planted, postures
 
 from robotrue.calibration.observations import observations_of
-from robotrue.calibration.parameters import Layout, State, difference, retract
+from robotrue.calibration.parameters import ParameterLayout, State, difference, retract
 from robotrue.core.poses import pose
 from robotrue.core.rotations import matrix_from_rotation_vector
 from robotrue.measurement.measurement_set import concatenate
@@ -39,7 +39,7 @@ def problem(kind):
             target=np.repeat([0, 1], 8),
         )
         targets = {1: pose(matrix_from_rotation_vector(np.array([0.1, 0.2, 0.3])), [0.1, 0.2, 0.3])}
-    layout = Layout(
+    layout = ParameterLayout(
         dof=6,
         stations=() if data.frame == "base" else (0,),
         targets=((1, 6 if kind == "target pose" else 3),) if targets else (),

@@ -9,7 +9,7 @@ import pytest
 
 from robotrue.calibration.belief import Belief
 from robotrue.calibration.new_rows import NewRows
-from robotrue.calibration.parameters import Layout, State, difference, retract
+from robotrue.calibration.parameters import ParameterLayout, State, difference, retract
 from robotrue.calibration.priors import prior_belief
 from robotrue.calibration.touches import frame_displacement, touch_rows
 from robotrue.core.arrays import Array
@@ -122,7 +122,7 @@ def test_parts_in_one_place_have_no_distance() -> None:
 
 @pytest.mark.parametrize("size", [3, 6])
 def test_a_step_of_the_columns_is_the_displacement_of_the_frame(size: int) -> None:
-    layout = Layout(dof=6, stations=(0,), places=(0,) if size == 3 else ())
+    layout = ParameterLayout(dof=6, stations=(0,), places=(0,) if size == 3 else ())
     place = T_BASE_PART if size == 6 else pose_from_xyz_abc(T_BASE_PART[:3, 3], np.zeros(3))
     state = State(robot=ROBOT, T_tracker_base={0: inverse(place)})
     step = np.zeros(layout.size)

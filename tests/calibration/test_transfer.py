@@ -9,12 +9,12 @@ import pytest
 from planted_arm import PAYLOAD, arm, planted, postures
 
 from robotrue.calibration.archive import open_model
-from robotrue.calibration.drift import DEFAULTS, drift_of, prior_of
+from robotrue.calibration.drift_prior import DEFAULTS, drift_of, prior_of
 from robotrue.calibration.learned import LearnedParts, fit_learned
 from robotrue.calibration.lineage import model_hash
 from robotrue.calibration.methods import FitSettings, fit
 from robotrue.calibration.model import Query
-from robotrue.calibration.transfer import Source, fit_transfer, student
+from robotrue.calibration.transfer import TransferSource, fit_transfer, student
 from robotrue.core.archive import read_archive, write_archive
 from robotrue.core.poses import pose
 from robotrue.core.rotations import matrix_from_rotation_vector
@@ -79,7 +79,7 @@ def examined(model, rows):
 
 
 def carried(source, target, **more):
-    given = [Source(model=source, relation="campaign", name="July")]
+    given = [TransferSource(model=source, relation="campaign", name="July")]
     return fit_transfer(arm(), target, given, SETTINGS, **more)
 
 
@@ -149,7 +149,7 @@ def test_a_contaminated_source_is_screened_by_its_own_fit(moved):
     bad = replace(rows, position=position)
     found = []
     for measurements in (rows, bad):
-        given = [Source(measurements=measurements, relation="campaign")]
+        given = [TransferSource(measurements=measurements, relation="campaign")]
         model = fit_transfer(arm(), known, given, SETTINGS, method="elastic")
         found.append(examined(model, test)[0])
     assert found[1] < 1.2 * found[0]
@@ -174,7 +174,7 @@ def test_two_campaigns_know_more_than_one(source, moved):
     both = fit_transfer(
         arm(),
         None,
-        [Source(model=source, name="July"), Source(model=second, name="May")],
+        [TransferSource(model=source, name="July"), TransferSource(model=second, name="May")],
         SETTINGS,
     )
     size = [np.trace(m.predict(query).covariance, axis1=1, axis2=2).mean() for m in (one, both)]
@@ -192,7 +192,7 @@ def test_other_units_tell_the_type(source):
         actual = planted(robot, rng)
         arms.append(actual.with_errors(actual.errors + type_errors))
         rows = visit(arms[-1], postures(robot, 50, rng), seed)
-        given.append(Source(model=fit(robot, rows, settings=SETTINGS), relation="unit"))
+        given.append(TransferSource(model=fit(robot, rows, settings=SETTINGS), relation="unit"))
     model = fit_transfer(robot, None, given, SETTINGS)
     found = model.errors[robot.dof * 2 + 2]
     spread = np.sqrt(model.covariance[robot.dof * 2 + 2, robot.dof * 2 + 2])
@@ -217,7 +217,7 @@ def test_another_reflector_makes_its_place_unknown(source):
     tool = arm().T_flange_tool.copy()
     tool[:3, 3] += [0.1, 0.0, 0.0]
     model = fit_transfer(
-        arm().with_tool(tool), None, [Source(model=source, relation="campaign")], SETTINGS
+        arm().with_tool(tool), None, [TransferSource(model=source, relation="campaign")], SETTINGS
     )
     place = parameter_slice(6, "tool")
     assert not model.errors[place].any()
@@ -228,13 +228,13 @@ def test_another_reflector_makes_its_place_unknown(source):
 def test_what_cannot_be_a_source_is_refused(source, moved):
     other = replace(arm(), d=arm().d + np.array([0.0, 0.0, 0.0, 0.1, 0.0, 0.0]))
     with pytest.raises(ModelMismatchError, match=r"d of joint 4 differs by 0\.1"):
-        fit_transfer(other, moved[0], [Source(model=source, name="June")], SETTINGS)
+        fit_transfer(other, moved[0], [TransferSource(model=source, name="June")], SETTINGS)
     with pytest.raises(ConfigurationError, match="at least one source"):
         fit_transfer(arm(), moved[0], [], SETTINGS)
     with pytest.raises(ConfigurationError, match="either measurements or a model"):
-        Source(name="nothing")
+        TransferSource(name="nothing")
     with pytest.raises(ConfigurationError, match="relation 'twin'"):
-        Source(model=source, relation="twin")  # type: ignore[arg-type]
+        TransferSource(model=source, relation="twin")  # type: ignore[arg-type]
 
 
 def test_prior_of_a_drift_is_wider_by_its_groups(source):

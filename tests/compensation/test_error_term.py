@@ -17,14 +17,14 @@ import pytest
 
 from robotrue.calibration.archive import open_model
 from robotrue.calibration.calibrated_model import CalibratedModel
-from robotrue.calibration.evidence import Group
+from robotrue.calibration.evidence import PriorGroup
+from robotrue.calibration.mean_tables import MeanTables
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel, Query
 from robotrue.calibration.settings import FitSettings
-from robotrue.calibration.tables import MeanTables
-from robotrue.calibration.terms import registry
+from robotrue.calibration.terms import term_registry
 from robotrue.calibration.terms.term import ArmPostures, Effect, Sensitivity, Term
-from robotrue.calibration.transfer import Source, fit_transfer
+from robotrue.calibration.transfer import TransferSource, fit_transfer
 from robotrue.calibration.update import update_model
 from robotrue.compensation import CompensationSettings, Status, compensate
 from robotrue.core.archive import archive_bytes
@@ -68,8 +68,8 @@ class WarmDrives(Term):
     def effect(self, robot: RobotModel, at: ArmPostures, values: Array) -> Effect:
         return Effect(drive_shift=self._rise(at)[:, None] * values)
 
-    def groups(self, *, few: bool) -> Sequence[Group]:
-        return [Group(name=self.name, columns=np.arange(self.dof), sd=1e-5, rest=1e-8)]
+    def groups(self, *, few: bool) -> Sequence[PriorGroup]:
+        return [PriorGroup(name=self.name, columns=np.arange(self.dof), sd=1e-5, rest=1e-8)]
 
     def in_tables(self, tables: MeanTables, values: Array) -> MeanTables:
         errors = np.array(tables.robot.errors)
@@ -99,9 +99,9 @@ class WarmDrives(Term):
 
 @pytest.fixture(scope="module", autouse=True)
 def registered() -> Iterator[None]:
-    registry.register(WarmDrives)
+    term_registry.register(WarmDrives)
     yield
-    registry.unregister(WarmDrives.name)
+    term_registry.unregister(WarmDrives.name)
 
 
 def true_points(robot: RobotModel, joints: Array, temperature: Array) -> Array:
@@ -186,7 +186,7 @@ def test_new_poses_and_another_campaign_move_it_too(model: CalibratedModel) -> N
     more = update_model(model, measured(60, 21))
     assert (coefficients(more)[1] < coefficients(model)[1] + 1e-12).all()
     assert coverage(more, 11)[1] > 0.9
-    moved = fit_transfer(cases.kr160(), measured(12, 31), [Source(model=model)])
+    moved = fit_transfer(cases.kr160(), measured(12, 31), [TransferSource(model=model)])
     value, sd = coefficients(moved)
     assert (np.abs(value - PLANTED) < 4.0 * sd).all()
 
@@ -197,12 +197,12 @@ def test_archive_gives_the_term_back_and_needs_it_registered(model: CalibratedMo
     assert archive_bytes(again.to_archive()) == archive_bytes(archive)
     query = Query(joints=poses(10, 3), temperature=np.full(10, 295.0))
     np.testing.assert_array_equal(again.predict(query).error, model.predict(query).error)
-    registry.unregister(WarmDrives.name)
+    term_registry.unregister(WarmDrives.name)
     try:
         with pytest.raises(ArchiveError, match="an error term 'warm-drives'"):
             open_model(archive)
     finally:
-        registry.register(WarmDrives)
+        term_registry.register(WarmDrives)
 
 
 def test_a_program_is_compensated_by_the_ordinary_chain(model: CalibratedModel) -> None:

@@ -15,11 +15,11 @@ import pytest
 
 from robotrue.calibration.archive import KINDS, open_model
 from robotrue.calibration.deng2022.domains import divide_target
-from robotrue.calibration.deng2022.readings import Readings
+from robotrue.calibration.deng2022.readings import DengReadings
 from robotrue.calibration.deng2022.transfer_gpr import fit_boosted_poses, fit_deng2022
 from robotrue.calibration.methods import METHODS, fit
 from robotrue.calibration.model import Query
-from robotrue.calibration.sources import Source
+from robotrue.calibration.sources import TransferSource
 from robotrue.calibration.transfer import fit_transfer
 from robotrue.calibration.update import update_model
 from robotrue.core.archive import archive_bytes
@@ -80,10 +80,12 @@ def fitted(name, measured):
         return update_model(first, measured.subset(np.arange(30, 40)), settings=settings)
     if name == "transfer":
         known = fit(arm(), elsewhere(), method="ripple", settings=settings)
-        return fit_transfer(arm(), measured.subset(np.arange(10)), [Source(model=known)], settings)
+        return fit_transfer(
+            arm(), measured.subset(np.arange(10)), [TransferSource(model=known)], settings
+        )
     if name == "transfer-0":
         known = fit(arm(), elsewhere(), method="ripple", settings=settings)
-        return fit_transfer(arm(), None, [Source(model=known)], settings)
+        return fit_transfer(arm(), None, [TransferSource(model=known)], settings)
     if name == "boosted":
         return fit_boosted_poses(arm(), measured, [elsewhere()], settings)
     around = {"radius": (0.7, 1.5), "height": (0.6, 1.3)}
@@ -93,7 +95,7 @@ def fitted(name, measured):
         5,
     )
     target = scenarios.measured(case(), case().plan.target)
-    quick = Readings(rounds=2, outside="nearest")
+    quick = DengReadings(rounds=2, outside="nearest")
     return fit_deng2022(arm(), elsewhere(), target, domains, settings, quick)
 
 

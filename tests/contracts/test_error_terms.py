@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from robotrue.calibration.arm import linearise_arm, term_columns
-from robotrue.calibration.tables import rigid_tables
-from robotrue.calibration.terms import registry
+from robotrue.calibration.mean_tables import rigid_tables
+from robotrue.calibration.terms import term_registry
 from robotrue.calibration.terms.backlash import Backlash
 from robotrue.calibration.terms.ripple import Ripple, harmonics
 from robotrue.calibration.terms.smooth import SmoothBasis, SmoothResidual
@@ -103,7 +103,7 @@ def test_the_archive_gives_it_back_bit_for_bit(name: str) -> None:
     np.testing.assert_array_equal(same, values)
     assert again.parameters == term.parameters
     np.testing.assert_array_equal(error(again, same), error(term, values))
-    assert registry.term_of(name) is type(term)
+    assert term_registry.term_of(name) is type(term)
 
 
 @pytest.mark.parametrize("name", TERMS)
@@ -120,7 +120,7 @@ def test_tables_say_what_the_effect_is_and_exports_can_leave_it_out(name: str) -
     square = ((scaled[:, None] - tables.centres) ** 2).sum(axis=2)
     found = found + np.exp(-0.5 * square) @ tables.weights
     np.testing.assert_allclose(found, error(term, values), rtol=0.0, atol=1e-12)
-    bare = registry.export_parts()[term.export_name](tables)
+    bare = term_registry.export_parts()[term.export_name](tables)
     for left in (bare.ripple_sin, bare.ripple_cos, bare.backlash, bare.weights):
         assert not left.any()
 

@@ -14,7 +14,7 @@ import pytest
 
 from robotrue.calibration.belief import standard_terms
 from robotrue.calibration.calibrated_model import CalibratedModel, model_of
-from robotrue.calibration.terms.registry import export_parts
+from robotrue.calibration.terms.term_registry import export_parts
 from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ModelMismatchError

@@ -12,9 +12,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from robotrue.calibration.drift import DEFAULTS
+from robotrue.calibration.drift_prior import DEFAULTS
 from robotrue.calibration.methods import fit
-from robotrue.calibration.sources import Source
+from robotrue.calibration.sources import TransferSource
 from robotrue.calibration.terms.geometry import PriorScales
 from robotrue.core.units import MM
 from robotrue.errors import ImplausibleDataError, ModelMismatchError
@@ -58,7 +58,7 @@ def error(model) -> float:
 def guarded(source, target=None, *, settings=None, relation="campaign", drift=None):
     """The verdict and all doubts, after checking the promise on poses nobody saw."""
     robot, usual, _, rows, _ = shop()
-    sources = [Source(measurements=source, relation=relation, name="old")]
+    sources = [TransferSource(measurements=source, relation=relation, name="old")]
     model = fit_guarded(
         robot,
         rows if target is None else target,
@@ -118,7 +118,7 @@ def test_a_source_in_the_tracker_frame():
     assert verdict.winner == "transfer"
     robot, settings, _, target, _ = shop()
     found = contestants(
-        robot, target, [Source(measurements=away, name="old")], settings, method="elastic"
+        robot, target, [TransferSource(measurements=away, name="old")], settings, method="elastic"
     )
     with pytest.raises(Exception, match="differ in number of joints or in frame"):
         found.transfers["pooled"](target)
@@ -133,7 +133,7 @@ def test_a_source_of_another_robot_type():
     assert "this is not the robot that was measured" in said
     robot, settings, _, target, _ = shop()
     known = fit(robot, source, method="nominal", settings=settings)
-    wrong = Source(model=replace(known, robot=ur), name="ur")
+    wrong = TransferSource(model=replace(known, robot=ur), name="ur")
     found = contestants(robot, target, [wrong], settings, method="elastic")
     assert not found.transfers
     assert found.doubts[0].startswith("source ur is left out: source 'ur' is a ")
@@ -156,7 +156,7 @@ def test_labels_shuffled_so_that_every_point_is_plausible():
     assert verdict.winner == "target-only"
     assert "the sources make it worse: transfer has" in said
     assert "for target-only; the sources are not used." in said
-    learned = Source(measurements=wrong, name="old")
+    learned = TransferSource(measurements=wrong, name="old")
     found = contestants(robot, target, [learned], shop()[1])
     assert "a fit explains nothing" in " ".join(found.doubts)
     assert "(rows shuffled?)" in " ".join(found.doubts)
@@ -182,7 +182,7 @@ def test_target_points_all_at_one_place():
     place = forward(robot, joints)[:, :3, 3] + offset + noise
     near = replace(target, joints=joints, position=place)
     model = fit_guarded(
-        robot, near, [Source(measurements=source, name="old")], usual, method="elastic"
+        robot, near, [TransferSource(measurements=source, name="old")], usual, method="elastic"
     )
     verdict, _ = verdict_from_summary(model.training_summary())
     assert "of one place: the contest says nothing about the rest of the region" in " ".join(
@@ -190,7 +190,7 @@ def test_target_points_all_at_one_place():
     )
     rest = replace(near, joints=np.tile(joints[:1], (len(near), 1)), position=place)
     with pytest.raises(ImplausibleDataError, match=r"positions lie within .* of one point"):
-        fit_guarded(robot, rest, [Source(measurements=source, name="old")], usual)
+        fit_guarded(robot, rest, [TransferSource(measurements=source, name="old")], usual)
 
 
 @pytest.mark.parametrize(
@@ -215,7 +215,7 @@ def test_a_drift_prior_ten_times_too_tight_is_learned_or_refused():
 def test_target_rows_of_another_robot_are_refused():
     robot, settings, source, target, _ = shop()
     short = replace(target, joints=target.joints[:, :5], approach=target.approach[:, :5])
-    sources = [Source(measurements=source, name="old")]
+    sources = [TransferSource(measurements=source, name="old")]
     with pytest.raises(ModelMismatchError, match="5 joints in the measurements, 6 in"):
         fit_guarded(robot, short, sources, settings)
     few = target.subset(np.arange(3))

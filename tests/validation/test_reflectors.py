@@ -10,7 +10,7 @@ import pytest
 from robotrue.calibration.archive import open_model
 from robotrue.calibration.methods import METHODS, fit
 from robotrue.calibration.settings import FitSettings
-from robotrue.calibration.sources import Source
+from robotrue.calibration.sources import TransferSource
 from robotrue.calibration.transfer import fit_transfer
 from robotrue.calibration.update import update_model
 from robotrue.core.poses import pose
@@ -133,7 +133,7 @@ def test_updates_and_transfers_know_the_reflectors_of_their_rows(training):
     more, test = measured(60, 6), measured(60, 7)
     moved = update_model(model, more, settings=SETTINGS)
     assert np.linalg.norm(evaluate(moved, test).after, axis=1).mean() < 0.04 * MM
-    source = Source(model=model, relation="campaign")
+    source = TransferSource(model=model, relation="campaign")
     carried = fit_transfer(nominal(), more, [source], SETTINGS)
     seen = evaluate(carried, test)
     assert np.linalg.norm(seen.after, axis=1).mean() < 0.06 * MM

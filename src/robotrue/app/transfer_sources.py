@@ -8,8 +8,8 @@ from pathlib import Path
 
 from robotrue.app.context import Context
 from robotrue.app.request import Reference
-from robotrue.calibration.drift import RELATIONS, Relation
-from robotrue.calibration.sources import Source
+from robotrue.calibration.drift_prior import RELATIONS, Relation
+from robotrue.calibration.sources import TransferSource
 from robotrue.cell.cell import Cell
 from robotrue.core.files import read_bytes
 from robotrue.errors import ConfigurationError, ModelMismatchError
@@ -56,16 +56,18 @@ def parse_source(text: str) -> StatedSource:
     return StatedSource(name=name, path=Path(file), relation=where)
 
 
-def read_source(cell: Cell, stated: StatedSource, mapping: Path | None, context: Context) -> Source:
+def read_source(
+    cell: Cell, stated: StatedSource, mapping: Path | None, context: Context
+) -> TransferSource:
     """Returns what a file says: the model in it, or its rows."""
     name, path, relation = stated.name, stated.path, stated.relation
     workbook = path.suffix.lower().startswith(".xls")
     if read_bytes(path).startswith(ZIP) and not workbook:
-        return Source(model=context.model(path).model, relation=relation, name=name)
+        return TransferSource(model=context.model(path).model, relation=relation, name=name)
     rows = context.unchecked_rows(cell, path, mapping)
     poses = count(len(rows), "pose")
     context.inform(f"source {name}: {poses} from {path.name}, relation {relation}")
-    return Source(measurements=rows, relation=relation, name=name)
+    return TransferSource(measurements=rows, relation=relation, name=name)
 
 
 def read_target(

@@ -106,7 +106,7 @@ class Belief:
         """(p,) variance of every column."""
         return np.asarray((self.root**2).sum(axis=0))
 
-    def carried_as(self, carry: Carry) -> IntArray:
+    def columns_by_carry(self, carry: Carry) -> IntArray:
         """Returns the columns (k,) of the terms that carry over in one way; see :data:`Carry`."""
         places = [self.place(t.name) for t in self.terms if t.carry == carry]
         ranges = [np.arange(p.start, p.stop) for p in places]

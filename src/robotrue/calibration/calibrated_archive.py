@@ -12,8 +12,8 @@ from robotrue.calibration.calibrated_model import (
     CalibratedModel,
     Reflector,
 )
-from robotrue.calibration.terms.registry import STANDARD, term_of
 from robotrue.calibration.terms.term import Term
+from robotrue.calibration.terms.term_registry import STANDARD, term_of
 from robotrue.core.archive import Archive, archive_reader
 from robotrue.core.arrays import Array
 from robotrue.errors import ArchiveError
@@ -77,7 +77,7 @@ def read_learned(archive: Archive) -> CalibratedModel:
     inflation = float(document["inflation"])
     if not 0.0 < inflation < 1e6:
         raise ArchiveError("the factor on the covariance of the learned error is damaged.")
-    restored = _restored(archive, physics.robot)
+    restored = _restore_terms(archive, physics.robot)
     values = np.concatenate([part for _, part in restored])
     columns = archive.array("columns")
     count = len(physics.errors) + len(values)
@@ -107,7 +107,7 @@ def read_learned(archive: Archive) -> CalibratedModel:
     )
 
 
-def _restored(archive: Archive, robot: RobotModel) -> list[tuple[Term, Array]]:
+def _restore_terms(archive: Archive, robot: RobotModel) -> list[tuple[Term, Array]]:
     """The terms of an archive with their parameters, the standard ones first.
 
     Raises:

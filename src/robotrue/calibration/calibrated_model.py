@@ -20,11 +20,11 @@ from robotrue.calibration.archive import robot_arrays, robot_document
 from robotrue.calibration.arm import LinearArm, linearise_arm, parts_of
 from robotrue.calibration.belief import Belief, compress_root, standard_terms
 from robotrue.calibration.evidence import spread
+from robotrue.calibration.mean_tables import MeanTables, rigid_tables
 from robotrue.calibration.model import Prediction, Query
 from robotrue.calibration.observations import take_to_base
-from robotrue.calibration.tables import MeanTables, rigid_tables
-from robotrue.calibration.terms.registry import STANDARD
 from robotrue.calibration.terms.term import Term
+from robotrue.calibration.terms.term_registry import STANDARD
 from robotrue.calibration.training_summary import TrainingSummary
 from robotrue.core.archive import Archive
 from robotrue.core.arrays import Array

@@ -20,14 +20,14 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.calibration.evidence import Group, Sums, Weights, learn, spread, sums_of
+from robotrue.calibration.evidence import PriorGroup, Sums, Weights, learn, spread, sums_of
 from robotrue.calibration.observations import (
     CHANNELS,
     PoseObservation,
     PositionObservation,
     linear_rows,
 )
-from robotrue.calibration.parameters import Layout, State, difference
+from robotrue.calibration.parameters import ParameterLayout, State, difference
 from robotrue.calibration.priors import LEARNED, Prior
 from robotrue.calibration.robust import LEVEL, Loss, chi_point, consistency, student_factor
 from robotrue.calibration.terms.ripple import Ripple
@@ -74,7 +74,7 @@ class Design:
     """
 
     observations: tuple[PositionObservation | PoseObservation, ...]
-    layout: Layout
+    layout: ParameterLayout
     prior: Prior
     state: State
     noise: Array
@@ -184,7 +184,7 @@ class Design:
             columns = (item.columns[:, place] * root[:, :, None]).reshape(-1, item.columns.shape[2])
             yield columns, (item.values[:, place] * root).reshape(-1), counted
 
-    def groups(self, scales: dict[str, float]) -> list[Group]:
+    def groups(self, scales: dict[str, float]) -> list[PriorGroup]:
         """Returns the groups over the active columns, with scales by name where known."""
         found = self._physical_groups()
         for term in self.terms:
@@ -198,7 +198,7 @@ class Design:
             kept = self.active[group.columns]
             if kept.any():
                 out.append(
-                    Group(
+                    PriorGroup(
                         name=group.name,
                         columns=position[group.columns[kept]],
                         sd=scales.get(group.name, group.sd),
@@ -209,16 +209,18 @@ class Design:
                 )
         return out
 
-    def _physical_groups(self) -> list[Group]:
+    def _physical_groups(self) -> list[PriorGroup]:
         sd, number = self.prior.sd[self.free], self.prior.group[self.free]
         out = []
         for k in np.unique(number):
             columns = np.flatnonzero(number == k)
             if k < 0:
-                out.append(Group(name="frames", columns=columns, sd=1.0, shape=sd[columns]))
+                out.append(PriorGroup(name="frames", columns=columns, sd=1.0, shape=sd[columns]))
             else:
                 name = LEARNED[int(k)]
-                out.append(Group(name=name, columns=columns, sd=1.0, rest=1.0, shape=sd[columns]))
+                out.append(
+                    PriorGroup(name=name, columns=columns, sd=1.0, rest=1.0, shape=sd[columns])
+                )
         return out
 
 
@@ -238,7 +240,7 @@ LARGEST: Final = 100.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HeldOut:
+class HeldOutRows:
     """Rows predicted from the other blocks, base or tracker frame, in the rows' order.
 
     Attributes:
@@ -277,7 +279,7 @@ def predict_held_out(
     repeatability: float,
     *,
     shift: float = 0.0,
-) -> HeldOut:
+) -> HeldOutRows:
     """Returns every row predicted from the other blocks, and the factor on the covariance.
 
     Args:
@@ -312,10 +314,12 @@ def predict_held_out(
             white[item.rows] = others.noise[0] * lower @ back - known
             instrument[item.rows] = known + shift**2 * np.eye(3)
     learned += uncarried[:, None, None] * np.eye(3)
-    return _covering(HeldOut(error=error, learned=learned, white=white, instrument=instrument))
+    return _cover_blocks(
+        HeldOutRows(error=error, learned=learned, white=white, instrument=instrument)
+    )
 
 
-def temper_factor(found: HeldOut, freedom: float) -> HeldOut:
+def temper_factor(found: HeldOutRows, freedom: float) -> HeldOutRows:
     """Returns the same with a factor that few rows cannot throw about.
 
     Its logarithm is the mean of that of the blocks, with the weight of the rows, and that of
@@ -335,7 +339,7 @@ def temper_factor(found: HeldOut, freedom: float) -> HeldOut:
     return replace(found, inflation=float(np.exp(share * blocks + (1.0 - share) * law)))
 
 
-def _covering(found: HeldOut) -> HeldOut:
+def _cover_blocks(found: HeldOutRows) -> HeldOutRows:
     """Returns the factor by bisection in its logarithm; coverage grows with it."""
     low, high = -np.log(4.0), np.log(LARGEST)
     for _ in range(30):

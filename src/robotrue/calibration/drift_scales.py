@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from robotrue.calibration.drift import Drift, carry_over
+from robotrue.calibration.drift_prior import SourceDrift, carry_over
 from robotrue.calibration.learners.search import deviation_axes, search_theta
 from robotrue.calibration.new_rows import NUISANCE_SD, left_out_lengths
 from robotrue.calibration.observations import LinearRows
@@ -69,17 +69,17 @@ def stack_rows(pieces: Sequence[LinearRows]) -> Stack:
     )
 
 
-class Problem:
+class DriftEvidence:
     """The matrices of one stack, linearised once; scales are as in ``Drift.names``.
 
     Products with the source's root are made once; weights and scales only choose and add.
     """
 
-    def __init__(self, drift: Drift, stack: Stack) -> None:
+    def __init__(self, drift: SourceDrift, stack: Stack) -> None:
         belief = drift.belief
         end = belief.end
         columns = stack.columns[:, :end]
-        waves, field = belief.carried_as("waves"), belief.carried_as("field")
+        waves, field = belief.columns_by_carry("waves"), belief.columns_by_carry("field")
         parts = (np.setdiff1d(np.arange(end), np.concatenate([waves, field])), waves, field)
         roots = [belief.root[:, p] @ columns[:, p].T for p in parts]
         fresh, nuisance = columns[:, drift.field], stack.columns[:, end:]
@@ -156,7 +156,7 @@ class Problem:
         return np.concatenate([moved, NUISANCE_SD**2 * pull[end:]])
 
 
-def learn_drift(drift: Drift, problem: Problem) -> Drift:
+def learn_drift(drift: SourceDrift, problem: DriftEvidence) -> SourceDrift:
     """Returns the drift with the scales that the rows make most probable, and their covariance."""
     bounds = drift.rest[:, None] + np.array([-WIDEST, WIDEST])
     best = search_theta(problem.log_posterior, drift.log_scale, bounds, steps=STEPS)
@@ -169,7 +169,7 @@ def learn_drift(drift: Drift, problem: Problem) -> Drift:
 
 
 def leave_rows_out(
-    drift: Drift, problem: Problem, row: IntArray
+    drift: SourceDrift, problem: DriftEvidence, row: IntArray
 ) -> tuple[IntArray, Array, IntArray]:
     """Returns row numbers (n,), whitened lengths (n,) and sizes (n,) of rows left out in turn.
 
@@ -188,7 +188,7 @@ def leave_rows_out(
     return rows, lengths, np.array([len(mine) for mine in blocks], dtype=np.int64)
 
 
-def mean_slopes(drift: Drift, problem: Problem) -> Array:
+def mean_slopes(drift: SourceDrift, problem: DriftEvidence) -> Array:
     """Returns d(posterior mean)/d(log scale) (scales, p + nuisances) by central differences."""
     out = []
     for k in range(len(drift.log_scale)):

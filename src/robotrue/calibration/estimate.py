@@ -25,7 +25,7 @@ LOOSE_TURN: Final = 0.02
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict:
+class FitVerdict:
     """What may be said of a fit.
 
     Attributes:
@@ -54,7 +54,7 @@ class Estimate:
 
     posterior: Posterior
     identifiability: Identifiability
-    verdict: Verdict
+    verdict: FitVerdict
     screened: IntArray
     residual: Array
     measurements: MeasurementSet
@@ -171,7 +171,7 @@ def _verdict(
     posterior: Posterior,
     screened: IntArray,
     rows: int,
-) -> Verdict:
+) -> FitVerdict:
     """Judges the fit; ``screened`` are lines of the source file."""
     loose = _loose_turns(posterior)
     doubts = [*loose, *(f"not seen by the data: {d}." for d in seen.harmful)]
@@ -197,7 +197,7 @@ def _verdict(
         f"{name} is negative beyond its uncertainty: check masses and loads." for name in negative
     ]
     sound = not (loose or seen.harmful or short or many or negative)
-    return Verdict(status="determined" if sound else "conditional", doubts=tuple(doubts))
+    return FitVerdict(status="determined" if sound else "conditional", doubts=tuple(doubts))
 
 
 def _loose_turns(posterior: Posterior) -> list[str]:

@@ -27,7 +27,7 @@ from robotrue.calibration.observations import (
     join_chunks,
     linearise_all,
 )
-from robotrue.calibration.parameters import Layout, State, difference, retract
+from robotrue.calibration.parameters import ParameterLayout, State, difference, retract
 from robotrue.calibration.priors import Prior
 from robotrue.calibration.robust import consistency, robust_variance, weights
 from robotrue.calibration.settings import SolverSettings
@@ -68,7 +68,7 @@ class Posterior:
         iterations: Linearisations used.
     """
 
-    layout: Layout
+    layout: ParameterLayout
     state: State
     prior: Prior
     covariance: Array
@@ -116,7 +116,10 @@ class _Solution:
 
 
 def maximise(
-    observations: Sequence[Observation], prior: Prior, layout: Layout, settings: SolverSettings
+    observations: Sequence[Observation],
+    prior: Prior,
+    layout: ParameterLayout,
+    settings: SolverSettings,
 ) -> Posterior:
     """Returns the MAP point, its covariance and the learned scales.
 
@@ -165,7 +168,7 @@ def maximise(
 def _descend(
     observations: Sequence[Observation],
     prior: Prior,
-    layout: Layout,
+    layout: ParameterLayout,
     point: _Point,
     scales: _Scales,
     solution: _Solution,
@@ -175,7 +178,7 @@ def _descend(
     """Returns the next point, its step over the free parameters, and the damping it took."""
     centre, free = prior.centre, prior.free
 
-    def moved(step: Array) -> tuple[_Point, float]:
+    def try_step(step: Array) -> tuple[_Point, float]:
         whole = np.zeros(layout.size)
         whole[free] = step
         state = retract(layout, point.state, whole)
@@ -186,12 +189,12 @@ def _descend(
     before = _objective(point.data, difference(layout, point.state, centre)[free], scales)
     allowed = before * (1.0 + 1e-9) + 1e-9
     while damping < MOST_DAMPING:
-        step = _damped(solution.information, solution.right, scales.sd, damping)
-        trial, after = moved(step)
+        step = _solve_damped(solution.information, solution.right, scales.sd, damping)
+        trial, after = try_step(step)
         if after > allowed:  # the same step, bent along the valley
             bend = scales.sd * _curvature(point.data, trial.data, step, free, scales)
-            step = step + _damped(solution.information, bend, scales.sd, damping)
-            trial, after = moved(step)
+            step = step + _solve_damped(solution.information, bend, scales.sd, damping)
+            trial, after = try_step(step)
         if after <= allowed:
             return trial, step, damping
         damping = max(10.0 * damping, LEAST_DAMPING)
@@ -358,7 +361,7 @@ def _settle(
             noise = np.maximum(noise * np.clip(ratio, 0.01, 100.0), NOISE_FLOOR)
         sd = scales.sd
         if settings.learn_scales:
-            sd = _learned(offset + solution.step, solution, base, group)
+            sd = _learn_scales(offset + solution.step, solution, base, group)
         change = max(
             float(np.max(np.abs(noise - scales.noise) / (noise + instrument))),
             float(np.max(np.abs(sd / scales.sd - 1.0))),
@@ -383,7 +386,7 @@ def _instrument(data: Sequence[Linearisation], channel: int) -> float:
     return max(float(known.mean()) if len(known) else 1.0, NOISE_FLOOR)
 
 
-def _learned(deviation: Array, solution: _Solution, base: Array, group: Array) -> Array:
+def _learn_scales(deviation: Array, solution: _Solution, base: Array, group: Array) -> Array:
     """Prior sd of each free parameter after one update of its group's common factor."""
     number = group.astype(np.int64) + 1  # 0 collects what is not learned
     seen: Any = np.bincount(number, 1.0 - np.diagonal(solution.scaled_covariance))
@@ -413,7 +416,7 @@ def _posterior_sd(solution: _Solution, scales: _Scales) -> Array:
     return scales.sd * np.sqrt(np.diagonal(solution.scaled_covariance))
 
 
-def _damped(information: Array, right: Array, sd: Array, damping: float) -> Array:
+def _solve_damped(information: Array, right: Array, sd: Array, damping: float) -> Array:
     """Step (A + damping)^-1 right in prior-scaled parameters, unscaled.
 
     Damped by the prior and not by diag A: the arm's nonlinearity shows along directions the data
@@ -428,7 +431,7 @@ def _damped(information: Array, right: Array, sd: Array, damping: float) -> Arra
 def _finish(
     point: _Point,
     observations: Sequence[Observation],
-    layout: Layout,
+    layout: ParameterLayout,
     prior: Prior,
     scales: _Scales,
     solution: _Solution,

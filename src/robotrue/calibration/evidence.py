@@ -44,7 +44,7 @@ FEW_PER_COLUMN: Final = 0.6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Group:
+class PriorGroup:
     """Weights that share one prior scale.
 
     Attributes:
@@ -138,7 +138,7 @@ class Weights:
 
     mean: Array
     root: Array
-    groups: tuple[Group, ...]
+    groups: tuple[PriorGroup, ...]
     noise: Array
     determined: Array
     evidence: float
@@ -177,7 +177,7 @@ def sums_of(blocks: Iterable[tuple[Array, Array, float]], size: int) -> Sums:
     )
 
 
-def prior_sd(groups: Sequence[Group], size: int) -> Array:
+def prior_sd(groups: Sequence[PriorGroup], size: int) -> Array:
     """Returns the prior sd (p,) that the groups give; a weight in no group is held at zero."""
     sd = np.zeros(size)
     for group in groups:
@@ -187,7 +187,7 @@ def prior_sd(groups: Sequence[Group], size: int) -> Array:
 
 def posterior(
     channels: Sequence[Sums],
-    groups: Sequence[Group],
+    groups: Sequence[PriorGroup],
     noise: Array,
     *,
     rooted: bool = True,
@@ -227,7 +227,7 @@ def posterior(
 
 
 def _posterior_of_few(
-    channels: Sequence[Sums], groups: Sequence[Group], noise: Array, rooted: bool
+    channels: Sequence[Sums], groups: Sequence[PriorGroup], noise: Array, rooted: bool
 ) -> Weights:
     """The same posterior from K = 1 + B B' = U (1 + s^2) U', B = whitened columns times prior sd.
 
@@ -259,7 +259,7 @@ def _posterior_of_few(
 
 def _weights(
     channels: Sequence[Sums],
-    groups: Sequence[Group],
+    groups: Sequence[PriorGroup],
     noise: Array,
     mean: Array,
     left: Array,
@@ -282,7 +282,7 @@ def _weights(
 
 
 def learn(
-    channels: Sequence[Sums], groups: Sequence[Group], noise: Array, *, steps: int = 40
+    channels: Sequence[Sums], groups: Sequence[PriorGroup], noise: Array, *, steps: int = 40
 ) -> Weights:
     """Returns the posterior at scales and noise of (locally) greatest evidence.
 
@@ -295,7 +295,7 @@ def learn(
     """
     best = posterior(channels, groups, noise, rooted=False)
     for step in range(1, steps + 1):
-        groups, noise = _moved(best, channels)
+        groups, noise = _move_scales(best, channels)
         trial = posterior(channels, groups, noise, rooted=False)
         gain = trial.evidence - best.evidence
         best = replace(trial, steps=step)
@@ -306,7 +306,7 @@ def learn(
     return best
 
 
-def _moved(at: Weights, channels: Sequence[Sums]) -> tuple[tuple[Group, ...], Array]:
+def _move_scales(at: Weights, channels: Sequence[Sums]) -> tuple[tuple[PriorGroup, ...], Array]:
     squares = np.array([float(((at.mean[g.columns] / g.unit) ** 2).sum()) for g in at.groups])
     seen = np.maximum(at.determined, 0.0)
     held = held_scales(at.groups, squares, seen)
@@ -318,7 +318,7 @@ def _moved(at: Weights, channels: Sequence[Sums]) -> tuple[tuple[Group, ...], Ar
             group = replace(group, sd=float(pulled_scale(squares[k], seen[k], group.rest)))
         groups.append(group)
     noise = np.empty(len(channels))
-    spent = _spent(at, channels)
+    spent = _count_spent(at, channels)
     for k, s in enumerate(channels):
         misfit = float(s.power - 2.0 * at.mean @ s.pull + at.mean @ s.gram @ at.mean)
         free = max(s.count - spent[k], 0.05 * s.count)
@@ -337,7 +337,7 @@ def pulled_scale(squares: Array, seen: Array, rest: float) -> Array:
     return np.asarray(np.sqrt((PULL * rest**2 + squares) / (PULL + seen)))
 
 
-def held_scales(groups: Sequence[Group], squares: Array, seen: Array) -> dict[int, float]:
+def held_scales(groups: Sequence[PriorGroup], squares: Array, seen: Array) -> dict[int, float]:
     """Returns the next sd of every held group, by its number.
 
     With x the log variance of a group, r that at rest, h its hold and e the common factor,
@@ -372,7 +372,7 @@ def held_scales(groups: Sequence[Group], squares: Array, seen: Array) -> dict[in
     return dict(zip(held, np.exp(0.5 * logs(common)).tolist(), strict=True))
 
 
-def _spent(at: Weights, channels: Sequence[Sums]) -> Array:
+def _count_spent(at: Weights, channels: Sequence[Sums]) -> Array:
     """Degrees of freedom each channel gave; they sum to the number determined."""
     total = float(at.determined.sum())
     out = np.zeros(len(channels))

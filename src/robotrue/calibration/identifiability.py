@@ -14,7 +14,7 @@ from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
-from robotrue.calibration.parameters import Layout
+from robotrue.calibration.parameters import ParameterLayout
 from robotrue.core.arrays import Array, IntArray
 from robotrue.robot.forward import drive_jacobian, parameter_jacobian, walk
 from robotrue.robot.model import RobotModel, parameter_slice
@@ -111,7 +111,7 @@ def visibility(sd_ratio: float) -> str:
 
 def analyse(
     robot: RobotModel,
-    layout: Layout,
+    layout: ParameterLayout,
     information: Array,
     prior_sd: Array,
     payload: Load,
@@ -138,7 +138,7 @@ def analyse(
     variance = np.einsum("ij,j,ij->i", vectors, 1.0 / (1.0 + np.maximum(values, 0.0)), vectors)
     every = layout.names
     names = tuple(every[i] for i in free)
-    kinds = _imagined(robot, free, sd, payload, base_known=not layout.stations)
+    kinds = _imagine_campaigns(robot, free, sd, payload, base_known=not layout.stations)
     unseen: list[Direction] = []
     for kind, gram in kinds:
         if not dark.shape[1]:
@@ -146,9 +146,9 @@ def analyse(
         strength, turn = np.linalg.eigh(dark.T @ gram @ dark)
         turned = dark @ turn
         lit = strength > 1.0
-        unseen += _named(turned[:, lit], names, sd, kind, robot, cures)
+        unseen += _name_directions(turned[:, lit], names, sd, kind, robot, cures)
         dark = turned[:, ~lit]
-    unseen += _named(dark, names, sd, "nothing", robot, cures)
+    unseen += _name_directions(dark, names, sd, "nothing", robot, cures)
     reachable = np.linalg.eigvalsh(kinds[0][1])
     return Identifiability(
         names=names,
@@ -171,7 +171,7 @@ def _marginal(information: Array, prior_sd: Array, free: IntArray, size: int) ->
     return 0.5 * (out + out.T)
 
 
-def _imagined(
+def _imagine_campaigns(
     robot: RobotModel, free: IntArray, sd: Array, payload: Load, *, base_known: bool
 ) -> list[tuple[Reveal, Array]]:
     """Information of ever richer campaigns of PROBES poses, 0.05 mm and 0.1 mrad per axis."""
@@ -213,7 +213,7 @@ def _imagined(
     return out
 
 
-def _named(
+def _name_directions(
     directions: Array,
     names: tuple[str, ...],
     sd: Array,

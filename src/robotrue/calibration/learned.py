@@ -17,7 +17,7 @@ from typing import Any, Final
 import numpy as np
 
 from robotrue.calibration.calibrated_model import CalibratedModel
-from robotrue.calibration.design import Design, HeldOut, predict_held_out, temper_factor
+from robotrue.calibration.design import Design, HeldOutRows, predict_held_out, temper_factor
 from robotrue.calibration.estimate import Estimate, estimate
 from robotrue.calibration.estimator import NOISE_FLOOR
 from robotrue.calibration.evidence import Sums, Weights, learn
@@ -30,7 +30,6 @@ from robotrue.calibration.priors import free_groups
 from robotrue.calibration.robust import weights as robust_weights
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.terms.backlash import Backlash
-from robotrue.calibration.terms.registry import further_terms
 from robotrue.calibration.terms.ripple import (
     LADDER,
     REST,
@@ -46,6 +45,7 @@ from robotrue.calibration.terms.smooth import (
     learn_smooth,
     no_basis,
 )
+from robotrue.calibration.terms.term_registry import further_terms
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel
@@ -116,7 +116,7 @@ def fit_learned(
     at = climb_ladder(first_design(physical, measurements, settings, parts), parts)
     for steps in ROUNDS:
         at = renew_linearisation(at, steps=steps)
-    found = _examined(at, settings)
+    found = _predict_blocks(at, settings)
     notes: dict[str, Any] = {"smooth": "not tried"}
     if parts.smooth and len(measurements) >= FEWEST_SMOOTH:
         at, found, notes = _with_smooth(at, found, measurements, settings)
@@ -175,7 +175,7 @@ def climb_ladder(design: Design, parts: LearnedParts) -> LinearFit:
     """Returns the fit with as many harmonics as the evidence asks for, idle bands put aside."""
     sums = design.sums()
     sighted = design.active.copy()
-    sighted[design.active] = _sighted(design, sums)
+    sighted[design.active] = _find_sighted(design, sums)
     rungs = [h for h in LADDER if h <= len(design.ripple.cycles)] if parts.ripple else [0]
     if len(design.weights) >= MANY_ROWS:
         rungs = rungs[1:] or rungs
@@ -227,7 +227,7 @@ def _rung(
     return LinearFit(design=trial, sums=part, weights=weights)
 
 
-def _sighted(design: Design, sums: Sequence[Sums]) -> BoolArray:
+def _find_sighted(design: Design, sums: Sequence[Sums]) -> BoolArray:
     """Which active columns the rows can see: not the ripple of a joint without a lever."""
     waves = design.place("ripple")
     covered = np.flatnonzero(design.active)
@@ -266,7 +266,7 @@ def _without_idle(at: LinearFit) -> LinearFit:
     return LinearFit(design=design, sums=sums, weights=weights)
 
 
-def _examined(at: LinearFit, settings: FitSettings) -> HeldOut:
+def _predict_blocks(at: LinearFit, settings: FitSettings) -> HeldOutRows:
     design = at.design
     uncarried = np.zeros(len(design.weights))
     if design.smooth.size:
@@ -300,8 +300,8 @@ def _within(rows: int) -> float:
 
 
 def _with_smooth(
-    at: LinearFit, found: HeldOut, measurements: MeasurementSet, settings: FitSettings
-) -> tuple[LinearFit, HeldOut, dict[str, Any]]:
+    at: LinearFit, found: HeldOutRows, measurements: MeasurementSet, settings: FitSettings
+) -> tuple[LinearFit, HeldOutRows, dict[str, Any]]:
     """Adds the smooth residual where it earns its place."""
     residual = _in_base(at, found.error, measurements)
     counted = np.flatnonzero(at.design.weights > 0.0)
@@ -327,7 +327,7 @@ def _with_smooth(
     if weights.evidence < at.weights.evidence + WORTH:
         return at, found, {**notes, "smooth": "no evidence for it beside the rest"}
     richer = renew_linearisation(LinearFit(design=design, sums=sums, weights=weights), steps=5)
-    better = _examined(richer, settings)
+    better = _predict_blocks(richer, settings)
     notes["held_out_mean_without_smooth_m"] = found.mean
     notes["held_out_mean_with_smooth_m"] = better.mean
     if better.mean >= found.mean:

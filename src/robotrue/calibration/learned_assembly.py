@@ -14,7 +14,7 @@ import numpy as np
 
 from robotrue.calibration.belief import Belief
 from robotrue.calibration.calibrated_model import CalibratedModel, model_of
-from robotrue.calibration.design import Design, HeldOut
+from robotrue.calibration.design import Design, HeldOutRows
 from robotrue.calibration.estimate import Estimate
 from robotrue.calibration.evidence import Sums, Weights
 from robotrue.calibration.lineage import describe_rows
@@ -45,7 +45,7 @@ def day_shift(settings: FitSettings) -> float:
 def assemble_model(
     physical: Estimate,
     at: LinearFit,
-    held_out: HeldOut,
+    held_out: HeldOutRows,
     settings: FitSettings,
     notes: dict[str, Any],
 ) -> CalibratedModel:
@@ -129,7 +129,7 @@ def _model_terms(at: LinearFit, covered: IntArray) -> tuple[tuple[Term, ...], In
 def _summary(
     physical: Estimate,
     at: LinearFit,
-    held_out: HeldOut,
+    held_out: HeldOutRows,
     white: float,
     notes: dict[str, Any],
 ) -> dict[str, Any]:

@@ -35,7 +35,7 @@ import numpy.typing as npt
 from robotrue.calibration.arm import linearise_arm, parts_of
 from robotrue.calibration.belief import Belief
 from robotrue.calibration.model import Query
-from robotrue.calibration.parameters import Layout
+from robotrue.calibration.parameters import ParameterLayout
 from robotrue.calibration.probing import ProbingEstimate
 from robotrue.calibration.terms.term import ArmPostures
 from robotrue.core.arrays import Array, IntArray, frozen
@@ -52,7 +52,7 @@ def tip_columns(
     *,
     T_base_part: Mapping[int, Array] | None = None,
     part: npt.ArrayLike = 0,
-    layout: Layout | None = None,
+    layout: ParameterLayout | None = None,
 ) -> Array:
     """Returns the derivative (n, 3, p) of the tip by every column of a belief, nuisances included.
 
@@ -74,7 +74,7 @@ def tip_columns(
     query = query.expand(belief.robot.dof)
     n = len(query.joints)
     frames = {} if T_base_part is None else dict(T_base_part)
-    placed = layout or Layout(dof=belief.robot.dof, stations=tuple(sorted(frames)))
+    placed = layout or ParameterLayout(dof=belief.robot.dof, stations=tuple(sorted(frames)))
     extra = placed.size - placed.robot_size
     if frames and extra != belief.nuisances:
         raise ModelMismatchError(
@@ -134,7 +134,7 @@ def compensated_covariance(
     *,
     T_base_part: Mapping[int, Array] | None = None,
     part: npt.ArrayLike = 0,
-    layout: Layout | None = None,
+    layout: ParameterLayout | None = None,
 ) -> Array:
     """Returns the covariance (n, 3, 3) m^2 of machined points, run compensated by this estimate.
 
@@ -155,7 +155,7 @@ def compensated_covariance(
     """
     columns = tip_columns(belief, query, T_base_part=T_base_part, part=part, layout=layout)
     half = columns @ belief.root.T
-    rest = uncarried(belief, query) + belief.white**2 + belief.repeatability**2
+    rest = uncarried_variance(belief, query) + belief.white**2 + belief.repeatability**2
     spread = half @ np.swapaxes(half, 1, 2)
     return np.asarray(belief.inflation * (spread + rest[:, None, None] * np.eye(3)))
 
@@ -166,7 +166,7 @@ def compensated_joint_covariance(
     *,
     T_base_part: Mapping[int, Array] | None = None,
     part: npt.ArrayLike = 0,
-    layout: Layout | None = None,
+    layout: ParameterLayout | None = None,
 ) -> Array:
     """Returns the covariance (3 n, 3 n) m^2 of all machined points together, point by point.
 
@@ -237,12 +237,12 @@ def _uncarried_beyond_frame(
     frame = np.einsum("anx,nk,bkx->ab", lift, there, lift, optimize=True)
     taken = np.einsum("anx,nm->max", lift, cross, optimize=True)  # L cov(touch, work)
     shared = G @ taken
-    here = uncarried(belief, machined)[:, None, None] * np.eye(3)
+    here = uncarried_variance(belief, machined)[:, None, None] * np.eye(3)
     out = here - shared - np.swapaxes(shared, 1, 2) + G @ frame @ np.swapaxes(G, 1, 2)
     return np.asarray(out)
 
 
-def uncarried(belief: Belief, query: Query) -> Array:
+def uncarried_variance(belief: Belief, query: Query) -> Array:
     """Returns the variance (n,) m^2 per axis of the smooth residual that no centre carries."""
     out = np.zeros(len(query.joints))
     for term, values in parts_of(belief.terms, belief.values):
@@ -259,11 +259,11 @@ def smooth_rest(belief: Belief, query: Query, other: Query | None = None) -> Arr
     second = query if other is None else other
     out = np.zeros((len(query.joints), len(second.joints)))
     for term in belief.terms:
-        shared = term.uncarried_between(_postures(query), _postures(second))
+        shared = term.uncarried_covariance(_postures(query), _postures(second))
         if shared is not None:
             out += shared
     if other is None:
-        out[np.diag_indices(len(out))] = uncarried(belief, query)
+        out[np.diag_indices(len(out))] = uncarried_variance(belief, query)
     return out
 
 

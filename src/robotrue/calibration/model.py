@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from robotrue.calibration.belief import Belief
-from robotrue.calibration.tables import MeanTables
+from robotrue.calibration.mean_tables import MeanTables
 from robotrue.calibration.training_summary import TrainingSummary
 from robotrue.core.archive import Archive
 from robotrue.core.arrays import Array

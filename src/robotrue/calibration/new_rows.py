@@ -27,7 +27,7 @@ from robotrue.calibration.observations import (
     observations_of,
     take_to_base,
 )
-from robotrue.calibration.parameters import Layout, State, retract
+from robotrue.calibration.parameters import ParameterLayout, State, retract
 from robotrue.calibration.robust import Loss, weights
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.start import start_state
@@ -56,7 +56,7 @@ class NewRows:
 
     robot: RobotModel
     observations: tuple[Visited, ...]
-    layout: Layout
+    layout: ParameterLayout
     T_tracker_base: Mapping[int, Array]
     T_flange_target: Mapping[int, Array]
     count: int
@@ -66,7 +66,7 @@ class NewRows:
         """Number of nuisance columns."""
         return self.layout.size - self.layout.robot_size
 
-    def moved(self, step: Array) -> NewRows:
+    def move(self, step: Array) -> NewRows:
         """Returns the rows with their nuisances moved by ``step`` (nuisances,)."""
         whole = np.concatenate([np.zeros(self.layout.robot_size), step])
         state = retract(self.layout, self._state(self.robot), whole)
@@ -143,7 +143,7 @@ def new_rows(
     return NewRows(
         robot=belief.robot,
         observations=tuple(observations),
-        layout=Layout(
+        layout=ParameterLayout(
             dof=robot.dof,
             stations=tuple(sorted(stations)),
             targets=tuple(sorted(sizes.items())),
@@ -225,7 +225,7 @@ def condition_on_rows(
         columns, values = whiten(rows.pieces(at), noise, row_weights)
         at = condition(prior, columns, values)
         step = at.mean[at.end :]
-        rows = rows.moved(step)
+        rows = rows.move(step)
         size = float(np.abs(step).max(initial=0.0))
         if size < still:
             return at, rows

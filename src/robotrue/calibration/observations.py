@@ -9,14 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final, Protocol, TypeAlias
+from typing import Annotated, Final, Protocol, TypeAlias
 
 import numpy as np
 
 from robotrue.calibration.arm import term_columns
-from robotrue.calibration.parameters import Layout, State
+from robotrue.calibration.parameters import ParameterLayout, State
 from robotrue.calibration.terms.term import ArmPostures, Term
 from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.columns import Column
 from robotrue.core.poses import apply, inverse
 from robotrue.core.rotations import rotation_vector_from_matrix, skew
 from robotrue.errors import ModelMismatchError
@@ -62,13 +63,15 @@ class Observation(Protocol):
         """(n,) row of the measurement set each entry came from."""
         ...
 
-    def linearise(self, layout: Layout, state: State, part: Entries = ...) -> Linearisation:
+    def linearise(
+        self, layout: ParameterLayout, state: State, part: Entries = ...
+    ) -> Linearisation:
         """Returns residual, Jacobian and covariance of the rows in ``part``."""
         ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Visits(ArmPostures):
+class ArmVisits(ArmPostures):
     """n visits of the arm: what decides where a reflector on the flange is.
 
     Attributes:
@@ -76,24 +79,15 @@ class Visits(ArmPostures):
         station: (n,) tracker set-up, or ``IN_BASE``.
     """
 
-    target: IntArray
-    station: IntArray
-
-    def postures(self, part: Entries) -> ArmPostures:
-        """Returns joints and conditions of some visits."""
-        return ArmPostures(
-            joints=self.joints[part],
-            torque=self.torque[part],
-            approach=self.approach[part],
-            temperature=self.temperature[part],
-        )
+    target: Annotated[IntArray, Column("n")]
+    station: Annotated[IntArray, Column("n")]
 
 
 class Visited(Observation, Protocol):
     """An observation of which every row has one posture: points, poses, touches."""
 
     @property
-    def visits(self) -> Visits:
+    def visits(self) -> ArmVisits:
         """Postures of the rows."""
         ...
 
@@ -109,12 +103,14 @@ class PositionObservation:
         rows: (n,) rows of the measurement set.
     """
 
-    visits: Visits
+    visits: ArmVisits
     position: Array
     covariance: Array
     rows: IntArray
 
-    def linearise(self, layout: Layout, state: State, part: Entries = slice(None)) -> Linearisation:
+    def linearise(
+        self, layout: ParameterLayout, state: State, part: Entries = slice(None)
+    ) -> Linearisation:
         """Returns the linearised rows; residual (n, 3) m."""
         point, _, jacobian = seen_points(layout, state, self.visits, part, rotations=False)
         return Linearisation(
@@ -137,13 +133,15 @@ class PoseObservation:
         rows: (n,) rows of the measurement set.
     """
 
-    visits: Visits
+    visits: ArmVisits
     position: Array
     rotation: Array
     covariance: Array
     rows: IntArray
 
-    def linearise(self, layout: Layout, state: State, part: Entries = slice(None)) -> Linearisation:
+    def linearise(
+        self, layout: ParameterLayout, state: State, part: Entries = slice(None)
+    ) -> Linearisation:
         """Returns the linearised rows; residual (n, 6): m, then rad (left rotation vector)."""
         point, rotation, jacobian = seen_points(layout, state, self.visits, part, rotations=True)
         angle = rotation_vector_from_matrix(self.rotation[part] @ np.swapaxes(rotation, 1, 2))
@@ -157,7 +155,7 @@ class PoseObservation:
 
 
 def linearise_all(
-    observations: Sequence[Observation], layout: Layout, state: State
+    observations: Sequence[Observation], layout: ParameterLayout, state: State
 ) -> tuple[Linearisation, ...]:
     """Returns all rows linearised, in chunks."""
     return tuple(
@@ -193,7 +191,7 @@ class LinearRows:
 
 def linear_rows(
     observations: Sequence[Visited],
-    layout: Layout,
+    layout: ParameterLayout,
     state: State,
     about: Array,
     terms: Sequence[Term],
@@ -218,7 +216,7 @@ def linear_rows(
         for start in range(0, len(entries), ROWS):
             part = entries[start : start + ROWS]
             item = observation.linearise(layout, state, part)
-            at = observation.visits.postures(part)
+            at = observation.visits.take(part)
             learned, shift = term_columns(state.robot, at, item.jacobian, terms, values)
             yield LinearRows(
                 columns=np.concatenate([item.jacobian, *learned], axis=2),
@@ -271,7 +269,7 @@ def observations_of(
     for rows in (np.flatnonzero(~posed), np.flatnonzero(posed)):
         if not len(rows):
             continue
-        visits = Visits(
+        visits = ArmVisits(
             joints=measurements.joints[rows],
             torque=torque[rows],
             approach=measurements.approach[rows],
@@ -319,7 +317,7 @@ def _right_inverse(vector: Array) -> Array:
 
 
 def seen_points(
-    layout: Layout, state: State, visits: Visits, part: Entries, *, rotations: bool
+    layout: ParameterLayout, state: State, visits: ArmVisits, part: Entries, *, rotations: bool
 ) -> tuple[Array, Array, Array]:
     """Returns point (n, 3), rotation (n, 3, 3) and Jacobian (n, 3 or 6, P), in the station's frame.
 

@@ -20,7 +20,7 @@ from robotrue.robot.model import PER_JOINT, POSE_TERMS, RobotModel, parameter_na
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Layout:
+class ParameterLayout:
     """Where each block stands in the parameter vector.
 
     Attributes:
@@ -100,7 +100,7 @@ class State:
     T_flange_target: Mapping[int, Array] = field(default_factory=dict)
 
 
-def retract(layout: Layout, state: State, step: Array) -> State:
+def retract(layout: ParameterLayout, state: State, step: Array) -> State:
     """Returns the state moved by ``step`` (size,), SI.
 
     A station or target pose moves by a shift and a left rotation about its own origin:
@@ -110,15 +110,15 @@ def retract(layout: Layout, state: State, step: Array) -> State:
     return State(
         robot=state.robot.with_errors(state.robot.errors + step[blocks["robot"]]),
         T_tracker_base={
-            k: _moved(T, step[blocks[f"station/{k}"]]) for k, T in state.T_tracker_base.items()
+            k: _move_pose(T, step[blocks[f"station/{k}"]]) for k, T in state.T_tracker_base.items()
         },
         T_flange_target={
-            k: _moved(T, step[blocks[f"target/{k}"]]) for k, T in state.T_flange_target.items()
+            k: _move_pose(T, step[blocks[f"target/{k}"]]) for k, T in state.T_flange_target.items()
         },
     )
 
 
-def difference(layout: Layout, state: State, origin: State) -> Array:
+def difference(layout: ParameterLayout, state: State, origin: State) -> Array:
     """Returns the step (size,) that takes ``origin`` to ``state``: the inverse of retract."""
     blocks = layout.blocks
     out = np.zeros(layout.size)
@@ -139,7 +139,7 @@ def difference(layout: Layout, state: State, origin: State) -> Array:
     return out
 
 
-def station_as_base(layout: Layout, state: State) -> tuple[slice, Array] | None:
+def station_as_base(layout: ParameterLayout, state: State) -> tuple[slice, Array] | None:
     """Returns a station's block and the (6, 6) map of its step to one of the base errors.
 
     With an unknown tracker frame the base *is* where that station says: the joint offsets and the
@@ -157,7 +157,7 @@ def station_as_base(layout: Layout, state: State) -> tuple[slice, Array] | None:
     return layout.blocks[f"station/{first}"], out
 
 
-def target_as_tool(layout: Layout, target: int, T_flange_target: Array) -> Array:
+def target_as_tool(layout: ParameterLayout, target: int, T_flange_target: Array) -> Array:
     """Returns the (6, size) map of a step to the tool errors of an arm that carries the target.
 
     A target shifts along the flange's axes, a tool along its own; turns are left out, no point
@@ -169,7 +169,7 @@ def target_as_tool(layout: Layout, target: int, T_flange_target: Array) -> Array
     return out
 
 
-def _moved(transform: Array, step: Array) -> Array:
+def _move_pose(transform: Array, step: Array) -> Array:
     out = transform.copy()
     out[:3, 3] += step[:3]
     if len(step) == 6:

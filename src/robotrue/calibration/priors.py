@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.calibration.belief import Belief, standard_terms
-from robotrue.calibration.parameters import Layout, State
+from robotrue.calibration.parameters import ParameterLayout, State
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.terms.compliance import StiffnessPrior, compliance_prior
 from robotrue.calibration.terms.geometry import PER_JOINT_GROUPS, PriorScales
@@ -49,7 +49,7 @@ class Prior:
 
 
 def build_prior(
-    layout: Layout,
+    layout: ParameterLayout,
     centre: State,
     scales: PriorScales,
     *,
@@ -137,7 +137,7 @@ def prior_belief(
     settings = FitSettings() if settings is None else settings
     size = typical_ripple(robot) if ripple is None else frozen(ripple, (None,), "ripple")
     prior = build_prior(
-        Layout(dof=robot.dof),
+        ParameterLayout(dof=robot.dof),
         State(robot=robot),
         settings.scales,
         free_groups=tuple(g for g in free_groups("elastic") if g != "base"),

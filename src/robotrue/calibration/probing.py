@@ -24,7 +24,7 @@ from robotrue.calibration.drift_scales import Stack, stack_rows
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel, require_belief
 from robotrue.calibration.new_rows import NUISANCE_SD, NewRows, condition_on_rows
-from robotrue.calibration.parameters import Layout, State
+from robotrue.calibration.parameters import ParameterLayout, State
 from robotrue.calibration.priors import build_prior, free_groups, prior_belief
 from robotrue.calibration.probing_estimate import (
     ProbingEstimate,
@@ -121,12 +121,12 @@ def estimate_probing(
     )
     prior = with_nuisances(before, np.full(rows.nuisances, NUISANCE_SD))
     stated = _sigma(prior, settings)
-    after, rows, keep = _agreed(prior, rows, touches, settings)
+    after, rows, keep = _condition_on_agreeing(prior, rows, touches, settings)
     stack = stack_rows(rows.pieces(after, keep))
     _check_plausible(surprise(stack, prior, _noise(prior)), touches)
     if settings.learn and len(stack.values) - rows.nuisances >= FEWEST_LEARNING:
-        prior = _scaled(model, prior, stack, settings)
-        after, rows, keep = _agreed(prior, rows, touches, settings)
+        prior = _scale_prior(model, prior, stack, settings)
+        after, rows, keep = _condition_on_agreeing(prior, rows, touches, settings)
     _check_still_held(touches, keep, in_base, rows)
     return _result(prior, after, rows, touches, keep, settings, model, stated)
 
@@ -170,7 +170,7 @@ def before_touching(model: ErrorModel, settings: ProbingSettings) -> Belief:
         if settings.T_flange_tool is not None:
             robot = robot.with_tool(settings.T_flange_tool)
         return prior_belief(robot, replace(settings.priors, scales=scales))
-    belief = _unscaled(require_belief(model))
+    belief = _work_in_inflation(require_belief(model))
     tool = parameter_slice(belief.robot.dof, "tool")
     if settings.T_flange_tool is not None:
         if settings.tool_sigma <= 0.0:
@@ -194,7 +194,7 @@ def before_touching(model: ErrorModel, settings: ProbingSettings) -> Belief:
     return add_variance(belief, variance)
 
 
-def _unscaled(belief: Belief) -> Belief:
+def _work_in_inflation(belief: Belief) -> Belief:
     """The same predictions with the factor on their covariance worked into its parts."""
     root = float(np.sqrt(belief.inflation))
     visit = belief.repeatability**2
@@ -222,7 +222,7 @@ def _condition(prior: Belief, rows: NewRows, keep: BoolArray) -> tuple[Belief, N
     return condition_on_rows(prior, rows, _noise(prior), trusted, steps=STEPS, still=STILL)
 
 
-def _agreed(
+def _condition_on_agreeing(
     prior: Belief, rows: NewRows, touches: ProbingSet, settings: ProbingSettings
 ) -> tuple[Belief, NewRows, BoolArray]:
     """The posterior of the touches that agree, the rows moved there, and which they are."""
@@ -232,7 +232,7 @@ def _agreed(
         # A surface must be seen from near before a touch on it can be called wrong.
         at, rows = _condition(prior, rows, keep)
     for _ in range(ROUNDS if settings.robust else 0):
-        found = _believed(prior, at, rows, touches, settings)
+        found = _check_majority(prior, at, rows, touches, settings)
         at, rows = _condition(prior, rows, found)
         if (found == keep).all():
             break
@@ -240,7 +240,7 @@ def _agreed(
     return at, rows, keep
 
 
-def _found(
+def _find_agreeing(
     prior: Belief, at: Belief, rows: NewRows, touches: ProbingSet, settings: ProbingSettings
 ) -> BoolArray:
     """Which touches agree; with noise above the stated one where that is what the crowd says."""
@@ -257,7 +257,7 @@ def _found(
     return found
 
 
-def _believed(
+def _check_majority(
     prior: Belief, at: Belief, rows: NewRows, touches: ProbingSet, settings: ProbingSettings
 ) -> BoolArray:
     """Which rows agree.
@@ -266,7 +266,7 @@ def _believed(
         ImplausibleDataError: Half of a part's touches or more do not.
     """
     n = len(touches)
-    found = _found(prior, at, rows, touches, settings)
+    found = _find_agreeing(prior, at, rows, touches, settings)
     labels = touches.labels
     for k in touches.parts:
         mine = np.flatnonzero(touches.part == k)
@@ -298,11 +298,13 @@ def _check_plausible(found: float, touches: ProbingSet) -> None:
         )
 
 
-def _scaled(model: ErrorModel, prior: Belief, stack: Stack, settings: ProbingSettings) -> Belief:
+def _scale_prior(
+    model: ErrorModel, prior: Belief, stack: Stack, settings: ProbingSettings
+) -> Belief:
     """The prior with scales and noise as the touches ask."""
     if not model.calibrated:
         physical = build_prior(
-            Layout(dof=model.robot.dof),
+            ParameterLayout(dof=model.robot.dof),
             State(robot=model.robot),
             settings.priors.scales,
             free_groups=free_groups("elastic"),

@@ -16,7 +16,7 @@ from robotrue.calibration.calibrated_model import CalibratedModel, model_of
 from robotrue.calibration.identifiability import visibility
 from robotrue.calibration.lineage import history, merged_document, record_step
 from robotrue.calibration.model import ErrorModel
-from robotrue.calibration.parameters import Layout
+from robotrue.calibration.parameters import ParameterLayout
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.touches import frame_displacement
 from robotrue.calibration.training_summary import describe_parameters
@@ -100,7 +100,7 @@ class ProbingEstimate:
 
     belief: Belief
     T_base_part: Mapping[int, Array]
-    layout: Layout
+    layout: ParameterLayout
     touches: ProbingSet
     residuals: Array
     outliers: tuple[str, ...]

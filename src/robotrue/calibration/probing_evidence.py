@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from robotrue.calibration.belief import Belief
 from robotrue.calibration.drift_scales import Stack
-from robotrue.calibration.evidence import COMMON_HOLD, Group, Weights, learn, sums_of
+from robotrue.calibration.evidence import COMMON_HOLD, PriorGroup, Weights, learn, sums_of
 from robotrue.calibration.new_rows import left_out_lengths
 from robotrue.calibration.priors import LEARNED, Prior
 from robotrue.calibration.robust import chi_point, student_factor
@@ -103,7 +103,7 @@ def learn_scales(
     sd = np.sqrt(belief.variance)
     waves, end = belief.place("ripple"), belief.end
     ripple, backlash = waves.start, waves.stop
-    groups: list[Group] = []
+    groups: list[PriorGroup] = []
     number = np.asarray(physical.group[:ripple])
     for k in np.unique(number[sd[:ripple] > 0.0]).tolist():
         columns = np.flatnonzero((number == k) & (sd[:ripple] > 0.0))
@@ -151,13 +151,13 @@ def few_factor(told: float, worth: float = WORTH) -> float:
 def noise_factor(belief: Belief, stack: Stack, noise: Array) -> float:
     """Returns by how much the touches' variance is larger than stated; never below 1."""
     unit = stack.columns @ belief.root.T
-    group = Group(name="all", columns=np.arange(unit.shape[1]), sd=1.0)
+    group = PriorGroup(name="all", columns=np.arange(unit.shape[1]), sd=1.0)
     offset = replace(stack, values=stack.values - stack.columns @ belief.mean)
     return float(_learn(unit, offset, np.zeros(unit.shape[1]), noise, [group]).noise[0])
 
 
-def _group(name: str, columns: npt.NDArray[Any], sd: Array, *, held: bool) -> Group:
-    return Group(
+def _group(name: str, columns: npt.NDArray[Any], sd: Array, *, held: bool) -> PriorGroup:
+    return PriorGroup(
         name=name,
         columns=np.asarray(columns, dtype=np.int64),
         sd=1.0,
@@ -167,7 +167,9 @@ def _group(name: str, columns: npt.NDArray[Any], sd: Array, *, held: bool) -> Gr
     )
 
 
-def _learn(columns: Array, stack: Stack, mean: Array, noise: Array, groups: list[Group]) -> Weights:
+def _learn(
+    columns: Array, stack: Stack, mean: Array, noise: Array, groups: list[PriorGroup]
+) -> Weights:
     lower = np.linalg.cholesky(stack.known + np.diag(noise[0] * stack.white))
     values = np.linalg.solve(lower, stack.values - columns @ mean)
     rows = np.linalg.solve(lower, columns)

@@ -62,7 +62,7 @@ def start_frames(
         elif k in stated:
             out[k] = np.asarray(stated[k], dtype=np.float64)
         else:
-            out[k] = _fitted(touches, in_base, mine, robust)
+            out[k] = _fit_frame(touches, in_base, mine, robust)
         if k not in touches.sockets:
             check_held(touches, in_base, mine, out[k])
     return out
@@ -127,7 +127,7 @@ def check_pattern(points: Array, labels: tuple[str, ...]) -> None:
         )
 
 
-def _fitted(touches: ProbingSet, in_base: Array, mine: IntArray, robust: bool) -> Array:
+def _fit_frame(touches: ProbingSet, in_base: Array, mine: IntArray, robust: bool) -> Array:
     """Rigid fit of one part's nominal points to the tips."""
     labels = touches.labels
     full = mine[touches.full[mine]]

@@ -16,7 +16,13 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from robotrue.calibration.belief import Belief, add_variance, condition, with_harmonics
-from robotrue.calibration.drift import RELATIONS, Relation, carry_over, drift_of, shape_variance
+from robotrue.calibration.drift_prior import (
+    RELATIONS,
+    Relation,
+    carry_over,
+    drift_of,
+    shape_variance,
+)
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.settings import FitSettings
 from robotrue.core.arrays import IntArray
@@ -29,7 +35,7 @@ SAME: Final = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Source:
+class TransferSource:
     """What is known from elsewhere.
 
     Attributes:
@@ -83,7 +89,7 @@ def require_same_type(robot: RobotModel, other: RobotModel, name: str) -> None:
 
 
 def carry_to_reflector(
-    robot: RobotModel, belief: Belief, source: Source, settings: FitSettings
+    robot: RobotModel, belief: Belief, source: TransferSource, settings: FitSettings
 ) -> Belief:
     """Returns the belief of a source with the target's reflector.
 
@@ -121,7 +127,7 @@ def combine_sources(beliefs: Sequence[Belief], relations: Sequence[Relation]) ->
     if relations[0] == "unit":
         lead = _spread(lead, "unit")
     for other, relation in zip(beliefs[1:], relations[1:], strict=True):
-        lead = _joined(lead, other, relation, again=relations[0] != "unit")
+        lead = _join(lead, other, relation, again=relations[0] != "unit")
     return lead
 
 
@@ -132,14 +138,14 @@ def _spread(belief: Belief, relation: Relation) -> Belief:
     return add_variance(wide, variance)
 
 
-def _joined(lead: Belief, other: Belief, relation: Relation, *, again: bool) -> Belief:
+def _join(lead: Belief, other: Belief, relation: Relation, *, again: bool) -> Belief:
     """The lead after one more source; ``again``: units differ on both sides of the type mean."""
     count = max(len(lead.ripple.cycles), len(other.ripple.cycles))
     lead, other = _with_waves(lead, other, count), with_harmonics(other, count)
     spread = _spread(other, relation)
     if relation == "unit" and again:
         spread = _spread(spread, relation)
-    columns = _shared(lead, spread, relation)
+    columns = _shared_columns(lead, spread, relation)
     theirs = spread.root[:, columns]
     noise = theirs.T @ theirs
     off = spread.mean[columns] - lead.mean[columns]
@@ -165,7 +171,7 @@ def _with_waves(lead: Belief, other: Belief, count: int) -> Belief:
     return add_variance(wider, variance)
 
 
-def _shared(lead: Belief, other: Belief, relation: Relation) -> IntArray:
+def _shared_columns(lead: Belief, other: Belief, relation: Relation) -> IntArray:
     """Columns two sources share: the arm's own, without stands, reflectors and smooth weights."""
     smooth = lead.place("smooth").start
     able = (lead.variance[:smooth] > 0.0) & (other.variance[:smooth] > 0.0)

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.calibration.parameters import Layout, State
+from robotrue.calibration.parameters import ParameterLayout, State
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, fit_rigid, inverse, pose
 from robotrue.core.rotations import matrix_from_rotation_vector, skew
@@ -36,7 +36,7 @@ APART: Final = 0.01
 
 def start_state(
     robot: RobotModel, measurements: MeasurementSet, *, tool_sd: float = 0.0, line: bool = False
-) -> tuple[RobotModel, Layout, State]:
+) -> tuple[RobotModel, ParameterLayout, State]:
     """Returns the robot, the layout of the parameter vector and the state to start from.
 
     Tracker frames start at the best rigid fit to the nominal arm; of poses on or near one line the
@@ -74,7 +74,7 @@ def start_state(
         mine = measurements.target == k
         targets[k], posed = _target(chain, position, rotation, mine)
         sizes.append((k, 6 if posed else 3))
-    layout = Layout(
+    layout = ParameterLayout(
         dof=robot.dof,
         stations=tuple(stations),
         targets=tuple(sizes),
@@ -113,11 +113,11 @@ def _stations(
         out[k] = fit_rigid(points, measurements.position[mine])
         if line and _spread(points)[1] < SLIM * _spread(points)[0]:
             turn = chain.flange_rotation[mine]
-            out[k] = _turned(out[k], points, measurements.position[mine], turn, tool_sd)
+            out[k] = _turn_frame(out[k], points, measurements.position[mine], turn, tool_sd)
     return out
 
 
-def _turned(T: Array, points: Array, seen: Array, flange: Array, tool_sd: float) -> Array:
+def _turn_frame(T: Array, points: Array, seen: Array, flange: Array, tool_sd: float) -> Array:
     """The frame turned about a line of points, so that an offset of the reflector explains best.
 
     Args:

@@ -17,14 +17,14 @@ import numpy as np
 from robotrue.calibration.belief import Belief
 from robotrue.calibration.new_rows import NewRows
 from robotrue.calibration.observations import (
+    ArmVisits,
     Entries,
     Linearisation,
     PositionObservation,
     Visited,
-    Visits,
     seen_points,
 )
-from robotrue.calibration.parameters import Layout, State
+from robotrue.calibration.parameters import ParameterLayout, State
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.poses import inverse
 from robotrue.core.rotations import skew
@@ -49,13 +49,15 @@ class SurfaceObservation:
         rows: (n,) rows of the probing set.
     """
 
-    visits: Visits
+    visits: ArmVisits
     surfaces: tuple[Surface, ...]
     radius: float
     variance: Array
     rows: IntArray
 
-    def linearise(self, layout: Layout, state: State, part: Entries = slice(None)) -> Linearisation:
+    def linearise(
+        self, layout: ParameterLayout, state: State, part: Entries = slice(None)
+    ) -> Linearisation:
         """Returns the linearised rows; residual (n, 1) m: radius minus distance."""
         point, _, jacobian = seen_points(layout, state, self.visits, part, rotations=False)
         chosen = np.arange(len(self.rows))[part]
@@ -82,11 +84,13 @@ class PartDistanceObservation:
         rows: (n,) behind the touches.
     """
 
-    visits: Visits
+    visits: ArmVisits
     distances: tuple[KnownDistance, ...]
     rows: IntArray
 
-    def linearise(self, layout: Layout, state: State, part: Entries = slice(None)) -> Linearisation:
+    def linearise(
+        self, layout: ParameterLayout, state: State, part: Entries = slice(None)
+    ) -> Linearisation:
         """Returns the linearised rows; residual (n, 1) m.
 
         Raises:
@@ -193,7 +197,7 @@ def touch_rows(
         size = len(touches.distances)
         observations.append(
             PartDistanceObservation(
-                visits=Visits(
+                visits=ArmVisits(
                     joints=np.zeros((size, dof)),
                     torque=np.zeros((size, dof)),
                     target=np.zeros(size, dtype=np.int64),
@@ -206,15 +210,15 @@ def touch_rows(
     return NewRows(
         robot=belief.robot,
         observations=tuple(observations),
-        layout=Layout(dof=dof, stations=parts, places=tuple(sorted(touches.sockets))),
+        layout=ParameterLayout(dof=dof, stations=parts, places=tuple(sorted(touches.sockets))),
         T_tracker_base={k: inverse(T_base_part[k]) for k in parts},
         T_flange_target={},
         count=count,
     )
 
 
-def _visits(touches: ProbingSet, torque: Array, rows: IntArray) -> Visits:
-    return Visits(
+def _visits(touches: ProbingSet, torque: Array, rows: IntArray) -> ArmVisits:
+    return ArmVisits(
         joints=touches.joints[rows],
         torque=torque[rows],
         target=np.zeros(len(rows), dtype=np.int64),

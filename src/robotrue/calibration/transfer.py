@@ -2,10 +2,10 @@
 
 Every source is a posterior over the same coefficients: geometry, compliance, ripple, backlash,
 smooth residual. The first source of the same arm is the prior of the target, widened by what may
-have changed (:mod:`robotrue.calibration.drift`); every other source is one more observation of the
-same coefficients with its own drift. Sources that are other units of the type say what units have
-in common: parameters = type mean + unit + drift. The target rows then move everything, the scales
-of the drift included. Without target rows the prediction is the prior's, as wide as it is.
+have changed (:mod:`robotrue.calibration.drift_prior`); every other source is one more observation
+of the same coefficients with its own drift. Sources that are other units of the type say what units
+have in common: parameters = type mean + unit + drift. The target rows then move everything, the
+scales of the drift included. Without target rows the prediction is the prior's, as wide as it is.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ import numpy as np
 
 from robotrue.calibration.belief import Belief, with_centres, with_nuisances
 from robotrue.calibration.calibrated_model import CalibratedModel, model_of
-from robotrue.calibration.drift import Drift, DriftScales, Relation, drift_of, prior_of
+from robotrue.calibration.drift_prior import DriftScales, Relation, SourceDrift, drift_of, prior_of
 from robotrue.calibration.drift_scales import (
-    Problem,
+    DriftEvidence,
     learn_drift,
     leave_rows_out,
     mean_slopes,
@@ -39,7 +39,7 @@ from robotrue.calibration.new_rows import (
 from robotrue.calibration.parameters import State, station_as_base
 from robotrue.calibration.robust import Loss, robust_variance, student_factor, weights
 from robotrue.calibration.settings import FitSettings
-from robotrue.calibration.sources import Source, carry_to_reflector, combine_sources
+from robotrue.calibration.sources import TransferSource, carry_to_reflector, combine_sources
 from robotrue.calibration.terms.smooth import add_centres
 from robotrue.calibration.update import (
     MOST_CENTRES,
@@ -54,7 +54,7 @@ from robotrue.errors import ConfigurationError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel, parameter_slice
 
-__all__ = ["Source", "fit_transfer"]
+__all__ = ["TransferSource", "fit_transfer"]
 
 LEARNING_ROWS: Final = 120
 """Target rows on which the drift scales are learned; all rows move the coefficients."""
@@ -79,14 +79,14 @@ class _Landing:
 
     belief: Belief
     rows: NewRows
-    drift: Drift
+    drift: SourceDrift
     weights: Array
 
 
 def fit_transfer(
     robot: RobotModel,
     target: MeasurementSet | None,
-    sources: Sequence[Source],
+    sources: Sequence[TransferSource],
     settings: FitSettings | None = None,
     *,
     scales: DriftScales | None = None,
@@ -127,7 +127,7 @@ def fit_transfer(
         after, screened = prior_of(drift), np.zeros(0, dtype=np.int64)
     else:
         require_joints(models[0], target)
-        landing = _landed(lead, relation, points_only(target), settings, scales, learn)
+        landing = _add_target_rows(lead, relation, points_only(target), settings, scales, learn)
         drift, screened = landing.drift, np.flatnonzero(landing.weights == 0.0)
         after = _with_gauge(landing.belief, landing.rows, relation)
     counted = 0 if target is None else len(target) - len(screened)
@@ -138,7 +138,7 @@ def fit_transfer(
 
 
 def _model_of_source(
-    robot: RobotModel, source: Source, settings: FitSettings, method: str
+    robot: RobotModel, source: TransferSource, settings: FitSettings, method: str
 ) -> ErrorModel:
     if source.measurements is not None:
         return fit(robot, source.measurements, method=method, settings=settings)
@@ -147,7 +147,7 @@ def _model_of_source(
     return source.model
 
 
-def _landed(
+def _add_target_rows(
     lead: Belief,
     relation: Relation,
     target: MeasurementSet,
@@ -171,13 +171,13 @@ def _landed(
     at = _prior(drift, rows)
     for step in range(ROUNDS):
         stack = stack_rows(rows.pieces(at, chosen))
-        problem = Problem(drift, stack)
+        problem = DriftEvidence(drift, stack)
         u = _weights(drift, problem, stack.row, u, settings.solver.loss, first=step == 0)
         problem.weigh(u[stack.row])
         if learn:
             drift = learn_drift(drift, problem)
         at = replace(at, mean=problem.mean(drift.log_scale))
-        rows = rows.moved(at.mean[at.end :])
+        rows = rows.move(at.mean[at.end :])
     if not chosen.all():
         some, _ = condition_on_rows(
             _prior(drift, rows), rows, _noise(drift), np.where(chosen, u, 0.0)
@@ -193,7 +193,7 @@ def _landed(
 
 
 def _weights(
-    drift: Drift, problem: Problem, row: IntArray, u: Array, loss: Loss, *, first: bool
+    drift: SourceDrift, problem: DriftEvidence, row: IntArray, u: Array, loss: Loss, *, first: bool
 ) -> Array:
     """Robust weights of the learning rows, each judged by all others.
 
@@ -212,11 +212,11 @@ def _weights(
     return out
 
 
-def _prior(drift: Drift, rows: NewRows) -> Belief:
+def _prior(drift: SourceDrift, rows: NewRows) -> Belief:
     return with_nuisances(prior_of(drift), np.full(rows.nuisances, NUISANCE_SD))
 
 
-def _noise(drift: Drift) -> Array:
+def _noise(drift: SourceDrift) -> Array:
     return np.array([drift.white**2, 0.0])
 
 
@@ -236,7 +236,7 @@ def _with_field(belief: Belief, joints: Array) -> tuple[Belief, int]:
     return with_centres(belief, basis), belief.place("smooth").stop
 
 
-def _unsure(belief: Belief, drift: Drift, problem: Problem) -> Belief:
+def _unsure(belief: Belief, drift: SourceDrift, problem: DriftEvidence) -> Belief:
     """The belief with what the mean would do if the drift scales were others."""
     values, vectors = np.linalg.eigh(drift.log_cov)
     half = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
@@ -269,9 +269,9 @@ def _with_gauge(belief: Belief, rows: NewRows, relation: Relation) -> Belief:
 
 def _summary(
     belief: Belief,
-    drift: Drift,
+    drift: SourceDrift,
     relation: Relation,
-    sources: Sequence[Source],
+    sources: Sequence[TransferSource],
     models: Sequence[ErrorModel],
     target: MeasurementSet | None,
     screened: IntArray,

@@ -141,7 +141,7 @@ class PhysicsCorrection(Columns):
         known = signal_covariance(self.theta, self.causes, self.causes)
         solved = _solve_errors(self.theta, known, self.errors)
         across = signal_covariance(self.theta, c, self.causes)
-        spread = solved.whitened(across.T)
+        spread = solved.whiten_rows(across.T)
         own = _own(self.theta, c)
         variance = np.maximum(own - np.sum(spread**2, axis=0), 0.0)
         noise = float(np.exp(2.0 * self.theta[-1]))
@@ -178,7 +178,7 @@ def fit_physics(
 
     def leave_out(theta: Array) -> tuple[Array, Array]:
         covariance = signal_covariance(theta, causes, causes)
-        return _solve_errors(theta, covariance, errors).left_out()
+        return _solve_errors(theta, covariance, errors).predict_left_out()
 
     limits = bounds(mean)
     theta = search_theta(log_posterior, mean, limits, fixed)

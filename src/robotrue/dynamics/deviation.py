@@ -168,7 +168,7 @@ class DeviationModel(Columns):
         far = standing != WindowTrust.INSIDE
         cross[far] -= pose_covariance(new, old, self.theta)[far]
         deviation = new.basis @ mean + cross @ known.alpha[:, 0]
-        half = known.whitened(cross.T)
+        half = known.whiten_rows(cross.T)
         left = variance(new, self.theta, prior) - np.einsum("ij,ij->j", half, half)
         sd = np.sqrt(np.maximum(left, 0.0) + np.exp(2.0 * self.theta[4]))
         invalid = standing == WindowTrust.INVALID
@@ -258,7 +258,7 @@ def fit_deviation(
     _, trusted, theta, known = max(trials, key=lambda trial: trial[0])
     mean, spread = _priors(arm, settings, trusted)
     factors = mean + spread**2 * (rows.basis.T @ known.alpha[:, 0])
-    half = known.whitened(rows.basis * spread**2)
+    half = known.whiten_rows(rows.basis * spread**2)
     left = np.maximum(spread**2 - np.einsum("ij,ij->j", half, half), 0.0)
     return DeviationModel(
         arm=arm,

@@ -24,7 +24,7 @@ from robotrue.calibration.arm import term_columns
 from robotrue.calibration.belief import Belief, standard_terms
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.observations import PositionObservation, observations_of
-from robotrue.calibration.parameters import Layout, State
+from robotrue.calibration.parameters import ParameterLayout, State
 from robotrue.calibration.priors import build_prior, free_groups
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.terms.compliance import StiffnessPrior
@@ -169,7 +169,7 @@ class LinearModel(Columns):
         self, postures: Postures, robot: RobotModel
     ) -> Iterator[tuple[slice, Array, Array, Array]]:
         """Rows, Jacobian (n, 3, p), drive Jacobian, covariance of instrument and repeatability."""
-        layout = Layout(dof=robot.dof)
+        layout = ParameterLayout(dof=robot.dof)
         terms = standard_terms(robot.dof, harmonics(len(self.unmodelled.ripple)))
         for start in range(0, len(postures), ROWS):
             part = slice(start, start + ROWS)
@@ -223,7 +223,7 @@ def before_measuring(
     settings = settings_of(cell) if settings is None else settings
     unmodelled = UnmodelledErrors() if unmodelled is None else unmodelled
     robot = cell.measured_robot.nominal()
-    layout = Layout(dof=robot.dof)
+    layout = ParameterLayout(dof=robot.dof)
     prior = build_prior(
         layout,
         State(robot=robot),

@@ -15,7 +15,7 @@ from typing import Annotated, Final
 import numpy as np
 
 from robotrue.calibration.belief import Belief, with_nuisances
-from robotrue.calibration.machined import tip_columns, uncarried
+from robotrue.calibration.machined import tip_columns, uncarried_variance
 from robotrue.calibration.model import Query
 from robotrue.calibration.update import carry_residual
 from robotrue.core.arrays import Array, IntArray
@@ -243,14 +243,14 @@ def linear_task(task: ProbingTask) -> LinearTask:
     )
     seen = seen @ placed.root.T
     scatter = placed.white**2 + placed.repeatability**2
-    touch_visit = scatter + uncarried(placed, touched)
+    touch_visit = scatter + uncarried_variance(placed, touched)
     rows = seen / np.sqrt(touch_visit + task.touch_sigma**2)[:, None, None]
     return LinearTask(
         candidates=task.candidates,
         rows=_along_normals(task.candidates, rows),
         columns=wanted @ placed.root.T,
         at_touches=seen,
-        visit=scatter + uncarried(placed, task.machining.query),
+        visit=scatter + uncarried_variance(placed, task.machining.query),
         touch_visit=touch_visit,
     )
 

@@ -13,7 +13,7 @@ from typing import Annotated, ClassVar, Final
 
 import numpy as np
 
-from robotrue.calibration.machined import tip_columns, uncarried
+from robotrue.calibration.machined import tip_columns, uncarried_variance
 from robotrue.calibration.model import Query
 from robotrue.calibration.update import carry_residual
 from robotrue.core.arrays import Array, IntArray
@@ -229,8 +229,8 @@ def frame_task(task: ProbingTask) -> FrameTask:
     touched = Query(joints=candidates.joints, load=task.touch_load)
     parts = np.array(sorted(task.T_base_part))
     scatter = belief.inflation * belief.white**2 + belief.repeatability**2
-    own = belief.inflation * uncarried(belief, touched)
-    later = belief.inflation * uncarried(belief, machining.query)
+    own = belief.inflation * uncarried_variance(belief, touched)
+    later = belief.inflation * uncarried_variance(belief, machining.query)
     turn = _turns(task, machining.part)
     return FrameTask(
         candidates=candidates,

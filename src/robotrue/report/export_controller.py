@@ -17,7 +17,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from robotrue.calibration.terms.registry import export_parts
+from robotrue.calibration.terms.term_registry import export_parts
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.provenance import MARK, simulation_mark
 from robotrue.core.rotations import (

@@ -13,9 +13,9 @@ from typing import Annotated, Any
 import numpy as np
 
 from robotrue.calibration.lineage import model_hash, provenance_of
+from robotrue.calibration.mean_tables import MeanTables
 from robotrue.calibration.model import ErrorModel, Query
-from robotrue.calibration.tables import MeanTables
-from robotrue.calibration.terms.registry import export_parts
+from robotrue.calibration.terms.term_registry import export_parts
 from robotrue.core.arrays import Array
 from robotrue.core.columns import Column, Columns
 from robotrue.core.provenance import Provenance

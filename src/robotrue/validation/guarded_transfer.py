@@ -16,11 +16,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from robotrue.calibration.deng2022.transfer_gpr import fit_boosted_poses
-from robotrue.calibration.drift import DriftScales
+from robotrue.calibration.drift_prior import DriftScales
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.settings import FitSettings
-from robotrue.calibration.sources import Source
+from robotrue.calibration.sources import TransferSource
 from robotrue.calibration.transfer import fit_transfer
 from robotrue.core.progress import Progress
 from robotrue.errors import ObservabilityError, RobotrueError
@@ -61,7 +61,7 @@ class Contestants:
 def fit_guarded(
     robot: RobotModel,
     target: MeasurementSet | None,
-    sources: Sequence[Source],
+    sources: Sequence[TransferSource],
     settings: FitSettings | None = None,
     *,
     drift: DriftScales | None = None,
@@ -121,7 +121,7 @@ def select_transfer(
 def contestants(
     robot: RobotModel,
     target: MeasurementSet | None,
-    sources: Sequence[Source],
+    sources: Sequence[TransferSource],
     settings: FitSettings,
     *,
     drift: DriftScales | None = None,
@@ -165,7 +165,9 @@ def contestants(
     )
 
 
-def _model_of(robot: RobotModel, source: Source, settings: FitSettings, method: str) -> ErrorModel:
+def _model_of(
+    robot: RobotModel, source: TransferSource, settings: FitSettings, method: str
+) -> ErrorModel:
     if source.model is not None:
         return source.model
     if source.measurements is None:
@@ -184,21 +186,21 @@ def _richest(
         return fit(robot, rows, method="elastic", settings=leaning)
 
 
-def _elsewhere(source: Source, target: MeasurementSet) -> bool:
+def _elsewhere(source: TransferSource, target: MeasurementSet) -> bool:
     """Whether the target's tracker set-up is one the source cannot know."""
     return target.frame == "tracker" and source.relation != "region"
 
 
 def _transfers(
     robot: RobotModel,
-    known: Sequence[tuple[Source, ErrorModel]],
+    known: Sequence[tuple[TransferSource, ErrorModel]],
     settings: FitSettings,
     drift: DriftScales | None,
     method: str,
 ) -> dict[str, Candidate]:
     if not known:
         return {}
-    ready = [Source(model=m, relation=s.relation, name=s.name) for s, m in known]
+    ready = [TransferSource(model=m, relation=s.relation, name=s.name) for s, m in known]
     measured = [s for s, _ in known if s.measurements is not None]
 
     def transfer(rows: MeasurementSet | None) -> ErrorModel:
@@ -226,7 +228,7 @@ def _transfers(
     return out
 
 
-def _as_it_is(source: Source, model: ErrorModel) -> Candidate:
+def _as_it_is(source: TransferSource, model: ErrorModel) -> Candidate:
     def as_it_is(rows: MeasurementSet | None) -> ErrorModel:
         if rows is not None and _elsewhere(source, rows):
             raise ObservabilityError(

@@ -14,7 +14,7 @@ from typing import Annotated, TypeAlias
 
 import numpy as np
 
-from robotrue.calibration.machined import tip_columns, uncarried
+from robotrue.calibration.machined import tip_columns, uncarried_variance
 from robotrue.calibration.model import ErrorModel, Query, require_belief
 from robotrue.calibration.robust import LEVEL, chi_point
 from robotrue.core.arrays import Array, BoolArray
@@ -133,7 +133,7 @@ def _about_mean(model: ErrorModel, touches: ProbingSet, payload: Load, touch_sig
     belief = require_belief(model)
     query = Query(joints=touches.joints, load=payload)
     columns = tip_columns(belief, query)
-    visit = belief.white**2 + belief.repeatability**2 + uncarried(belief, query)
+    visit = belief.white**2 + belief.repeatability**2 + uncarried_variance(belief, query)
     own = touch_sigma**2 + belief.inflation * np.broadcast_to(visit, len(touches))
     out = np.empty((len(touches), 3, 3))
     for k in touches.parts:

@@ -9,7 +9,7 @@ import numpy as np
 
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.settings import FitSettings
-from robotrue.calibration.sources import Source, require_same_type
+from robotrue.calibration.sources import TransferSource, require_same_type
 from robotrue.calibration.training_summary import TrainingSummary
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, fit_rigid
@@ -44,8 +44,8 @@ DRIFTED: Final = 5.0
 
 
 def admit_sources(
-    robot: RobotModel, sources: Sequence[Source]
-) -> tuple[tuple[Source, ...], tuple[str, ...]]:
+    robot: RobotModel, sources: Sequence[TransferSource]
+) -> tuple[tuple[TransferSource, ...], tuple[str, ...]]:
     """Returns the sources that can be this robot's, and why the others are left out."""
     kept, doubts = [], []
     for source in sources:

@@ -20,7 +20,7 @@ from typing import Final, Literal, TypeAlias
 import numpy as np
 
 from robotrue.calibration.belief import Belief
-from robotrue.calibration.machined import tip_columns, uncarried
+from robotrue.calibration.machined import tip_columns, uncarried_variance
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.registration.fit import displace_frame
 from robotrue.core.arrays import Array
@@ -273,7 +273,7 @@ def _noise(known: TouchBelief, touches: ProbingSet) -> Array:
 
 def _visit(known: TouchBelief, belief: Belief, touches: ProbingSet) -> Array:
     query = touch_query(touches.joints, belief.robot, known.settings)
-    rest = uncarried(belief, query) + belief.white**2 + belief.repeatability**2
+    rest = uncarried_variance(belief, query) + belief.white**2 + belief.repeatability**2
     return np.asarray(belief.inflation * rest)
 
 

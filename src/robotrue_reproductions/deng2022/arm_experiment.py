@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from robotrue.calibration.deng2022.joined import PoseModel
-from robotrue.calibration.deng2022.readings import Readings
+from robotrue.calibration.deng2022.readings import DengReadings
 from robotrue.calibration.deng2022.sampling import TargetRule
 from robotrue.calibration.deng2022.transfer_gpr import fit_deng2022, fit_pose_gpr
 from robotrue.calibration.model import ErrorModel, Query
@@ -143,7 +143,7 @@ def _transfer(
         target,
         paper_domains(case.attitude),
         case.settings,
-        Readings(attitude=case.attitude, **values),
+        DengReadings(attitude=case.attitude, **values),
     )
 
 
@@ -178,7 +178,7 @@ def _accuracy(
     complete = scenarios.validation(case)
     few = scenarios.measured(case, random_joints(robot, 50, seed=case.seed, region=inside))
     everywhere = with_attitude(Region(), case.attitude)
-    fixed = Readings(mean="zero", kernel="isotropic", length=_FIXED_LENGTH)
+    fixed = DengReadings(mean="zero", kernel="isotropic", length=_FIXED_LENGTH)
     models: dict[str, ErrorModel] = {
         "GPR-50": fit_pose_gpr(robot, few, inside, case.settings),
         "GPR-378": fit_pose_gpr(robot, complete, inside, case.settings),

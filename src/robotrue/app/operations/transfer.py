@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from robotrue.app.transfer_sources import StatedSource
     from robotrue.app.workspace_context import WorkspaceContext
     from robotrue.calibration.model import ErrorModel
-    from robotrue.calibration.sources import Source
+    from robotrue.calibration.sources import TransferSource
     from robotrue.cell.cell import Cell
     from robotrue.measurement.measurement_set import MeasurementSet
     from robotrue.store.workspace import Transaction
@@ -218,10 +218,10 @@ def run(request: TransferRequest, context: Context) -> Transferred:
 
 def _known(
     request: TransferRequest, stated: Sequence[StatedSource], context: Context
-) -> tuple[Cell, list[Source]]:
+) -> tuple[Cell, list[TransferSource]]:
     """The cell of the target, and what is known: stated sources, or the model to update."""
     from robotrue.app.transfer_sources import read_source
-    from robotrue.calibration.sources import Source
+    from robotrue.calibration.sources import TransferSource
 
     if request.model is None:
         if request.cell is None:
@@ -231,7 +231,7 @@ def _known(
     held = context.model(request.model)
     cell = held.cell if request.cell is None else context.cell(request.cell)
     name = context.name(request.model)
-    return cell, [Source(model=held.model, relation=UPDATE, name=name)]
+    return cell, [TransferSource(model=held.model, relation=UPDATE, name=name)]
 
 
 def _curve(

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.calibration.deng2022.domains import PRINTED_UNITS, turned_features
-from robotrue.calibration.deng2022.readings import AlignmentInputs, Readings, TransformReading
+from robotrue.calibration.deng2022.readings import AlignmentInputs, DengReadings, TransformReading
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.units import MM
 from robotrue.errors import ObservabilityError, ShapeError
@@ -50,7 +50,7 @@ def row_transform(
     """Returns T_j (4, 4) for homogeneous row vectors in m, eq. 11-12.
 
     Args:
-        reading: See :class:`Readings`.
+        reading: See :class:`DengReadings`.
         angle: rad between source and sub-space, for ``known-angle``.
         source: (n, 3) m, all source points.
         mapped_source: (m, 3) m, those with an image in the sub-space.
@@ -160,7 +160,7 @@ def turned_labels(angle: float, inputs: AlignmentInputs) -> Array:
 
 
 def align(
-    readings: Readings,
+    readings: DengReadings,
     angle: float,
     *,
     source: Array,
@@ -219,15 +219,17 @@ def align(
     return Alignment(angle=found, transform=transform, labels=labels, ridge=ridge)
 
 
-def moved_features(features: Array, transform: Array, angle: float, readings: Readings) -> Array:
+def moved_features(
+    features: Array, transform: Array, angle: float, readings: DengReadings
+) -> Array:
     """Returns source features (n, 6) in a sub-space: X T_j, and the attitude as the switch says."""
     out = turned_features(features, angle, readings.attitude)
     out[:, :3] = (_homogeneous(features[:, :3]) @ transform)[:, :3]
     return out
 
 
-def transferred(
-    alignment: Alignment, readings: Readings, features: Array, errors: Array
+def carry_source(
+    alignment: Alignment, readings: DengReadings, features: Array, errors: Array
 ) -> tuple[Array, Array]:
     """Returns the source in the sub-space, eq. 15: features (n, 6) and errors (n, 3) m."""
     moved = moved_features(features, alignment.transform, alignment.angle, readings)

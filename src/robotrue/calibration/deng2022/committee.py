@@ -14,7 +14,7 @@ from typing import Annotated, Any, Final
 import numpy as np
 
 from robotrue.calibration.deng2022.domains import PRINTED_UNITS
-from robotrue.calibration.deng2022.readings import Readings
+from robotrue.calibration.deng2022.readings import DengReadings
 from robotrue.calibration.learners.gaussian_process import GaussianProcess
 from robotrue.calibration.learners.tradaboost import TrAdaBoostR2, combine_rounds, round_shares
 from robotrue.core.arrays import Array
@@ -40,7 +40,7 @@ class Committee(Columns):
         kernel: Reading of eq. 28.
         mean: Reading of eq. 27.
         combination: Reading of eq. 25.
-        learners: The processes; they follow from all of the above, see :func:`restored`.
+        learners: The processes; they follow from all of the above, see :func:`restore_committee`.
     """
 
     inputs: Annotated[Array, Column("n 6", unit="mm, deg")]
@@ -83,7 +83,7 @@ class Committee(Columns):
         return {prefix + name: getattr(self, name) for name in _ARRAYS}
 
 
-def single(inputs: Array, errors: Array, readings: Readings) -> Committee:
+def single(inputs: Array, errors: Array, readings: DengReadings) -> Committee:
     """Returns one Gaussian process on rows in m, rad and m, eq. 27-32.
 
     Args:
@@ -102,10 +102,10 @@ def single(inputs: Array, errors: Array, readings: Readings) -> Committee:
     )
 
 
-def boosted(
+def boost(
     target: tuple[Array, Array],
     source: tuple[Array, Array],
-    readings: Readings,
+    readings: DengReadings,
     *,
     target_weight: Array,
     output_weights: Array | None,
@@ -122,7 +122,7 @@ def boosted(
     inputs = np.concatenate([source[0], target[0]]) / PRINTED_UNITS
     errors = np.concatenate([source[1], target[1]]) / MM
     booster = TrAdaBoostR2(
-        estimator=_held(inputs, errors, readings),
+        estimator=_hold_kernel(inputs, errors, readings),
         rounds=readings.rounds,
         source_weights=readings.source_weights,
         error_over=readings.error_over,
@@ -145,7 +145,7 @@ def boosted(
     )
 
 
-def _held(inputs: Array, errors: Array, readings: Readings) -> GaussianProcess:
+def _hold_kernel(inputs: Array, errors: Array, readings: DengReadings) -> GaussianProcess:
     """The base learner with hyper-parameters learned on evenly spaced rows, and held.
 
     The transferred copies of the source repeat each other: all rows would take twenty times as long
@@ -165,7 +165,7 @@ def _held(inputs: Array, errors: Array, readings: Readings) -> GaussianProcess:
     return found
 
 
-def learner(readings: Readings) -> GaussianProcess:
+def learner(readings: DengReadings) -> GaussianProcess:
     """Returns the base learner, eq. 27-32, not fitted: inputs mm and deg, outputs mm."""
     return GaussianProcess(
         kernel=readings.kernel,
@@ -176,7 +176,9 @@ def learner(readings: Readings) -> GaussianProcess:
     )
 
 
-def restored(document: Mapping[str, Any], arrays: Mapping[str, Array], prefix: str) -> Committee:
+def restore_committee(
+    document: Mapping[str, Any], arrays: Mapping[str, Array], prefix: str
+) -> Committee:
     """Returns the committee kept by :meth:`Committee.document` and :meth:`Committee.arrays`.
 
     Raises:
@@ -211,7 +213,7 @@ def _committee(
     weights: Array,
     betas: Array,
     learners: Sequence[GaussianProcess],
-    readings: Readings,
+    readings: DengReadings,
 ) -> Committee:
     process = learners[0]
     length = np.asarray(process.length_, dtype=np.float64)

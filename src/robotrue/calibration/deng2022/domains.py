@@ -152,7 +152,7 @@ def members(domains: Domains, points: Array) -> BoolArray:
     return np.stack([contains(s, points) for s in domains.sub_spaces])
 
 
-def shared(domains: Domains, points: Array) -> BoolArray:
+def overlap_members(domains: Domains, points: Array) -> BoolArray:
     """Returns (n,) True for points (n, 3) m that lie in two sub-spaces or more, eq. 19."""
     out: BoolArray = members(domains, points).sum(axis=0) > 1
     return out
@@ -177,7 +177,7 @@ def check_overlap(domains: Domains, features: Array) -> None:
             "rule 4 allows an overlap only with a fixed attitude.",
             hint="fewer or narrower sub-spaces.",
         )
-    count = int(shared(domains, features[:, :3]).sum())
+    count = int(overlap_members(domains, features[:, :3]).sum())
     if not vary and count < LEAST_SHARED * (len(domains.sub_spaces) - 1):
         raise ConfigurationError(
             f"with a fixed attitude neighbours must share {LEAST_SHARED} data or more (rule 4); "

@@ -11,11 +11,11 @@ import numpy as np
 from robotrue.calibration.archive import robot_arrays, robot_document, robot_from
 from robotrue.calibration.belief import Belief
 from robotrue.calibration.calibrated_model import unknown_reflector
-from robotrue.calibration.deng2022.committee import Committee, restored
+from robotrue.calibration.deng2022.committee import Committee, restore_committee
 from robotrue.calibration.deng2022.domains import LEVER, pose_features
 from robotrue.calibration.deng2022.readings import Outside
+from robotrue.calibration.mean_tables import MeanTables
 from robotrue.calibration.model import Prediction, Query
-from robotrue.calibration.tables import MeanTables
 from robotrue.calibration.training_summary import TrainingSummary
 from robotrue.core.archive import Archive, archive_reader
 from robotrue.core.arrays import Array, IntArray, frozen
@@ -235,7 +235,7 @@ def from_archive(archive: Archive) -> PoseModel:
         experts.append(
             Expert(
                 region=CylinderRegion(angle=angle, radius=radius, height=height),
-                committee=restored(stated, archive.arrays, f"expert{k}/"),
+                committee=restore_committee(stated, archive.arrays, f"expert{k}/"),
                 white=_white(stated["white"]),
             )
         )

@@ -23,7 +23,7 @@ Outside: TypeAlias = Literal["raise", "nearest"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Readings:
+class DengReadings:
     """How the ambiguous or faulty equations are read; the defaults are the readings that work.
 
     What each switch does was measured on simulated arms; ``robotrue reproduce deng2022`` prints it.
@@ -90,7 +90,7 @@ class Readings:
 
     def __post_init__(self) -> None:
         """Refuses words and numbers that mean nothing."""
-        for name, hint in get_type_hints(Readings).items():
+        for name, hint in get_type_hints(DengReadings).items():
             if get_origin(hint) is Literal and getattr(self, name) not in get_args(hint):
                 raise ConfigurationError(
                     f"{name} {getattr(self, name)!r}; readings are {list(get_args(hint))}."

@@ -114,12 +114,12 @@ def target_images(
         if rule == "space-filling":
             rows = _spread(features, int(count), rng)
         else:
-            rows = _preferred(domains.source, features, errors, rule, rng)[: int(count)]
+            rows = _order_by_rule(domains.source, features, errors, rule, rng)[: int(count)]
         out.append(rows)
     return out
 
 
-def _preferred(
+def _order_by_rule(
     region: CylinderRegion,
     features: Array,
     errors: Array | None,

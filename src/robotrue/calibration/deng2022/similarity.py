@@ -63,16 +63,16 @@ def similarities(
     if reading == "shared":
         together = np.concatenate(regions)
         limits = together.min(axis=0), together.max(axis=0)
-        regions = [_normalised(r, *limits) for r in regions]
+        regions = [_normalise(r, *limits) for r in regions]
     elif reading in ("per-point", "swapped", "per-axis"):
-        regions = [_normalised(r, r.min(axis=0), r.max(axis=0)) for r in regions]
+        regions = [_normalise(r, r.min(axis=0), r.max(axis=0)) for r in regions]
     if reading == "swapped":
         regions = [1.0 - r for r in regions]
     over = 0 if reading == "per-axis" else 1
     return np.array([_mean_cosine(regions[0], other, over) for other in regions[1:]])
 
 
-def _normalised(errors: Array, low: Array, high: Array) -> Array:
+def _normalise(errors: Array, low: Array, high: Array) -> Array:
     """Equation 9, with the minimum in the numerator."""
     span = high - low
     flat = np.flatnonzero(span <= 0.0)

@@ -1,8 +1,8 @@
 """Tr-GPR, the paper's method whole: align the source to each sub-space, boost, join.
 
-``fit_deng2022`` is eq. 11-32 of Deng et al. 2022 under :class:`Readings`; ``fit_pose_gpr`` is what
-the paper compares it with, a Gaussian process on poses of one region. Both need positions in base.
-They are no entries of :data:`robotrue.calibration.methods.METHODS`: they need domains.
+``fit_deng2022`` is eq. 11-32 of Deng et al. 2022 under :class:`DengReadings`; ``fit_pose_gpr`` is
+what the paper compares it with, a Gaussian process on poses of one region. Both need positions in
+base. They are no entries of :data:`robotrue.calibration.methods.METHODS`: they need domains.
 
 ``fit_boosted_poses`` takes source and target poses as they are, in base, and lowers the weight of
 rows that do not fit the target (eq. 19-25, with the source not aligned). It is the rival that a
@@ -20,20 +20,20 @@ import numpy as np
 from robotrue.calibration.deng2022.alignment import (
     Alignment,
     align,
+    carry_source,
     measurement_weights,
-    transferred,
 )
-from robotrue.calibration.deng2022.committee import Committee, boosted, single
+from robotrue.calibration.deng2022.committee import Committee, boost, single
 from robotrue.calibration.deng2022.domains import (
     Domains,
     attitude_reference,
     check_overlap,
     mapped_pairs,
+    overlap_members,
     pose_features,
-    shared,
 )
 from robotrue.calibration.deng2022.joined import Expert, PoseModel
-from robotrue.calibration.deng2022.readings import Readings
+from robotrue.calibration.deng2022.readings import DengReadings
 from robotrue.calibration.lineage import describe_rows
 from robotrue.calibration.settings import FitSettings
 from robotrue.core.arrays import Array
@@ -63,7 +63,7 @@ class Labelled(Columns):
     covariance: Annotated[Array, Column("n 3 3", unit="m^2")]
 
 
-def labelled(robot: RobotModel, measurements: MeasurementSet, reference: Array) -> Labelled:
+def label_poses(robot: RobotModel, measurements: MeasurementSet, reference: Array) -> Labelled:
     """Returns poses and errors of a set in base.
 
     Args:
@@ -97,7 +97,7 @@ def fit_deng2022(
     target: MeasurementSet,
     domains: Domains,
     settings: FitSettings,
-    readings: Readings | None = None,
+    readings: DengReadings | None = None,
 ) -> PoseModel:
     """Returns the paper's Tr-GPR: eq. 11-26 on a complete source and few target poses.
 
@@ -116,17 +116,17 @@ def fit_deng2022(
         ConfigurationError: Rule 4, about overlap, is broken.
         ShapeError: The literal reading of eq. 12, which cannot be computed.
     """
-    chosen = Readings() if readings is None else readings
+    chosen = DengReadings() if readings is None else readings
     _enough(source, "source")
     reference = attitude_reference(robot, source.joints)
-    known, few = (labelled(robot, rows, reference) for rows in (source, target))
+    known, few = (label_poses(robot, rows, reference) for rows in (source, target))
     check_overlap(domains, few.features)
     pieces, alignments = transfer_rows(known, few, domains, chosen)
-    twice = shared(domains, few.features[:, :3])
+    twice = overlap_members(domains, few.features[:, :3])
     scale = None
     if chosen.boosting_weights:
         scale = measurement_weights(few.errors, few.covariance).mean(axis=0)
-    committee = boosted(
+    committee = boost(
         (few.features, few.errors),
         pieces,
         chosen,
@@ -145,7 +145,7 @@ def fit_deng2022(
         summary={
             **pose_summary(concatenate([source, target]), "deng2022"),
             "readings": asdict(chosen),
-            "sub_spaces": [_said(a) for a in alignments],
+            "sub_spaces": [_describe_alignment(a) for a in alignments],
             "rounds": len(committee.betas),
             "betas": committee.betas.tolist(),
         },
@@ -157,7 +157,7 @@ def fit_pose_gpr(
     measurements: MeasurementSet,
     region: CylinderRegion,
     settings: FitSettings,
-    readings: Readings | None = None,
+    readings: DengReadings | None = None,
 ) -> PoseModel:
     """Returns the paper's GPR-n: one Gaussian process on the poses of a region, eq. 27-32.
 
@@ -172,10 +172,10 @@ def fit_pose_gpr(
         ModelMismatchError: Another robot, or a set that is not in base.
         ObservabilityError: Too few poses.
     """
-    chosen = Readings() if readings is None else readings
+    chosen = DengReadings() if readings is None else readings
     _enough(measurements, "training")
     reference = attitude_reference(robot, measurements.joints)
-    rows = labelled(robot, measurements, reference)
+    rows = label_poses(robot, measurements, reference)
     committee = single(rows.features, rows.errors, chosen)
     return PoseModel(
         robot=robot,
@@ -187,7 +187,7 @@ def fit_pose_gpr(
 
 
 def transfer_rows(
-    source: Labelled, target: Labelled, domains: Domains, readings: Readings
+    source: Labelled, target: Labelled, domains: Domains, readings: DengReadings
 ) -> tuple[tuple[Array, Array], tuple[Alignment, ...]]:
     """Returns the source in every sub-space, (k n, 6) and (k n, 3), and the alignments, eq. 11-17.
 
@@ -208,7 +208,7 @@ def transfer_rows(
             target_errors=target.errors[pairs.target],
             covariance=target.covariance[pairs.target],
         )
-        moved, carried = transferred(found, readings, source.features, source.errors)
+        moved, carried = carry_source(found, readings, source.features, source.errors)
         features.append(moved)
         errors.append(carried)
         alignments.append(found)
@@ -258,11 +258,11 @@ def pose_summary(
     }
 
 
-def _said(alignment: Alignment) -> dict[str, float]:
+def _describe_alignment(alignment: Alignment) -> dict[str, float]:
     return {"angle_deg": alignment.angle / DEG, "ridge": alignment.ridge}
 
 
-READINGS: Final = Readings(rounds=5, outside="nearest")
+READINGS: Final = DengReadings(rounds=5, outside="nearest")
 LEAST: Final = 3
 """Target poses below which boosting has nothing to weigh the source by."""
 
@@ -292,9 +292,9 @@ def fit_boosted_poses(
         )
     rows = concatenate([*sources, target])
     reference = attitude_reference(robot, rows.joints)
-    few = labelled(robot, target, reference)
-    known = [labelled(robot, source, reference) for source in sources]
-    committee = boosted(
+    few = label_poses(robot, target, reference)
+    known = [label_poses(robot, source, reference) for source in sources]
+    committee = boost(
         (few.features, few.errors),
         (
             np.concatenate([k.features for k in known]),

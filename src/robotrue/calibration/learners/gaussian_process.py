@@ -231,7 +231,7 @@ class GaussianProcess(ProcessRegressor):
         self.noise_ = float(theta[0, -1]) if one else theta[:, -1]
         self.mean_ = np.concatenate([p.offset for p in self._posteriors])
         white = np.concatenate(
-            [s.whitened(_residuals(d, s)) for s, d in zip(solved, self._rows, strict=True)],
+            [s.whiten_rows(_residuals(d, s)) for s, d in zip(solved, self._rows, strict=True)],
             axis=1,
         )
         size = np.sqrt(np.einsum("ij,ij->j", white, white))

@@ -66,7 +66,7 @@ class Solved:
             inverse -= spread.T @ spread
         return np.asarray(self.alpha @ self.alpha.T - outputs * inverse)
 
-    def left_out(self, chosen: BoolArray | None = None) -> tuple[Array, Array]:
+    def predict_left_out(self, chosen: BoolArray | None = None) -> tuple[Array, Array]:
         """Returns residual (m, k) and variance (m,) of chosen rows, each from all others."""
         square = np.einsum("ij,ij->i", self.alpha, self.alpha)
         precision = (square - self.sensitivity().diagonal()) / self.alpha.shape[1]
@@ -74,7 +74,7 @@ class Solved:
         variance = 1.0 / precision[which]
         return self.alpha[which] * variance[:, None], variance
 
-    def whitened(self, rows: Array) -> Array:
+    def whiten_rows(self, rows: Array) -> Array:
         """Returns L^-1 rows, (n, any)."""
         return np.asarray(lapack.dtrtrs(self.lower, rows, lower=1)[0])
 

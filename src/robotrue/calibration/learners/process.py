@@ -290,7 +290,7 @@ def left_out_rows(data: TrainingRows, theta: Array) -> tuple[Array, Array]:
     """
     lonely = data.mean == "per-domain" and data.paired and data.target.sum() == 1
     chosen = ~data.target if lonely else data.target
-    return solve_rows(data, theta).left_out(chosen)
+    return solve_rows(data, theta).predict_left_out(chosen)
 
 
 def process_posterior(

@@ -8,8 +8,8 @@ from typing import Any, ClassVar, Final, Self
 
 import numpy as np
 
-from robotrue.calibration.evidence import Group
-from robotrue.calibration.tables import MeanTables
+from robotrue.calibration.evidence import PriorGroup
+from robotrue.calibration.mean_tables import MeanTables
 from robotrue.calibration.terms.term import ArmPostures, Carry, Effect, Sensitivity, Term
 from robotrue.core.arrays import Array
 from robotrue.errors import ArchiveError
@@ -52,10 +52,10 @@ class Backlash(Term):
         """Returns the shift of the drives."""
         return Effect(drive_shift=values * at.approach)
 
-    def groups(self, *, few: bool) -> Sequence[Group]:
+    def groups(self, *, few: bool) -> Sequence[PriorGroup]:
         """Returns one group."""
         columns = np.arange(self.dof)
-        return [Group(name=self.name, columns=columns, sd=START, rest=REST)]
+        return [PriorGroup(name=self.name, columns=columns, sd=START, rest=REST)]
 
     def prior_variance(self, values: Array, variance: Array) -> Array:
         """Returns the mean power of all joints; zero where it was never learned."""

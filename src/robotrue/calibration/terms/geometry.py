@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.calibration.tables import MeanTables
+from robotrue.calibration.mean_tables import MeanTables
 from robotrue.calibration.terms.term import without_errors
 from robotrue.core.arrays import Array
 from robotrue.errors import ConfigurationError

@@ -18,8 +18,8 @@ from typing import Any, ClassVar, Final, Self
 
 import numpy as np
 
-from robotrue.calibration.evidence import Group
-from robotrue.calibration.tables import MeanTables
+from robotrue.calibration.evidence import PriorGroup
+from robotrue.calibration.mean_tables import MeanTables
 from robotrue.calibration.terms.term import ArmPostures, Carry, Effect, Sensitivity, Term
 from robotrue.core.arrays import Array, IntArray, frozen
 from robotrue.errors import ArchiveError
@@ -70,7 +70,7 @@ def ripple_columns(drive: Array, joints: Array, cycles: Array) -> Array:
     return np.asarray(columns.reshape(n, m, 2 * dof * len(cycles)), dtype=np.float64)
 
 
-def ripple_groups(dof: int, count: int, start: int, *, few: bool = False) -> list[Group]:
+def ripple_groups(dof: int, count: int, start: int, *, few: bool = False) -> list[PriorGroup]:
     """Returns the groups of all joints and bands; their columns begin at ``start``.
 
     Args:
@@ -87,7 +87,7 @@ def ripple_groups(dof: int, count: int, start: int, *, few: bool = False) -> lis
             chosen = np.flatnonzero((cycles >= low) & (cycles < high))
             if len(chosen):
                 first = start + 2 * (joint * count + int(chosen[0]))
-                group = Group(
+                group = PriorGroup(
                     name=f"ripple/{joint + 1}/{low}-{min(high - 1, count)}",
                     columns=np.arange(first, first + 2 * len(chosen)),
                     sd=START if low < FAST else START_FAST,
@@ -181,7 +181,7 @@ class Ripple(Term):
         """Returns the shift of the drives."""
         return Effect(drive_shift=ripple_shift(at.joints, self.cycles, *self.amplitudes(values)))
 
-    def groups(self, *, few: bool) -> Sequence[Group]:
+    def groups(self, *, few: bool) -> Sequence[PriorGroup]:
         """Returns one group for each joint and band."""
         return ripple_groups(self.dof, len(self.cycles), 0, few=few)
 

@@ -17,17 +17,18 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, ClassVar, Final, Self
+from typing import Annotated, Any, ClassVar, Final, Self
 
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from robotrue.calibration.evidence import Group
+from robotrue.calibration.evidence import PriorGroup
 from robotrue.calibration.learners.process import centre_rows, log_evidence
 from robotrue.calibration.learners.search import search_theta
-from robotrue.calibration.tables import MeanTables
+from robotrue.calibration.mean_tables import MeanTables
 from robotrue.calibration.terms.term import ArmPostures, Carry, Effect, Sensitivity, Term
-from robotrue.core.arrays import Array, IntArray, frozen
+from robotrue.core.arrays import Array, IntArray
+from robotrue.core.columns import Column, Columns
 from robotrue.errors import ArchiveError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel
@@ -43,7 +44,7 @@ REST: Final = 1e-7
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SmoothBasis:
+class SmoothBasis(Columns):
     """Centres and lengths of the smooth residual.
 
     Attributes:
@@ -51,14 +52,8 @@ class SmoothBasis:
         scale: (2 dof,) 1 / length.
     """
 
-    centres: Array
-    scale: Array
-
-    def __post_init__(self) -> None:
-        """Freezes."""
-        object.__setattr__(self, "scale", frozen(self.scale, (None,), "scale"))
-        shape = (None, len(self.scale))
-        object.__setattr__(self, "centres", frozen(self.centres, shape, "centres"))
+    centres: Annotated[Array, Column("m f")]
+    scale: Annotated[Array, Column("f")]
 
     def lower(self) -> Array:
         """Returns L (m, m) with L L' = k(c, c) per unit amplitude."""
@@ -233,7 +228,7 @@ class SmoothResidual(Term):
             other_tool=self.amplitude**2,
         )
 
-    def uncarried_between(self, at: ArmPostures, other: ArmPostures) -> Array | None:
+    def uncarried_covariance(self, at: ArmPostures, other: ArmPostures) -> Array | None:
         """Returns the covariance (n, k) m^2 per axis of what no centre carries."""
         if not self.size:
             return None
@@ -242,10 +237,12 @@ class SmoothResidual(Term):
         left = kernel - basis.columns(at.joints) @ basis.columns(other.joints).T
         return np.asarray(self.amplitude**2 * left)
 
-    def groups(self, *, few: bool) -> Sequence[Group]:
+    def groups(self, *, few: bool) -> Sequence[PriorGroup]:
         """Returns one group, or none without centres."""
         columns = np.arange(self.size)
-        return [Group(name=self.name, columns=columns, sd=START, rest=REST)] if self.size else []
+        return (
+            [PriorGroup(name=self.name, columns=columns, sd=START, rest=REST)] if self.size else []
+        )
 
     def prior_variance(self, values: Array, variance: Array) -> Array:
         """Returns the square of the amplitude."""

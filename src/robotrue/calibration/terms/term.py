@@ -14,14 +14,15 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, Literal, Self, TypeAlias
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeAlias
 
 import numpy as np
 
-from robotrue.calibration.evidence import Group
-from robotrue.calibration.tables import MeanTables
+from robotrue.calibration.evidence import PriorGroup
+from robotrue.calibration.mean_tables import MeanTables
 from robotrue.core.arrays import Array
+from robotrue.core.columns import EMPTY, Column, Columns
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel, parameter_slice
 
@@ -31,7 +32,7 @@ Carry: TypeAlias = Literal["waves", "field", "same"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ArmPostures:
+class ArmPostures(Columns):
     """n postures, and the conditions that a term may depend on.
 
     Attributes:
@@ -41,17 +42,10 @@ class ArmPostures:
         temperature: (n,) K; NaN or empty: unknown.
     """
 
-    joints: Array
-    torque: Array
-    approach: Array = field(default_factory=lambda: np.empty(0))
-    temperature: Array = field(default_factory=lambda: np.empty(0))
-
-    def __post_init__(self) -> None:
-        """Gives conditions nobody stated their neutral value."""
-        if np.size(self.approach) == 0:
-            object.__setattr__(self, "approach", np.zeros_like(self.joints))
-        if np.size(self.temperature) == 0:
-            object.__setattr__(self, "temperature", np.full(len(self.joints), np.nan))
+    joints: Annotated[Array, Column("n dof", unit="rad")]
+    torque: Annotated[Array, Column("n dof", unit="N m")]
+    approach: Annotated[Array, Column("n dof", fill=0.0)] = EMPTY
+    temperature: Annotated[Array, Column("n", unit="K", nan=True, fill=np.nan)] = EMPTY
 
     def __len__(self) -> int:
         return len(self.joints)
@@ -111,7 +105,7 @@ class Term(ABC):
     """One physical error: its parameters, columns, prior, needs and archive.
 
     A new term is one file with a subclass and one call of
-    :func:`~robotrue.calibration.terms.registry.register`; see CONTRIBUTING, "An error term".
+    :func:`~robotrue.calibration.terms.term_registry.register`; see CONTRIBUTING, "An error term".
     """
 
     __slots__ = ()
@@ -155,14 +149,14 @@ class Term(ABC):
         """Returns what the term with parameters ``values`` (k,) does; arguments as above."""
 
     @abstractmethod
-    def groups(self, *, few: bool) -> Sequence[Group]:
+    def groups(self, *, few: bool) -> Sequence[PriorGroup]:
         """Returns the prior: groups of parameters that share a learned scale, columns from 0.
 
         Args:
             few: The rows are too few to say the scale of each group.
         """
 
-    def uncarried_between(self, at: ArmPostures, other: ArmPostures) -> Array | None:
+    def uncarried_covariance(self, at: ArmPostures, other: ArmPostures) -> Array | None:
         """Returns the covariance (n, k) m^2 per axis between postures of what is uncarried."""
         return None
 

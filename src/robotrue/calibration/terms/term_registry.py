@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Final
 
-from robotrue.calibration.tables import MeanTables
+from robotrue.calibration.mean_tables import MeanTables
 from robotrue.calibration.terms.backlash import Backlash
 from robotrue.calibration.terms.compliance import without_compliance
 from robotrue.calibration.terms.geometry import without_gear, without_geometry

@@ -160,7 +160,7 @@ def shape_variance(belief: Belief) -> tuple[Array, Array]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Drift:
+class SourceDrift:
     """A source's belief, what may have changed, and the scales of that.
 
     Attributes:
@@ -202,7 +202,7 @@ class Drift:
         return float(np.exp(self.log_scale[1]))
 
 
-def prior_of(drift: Drift, log_scale: Array | None = None) -> Belief:
+def prior_of(drift: SourceDrift, log_scale: Array | None = None) -> Belief:
     """Returns the target's prior: the source carried over with the drift's scales."""
     belief = drift.belief
     scale = np.exp(drift.log_scale if log_scale is None else log_scale)
@@ -221,13 +221,13 @@ def prior_of(drift: Drift, log_scale: Array | None = None) -> Belief:
     )
 
 
-def carry_over(drift: Drift, scale: Array) -> tuple[Array, Array]:
+def carry_over(drift: SourceDrift, scale: Array) -> tuple[Array, Array]:
     """Returns D (p,) and the variance (p,) the drift adds, at scales as in ``Drift.names``."""
     belief = drift.belief
     angle = np.arctan(scale[2:4])
     keep = np.ones(len(belief.mean))
-    keep[belief.carried_as("waves")] = np.cos(angle[0])
-    keep[belief.carried_as("field")] = np.cos(angle[1])
+    keep[belief.columns_by_carry("waves")] = np.cos(angle[0])
+    keep[belief.columns_by_carry("field")] = np.cos(angle[1])
     variance = np.sin(angle[0]) ** 2 * drift.waves + np.sin(angle[1]) ** 2 * drift.smooths
     variance[drift.field] = scale[4] ** 2
     for group, s in zip(drift.groups, scale[5:], strict=True):
@@ -237,7 +237,7 @@ def carry_over(drift: Drift, scale: Array) -> tuple[Array, Array]:
 
 def drift_of(
     belief: Belief, relation: Relation, scales: DriftScales | None = None, *, field_from: int = -1
-) -> Drift:
+) -> SourceDrift:
     """Returns the drift of a relation at its default scales.
 
     Args:
@@ -281,7 +281,7 @@ def drift_of(
     if chosen.smooth == 0.0:
         smooths[:] = 0.0
     rest[fixed], log_sd[fixed] = FIXED, FIXED
-    return Drift(
+    return SourceDrift(
         waves=waves,
         smooths=smooths,
         belief=replace(belief, inflation=1.0),
