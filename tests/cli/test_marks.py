@@ -15,7 +15,7 @@ from robotrue.cli import demo
 from robotrue.cli.main import app
 from robotrue.core.provenance import MARK, MEASURED, Provenance
 from robotrue.measurement.formats.measured_files import read_measurements
-from robotrue.report.content import Table, TableColumn
+from robotrue.report.content import ReportTable, TableColumn
 from robotrue.simulation.flange_hole import FlangeHole
 from robotrue.simulation.presets import deng2022, reflector_at_tool
 
@@ -205,7 +205,7 @@ def test_renaming_a_simulated_file_keeps_its_mark(tmp_path: Path) -> None:
 def test_demo_and_its_data_are_marked(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    table = Table(title="dry run", columns=(TableColumn(title="mm"),), rows=((0.1,),))
+    table = ReportTable(title="dry run", columns=(TableColumn(title="mm"),), rows=((0.1,),))
     for virtual in (True, False):
         done = demo.DemoResult(
             folder=tmp_path, page=tmp_path / "p.html", results={}, tables=(table,),

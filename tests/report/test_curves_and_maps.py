@@ -13,11 +13,11 @@ from robotrue.calibration.settings import FitSettings
 from robotrue.core.regions import CubeRegion
 from robotrue.core.units import MM
 from robotrue.errors import ObservabilityError, ShapeError
-from robotrue.report.content import ReportContent, Section, Verdict
+from robotrue.report.content import Conclusion, ReportContent, Section
 from robotrue.report.curve_plots import PoseCurves, PoseSeries
 from robotrue.report.json import report_document
-from robotrue.report.map import map_content
 from robotrue.report.map_plots import MapSlices
+from robotrue.report.map_report import map_content
 from robotrue.report.page import report_html
 from robotrue.report.transfer_report import transfer_content
 from robotrue.validation.error_map import build_prior_model, error_map, sector_similarities
@@ -42,7 +42,7 @@ def needs_rows(rows):
 def page_of(*blocks):
     return ReportContent(
         title="t",
-        verdict=Verdict(text="v"),
+        verdict=Conclusion(text="v"),
         simulated=True,
         sections=(Section(title="s", blocks=blocks),),
     )

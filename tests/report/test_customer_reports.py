@@ -15,7 +15,7 @@ from robotrue.compensation.difference import Difference
 from robotrue.core.model_identity import ModelIdentity
 from robotrue.errors import ConfigurationError, ModelMismatchError, ObservabilityError
 from robotrue.report.certificate import CertificateFacts, certificate_content, check_regions
-from robotrue.report.content import Fact, ReportContent, Table, Verdict
+from robotrue.report.content import Conclusion, Fact, ReportContent, ReportTable
 from robotrue.report.json import content_sha256, is_intact, report_json
 from robotrue.report.page import report_html
 from robotrue.report.pdf import FONT_PACKAGE, font_families, report_pdf
@@ -66,9 +66,12 @@ def facts():
     )
 
 
-def table(content: ReportContent, title: str) -> Table:
+def table(content: ReportContent, title: str) -> ReportTable:
     return next(
-        b for s in content.sections for b in s.blocks if isinstance(b, Table) and b.title == title
+        b
+        for s in content.sections
+        for b in s.blocks
+        if isinstance(b, ReportTable) and b.title == title
     )
 
 
@@ -173,7 +176,7 @@ def test_quarters_of_a_check_are_named_by_their_sides():
 
 def test_several_facts_of_one_name_are_all_in_the_json():
     content = ReportContent(
-        title="t", verdict=Verdict(text="v"), simulated=False,
+        title="t", verdict=Conclusion(text="v"), simulated=False,
         provenance=(Fact(name="note", value="a"), Fact(name="note", value="b")),
     )  # fmt: skip
     assert json.loads(report_json(content))["provenance"] == {"note": ["a", "b"]}

@@ -13,7 +13,15 @@ from validation_fakes import FakeModel, measured
 
 from robotrue.errors import ShapeError
 from robotrue.report.calibration_report import calibration_content
-from robotrue.report.content import Fact, ReportContent, Section, Table, TableColumn, Tile, Verdict
+from robotrue.report.content import (
+    Conclusion,
+    Fact,
+    KeyFigure,
+    ReportContent,
+    ReportTable,
+    Section,
+    TableColumn,
+)
 from robotrue.report.curve_plots import TiltPlot
 from robotrue.report.figure import Drawing, inline_svg
 from robotrue.report.json import report_json
@@ -82,7 +90,7 @@ def test_every_number_of_tiles_and_tables_is_on_the_page(content, page):
         assert f"{tile.value:.{tile.digits}f}" in text
     for section in content.sections:
         for block in section.blocks:
-            if not isinstance(block, Table):
+            if not isinstance(block, ReportTable):
                 continue
             for row in block.rows:
                 for cell, column in zip(row, block.columns, strict=True):
@@ -173,7 +181,7 @@ def test_json_holds_the_same_numbers(content, report):
 def test_json_keeps_before_and_after_apart(block, unit):
     """Fails when a block of a document names the state before compensation as that after it."""
     content = ReportContent(
-        title="t", subtitle="", verdict=Verdict(text="v", tone="good"), tiles=(),
+        title="t", subtitle="", verdict=Conclusion(text="v", tone="good"), tiles=(),
         sections=(Section(title="s", blocks=(block,)),), simulated=True,
     )  # fmt: skip
     (found,) = json.loads(report_json(content))["sections"][0]["blocks"]
@@ -224,13 +232,15 @@ def test_an_empty_page_is_still_a_page():
     page = report_html(
         ReportContent(
             title="t",
-            verdict=Verdict(text="v"),
+            verdict=Conclusion(text="v"),
             simulated=False,
-            tiles=(Tile(label="a", value=float("nan")),),
+            tiles=(KeyFigure(label="a", value=float("nan")),),
             sections=(
                 Section(
                     title="s",
-                    blocks=(Table(title="x", columns=(TableColumn(title="c"),), rows=((None,),)),),
+                    blocks=(
+                        ReportTable(title="x", columns=(TableColumn(title="c"),), rows=((None,),)),
+                    ),
                 ),
             ),
         )
@@ -249,7 +259,7 @@ def test_wrong_shapes_are_refused():
     with pytest.raises(ShapeError, match=r"after has shape .*, expected"):
         PointErrors(before=np.zeros(3), after=np.zeros(4))
     with pytest.raises(ShapeError, match="row 0 has 2 cells, expected 1"):
-        Table(title="x", columns=(TableColumn(title="c"),), rows=((1, 2),))
+        ReportTable(title="x", columns=(TableColumn(title="c"),), rows=((1, 2),))
     with pytest.raises(ShapeError, match="plane"):
         ErrorMap(
             position=np.zeros((2, 3)), before=np.zeros((2, 3)), after=np.zeros((2, 3)), plane="zx"

@@ -7,7 +7,7 @@ import pytest
 
 from robotrue.core.units import MM
 from robotrue.errors import ShapeError
-from robotrue.report.content import ReportContent, Section, Verdict
+from robotrue.report.content import Conclusion, ReportContent, Section
 from robotrue.report.json import report_document
 from robotrue.report.map_plots import PartMap
 from robotrue.report.page import report_html
@@ -29,7 +29,9 @@ def part_map(**changes: object) -> PartMap:
 
 def content() -> ReportContent:
     section = Section(title="s", blocks=(part_map(),))
-    return ReportContent(title="t", verdict=Verdict(text="v"), simulated=False, sections=(section,))
+    return ReportContent(
+        title="t", verdict=Conclusion(text="v"), simulated=False, sections=(section,)
+    )
 
 
 def test_a_page_shows_each_group_and_whom_no_touch_covers() -> None:

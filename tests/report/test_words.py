@@ -14,7 +14,7 @@ import robotrue
 from robotrue.errors import ConfigurationError
 from robotrue.report.calibration_report import calibration_content
 from robotrue.report.sentences import in_chinese
-from robotrue.report.words import CATALOGS, LANGUAGES, Words, language
+from robotrue.report.words import CATALOGS, LANGUAGES, ReportTexts, language
 from robotrue.validation.validate import validate
 
 SOURCE = Path(robotrue.__file__).parent
@@ -75,9 +75,9 @@ def test_an_unknown_language_key_or_value_is_refused():
     with pytest.raises(ConfigurationError, match="no report language 'de'"):
         language("de")
     with pytest.raises(ConfigurationError, match="cannot be written"):
-        Words()("no.such.key")
+        ReportTexts()("no.such.key")
     with pytest.raises(ConfigurationError, match="cannot be written"):
-        Words()("cal.verdict", mean=1.0)
+        ReportTexts()("cal.verdict", mean=1.0)
 
 
 @pytest.mark.parametrize(
@@ -110,7 +110,7 @@ def test_recorded_sentences_are_told_in_chinese_with_their_numbers(sentence):
 
 def test_a_sentence_nobody_knows_stays_as_it_is():
     assert in_chinese("Something new happened.") == "Something new happened."
-    assert Words().sentence("Only 12 poses: ...") == "Only 12 poses: ..."
+    assert ReportTexts().sentence("Only 12 poses: ...") == "Only 12 poses: ..."
 
 
 def test_what_a_check_doubts_and_notes_is_told_in_chinese():

@@ -33,7 +33,15 @@ from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.planning.information import settings_of
 from robotrue.program.formats import read_program, write_program
 from robotrue.report.calibration_report import calibration_content
-from robotrue.report.content import Fact, ReportContent, Section, Table, TableColumn, Tile, Verdict
+from robotrue.report.content import (
+    Conclusion,
+    Fact,
+    KeyFigure,
+    ReportContent,
+    ReportTable,
+    Section,
+    TableColumn,
+)
 from robotrue.report.demo_result import DemoResult, lengths_mm, statistics_mm, write_report
 from robotrue.report.plots import PointErrors
 from robotrue.robot.forward import forward
@@ -254,7 +262,7 @@ def _write_joints(path: Path, joints: Array) -> None:
     write_atomic(path, "\n".join([head, *rows, ""]).encode())
 
 
-def _held_out_table(held_out: list[HeldOut]) -> Table:
+def _held_out_table(held_out: list[HeldOut]) -> ReportTable:
     rows: list[tuple[str | int | float | None, ...]] = []
     for h in held_out:
         before, after = h.report.before_aligned or h.report.before, h.report.after
@@ -268,7 +276,7 @@ def _held_out_table(held_out: list[HeldOut]) -> Table:
                 100.0 * h.report.coverage.share,
             )
         )
-    return Table(
+    return ReportTable(
         title="UR10, measured: poses the fit never saw",
         columns=(
             TableColumn(title="set"),
@@ -286,9 +294,9 @@ def _held_out_table(held_out: list[HeldOut]) -> Table:
     )
 
 
-def _path_table(path: PathCheck) -> Table:
+def _path_table(path: PathCheck) -> ReportTable:
     before, after = lengths_mm(path.before), lengths_mm(path.after)
-    return Table(
+    return ReportTable(
         title="A circle of 200 mm, PREDICTED: nobody re-measured it",
         columns=(
             TableColumn(title=""),
@@ -348,7 +356,7 @@ def _content(
     selection: Selection,
     held_out: list[HeldOut],
     path: PathCheck,
-    tables: tuple[Table, Table],
+    tables: tuple[ReportTable, ReportTable],
     model: ErrorModel,
 ) -> ReportContent:
     """The page: held-out results first, then the path, then the random split in detail."""
@@ -384,7 +392,7 @@ def _content(
         title="UR10, measured by a laser tracker",
         subtitle="Landgraf et al., CASE 2021; series A (one night) and B (months later)",
         simulated=False,
-        verdict=Verdict(
+        verdict=Conclusion(
             text=(
                 f"Predicts held-out poses within {first.after.mean / MM:.3f} mm (mean, random), "
                 f"{worst.report.after.mean / MM:.3f} mm in the hardest split."
@@ -393,7 +401,7 @@ def _content(
             detail=f"Method {selection.winner}, chosen on held-out blocks of series A.",
         ),
         tiles=tuple(
-            Tile(
+            KeyFigure(
                 label=f"{h.series}, {h.split.kind}",
                 value=h.report.after.mean / MM,
                 unit="mm",

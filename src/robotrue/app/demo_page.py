@@ -10,7 +10,15 @@ from robotrue.compensation.result import Compensation
 from robotrue.core.arrays import Array
 from robotrue.core.units import MM
 from robotrue.report.calibration_report import calibration_content
-from robotrue.report.content import Fact, ReportContent, Section, Table, TableColumn, Tile, Verdict
+from robotrue.report.content import (
+    Conclusion,
+    Fact,
+    KeyFigure,
+    ReportContent,
+    ReportTable,
+    Section,
+    TableColumn,
+)
 from robotrue.report.demo_result import Chosen, HoleRuns, lengths_mm, statistics_mm
 from robotrue.report.plots import HoleContour, PointErrors
 from robotrue.simulation.flange_hole import FlangeHole
@@ -22,11 +30,13 @@ PAPER: Final = "Deng et al. 2022, measured"
 OURS: Final = "robotrue, SIMULATED"
 
 
-def demo_tables(report: ValidationReport, runs: HoleRuns) -> tuple[Table, Table, Table]:
+def demo_tables(
+    report: ValidationReport, runs: HoleRuns
+) -> tuple[ReportTable, ReportTable, ReportTable]:
     """Returns the three tables; the paper's rows were measured on another, real robot."""
     held = report
     return (
-        Table(
+        ReportTable(
             title="As Table 8: held-out poses",
             columns=(TableColumn(title=""), TableColumn(title="source"), *_STATS),
             rows=(
@@ -38,7 +48,7 @@ def demo_tables(report: ValidationReport, runs: HoleRuns) -> tuple[Table, Table,
             caption="Poses the fit never saw. The two robots differ: compare sizes, not digits.",
             highlight=3,
         ),
-        Table(
+        ReportTable(
             title="As Table 9: dry run, 39 targets on the hole's path",
             columns=(TableColumn(title=""), TableColumn(title="source"), *_STATS),
             rows=(
@@ -50,7 +60,7 @@ def demo_tables(report: ValidationReport, runs: HoleRuns) -> tuple[Table, Table,
             caption="Re-measured: the compensated program ran on the virtual robot.",
             highlight=3,
         ),
-        Table(
+        ReportTable(
             title="As Table 11: milled hole, position of its axis and contour",
             columns=(
                 TableColumn(title=""),
@@ -114,7 +124,7 @@ def demo_content(
     chosen: Chosen,
     report: ValidationReport,
     runs: HoleRuns,
-    tables: tuple[Table, Table, Table],
+    tables: tuple[ReportTable, ReportTable, ReportTable],
 ) -> ReportContent:
     """Returns the page: the job first, the calibration behind it after."""
     summary = chosen.model.training_summary()
@@ -147,7 +157,7 @@ def demo_content(
         title="Virtual KR160 with spindle: flange hole, 210 mm",
         subtitle=f"simulated cell, seed {seed}",
         simulated=True,
-        verdict=Verdict(
+        verdict=Conclusion(
             text=(
                 f"SIMULATED: the compensated program lands within {after.mean() / MM:.3f} mm "
                 f"(mean) of its targets, {dry.mean() / MM:.3f} mm before."
@@ -205,8 +215,8 @@ def _hole_values(result: HoleResult) -> dict[str, float]:
     return values
 
 
-def _tile(label: str, value: float, before: float) -> Tile:
-    return Tile(
+def _tile(label: str, value: float, before: float) -> KeyFigure:
+    return KeyFigure(
         label=label, value=float(value) / MM, unit="mm", before=float(before) / MM,
         note="simulated",
     )  # fmt: skip

@@ -8,7 +8,15 @@ from robotrue.cell.cell import Cell
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, MM
 from robotrue.planning.pose_plan import PosePlan
-from robotrue.report.content import Fact, ReportContent, Section, Table, TableColumn, Tile, Verdict
+from robotrue.report.content import (
+    Conclusion,
+    Fact,
+    KeyFigure,
+    ReportContent,
+    ReportTable,
+    Section,
+    TableColumn,
+)
 from robotrue.report.curve_plots import PoseCurves, PoseSeries
 from robotrue.report.page import report_html
 
@@ -38,12 +46,12 @@ def plan_page(cell: Cell, plan: PosePlan, origin: Provenance) -> str:
         title="Expected mean error against the number of poses",
         caption="From the arm's type and the instrument alone; nothing was measured.",
     )
-    rejected = Table(
+    rejected = ReportTable(
         title="Why postures were left out",
         columns=(TableColumn(title="reason"), TableColumn(title="postures", digits=0)),
         rows=(*plan.rejected, ("kept as candidates", plan.candidates), ("drawn", plan.drawn)),
     )
-    poses = Table(
+    poses = ReportTable(
         title="The poses, in the order of measuring",
         columns=(
             TableColumn(title="pose"),
@@ -70,7 +78,7 @@ def plan_page(cell: Cell, plan: PosePlan, origin: Provenance) -> str:
     return report_html(
         ReportContent(
             title=f"Poses to measure: {cell.robot.name}",
-            verdict=Verdict(
+            verdict=Conclusion(
                 text=f"{n} poses, expected mean error {expected.mean[n] / MM:.3f} mm where the "
                 "arm will work.",
                 detail=f"Criterion {plan.criterion}; as many random poses "
@@ -79,9 +87,9 @@ def plan_page(cell: Cell, plan: PosePlan, origin: Provenance) -> str:
             simulated=origin.simulated,
             subtitle="a plan, before any measurement",
             tiles=(
-                Tile(label="planned", value=float(expected.mean[n] / MM), unit="mm"),
-                Tile(label="random", value=float(expected.random_mean[n] / MM), unit="mm"),
-                Tile(label="floor", value=expected.floor_mean / MM, unit="mm"),
+                KeyFigure(label="planned", value=float(expected.mean[n] / MM), unit="mm"),
+                KeyFigure(label="random", value=float(expected.random_mean[n] / MM), unit="mm"),
+                KeyFigure(label="floor", value=expected.floor_mean / MM, unit="mm"),
             ),
             sections=(
                 Section(title="Accuracy", blocks=(curve,)),

@@ -8,13 +8,13 @@ from typing import Any
 
 from robotrue.cell.cell import Cell
 from robotrue.report.content import (
+    Conclusion,
     Fact,
+    KeyFigure,
     ReportContent,
+    ReportTable,
     Section,
-    Table,
     TableColumn,
-    Tile,
-    Verdict,
 )
 from robotrue.report.page import report_html
 
@@ -29,7 +29,7 @@ def program_page(cell: Cell, document: Mapping[str, Any]) -> str:
         (side["source"], w["line"], w["text"]) for side in sides for w in side["unknown_words"]
     ]
     if words:
-        table = Table(
+        table = ReportTable(
             title="Statements whose meaning is not known",
             columns=(
                 TableColumn(title="file"),
@@ -44,7 +44,7 @@ def program_page(cell: Cell, document: Mapping[str, Any]) -> str:
     return report_html(
         ReportContent(
             title=f"Program {name}",
-            verdict=Verdict(
+            verdict=Conclusion(
                 text=f"{document['targets']} targets on {len(sides)} "
                 f"side{'' if len(sides) == 1 else 's'}, all within reach.",
                 detail="compensated: "
@@ -53,9 +53,9 @@ def program_page(cell: Cell, document: Mapping[str, Any]) -> str:
             simulated=document["simulated"],
             subtitle=cell.robot.name,
             tiles=(
-                Tile(label="cut", value=sum(s["cut_mm"] for s in sides) / 1e3, unit="m"),
-                Tile(label="time at the stated feeds", value=total / 60.0, unit="min"),
-                Tile(
+                KeyFigure(label="cut", value=sum(s["cut_mm"] for s in sides) / 1e3, unit="m"),
+                KeyFigure(label="time at the stated feeds", value=total / 60.0, unit="min"),
+                KeyFigure(
                     label="nearest to a joint limit",
                     value=min(s["limit_margin_deg"] for s in sides),
                     unit="deg",
@@ -68,8 +68,8 @@ def program_page(cell: Cell, document: Mapping[str, Any]) -> str:
     )
 
 
-def _sides(sides: list[Mapping[str, Any]]) -> Table:
-    return Table(
+def _sides(sides: list[Mapping[str, Any]]) -> ReportTable:
+    return ReportTable(
         title="Sides in the order they are cut",
         columns=(
             TableColumn(title="side"),

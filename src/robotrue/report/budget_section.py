@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from robotrue.core.units import MM, UM
-from robotrue.report.calibration_report import column
-from robotrue.report.content import Cell, Section, Table
+from robotrue.report.content import Cell, ReportTable, Section
 from robotrue.report.curve_plots import BudgetPlot
-from robotrue.report.words import Words
+from robotrue.report.labels import column, columns
+from robotrue.report.words import ReportTexts
 from robotrue.validation.budget import COVERAGE_FACTOR, Budget, Contribution
 
 
-def budget_section(budget: Budget, t: Words) -> Section:
+def budget_section(budget: Budget, t: ReportTexts) -> Section:
     """Returns the chapter: table, sum, expanded uncertainty, and the lines side by side."""
     lines = budget.contributions
     counted = [c for c in lines if c.in_target]
@@ -27,15 +27,14 @@ def budget_section(budget: Budget, t: Words) -> Section:
         title=t("budget.title"),
         text=t("budget.text", n=budget.poses, U=budget.expanded / MM),
         blocks=(
-            Table(
+            ReportTable(
                 title=t("budget.table"),
                 columns=(
                     column(t, "budget.source"),
                     column(t, "budget.value", digits=1),
                     column(t, "budget.distribution"),
                     column(t, "budget.divisor", digits=3),
-                    column(t, "budget.sensitivity"),
-                    column(t, "budget.evaluation"),
+                    *columns(t, "budget.sensitivity", "budget.evaluation"),
                     column(t, "budget.u", "um", 1),
                     column(t, "budget.counts"),
                 ),
@@ -55,7 +54,7 @@ def budget_section(budget: Budget, t: Words) -> Section:
     )
 
 
-def _row(c: Contribution, t: Words) -> tuple[Cell, ...]:
+def _row(c: Contribution, t: ReportTexts) -> tuple[Cell, ...]:
     length = c.unit == "m"
     return (
         t(f"source.{c.name}"),

@@ -2,28 +2,36 @@
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Sequence
-from importlib.metadata import version
 
 import numpy as np
 
 from robotrue.core.units import DEG, MM
 from robotrue.report.content import (
     Cell,
+    Conclusion,
     Fact,
+    KeyFigure,
     ReportContent,
+    ReportTable,
     Section,
-    Table,
     TableColumn,
-    Tile,
     Tone,
-    Verdict,
+)
+from robotrue.report.labels import (
+    column,
+    columns,
+    fact,
+    joint_columns,
+    per_axis_table,
+    statistics_table,
+    tile,
+    versions,
 )
 from robotrue.report.plots import CoveragePlot, ErrorDistribution, ErrorMap, Plane, PointErrors
-from robotrue.report.words import ENGLISH, Lang, Words
+from robotrue.report.words import Lang, ReportTexts
 from robotrue.validation.contest import Selection
-from robotrue.validation.metrics import ErrorStatistics, wilson_interval
+from robotrue.validation.metrics import wilson_interval
 from robotrue.validation.report import AxisAngles, ValidationReport
 
 _MM = "mm"
@@ -54,7 +62,7 @@ def calibration_content(
         provenance: Data hashes, settings, conditions; versions are added.
         lang: Language of the page.
     """
-    t = Words(lang=lang)
+    t = ReportTexts(lang=lang)
     # A model's doubts may quote what it could not see; the page says each thing once.
     doubts = tuple(d for d in report.doubts if not any(u.rstrip(".") in d for u in unseen))
     sections = [_accuracy(report, tolerance, t), _uncertainty(report, t), _places(report, t)]
@@ -78,7 +86,9 @@ def calibration_content(
     )
 
 
-def _verdict(report: ValidationReport, tolerance: float | None, doubts: int, t: Words) -> Verdict:
+def _verdict(
+    report: ValidationReport, tolerance: float | None, doubts: int, t: ReportTexts
+) -> Conclusion:
     after, before = report.after, report.before
     text = t("cal.verdict", mean=after.mean / MM, max=after.max / MM)
     tone: Tone = "good"
@@ -97,20 +107,24 @@ def _verdict(report: ValidationReport, tolerance: float | None, doubts: int, t: 
     detail = t("cal.detail", n=after.n, mean=before.mean / MM)
     if doubts:
         detail += " " + t("cal.doubts" if doubts > 1 else "cal.doubt", n=doubts)
-    return Verdict(text=text, tone=tone, detail=detail)
+    return Conclusion(text=text, tone=tone, detail=detail)
 
 
-def _tiles(report: ValidationReport, t: Words) -> tuple[Tile, ...]:
-    before, after, inside = report.before, report.after, report.coverage
+def _tiles(report: ValidationReport, t: ReportTexts) -> tuple[KeyFigure, ...]:
+    inside = report.coverage
+    before, after = report.before, report.after
+    shown = (
+        ("cal.mean_error", after.mean, before.mean, t("cal.poses", n=after.n)),
+        ("cal.p95", after.p95, before.p95, ""),
+        ("cal.largest", after.max, before.max, ""),
+    )
     return (
-        _tile(t, "cal.mean_error", after.mean, before.mean, t("cal.poses", n=after.n)),
-        _tile(t, "cal.p95", after.p95, before.p95),
-        _tile(t, "cal.largest", after.max, before.max),
-        Tile(
-            label=t("cal.hold"),
-            key=ENGLISH("cal.hold"),
-            value=100.0 * inside.share,
-            unit="%",
+        *(tile(t, key, a / MM, _MM, before=b / MM, note=note) for key, a, b, note in shown),
+        tile(
+            t,
+            "cal.hold",
+            100.0 * inside.share,
+            "%",
             digits=1,
             note=t("cal.interval", low=100 * inside.low, high=100 * inside.high),
             tone="good" if inside.is_honest else "caution",
@@ -118,25 +132,7 @@ def _tiles(report: ValidationReport, t: Words) -> tuple[Tile, ...]:
     )
 
 
-def _tile(t: Words, key: str, value: float, before: float, note: str = "") -> Tile:
-    return Tile(
-        label=t(key), key=ENGLISH(key), value=value / MM, unit=_MM, before=before / MM, note=note
-    )
-
-
-def column(t: Words, name: str, unit: str = "", digits: int = 3, **values: object) -> TableColumn:
-    """Returns a column of a catalog text: its heading in the language, its JSON name in English."""
-    return TableColumn(
-        title=t(name, **values), unit=unit, digits=digits, key=ENGLISH(name, **values)
-    )
-
-
-def fact(t: Words, key: str, value: str, **values: object) -> Fact:
-    """Returns a line of provenance: its name in the language, its JSON name in English."""
-    return Fact(name=t(key, **values), value=value, key=ENGLISH(key, **values))
-
-
-def _accuracy(report: ValidationReport, tolerance: float | None, t: Words) -> Section:
+def _accuracy(report: ValidationReport, tolerance: float | None, t: ReportTexts) -> Section:
     rows = [(t("cal.computed"), report.before)]
     if report.before_aligned is not None:
         rows.append((t("cal.aligned"), report.before_aligned))
@@ -166,59 +162,7 @@ def _accuracy(report: ValidationReport, tolerance: float | None, t: Words) -> Se
     )
 
 
-def statistics_table(
-    title: str,
-    rows: Sequence[tuple[str, ErrorStatistics]],
-    *,
-    caption: str = "",
-    words: Words = ENGLISH,
-    highlight: int | None = -1,
-) -> Table:
-    """Returns a table of named statistics: n, mean, sd, 95 %, max, mean + 3 sd, RMS in mm.
-
-    Args:
-        title: Heading.
-        rows: Name and statistics of each row.
-        caption: What to read in it.
-        words: Language of the headings.
-        highlight: Row to set off, counted from the end if below 0; None for none.
-    """
-    names = ("mean", "sd", "p95", "max", "three_sigma", "rms")
-    return Table(
-        title=title,
-        columns=(
-            TableColumn(title=""),
-            column(words, "n"),
-            *(column(words, name, _MM) for name in names),
-        ),
-        rows=tuple(
-            (name, s.n, *(v / MM for v in (s.mean, s.std, s.p95, s.max, s.three_sigma, s.rms)))
-            for name, s in rows
-        ),
-        caption=caption,
-        highlight=None if highlight is None else highlight % len(rows),
-    )
-
-
-def per_axis_table(
-    title: str, rows: Sequence[tuple[str, ErrorStatistics]], *, words: Words = ENGLISH
-) -> Table:
-    """Returns a table of signed mean, standard deviation and largest value per base axis in mm."""
-    columns = [TableColumn(title="")]
-    for quantity in ("mean_axis", "sd_axis", "max_axis"):
-        columns += [column(words, quantity, _MM, axis=axis) for axis in "xyz"]
-    return Table(
-        title=title,
-        columns=tuple(columns),
-        rows=tuple(
-            (name, *(float(v) / MM for v in (*s.axis_mean, *s.axis_std, *s.axis_max)))
-            for name, s in rows
-        ),
-        highlight=len(rows) - 1,
-    )
-
-
-def _angles_table(before: AxisAngles, after: AxisAngles | None, t: Words) -> Table:
+def _angles_table(before: AxisAngles, after: AxisAngles | None, t: ReportTexts) -> ReportTable:
     rows: list[tuple[Cell, ...]] = []
     for name, angles in ((t("cal.computed"), before), (t("cal.calibrated"), after)):
         if angles is None:
@@ -226,19 +170,19 @@ def _angles_table(before: AxisAngles, after: AxisAngles | None, t: Words) -> Tab
         else:
             values = (angles.mean, angles.p95, angles.max)
             rows.append((name, angles.n, *(value / DEG for value in values)))
-    return Table(
+    return ReportTable(
         title=t("cal.angles"),
         columns=(
             TableColumn(title=""),
             column(t, "n"),
-            *(column(t, name, "deg") for name in ("mean", "p95", "max")),
+            *columns(t, "mean", "p95", "max", unit="deg"),
         ),
         rows=tuple(rows),
         caption=t("cal.angles_text"),
     )
 
 
-def _uncertainty(report: ValidationReport, t: Words) -> Section:
+def _uncertainty(report: ValidationReport, t: ReportTexts) -> Section:
     inside = report.coverage
     levels = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99])
     counts = [int((report.probability <= level).sum()) for level in levels]
@@ -256,13 +200,12 @@ def _uncertainty(report: ValidationReport, t: Words) -> Section:
                 title=t("cal.honesty"),
                 caption=t("cal.coverage_text"),
             ),
-            Table(
+            ReportTable(
                 title=t("cal.shares"),
                 columns=(
                     column(t, "cal.3d", "%", 1),
                     *(column(t, "cal.alone", "%", 1, axis=axis) for axis in "xyz"),
-                    column(t, "cal.3d_from", "%", 1),
-                    column(t, "cal.3d_to", "%", 1),
+                    *columns(t, "cal.3d_from", "cal.3d_to", unit="%", digits=1),
                 ),
                 rows=(tuple(100.0 * float(s) for s in (*shares, inside.low, inside.high)),),
             ),
@@ -270,12 +213,10 @@ def _uncertainty(report: ValidationReport, t: Words) -> Section:
     )
 
 
-def _places(report: ValidationReport, t: Words) -> Section:
+def _places(report: ValidationReport, t: ReportTexts) -> Section:
     spread = np.ptp(report.position, axis=0)
     planes: tuple[Plane, ...] = ("yz", "xz", "xy")
     plane = planes[int(np.argmin(spread))]
-    dof = len(report.worst[0].joints)
-    joints = tuple(TableColumn(title=f"J{i + 1}", unit="deg", digits=2) for i in range(dof))
     return Section(
         title=t("cal.places"),
         blocks=(
@@ -287,15 +228,13 @@ def _places(report: ValidationReport, t: Words) -> Section:
                 magnification=100.0,
                 title=t("cal.map"),
             ),
-            Table(
+            ReportTable(
                 title=t("cal.worst"),
                 columns=(
-                    column(t, "cal.set"),
-                    column(t, "cal.line"),
-                    column(t, "before", _MM),
-                    column(t, "after", _MM),
+                    *columns(t, "cal.set", "cal.line"),
+                    *columns(t, "before", "after", unit=_MM),
                     column(t, "cal.region", "%", 1),
-                    *joints,
+                    *joint_columns(len(report.worst[0].joints)),
                 ),
                 rows=tuple(
                     (
@@ -347,7 +286,7 @@ def contest_section(
         title=title,
         text=selection.reason,
         blocks=(
-            Table(
+            ReportTable(
                 title=heading,
                 columns=(
                     TableColumn(title="method"),
@@ -364,13 +303,4 @@ def contest_section(
                 highlight=names.index(selection.winner),
             ),
         ),
-    )
-
-
-def versions() -> tuple[Fact, ...]:
-    """Returns what made the numbers: robotrue, NumPy and Python with their versions."""
-    return (
-        Fact(name="robotrue", value=version("robotrue")),
-        Fact(name="numpy", value=np.__version__),
-        Fact(name="python", value=platform.python_version()),
     )

@@ -11,24 +11,20 @@ import numpy as np
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.units import DEG, MM
 from robotrue.report.budget_section import budget_section
-from robotrue.report.calibration_report import (
-    calibration_content,
-    column,
-    statistics_table,
-    versions,
-)
+from robotrue.report.calibration_report import calibration_content
 from robotrue.report.content import (
     Cell,
+    Conclusion,
     Fact,
+    KeyFigure,
     ReportContent,
+    ReportTable,
     Section,
-    Table,
     TableColumn,
-    Tile,
-    Verdict,
 )
+from robotrue.report.labels import column, columns, joint_columns, statistics_table, tile, versions
 from robotrue.report.map_plots import UncertaintyMap
-from robotrue.report.words import ENGLISH, Lang, Words
+from robotrue.report.words import ENGLISH, Lang, ReportTexts
 from robotrue.validation.budget import Budget
 from robotrue.validation.error_map import KnownPlaces
 from robotrue.validation.iso9283 import RepeatedPose
@@ -108,7 +104,7 @@ def certificate_content(
         tolerance: m; the verdict then says whether 95 % of the held-out poses keep it.
         lang: Language of the report.
     """
-    t = Words(lang=lang)
+    t = ReportTexts(lang=lang)
     title = t("cert.title", robot=facts.robot)
     subtitle = t("cert.subtitle", method=facts.method)
     limits = (*facts.unseen, *_not_in_budget(facts, t))
@@ -137,9 +133,11 @@ def certificate_content(
         sections.append(_parameters(facts.parameters, t))
     if facts.lineage:
         sections.append(_lineage(facts.lineage, t))
+    note = t("cert.U_note", worst=facts.budget.worst / MM)
+    expanded = tile(t, "cert.U", facts.budget.expanded / MM, _MM, note=note)
     return replace(
         body,
-        tiles=(*body.tiles[:3], _expanded_tile(facts.budget, t), *body.tiles[3:]),
+        tiles=(*body.tiles[:3], expanded, *body.tiles[3:]),
         sections=tuple(sections),
         unseen=tuple(map(t.sentence, limits)),
         doubts=(*body.doubts, *_registration_doubt(facts, t), t("cert.no_accreditation")),
@@ -157,7 +155,7 @@ def check_regions(
         names: Of the sets.
         lang: Language of the names of quarters.
     """
-    t = Words(lang=lang)
+    t = ReportTexts(lang=lang)
     present = np.unique(group)
     if len(present) > 1:
         return tuple((names[int(g)], _rows(group == g)) for g in present)
@@ -180,24 +178,19 @@ def _rows(mask: BoolArray) -> IntArray:
     return np.asarray(np.flatnonzero(mask), dtype=np.int64)
 
 
-def _build_unchecked(facts: CertificateFacts, title: str, subtitle: str, t: Words) -> ReportContent:
+def _build_unchecked(
+    facts: CertificateFacts, title: str, subtitle: str, t: ReportTexts
+) -> ReportContent:
     """The body where nobody measured held-out poses: it says so first."""
-    tiles: tuple[Tile, ...] = ()
+    tiles: tuple[KeyFigure, ...] = ()
     if facts.held_out is not None:
-        tiles = (
-            Tile(
-                label=t("cert.blocks"),
-                key=ENGLISH("cert.blocks"),
-                value=facts.held_out / MM,
-                unit=_MM,
-                note=t("cert.blocks_note"),
-            ),
-        )
+        note = t("cert.blocks_note")
+        tiles = (tile(t, "cert.blocks", facts.held_out / MM, _MM, note=note),)
     return ReportContent(
         title=title,
         subtitle=subtitle,
         simulated=facts.simulated,
-        verdict=Verdict(
+        verdict=Conclusion(
             text=t("cert.unchecked", U=facts.budget.expanded / MM),
             tone="caution",
             detail=t("cert.unchecked_detail"),
@@ -210,7 +203,7 @@ def _build_unchecked(facts: CertificateFacts, title: str, subtitle: str, t: Word
     )
 
 
-def _not_in_budget(facts: CertificateFacts, t: Words) -> tuple[str, ...]:
+def _not_in_budget(facts: CertificateFacts, t: ReportTexts) -> tuple[str, ...]:
     lines = {c.name: c for c in facts.budget.contributions}
     out = []
     if "registration" not in lines:
@@ -221,22 +214,12 @@ def _not_in_budget(facts: CertificateFacts, t: Words) -> tuple[str, ...]:
     return tuple(out)
 
 
-def _registration_doubt(facts: CertificateFacts, t: Words) -> tuple[str, ...]:
+def _registration_doubt(facts: CertificateFacts, t: ReportTexts) -> tuple[str, ...]:
     names = {c.name for c in facts.budget.contributions}
     return (t("cert.registration_apart"),) if "registration" in names else ()
 
 
-def _expanded_tile(budget: Budget, t: Words) -> Tile:
-    return Tile(
-        label=t("cert.U"),
-        key=ENGLISH("cert.U"),
-        value=budget.expanded / MM,
-        unit=_MM,
-        note=t("cert.U_note", worst=budget.worst / MM),
-    )
-
-
-def _places(places: KnownPlaces, t: Words) -> Section:
+def _places(places: KnownPlaces, t: ReportTexts) -> Section:
     return Section(
         title=t("cert.places"),
         text=t("cert.places_text", n=len(places.radius)),
@@ -256,7 +239,7 @@ def _places(places: KnownPlaces, t: Words) -> Section:
     )
 
 
-def _repeats(facts: CertificateFacts, t: Words) -> Section:
+def _repeats(facts: CertificateFacts, t: ReportTexts) -> Section:
     """ISO 9283 symbols where their definition was measured; a sentence where it was not."""
     if not facts.repeats:
         return Section(title=t("iso.title"), text=t("iso.none"))
@@ -277,22 +260,17 @@ def _repeats(facts: CertificateFacts, t: Words) -> Section:
                 *(float(q) / DEG for q in pose.joints),
             )
         )
-    joints = tuple(
-        TableColumn(title=f"J{i + 1}", unit="deg", digits=2)
-        for i in range(len(facts.repeats[0].joints))
-    )
     axes = tuple(
         TableColumn(title=f"AP_{a}" if standard else a, key=f"mean_{a}", unit=_MM) for a in "xyz"
     )
-    table = Table(
+    table = ReportTable(
         title=t("iso.table"),
         columns=(
-            column(t, "pose"),
-            column(t, "n"),
+            *columns(t, "pose", "n"),
             *(TableColumn(title=a, unit=_MM, key=k) for a, k in zip(names, keys, strict=True)),
             *axes,
             column(t, "iso.compensated", _MM),
-            *joints,
+            *joint_columns(len(facts.repeats[0].joints)),
         ),
         rows=tuple(rows),
         caption=t("iso.standard" if standard else "iso.few"),
@@ -300,15 +278,13 @@ def _repeats(facts: CertificateFacts, t: Words) -> Section:
     return Section(title=t("iso.title"), blocks=(table,))
 
 
-def _parameters(parameters: Sequence[Parameter], t: Words) -> Section:
-    table = Table(
+def _parameters(parameters: Sequence[Parameter], t: ReportTexts) -> Section:
+    table = ReportTable(
         title=t("cert.parameters"),
         columns=(
             column(t, "cert.parameter"),
-            column(t, "cert.value", digits=4),
-            column(t, "cert.sd", digits=4),
-            column(t, "cert.unit"),
-            column(t, "cert.known"),
+            *columns(t, "cert.value", "cert.sd", digits=4),
+            *columns(t, "cert.unit", "cert.known"),
         ),
         rows=tuple((p.name, p.value, p.sd, p.unit, t(f"known.{p.known}")) for p in parameters),
         caption=t("cert.parameters_text"),
@@ -316,7 +292,7 @@ def _parameters(parameters: Sequence[Parameter], t: Words) -> Section:
     return Section(title=t("cert.identified"), blocks=(table,))
 
 
-def _lineage(lineage: Sequence[Mapping[str, Any]], t: Words) -> Section:
+def _lineage(lineage: Sequence[Mapping[str, Any]], t: ReportTexts) -> Section:
     rows = tuple(
         (
             k + 1,
@@ -333,9 +309,9 @@ def _lineage(lineage: Sequence[Mapping[str, Any]], t: Words) -> Section:
     return Section(
         title=t("lineage.title"),
         blocks=(
-            Table(
+            ReportTable(
                 title=t("lineage.table"),
-                columns=tuple(column(t, name) for name in names),
+                columns=columns(t, *names),
                 rows=rows,
                 caption=t("lineage.text"),
             ),

@@ -15,16 +15,15 @@ from robotrue.core.provenance import Provenance, merge
 from robotrue.errors import ObservabilityError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.measurement.tracker import DEFAULT_RANGE
-from robotrue.report.calibration_report import fact
 from robotrue.report.certificate import (
     CertificateFacts,
     Parameter,
     check_regions,
 )
+from robotrue.report.labels import fact
 from robotrue.report.model_view import list_geometric_errors, stiffness
 from robotrue.report.report_files import file_fact
-from robotrue.report.words import Lang, Words
-from robotrue.robot.statics import Load
+from robotrue.report.words import Lang, ReportTexts
 from robotrue.validation.budget import (
     Budget,
     Contribution,
@@ -70,7 +69,7 @@ def certificate_facts(
     seen = None if check is None else evaluate(model, check, payload=cell.payload)
     sources = summary.sources
     held_out = summary.held_out_mean
-    t = Words(lang=lang)
+    t = ReportTexts(lang=lang)
     regions: tuple[tuple[str, ErrorStatistics], ...] = ()
     if check is not None and seen is not None:
         rows = check_regions(seen.measured.position, check.group, check.group_names, lang=lang)
@@ -125,7 +124,7 @@ def _budget(
             temperature=measured_rows.temperature,
         )
     elif places is not None:
-        query = Query(joints=places.joints, load=_unloaded(cell))
+        query = Query(joints=places.joints, load=cell.payload)
     else:
         raise ObservabilityError(
             "no poses to state an uncertainty for: the model keeps no joint range.",
@@ -157,10 +156,6 @@ def _instrument(cell: Cell, check: MeasurementSet | None) -> tuple[Contribution,
         else np.linalg.norm(check.position - place, axis=1)
     )
     return tracker_lines(cell.tracker, distance)
-
-
-def _unloaded(cell: Cell) -> Load:
-    return Load(mass=cell.payload.mass, com=cell.payload.com)
 
 
 def _parameters(model: ErrorModel) -> tuple[Parameter, ...]:

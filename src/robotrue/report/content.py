@@ -6,9 +6,9 @@ hands it to :func:`robotrue.report.page.report_html` and :func:`robotrue.report.
 
     content = ReportContent(
         title="Flange hole, 210 mm",
-        verdict=Verdict(tone="good", text="Lands within 0.21 mm (mean) of where CAM said."),
+        verdict=Conclusion(tone="good", text="Lands within 0.21 mm (mean) of where CAM said."),
         simulated=True,
-        tiles=(Tile(label="mean error", value=0.205, unit="mm", before=1.459),),
+        tiles=(KeyFigure(label="mean error", value=0.205, unit="mm", before=1.459),),
         sections=(Section(title="Dry run", blocks=(table, PointErrors(...), HoleContour(...))),),
         provenance=(Fact(name="seed", value="7"),),
     )
@@ -32,7 +32,7 @@ from robotrue.core.columns import Columns
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ShapeError
 from robotrue.report.figure import Drawing, inline_svg, png
-from robotrue.report.words import ENGLISH, Lang, Words
+from robotrue.report.words import ENGLISH, Lang, ReportTexts
 
 Tone: TypeAlias = Literal["good", "caution", "bad", "plain"]
 """How a statement is coloured: as asked, look closer, not as asked, no judgement."""
@@ -44,7 +44,7 @@ instrument, and the file stays readable."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict:
+class Conclusion:
     """The one line a reader takes home.
 
     Attributes:
@@ -59,7 +59,7 @@ class Verdict:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Tile:
+class KeyFigure:
     """One key number.
 
     Attributes:
@@ -101,7 +101,7 @@ class TableColumn:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Table:
+class ReportTable:
     """A table with a heading.
 
     Attributes:
@@ -168,14 +168,14 @@ class Plot(Columns, ABC):
             raise ShapeError(f"{type(self).__name__}: no points.")
 
     @abstractmethod
-    def drawing(self, words: Words) -> Drawing:
+    def drawing(self, words: ReportTexts) -> Drawing:
         """Returns the picture; ``words`` are for what it says itself."""
 
-    def svg(self, key: str, words: Words) -> str:
+    def svg(self, key: str, words: ReportTexts) -> str:
         """Returns the picture as an SVG element whose ids begin with ``key``."""
         return inline_svg(self.drawing(words), key=key, label=escape(self.title, quote=True))
 
-    def png(self, words: Words = ENGLISH) -> bytes:
+    def png(self, words: ReportTexts = ENGLISH) -> bytes:
         """Returns the picture as PNG, its title above it."""
         return png(self.drawing(words), title=self.title)
 
@@ -190,7 +190,7 @@ class Plot(Columns, ABC):
         return {}
 
 
-Block: TypeAlias = Table | Plot
+Block: TypeAlias = ReportTable | Plot
 """Anything that can stand in a section, in reading order."""
 
 
@@ -243,10 +243,10 @@ class ReportContent:
     """
 
     title: str
-    verdict: Verdict
+    verdict: Conclusion
     simulated: bool
     subtitle: str = ""
-    tiles: tuple[Tile, ...] = ()
+    tiles: tuple[KeyFigure, ...] = ()
     sections: tuple[Section, ...] = ()
     unseen: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()

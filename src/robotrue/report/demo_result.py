@@ -12,7 +12,7 @@ from robotrue.calibration.model import ErrorModel
 from robotrue.core.arrays import Array
 from robotrue.core.files import write_atomic
 from robotrue.core.units import MM
-from robotrue.report.content import ReportContent, Table
+from robotrue.report.content import ReportContent, ReportTable
 from robotrue.report.json import report_json
 from robotrue.report.page import report_html
 from robotrue.validation.contest import Selection
@@ -35,7 +35,7 @@ class DemoResult:
     folder: Path
     page: Path
     results: Mapping[str, Any]
-    tables: tuple[Table, ...]
+    tables: tuple[ReportTable, ...]
     simulated: bool
 
 

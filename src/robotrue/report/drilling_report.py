@@ -9,17 +9,17 @@ from robotrue.core.units import DEG, MM
 from robotrue.drilling.campaign import Campaign
 from robotrue.drilling.evaluate import Residuals, TiltEvaluation
 from robotrue.drilling.foot_model import NormalModel
-from robotrue.report.calibration_report import column, fact, versions
 from robotrue.report.content import (
+    Conclusion,
     Fact,
+    KeyFigure,
     ReportContent,
+    ReportTable,
     Section,
-    Table,
-    Tile,
-    Verdict,
 )
 from robotrue.report.curve_plots import TiltPlot
-from robotrue.report.words import ENGLISH, Lang, Words
+from robotrue.report.labels import column, columns, fact, tile, versions
+from robotrue.report.words import Lang, ReportTexts
 
 
 def drilling_content(
@@ -43,14 +43,14 @@ def drilling_content(
         simulated: Whether the test is; also taken from the provenance of model and test.
         lang: Language of the report.
     """
-    t = Words(lang=lang)
+    t = ReportTexts(lang=lang)
     ours = result.ours
     good = ours.p95 <= limit
     return ReportContent(
         title=t("drill.title"),
         subtitle=t("drill.subtitle", kind=model.kind, version=model.version),
         simulated=simulated or merge([model.provenance, test.provenance]).simulated,
-        verdict=Verdict(
+        verdict=Conclusion(
             tone="good" if good else "bad",
             text=t("drill.verdict", mean=ours.mean / DEG, p95=ours.p95 / DEG, n=result.clamps),
             detail=t("drill.within" if good else "drill.not_within", limit=limit / DEG),
@@ -81,60 +81,41 @@ def drilling_content(
     )
 
 
-def _tiles(result: TiltEvaluation, t: Words) -> tuple[Tile, ...]:
-    ours, before = result.ours, result.uncorrected
+def _tiles(result: TiltEvaluation, t: ReportTexts) -> tuple[KeyFigure, ...]:
+    pairs = (
+        ("drill.mean", result.ours.mean, result.uncorrected.mean),
+        ("drill.p95", result.ours.p95, result.uncorrected.p95),
+    )
+    note = t("drill.region_note")
     return (
-        Tile(
-            label=t("drill.mean"),
-            key=ENGLISH("drill.mean"),
-            value=ours.mean / DEG,
-            unit="deg",
-            digits=4,
-            before=before.mean / DEG,
-        ),
-        Tile(
-            label=t("drill.p95"),
-            key=ENGLISH("drill.p95"),
-            value=ours.p95 / DEG,
-            unit="deg",
-            digits=4,
-            before=before.p95 / DEG,
-        ),
-        Tile(
-            label=t("drill.region"),
-            key=ENGLISH("drill.region"),
-            value=100.0 * result.covered,
-            unit="%",
-            digits=0,
-            note=t("drill.region_note"),
-        ),
+        *(tile(t, key, a / DEG, "deg", digits=4, before=b / DEG) for key, a, b in pairs),
+        tile(t, "drill.region", 100.0 * result.covered, "%", digits=0, note=note),
     )
 
 
-def _residuals(model: NormalModel, result: TiltEvaluation, t: Words) -> Table:
+def _residuals(model: NormalModel, result: TiltEvaluation, t: ReportTexts) -> ReportTable:
     rows: list[tuple[str, Residuals]] = [(t("drill.as_is"), result.uncorrected)]
     if result.patent is not None:
         rows.append((t("drill.linear"), result.patent))
     rows.append((t("drill.model", kind=model.kind), result.ours))
-    return Table(
+    return ReportTable(
         title=t("drill.corrected"),
         columns=(
             column(t, "drill.correction"),
-            *(column(t, name, "deg", 4) for name in ("mean", "p95", "drill.largest")),
+            *columns(t, "mean", "p95", "drill.largest", unit="deg", digits=4),
         ),
         rows=tuple((name, r.mean / DEG, r.p95 / DEG, r.largest / DEG) for name, r in rows),
         highlight=len(rows) - 1,
     )
 
 
-def _envelope(model: NormalModel, t: Words) -> Table:
+def _envelope(model: NormalModel, t: ReportTexts) -> ReportTable:
     e = model.envelope
-    return Table(
+    return ReportTable(
         title=t("drill.campaign"),
         columns=(
             column(t, "drill.cause"),
-            column(t, "drill.from", digits=1),
-            column(t, "drill.to", digits=1),
+            *columns(t, "drill.from", "drill.to", digits=1),
         ),
         rows=(
             (t("drill.force"), float(e.force[0]), float(e.force[1])),
@@ -145,7 +126,7 @@ def _envelope(model: NormalModel, t: Words) -> Table:
     )
 
 
-def _doubts(model: NormalModel, result: TiltEvaluation, t: Words) -> tuple[str, ...]:
+def _doubts(model: NormalModel, result: TiltEvaluation, t: ReportTexts) -> tuple[str, ...]:
     doubts = []
     if result.covered < 0.9:
         doubts.append(t("drill.doubt_region", share=100.0 * result.covered))
@@ -157,7 +138,7 @@ def _doubts(model: NormalModel, result: TiltEvaluation, t: Words) -> tuple[str, 
     return tuple(doubts)
 
 
-def _facts(model: NormalModel, digest: str, t: Words) -> tuple[Fact, ...]:
+def _facts(model: NormalModel, digest: str, t: ReportTexts) -> tuple[Fact, ...]:
     truths = ", ".join(model.refinement.truths) or t("fact.no_reference")
     facts = [
         fact(t, "fact.campaign", model.campaign),

@@ -9,10 +9,10 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from robotrue.core.provenance import simulation_mark
-from robotrue.report.content import Block, Cell, ReportContent, Table, TableColumn, Tile
+from robotrue.report.content import Block, Cell, KeyFigure, ReportContent, ReportTable, TableColumn
 from robotrue.report.json import content_sha256
 from robotrue.report.theme import STYLE
-from robotrue.report.words import HTML_LANG, Words
+from robotrue.report.words import HTML_LANG, ReportTexts
 
 WIDE: Final = 7
 """Tables with more columns are set smaller."""
@@ -41,7 +41,7 @@ def report_html(content: ReportContent) -> str:
 
 def page_document(content: ReportContent) -> dict[str, Any]:
     """Returns what page and print set, every number already in words, drawings as inline SVG."""
-    words = Words(lang=content.lang)
+    words = ReportTexts(lang=content.lang)
     mark = simulation_mark(content.simulated, f" {words('page.footer_simulated')}")
     lists = ((words("page.unseen"), content.unseen), (words("page.doubts"), content.doubts))
     verdict = content.verdict
@@ -71,7 +71,7 @@ def page_document(content: ReportContent) -> dict[str, Any]:
     }
 
 
-def _tile(tile: Tile, words: Words) -> dict[str, str]:
+def _tile(tile: KeyFigure, words: ReportTexts) -> dict[str, str]:
     before = ""
     if tile.before is not None:
         value = f"{tile.before:.{tile.digits}f} {tile.unit}".strip()
@@ -86,9 +86,9 @@ def _tile(tile: Tile, words: Words) -> dict[str, str]:
     }
 
 
-def _block(block: Block, key: str, words: Words) -> dict[str, Any]:
+def _block(block: Block, key: str, words: ReportTexts) -> dict[str, Any]:
     head: dict[str, Any] = {"title": block.title, "caption": block.caption, "svg": "", "table": []}
-    if not isinstance(block, Table):
+    if not isinstance(block, ReportTable):
         return head | {"svg": block.svg(key, words)}
     wordy = [any(isinstance(row[k], str) for row in block.rows) for k in range(len(block.columns))]
     return head | {

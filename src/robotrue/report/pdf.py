@@ -15,7 +15,7 @@ from robotrue.report.content import ReportContent
 from robotrue.report.figure import standalone_svg
 from robotrue.report.page import page_document
 from robotrue.report.theme import LIGHT
-from robotrue.report.words import HTML_LANG, Lang, Words
+from robotrue.report.words import HTML_LANG, Lang, ReportTexts
 
 LATIN: Final = ("DejaVu Sans", "Liberation Sans", "Arial", "Helvetica", "Libertinus Serif")
 """Of the machine, best first; the last one comes with typst."""
@@ -102,5 +102,5 @@ def _document(content: ReportContent, fonts: tuple[str, ...]) -> dict[str, Any]:
         "lang": HTML_LANG[content.lang][:2],
         "fonts": list(fonts),
         "colours": LIGHT,
-        "number": Words(lang=content.lang)("page.number", page="@", pages="#"),
+        "number": ReportTexts(lang=content.lang)("page.number", page="@", pages="#"),
     }

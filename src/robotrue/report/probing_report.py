@@ -9,7 +9,15 @@ from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, MM
 from robotrue.planning.probing import ProbingTask
 from robotrue.planning.probing_plan import ProbePlan
-from robotrue.report.content import Fact, ReportContent, Section, Table, TableColumn, Tile, Verdict
+from robotrue.report.content import (
+    Conclusion,
+    Fact,
+    KeyFigure,
+    ReportContent,
+    ReportTable,
+    Section,
+    TableColumn,
+)
 from robotrue.report.curve_plots import PoseCurves, PoseSeries
 from robotrue.report.map_plots import PartMap
 from robotrue.robot.forward import forward
@@ -65,7 +73,7 @@ def probing_content(
         text = f"{n} touches leave postures that none covers: {named}."
     return ReportContent(
         title=f"Touches of a part: {robot}",
-        verdict=Verdict(
+        verdict=Conclusion(
             text=text,
             tone="plain" if covered else "caution",
             detail=f"As many touches spread evenly: {plan.spread_mean[n] / MM:.3f} mm rms "
@@ -74,10 +82,10 @@ def probing_content(
         simulated=origin.simulated,
         subtitle="a plan, before any touch",
         tiles=(
-            Tile(label="touches", value=float(n), digits=0),
-            Tile(label="rms, one sigma", value=float(plan.mean[n] / MM), unit="mm"),
-            Tile(label="worst, 95 % within", value=float(radius.max()), unit="mm"),
-            Tile(label="spread, rms", value=float(plan.spread_mean[n] / MM), unit="mm"),
+            KeyFigure(label="touches", value=float(n), digits=0),
+            KeyFigure(label="rms, one sigma", value=float(plan.mean[n] / MM), unit="mm"),
+            KeyFigure(label="worst, 95 % within", value=float(radius.max()), unit="mm"),
+            KeyFigure(label="spread, rms", value=float(plan.spread_mean[n] / MM), unit="mm"),
         ),
         sections=(
             Section(
@@ -109,9 +117,9 @@ def _curve(plan: ProbePlan) -> PoseCurves:
     )
 
 
-def _groups(plan: ProbePlan, task: ProbingTask) -> Table:
+def _groups(plan: ProbePlan, task: ProbingTask) -> ReportTable:
     radius = radius_95(plan.covariance) / MM
-    return Table(
+    return ReportTable(
         title="Machined groups",
         columns=(
             TableColumn(title="group"),
@@ -136,9 +144,9 @@ def _groups(plan: ProbePlan, task: ProbingTask) -> Table:
     )
 
 
-def _touches(plan: ProbePlan) -> Table:
+def _touches(plan: ProbePlan) -> ReportTable:
     touches, dof = plan.touches, plan.touches.joints.shape[1]
-    return Table(
+    return ReportTable(
         title="The touches, in the order of their worth",
         columns=(
             TableColumn(title="touch"),

@@ -12,10 +12,18 @@ from robotrue.compensation.difference import Difference
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.units import MM
 from robotrue.errors import ModelMismatchError
-from robotrue.report.calibration_report import column, statistics_table, versions
-from robotrue.report.content import Cell, Fact, ReportContent, Section, Table, Tile, Verdict
+from robotrue.report.content import (
+    Cell,
+    Conclusion,
+    Fact,
+    KeyFigure,
+    ReportContent,
+    ReportTable,
+    Section,
+)
+from robotrue.report.labels import column, columns, statistics_table, tile, versions
 from robotrue.report.plots import PointErrors
-from robotrue.report.words import ENGLISH, Lang, Words
+from robotrue.report.words import Lang, ReportTexts
 from robotrue.validation.conformity import Conformity, all_conform, conformity, to_judge
 from robotrue.validation.error_map import radius_95
 from robotrue.validation.metrics import error_statistics
@@ -56,7 +64,7 @@ def program_content(
         ModelMismatchError: Differences without predicted errors, or no target with one.
         ConfigurationError: A tolerance that is not above zero.
     """
-    t = Words(lang=lang)
+    t = ReportTexts(lang=lang)
     joined = _join_targets(found, strict=strict)
     states = conformity(joined.after, joined.bound, tolerance)
     not_proven = int((states != Conformity.CONFORMS).sum())
@@ -70,7 +78,7 @@ def program_content(
         title=t("prog.title", name=after),
         subtitle=t("prog.subtitle", before=before, after=after, robot=robot),
         simulated=simulated,
-        verdict=Verdict(
+        verdict=Conclusion(
             text=text,
             tone="good" if go else "bad",
             detail=t("prog.rule") + _apart(joined, t),
@@ -112,7 +120,7 @@ class _Targets:
         return np.asarray(np.isfinite(self.before + self.after + self.bound))
 
 
-def _apart(joined: _Targets, t: Words) -> str:
+def _apart(joined: _Targets, t: ReportTexts) -> str:
     """What is said of targets that were not judged."""
     return "" if not joined.axis_targets else t("prog.apart", n=joined.axis_targets)
 
@@ -149,42 +157,22 @@ def _join_targets(found: Sequence[tuple[str, Difference]], *, strict: bool) -> _
     return joined
 
 
-def _tiles(joined: _Targets, states: IntArray, t: Words) -> tuple[Tile, ...]:
+def _tiles(joined: _Targets, states: IntArray, t: ReportTexts) -> tuple[KeyFigure, ...]:
     known = joined.known
-    total = (joined.after + joined.bound)[known]
+    before, after, bound = joined.before[known], joined.after[known], joined.bound[known]
     moved = joined.shift[np.isfinite(joined.shift)]
+    largest = float(moved.max()) / MM if len(moved) else 0.0
+    proven = 100.0 * float((states == Conformity.CONFORMS).mean())
+    worst_before, worst = (float((e + bound).max()) / MM for e in (before, after))
     return (
-        Tile(
-            label=t("prog.tile_after"),
-            key=ENGLISH("prog.tile_after"),
-            value=float(joined.after[known].mean()) / MM,
-            unit=_MM,
-            before=float(joined.before[known].mean()) / MM,
-        ),
-        Tile(
-            label=t("prog.tile_worst"),
-            key=ENGLISH("prog.tile_worst"),
-            value=float(total.max()) / MM,
-            unit=_MM,
-            before=float((joined.before + joined.bound)[known].max()) / MM,
-        ),
-        Tile(
-            label=t("prog.tile_proven"),
-            key=ENGLISH("prog.tile_proven"),
-            value=100.0 * float((states == Conformity.CONFORMS).mean()),
-            unit="%",
-            digits=1,
-        ),
-        Tile(
-            label=t("prog.tile_changed"),
-            key=ENGLISH("prog.tile_changed"),
-            value=float(moved.max()) / MM if len(moved) else 0.0,
-            unit=_MM,
-        ),
+        tile(t, "prog.tile_after", float(after.mean()) / MM, _MM, before=float(before.mean()) / MM),
+        tile(t, "prog.tile_worst", worst, _MM, before=worst_before),
+        tile(t, "prog.tile_proven", proven, "%", digits=1),
+        tile(t, "prog.tile_changed", largest, _MM),
     )
 
 
-def _before_after(joined: _Targets, tolerance: float, t: Words) -> Section:
+def _before_after(joined: _Targets, tolerance: float, t: ReportTexts) -> Section:
     known = joined.known
     rows = [
         (t("prog.row_before"), error_statistics(joined.error_before[known])),
@@ -208,15 +196,11 @@ def _before_after(joined: _Targets, tolerance: float, t: Words) -> Section:
     )
 
 
-def _decision(joined: _Targets, states: IntArray, tolerance: float, t: Words) -> Section:
+def _decision(joined: _Targets, states: IntArray, tolerance: float, t: ReportTexts) -> Section:
     first = conformity(joined.before, joined.bound, tolerance)
-    counts = Table(
+    counts = ReportTable(
         title=t("prog.counts"),
-        columns=(
-            column(t, "prog.state"),
-            column(t, "prog.before"),
-            column(t, "prog.after"),
-        ),
+        columns=columns(t, "prog.state", "prog.before", "prog.after"),
         rows=(
             *(
                 (t(name), int((first == k).sum()), int((states == k).sum()))
@@ -228,17 +212,12 @@ def _decision(joined: _Targets, states: IntArray, tolerance: float, t: Words) ->
     )
     total = np.where(joined.known, joined.after + joined.bound, np.inf)
     order = np.argsort(-total, kind="stable")[:MOST_WORST]
-    worst = Table(
+    worst = ReportTable(
         title=t("prog.worst"),
         columns=(
-            column(t, "prog.file"),
-            column(t, "prog.line"),
-            column(t, "prog.line_after"),
-            column(t, "prog.shift", _MM),
-            column(t, "prog.error_before", _MM),
-            column(t, "prog.error_after", _MM),
-            column(t, "prog.bound", _MM),
-            column(t, "prog.total", _MM),
+            *columns(t, "prog.file", "prog.line", "prog.line_after"),
+            *columns(t, "prog.shift", "prog.error_before", "prog.error_after", unit=_MM),
+            *columns(t, "prog.bound", "prog.total", unit=_MM),
             column(t, "prog.state"),
         ),
         rows=tuple(_worst_row(joined, int(i), t(_STATES[int(states[i])])) for i in order),

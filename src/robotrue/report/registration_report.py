@@ -12,9 +12,17 @@ from robotrue.core.arrays import Array
 from robotrue.core.poses import propagate_covariance
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
-from robotrue.report.calibration_report import column, fact, versions
-from robotrue.report.content import Fact, ReportContent, Section, Table, TableColumn, Tile, Verdict
-from robotrue.report.words import ENGLISH, Lang, Words
+from robotrue.report.content import (
+    Conclusion,
+    Fact,
+    KeyFigure,
+    ReportContent,
+    ReportTable,
+    Section,
+    TableColumn,
+)
+from robotrue.report.labels import column, columns, fact, tile, versions
+from robotrue.report.words import Lang, ReportTexts
 from robotrue.validation.budget import COVERAGE_FACTOR
 
 LEVERS: Final = (0.0, 0.1, 0.25, 0.5, 1.0, 2.0)
@@ -43,7 +51,7 @@ def registration_content(
         provenance: Files and hashes.
         lang: Language of the report.
     """
-    t = Words(lang=lang)
+    t = ReportTexts(lang=lang)
     bad = [frame.name for frame in part.frames if frame.verdict != "GO"]
     origin = max(_worst_axis(frame.covariance[:3, :3]) for frame in part.frames)
     text = (
@@ -60,7 +68,7 @@ def registration_content(
         title=t("reg.title", name=", ".join(part.names)),
         subtitle=t("reg.subtitle", robot=robot, file=name),
         simulated=simulated,
-        verdict=Verdict(
+        verdict=Conclusion(
             text=text,
             tone="bad" if bad else "good",
             detail=t(
@@ -85,36 +93,24 @@ def registration_content(
     )
 
 
-def _tiles(part: PartTable, origin: float, t: Words) -> tuple[Tile, ...]:
+def _tiles(part: PartTable, origin: float, t: ReportTexts) -> tuple[KeyFigure, ...]:
     rms = max(frame.rms for frame in part.frames)
     touches = sum(frame.touches for frame in part.frames)
     return (
-        Tile(label=t("reg.touches"), key=ENGLISH("reg.touches"), value=float(touches), digits=0),
-        Tile(
-            label=t("reg.rms"),
-            key=ENGLISH("reg.rms"),
-            value=rms / MM,
-            unit=_MM,
-            note=t("reg.rms_note"),
-        ),
-        Tile(
-            label=t("cert.U"),
-            key=ENGLISH("cert.U"),
-            value=COVERAGE_FACTOR * origin / MM,
-            unit=_MM,
-        ),
+        tile(t, "reg.touches", float(touches), digits=0),
+        tile(t, "reg.rms", rms / MM, _MM, note=t("reg.rms_note")),
+        tile(t, "cert.U", COVERAGE_FACTOR * origin / MM, _MM),
     )
 
 
-def _frames(part: PartTable, t: Words) -> Section:
-    pose = Table(
+def _frames(part: PartTable, t: ReportTexts) -> Section:
+    pose = ReportTable(
         title=t("reg.table"),
         columns=(
             column(t, "reg.part"),
             *(TableColumn(title=a, unit=_MM) for a in ("X", "Y", "Z")),
             *(TableColumn(title=a, unit="deg", digits=4) for a in ("A", "B", "C")),
-            column(t, "reg.touches"),
-            column(t, "reg.outliers"),
+            *columns(t, "reg.touches", "reg.outliers"),
             column(t, "reg.rms", _MM),
             column(t, "reg.verdict"),
         ),
@@ -134,8 +130,8 @@ def _frames(part: PartTable, t: Words) -> Section:
     return Section(title=t("reg.frames"), blocks=(pose,))
 
 
-def _uncertainty(part: PartTable, t: Words) -> Section:
-    sd = Table(
+def _uncertainty(part: PartTable, t: ReportTexts) -> Section:
+    sd = ReportTable(
         title=t("reg.sd"),
         columns=(
             column(t, "reg.part"),
@@ -152,7 +148,7 @@ def _uncertainty(part: PartTable, t: Words) -> Section:
         ),
         caption=t("reg.sd_text"),
     )
-    levers = Table(
+    levers = ReportTable(
         title=t("reg.levers"),
         columns=(
             column(t, "reg.lever", _MM, 0),

@@ -11,14 +11,14 @@ from robotrue.report.calibration_report import contest_section
 from robotrue.report.content import (
     Cell,
     Fact,
+    KeyFigure,
     ReportContent,
+    ReportTable,
     Section,
-    Table,
     TableColumn,
-    Tile,
     Tone,
 )
-from robotrue.report.content import Verdict as Line
+from robotrue.report.content import Conclusion as Line
 from robotrue.report.curve_plots import PoseCurves, PoseSeries
 from robotrue.validation.contest import CandidateScore, Selection
 from robotrue.validation.guard import GuardVerdict
@@ -103,15 +103,17 @@ def _score(selection: Selection, name: str) -> CandidateScore:
     return next(score for score in selection.table if score.name == name)
 
 
-def _tiles(verdict: GuardVerdict, selection: Selection | None) -> tuple[Tile, ...]:
+def _tiles(verdict: GuardVerdict, selection: Selection | None) -> tuple[KeyFigure, ...]:
     if selection is None:
         return ()
     score = _score(selection, verdict.winner)
     note = f"{score.n} target poses"
     return (
-        Tile(label="mean error, held out", value=score.mean / MM, unit="mm", note=note),
-        Tile(label="largest", value=score.max / MM, unit="mm"),
-        Tile(label="stated 95 % regions hold", value=100.0 * score.coverage, unit="%", digits=1),
+        KeyFigure(label="mean error, held out", value=score.mean / MM, unit="mm", note=note),
+        KeyFigure(label="largest", value=score.max / MM, unit="mm"),
+        KeyFigure(
+            label="stated 95 % regions hold", value=100.0 * score.coverage, unit="%", digits=1
+        ),
     )
 
 
@@ -135,7 +137,7 @@ def _curve_section(curve: LearningCurve, winner: str) -> Section:
             for k in range(len(curve.counts))
         )
         rows.append((name, *cells))
-    table = Table(
+    table = ReportTable(
         title="Mean error, median [quartiles], mm",
         columns=(
             TableColumn(title="candidate"),

@@ -1,6 +1,6 @@
 """The words of a report in the reader's language: one catalog a language, the same keys in each.
 
-Content is built with a :class:`Words`; figures and pages take theirs from the content's ``lang``.
+Content is built with :class:`ReportTexts`; figures and pages take theirs from its ``lang``.
 Machine-readable names (JSON) are English in every language.
 """
 
@@ -26,7 +26,7 @@ HTML_LANG: Final[Mapping[Lang, str]] = {"en": "en", "zh": "zh-CN"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Words:
+class ReportTexts:
     """The catalog of one language.
 
     Attributes:
@@ -53,7 +53,7 @@ class Words:
         return in_chinese(recorded) if self.lang == "zh" else recorded
 
 
-ENGLISH: Final = Words()
+ENGLISH: Final = ReportTexts()
 
 
 def language(name: str) -> Lang:

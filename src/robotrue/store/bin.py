@@ -55,7 +55,7 @@ class Discarded:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Bin:
+class RecycleBin:
     """What may go.
 
     Attributes:
@@ -71,7 +71,7 @@ class Bin:
     bytes: int
 
 
-def in_bin(workspace: Workspace, *, days: float) -> Bin:
+def in_bin(workspace: Workspace, *, days: float) -> RecycleBin:
     """Returns what would go for good.
 
     Args:
@@ -86,7 +86,7 @@ def in_bin(workspace: Workspace, *, days: float) -> Bin:
         return _looked_at(session, before)[0]
 
 
-def empty_bin(workspace: Workspace, *, days: float) -> Bin:
+def empty_bin(workspace: Workspace, *, days: float) -> RecycleBin:
     """Returns what has gone for good: rows and files, all or nothing.
 
     A process that is killed in it leaves either everything, or files that no row names and that
@@ -121,12 +121,12 @@ def _before(days: float) -> datetime:
     return now() - timedelta(days=days)
 
 
-def _looked_at(session: Session, before: datetime) -> tuple[Bin, list[tuple[str, str]]]:
+def _looked_at(session: Session, before: datetime) -> tuple[RecycleBin, list[tuple[str, str]]]:
     """What may go, and the SHA-256 and place of its files."""
     old = _deleted(session, before)
     gone = _unneeded(session, set(old))
     files = list(_own_files(session, gone))
-    found = Bin(
+    found = RecycleBin(
         items=tuple(each for id, each in old.items() if id in gone),
         needed=tuple(each for id, each in old.items() if id not in gone),
         files=len(files),

@@ -33,7 +33,7 @@ LEFT_OUT: Final = frozenset({WorkspaceRow.__tablename__})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Carried:
+class ExchangeTotals:
     """What went over.
 
     Attributes:
@@ -47,7 +47,7 @@ class Carried:
     bytes: int
 
 
-def export_project(workspace: Workspace, path: str | Path) -> Carried:
+def export_project(workspace: Workspace, path: str | Path) -> ExchangeTotals:
     """Writes everything in a workspace to one file, whole or not at all; returns how much it was.
 
     Others may write meanwhile: the file holds the state of one moment.
@@ -60,7 +60,7 @@ def export_project(workspace: Workspace, path: str | Path) -> Carried:
         return _written(workspace, bundle)
 
 
-def _written(workspace: Workspace, bundle: zipfile.ZipFile) -> Carried:
+def _written(workspace: Workspace, bundle: zipfile.ZipFile) -> ExchangeTotals:
     members: dict[str, dict[str, Any]] = {}
     rows: dict[str, int] = {}
     files = size = 0
@@ -93,7 +93,7 @@ def _written(workspace: Workspace, bundle: zipfile.ZipFile) -> Carried:
         "members": members,
     }
     bundle.writestr(_entry(MANIFEST, zipfile.ZIP_DEFLATED), json.dumps(manifest, indent=1))
-    return Carried(rows=rows, files=files, bytes=size)
+    return ExchangeTotals(rows=rows, files=files, bytes=size)
 
 
 def tables() -> list[Table]:

@@ -44,7 +44,7 @@ from robotrue.store.exchange import (
     FORMAT,
     FORMAT_VERSION,
     MANIFEST,
-    Carried,
+    ExchangeTotals,
     source_of,
     tables,
 )
@@ -86,7 +86,7 @@ _BATCH: Final = 500
 
 def import_project(
     workspace: Workspace, path: str | Path | BinaryIO, *, most: int = MOST
-) -> Carried:
+) -> ExchangeTotals:
     """Returns what was taken in from a file that an export wrote; all of it or nothing.
 
     Args:
@@ -116,7 +116,7 @@ def _taken(
     manifest: Mapping[str, Any],
     source: str,
     folder: Path,
-) -> Carried:
+) -> ExchangeTotals:
     members = manifest["members"]
     engine = engine_at(folder, None)
     try:
@@ -140,7 +140,7 @@ def _taken(
     finally:
         engine.dispose()
     size = sum(members[name]["size"] for name in files)
-    return Carried(rows=rows, files=len(files), bytes=size)
+    return ExchangeTotals(rows=rows, files=len(files), bytes=size)
 
 
 def _read_tables(

@@ -17,7 +17,7 @@ from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.store import journal
 from robotrue.store.layout import attach_files
 from robotrue.store.nouns import NOUNS, Noun, noun_of
-from robotrue.store.records import Attachment, ItemQuery, ItemRecord, Link, Listing, Ref
+from robotrue.store.records import Attachment, ItemQuery, ItemRecord, Link, Ref, ResultPage
 from robotrue.store.schema import NAME, AttachmentRow, ItemRow, LinkRow, Versioned
 from robotrue.store.workspace import Transaction, Workspace, now, reading, transaction
 
@@ -157,7 +157,7 @@ def get(where: Workspace | Transaction, noun: Noun[R], id: str, *, version: int 
         return _records(session, noun, [_row(session, noun, id, version)])[0]
 
 
-def search(where: Workspace | Transaction, noun: Noun[R], query: ItemQuery) -> Listing[R]:
+def search(where: Workspace | Transaction, noun: Noun[R], query: ItemQuery) -> ResultPage[R]:
     """Returns a page of the latest versions.
 
     Raises:
@@ -184,7 +184,7 @@ def search(where: Workspace | Transaction, noun: Noun[R], query: ItemQuery) -> L
             counted = chosen.with_only_columns(func.count(), maintain_column_froms=True)
             total = session.scalar(counted) or 0
         found = _records(session, noun, rows)
-    return Listing(items=tuple(found), total=total, offset=query.offset)
+    return ResultPage(items=tuple(found), total=total, offset=query.offset)
 
 
 def _read_counted(

@@ -21,7 +21,7 @@ from sqlalchemy.orm import Session
 from robotrue.core.json_values import plain_text
 from robotrue.errors import ConfigurationError, ConvergenceError
 from robotrue.store import journal
-from robotrue.store.records import Listing
+from robotrue.store.records import ResultPage
 from robotrue.store.schema import JobRow
 from robotrue.store.workspace import Transaction, Workspace, now, reading, transaction
 
@@ -147,7 +147,7 @@ def search(
     kind: str | None = None,
     offset: int = 0,
     limit: int = 50,
-) -> Listing[Job]:
+) -> ResultPage[Job]:
     """Returns jobs, the newest first; of one state or kind, or all."""
     if state is not None and state not in STATES:
         raise ConfigurationError(f"state {state!r}, expected {', '.join(STATES)}.")
@@ -163,7 +163,7 @@ def search(
         page = chosen.order_by(JobRow.submitted.desc(), JobRow.id.desc())
         rows = session.scalars(page.offset(offset).limit(limit))
         found = tuple(job_of(row) for row in rows)
-    return Listing(items=found, total=total, offset=offset)
+    return ResultPage(items=found, total=total, offset=offset)
 
 
 def cancel(where: Workspace | Transaction, id: str) -> Job:

@@ -46,7 +46,7 @@ PATIENCE: Final = 1.0
 """s a cancelled job has to see that it is."""
 
 
-class Run(Protocol):
+class JobRun(Protocol):
     """One attempt that is under way."""
 
     def poll(self) -> str | None:
@@ -61,7 +61,7 @@ class Run(Protocol):
 class Engine(Protocol):
     """Where attempts are made: processes of this machine, or the workers of a scheduler."""
 
-    def begin(self, workspace: Workspace, target: str, claim: Claim) -> Run:
+    def begin(self, workspace: Workspace, target: str, claim: Claim) -> JobRun:
         """Returns an attempt that has begun."""
         ...
 
@@ -100,7 +100,7 @@ class ProcessEngine:
     def __init__(self, start: Start = "spawn") -> None:
         self.start: Start = start
 
-    def begin(self, workspace: Workspace, target: str, claim: Claim) -> Run:
+    def begin(self, workspace: Workspace, target: str, claim: Claim) -> JobRun:
         """Returns an attempt that has begun."""
         return ProcessRun(workspace, target, claim, self.start)
 
@@ -128,7 +128,7 @@ class DaskEngine:
                 hint="the address `dask scheduler` prints, such as tcp://10.0.0.5:8786.",
             ) from cause
 
-    def begin(self, workspace: Workspace, target: str, claim: Claim) -> Run:
+    def begin(self, workspace: Workspace, target: str, claim: Claim) -> JobRun:
         """Returns an attempt that was handed to the scheduler."""
         future = self._client.submit(
             attempt, workspace.folder, workspace.url, target, claim, pure=False
@@ -169,7 +169,7 @@ class DaskRun:
 @dataclass
 class _Attempt:
     claim: Claim
-    run: Run
+    run: JobRun
     seen: float = 0.0
     cancelled: float | None = None
 

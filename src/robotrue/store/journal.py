@@ -10,7 +10,7 @@ from typing import Any
 
 from sqlalchemy import func, select
 
-from robotrue.store.records import Listing
+from robotrue.store.records import ResultPage
 from robotrue.store.schema import JournalRow
 from robotrue.store.workspace import Transaction, Workspace, now, reading
 
@@ -67,7 +67,7 @@ def entries(
     without: Collection[str] = (),
     offset: int = 0,
     limit: int = 50,
-) -> Listing[Entry]:
+) -> ResultPage[Entry]:
     """Returns what was done, the newest first.
 
     Args:
@@ -89,4 +89,4 @@ def entries(
         )
         names = [field.name for field in fields(Entry)]
         found = tuple(Entry(**{name: getattr(row, name) for name in names}) for row in rows)
-    return Listing(items=found, total=total, offset=offset)
+    return ResultPage(items=found, total=total, offset=offset)

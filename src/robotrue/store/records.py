@@ -140,7 +140,7 @@ class ItemQuery:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Listing(Generic[T]):
+class ResultPage(Generic[T]):
     """Some of what was asked for.
 
     Attributes:

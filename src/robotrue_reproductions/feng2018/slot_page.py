@@ -5,7 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from robotrue.core.units import MM
-from robotrue.report.content import Fact, ReportContent, Section, Table, TableColumn, Tile, Verdict
+from robotrue.report.content import (
+    Conclusion,
+    Fact,
+    KeyFigure,
+    ReportContent,
+    ReportTable,
+    Section,
+    TableColumn,
+)
 from robotrue.report.page import report_html
 from robotrue.report.plots import ErrorMap, PointErrors
 from robotrue_reproductions.feng2018.slot_experiment import CHECKED
@@ -43,7 +51,7 @@ def slot_page(trial: SlotTrial) -> str:
         title="Two-sided slot test",
         subtitle=f"simulated KR160 and block, cell {trial.seed}",
         simulated=True,
-        verdict=Verdict(
+        verdict=Conclusion(
             text=f"Steps of {chosen.mismatch / MM:.3f} mm ({trial.chosen.way.name}); "
             f"{paper.mismatch / MM:.3f} mm the paper's way.",
             detail=f"True error over both sides {chosen.rms / MM:.3f} and {paper.rms / MM:.3f} mm "
@@ -64,22 +72,22 @@ def slot_page(trial: SlotTrial) -> str:
     return report_html(content)
 
 
-def _tiles(trial: SlotTrial) -> tuple[Tile, ...]:
+def _tiles(trial: SlotTrial) -> tuple[KeyFigure, ...]:
     paper, chosen = trial.paper, trial.chosen
     return (
-        Tile(
+        KeyFigure(
             label="step of the slots",
             value=chosen.slots.mismatch / MM,
             unit="mm",
             before=paper.slots.mismatch / MM,
         ),
-        Tile(
+        KeyFigure(
             label="true error, rms",
             value=chosen.slots.rms / MM,
             unit="mm",
             before=paper.slots.rms / MM,
         ),
-        Tile(
+        KeyFigure(
             label="step of the sculpture",
             value=chosen.outline.mismatch / MM,
             unit="mm",
@@ -88,9 +96,9 @@ def _tiles(trial: SlotTrial) -> tuple[Tile, ...]:
     )
 
 
-def _ways(trial: SlotTrial) -> Table:
+def _ways(trial: SlotTrial) -> ReportTable:
     chosen = [t.way.key for t in trial.results].index(trial.chosen.way.key)
-    return Table(
+    return ReportTable(
         title="Every way on the same cell and the same touches",
         columns=(
             TableColumn(title="way"),
@@ -115,8 +123,8 @@ def _ways(trial: SlotTrial) -> Table:
     )
 
 
-def _datums(trial: SlotTrial) -> Table:
-    return Table(
+def _datums(trial: SlotTrial) -> ReportTable:
+    return ReportTable(
         title="A datum that was not used for the frame, touched again",
         columns=(
             TableColumn(title="block"),

@@ -85,14 +85,14 @@ class Mapped:
 
     def document(self) -> Mapping[str, Any]:
         """Returns JSON values; mm, deg."""
-        from robotrue.report.map_document import map_document
+        from robotrue.report.map_report import map_document
 
         numbers = map_document(self.error_map, self.alike)
         return {"map": str(self.output), "robot": self.robot, "point": self.point, **numbers}
 
     def blocks(self) -> Iterable[Block]:
         """Returns the sectors, and how alike they are."""
-        from robotrue.report.map import ATTITUDES
+        from robotrue.report.map_report import ATTITUDES
 
         yield Table(
             title=f"{self.title}; {ATTITUDES[self.error_map.attitude]}",
@@ -121,7 +121,7 @@ class Mapped:
 
 
 def _sector_rows(error_map: WorkspaceMap) -> Iterable[tuple[str, ...]]:
-    from robotrue.report.map import sector_names
+    from robotrue.report.map_report import sector_names
 
     for k, name in enumerate(sector_names(error_map)):
         here = (error_map.sector == k) & error_map.reachable
@@ -207,8 +207,7 @@ def _write(result: Mapped, model: ErrorModel, path: Path) -> None:
     """Writes the picture, the table or the page."""
     from robotrue.core.files import read_bytes, sha256, write_atomic
     from robotrue.report.content import Fact
-    from robotrue.report.map import map_content, map_slices
-    from robotrue.report.map_document import map_table
+    from robotrue.report.map_report import map_content, map_slices, map_table
     from robotrue.report.page import report_html
 
     suffix, error_map = result.output.suffix.lower(), result.error_map

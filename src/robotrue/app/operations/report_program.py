@@ -83,10 +83,10 @@ def draft_program(
     from robotrue.app.registered import opened, provenance_used
     from robotrue.compensation.difference import compare_jobs
     from robotrue.compensation.stance import start_joints
-    from robotrue.report.calibration_report import fact
+    from robotrue.report.labels import fact
     from robotrue.report.program_report import program_content
     from robotrue.report.report_files import file_fact
-    from robotrue.report.words import Words
+    from robotrue.report.words import ReportTexts
 
     path = context.model_file(request.model)
     (before, *_) = context.program_files([request.before])
@@ -101,7 +101,7 @@ def draft_program(
         )
     home = start_joints(cell.robot, cell.controller.start, request.start)
     pushed = read_force_options(cell, request.wrench, request.force, request.cutter)
-    t = Words(lang=lang)
+    t = ReportTexts(lang=lang)
     read = [
         *(("fact.program", each) for job in (before, after) for each in _files_of(job)),
         ("fact.model", path),

@@ -51,10 +51,10 @@ def draft_registration(
         ConfigurationError: A cell without a part frame.
     """
     from robotrue.cell.config import read_cell
-    from robotrue.report.calibration_report import fact
+    from robotrue.report.labels import fact
     from robotrue.report.registration_report import registration_content
     from robotrue.report.report_files import file_fact
-    from robotrue.report.words import Words
+    from robotrue.report.words import ReportTexts
 
     path = context.registration_file(request.cell)
     context.step("judging", 1, 4)
@@ -70,7 +70,7 @@ def draft_registration(
         name=path.name if isinstance(request.cell, Path) else context.name(request.cell),
         robot=cell.robot.name,
         simulated=request.simulated or cell.part.provenance.simulated,
-        provenance=[fact(Words(lang=lang), "fact.cell", file_fact(path))],
+        provenance=[fact(ReportTexts(lang=lang), "fact.cell", file_fact(path))],
         lang=lang,
     )
     return draft_verdict(content)

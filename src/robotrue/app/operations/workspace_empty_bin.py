@@ -14,7 +14,7 @@ from robotrue.app.workspace_fields import HERE, WorkspaceFolder
 from robotrue.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from robotrue.store.bin import Bin, Discarded
+    from robotrue.store.bin import Discarded, RecycleBin
 
 SHOWN: Final = 20
 """Items named before it is asked."""
@@ -65,7 +65,7 @@ def run(request: WorkspaceEmptyBinRequest, context: Context) -> PlainResult:
     )
 
 
-def _confirm(found: Bin, folder: Path, context: Context) -> None:
+def _confirm(found: RecycleBin, folder: Path, context: Context) -> None:
     for item in found.items[:SHOWN]:
         day = item.deleted.astimezone().strftime("%Y-%m-%d %H:%M")
         context.inform(f"{item.noun} {item.id[:8]} {item.name!r}, deleted {day}")

@@ -10,7 +10,7 @@ from nicegui import ui
 
 from robotrue.app.operations.calibrate import CalibrateRequest
 from robotrue.app.request import FORM, fields_of
-from robotrue.report.words import Words
+from robotrue.report.words import ReportTexts
 from robotrue.store import items
 from robotrue.store.nouns import CELL, MEASUREMENT, MODEL, ModelRecord
 from robotrue.store.records import ItemQuery
@@ -186,7 +186,7 @@ def _number(value: float | None) -> str:
 
 
 def _doubts(bench: Bench, found: dict[str, Any]) -> str:
-    words = Words(lang="zh" if bench.say.language == "zh" else "en")
+    words = ReportTexts(lang="zh" if bench.say.language == "zh" else "en")
     names = {each["name"] for each in found["unseen"]}
     rows = []
     for doubt in found["doubts"]:

@@ -10,7 +10,7 @@ from nicegui import ui
 
 from robotrue import __version__
 from robotrue.errors import ConfigurationError
-from robotrue.report.words import Words
+from robotrue.report.words import ReportTexts
 from robotrue.store import items
 from robotrue.store.nouns import CELL, DOCUMENT, MODEL, PROGRAM, DocumentRecord
 from robotrue.store.records import ItemQuery, ItemRecord
@@ -251,7 +251,7 @@ def _reason(bench: Bench, name: str) -> str:
 
 
 def _notes(bench: Bench, found: dict[str, Any]) -> str:
-    words = Words(lang="zh" if bench.say.language == "zh" else "en")
+    words = ReportTexts(lang="zh" if bench.say.language == "zh" else "en")
     if not found["notes"]:
         return f"<p class='note'>{escape(bench.say('plan.all_checked'))}</p>"
     listed = "".join(f"<li>{escape(words.sentence(each))}</li>" for each in found["notes"])

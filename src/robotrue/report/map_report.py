@@ -1,27 +1,30 @@
-"""The page of a workspace map: figure, sectors in numbers, how alike they are."""
+"""A workspace map as a page, as a table and as JSON: figure, sectors, how alike they are."""
 
 from __future__ import annotations
+
+from typing import Any, Final
 
 import numpy as np
 
 from robotrue.core.arrays import Array, IntArray
+from robotrue.core.csv_text import csv_text
 from robotrue.core.regions import CylinderRegion
 from robotrue.core.units import DEG, MM
 from robotrue.report.content import (
     Cell,
+    Conclusion,
     Fact,
+    KeyFigure,
     ReportContent,
+    ReportTable,
     Section,
-    Table,
     TableColumn,
-    Tile,
-    Verdict,
 )
 from robotrue.report.map_plots import MapSlices
 from robotrue.validation.error_map import SectorSimilarity, WorkspaceMap
 
-MOST_SLICES = 5
-ATTITUDES = {
+MOST_SLICES: Final = 5
+ATTITUDES: Final = {
     "turning": "the tool's attitude turns with the angle about joint 1",
     "fixed": "the tool's attitude is fixed in base",
 }
@@ -92,7 +95,7 @@ def map_content(
         title=title,
         subtitle=subtitle,
         simulated=simulated,
-        verdict=Verdict(
+        verdict=Conclusion(
             text=(
                 f"Predicted error {norm.mean():.3f} mm on average, {norm.max():.3f} mm at worst; "
                 f"after compensation 95 % within {bound.max():.3f} mm at the least known point."
@@ -102,10 +105,10 @@ def map_content(
             f"{ATTITUDES[found.attitude]}.",
         ),
         tiles=(
-            Tile(label="mean predicted error", value=float(norm.mean()), unit="mm"),
-            Tile(label="largest", value=float(norm.max()), unit="mm"),
-            Tile(label="stays with 95 %, mean", value=float(bound.mean()), unit="mm"),
-            Tile(
+            KeyFigure(label="mean predicted error", value=float(norm.mean()), unit="mm"),
+            KeyFigure(label="largest", value=float(norm.max()), unit="mm"),
+            KeyFigure(label="stays with 95 %, mean", value=float(bound.mean()), unit="mm"),
+            KeyFigure(
                 label="grid poses in reach",
                 value=100.0 * float(able.mean()),
                 unit="%",
@@ -153,7 +156,7 @@ def _sectors(found: WorkspaceMap, alike: tuple[SectorSimilarity, ...]) -> Sectio
             )
         )
     blocks = [
-        Table(
+        ReportTable(
             title="Sectors",
             columns=(
                 TableColumn(title="sector"),
@@ -170,11 +173,11 @@ def _sectors(found: WorkspaceMap, alike: tuple[SectorSimilarity, ...]) -> Sectio
     return Section(title="Sectors and how alike they are", blocks=tuple(blocks))
 
 
-def _similarities(names: tuple[str, ...], alike: tuple[SectorSimilarity, ...]) -> Table:
+def _similarities(names: tuple[str, ...], alike: tuple[SectorSimilarity, ...]) -> ReportTable:
     def number(value: float) -> float | None:
         return float(value) if np.isfinite(value) else None
 
-    return Table(
+    return ReportTable(
         title="Similarity of the errors at corresponding points",
         columns=(
             TableColumn(title="sector"),
@@ -198,3 +201,69 @@ def _similarities(names: tuple[str, ...], alike: tuple[SectorSimilarity, ...]) -
             "its sector (Deng et al. 2022, eq. 9-10); x, y, z, length: cosine over the points."
         ),
     )
+
+
+def map_table(error_map: WorkspaceMap) -> str:
+    """Returns one line per grid point as CSV; cells of points the arm cannot take are empty."""
+    units = coordinate_units(error_map)
+    sd, joints = error_map.sd, error_map.joints / DEG
+    columns: list[tuple[str, Array]] = [
+        *((f"{n}_{u}", error_map.coordinates[:, k] / s) for k, (n, u, s) in enumerate(units)),
+        *((f"{'xyz'[k]}_base_mm", error_map.point[:, k] / MM) for k in range(3)),
+        ("sector", error_map.sector.astype(np.float64) + 1.0),
+        *((f"j{i + 1}_deg", joints[:, i]) for i in range(joints.shape[1])),
+        *((f"error_{'xyz'[k]}_mm", error_map.error[:, k] / MM) for k in range(3)),
+        ("error_mm", error_map.norm / MM),
+        *((f"sd_{'xyz'[k]}_mm", sd[:, k] / MM) for k in range(3)),
+        ("stays_95_mm", error_map.bound / MM),
+    ]
+    rows = np.stack([values for _, values in columns], axis=1)
+    cells = [[f"{value:.6g}" if np.isfinite(value) else "" for value in row] for row in rows]
+    return csv_text([[name for name, _ in columns], *cells])
+
+
+def map_document(error_map: WorkspaceMap, alike: tuple[SectorSimilarity, ...]) -> dict[str, Any]:
+    """Returns region, grid and the numbers of each sector as JSON values; mm, deg."""
+    able = error_map.reachable
+    names = sector_names(error_map)
+    units = coordinate_units(error_map)
+    limits = zip(units, error_map.region.limits, strict=True)
+    return {
+        "region": {f"{n}_{u}": [low / s, high / s] for (n, u, s), (low, high) in limits},
+        "attitude": error_map.attitude,
+        "grid": list(error_map.counts),
+        "poses": len(able),
+        "in_reach": int(able.sum()),
+        "error_mm": _statistics(error_map.norm[able] / MM),
+        "stays_95_mm": _statistics(error_map.bound[able] / MM),
+        "sectors": [
+            {"name": name, **_sector(error_map, (error_map.sector == k) & able)}
+            for k, name in enumerate(names)
+        ],
+        "similarity": [
+            {
+                "sectors": [s.first + 1, s.second + 1],
+                "points": s.points,
+                "vectors": s.vector,
+                "axis": s.axis.tolist(),
+                "length": s.norm,
+            }
+            for s in alike
+        ],
+    }
+
+
+def _sector(error_map: WorkspaceMap, rows: Array) -> dict[str, Any]:
+    if not rows.any():
+        return {"in_reach": 0}
+    return {
+        "in_reach": int(rows.sum()),
+        "error_mm": _statistics(error_map.norm[rows] / MM),
+        "axis_mean_mm": (error_map.error[rows].mean(axis=0) / MM).tolist(),
+        "axis_max_mm": (np.abs(error_map.error[rows]).max(axis=0) / MM).tolist(),
+        "stays_95_mm": _statistics(error_map.bound[rows] / MM),
+    }
+
+
+def _statistics(values: Array) -> dict[str, float]:
+    return {"mean": float(values.mean()), "max": float(values.max())}
