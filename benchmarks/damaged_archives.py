@@ -90,8 +90,7 @@ def samples() -> dict[str, bytes]:
             robot=robot, stiffness=np.full(dof, 1e6), direction=np.array([0.0, 1.0, 0.0])
         ),
         settings=DeviationSettings(), windows=windows,
-        theta=np.log([1e-5, 0.3, 1e-5, 0.1, 1e-5]), factors=np.ones(dof + 5),
-        factors_sd=np.full(dof + 5, 0.1),
+        theta=np.log([1e-5, 0.3, 1e-5, 0.1, 1e-5]),
         row=StaticCompliance(value=np.full(3, 1e-7), sd=np.full(3, 1e-8)),
     )  # fmt: skip
     vector = np.array([0.1, 0.2, 0.3])

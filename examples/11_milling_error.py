@@ -15,7 +15,7 @@ from robotrue.core.archive import read_archive, write_archive
 from robotrue.core.units import UM
 from robotrue.dynamics.deviation import WindowTrust, deviation_from_archive, fit_deviation
 from robotrue.dynamics.deviation_physics import CompliantArm
-from robotrue.dynamics.formats.windows_csv import read_windows, windows_bytes
+from robotrue.dynamics.formats.windows_csv import read_windows, write_windows
 from robotrue.simulation.milling_arm import milling_robot
 from robotrue_reproductions.jin2022.milling_experiment import milling_experiment
 
@@ -23,7 +23,7 @@ from robotrue_reproductions.jin2022.milling_experiment import milling_experiment
 def main(out: Path) -> None:
     out.mkdir(parents=True, exist_ok=True)
     experiment = milling_experiment(7, (0, 4))
-    (out / "windows.csv").write_bytes(windows_bytes(experiment.windows))
+    write_windows(out / "windows.csv", experiment.windows)
     windows = read_windows(out / "windows.csv")
     first, second = (windows.take(windows.pass_index == k) for k in (0, 1))
     arm = CompliantArm(

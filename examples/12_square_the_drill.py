@@ -33,7 +33,9 @@ def main(out: Path) -> None:
     out.mkdir(parents=True, exist_ok=True)
     machine, random = drilling_machine(4, nonlinear=True, friction=True), np.random.default_rng(4)
     forces, heights = np.linspace(0.0, 1000.0, 5), np.array([-100.0, 0.0, 100.0]) * MM
-    plan = plan_campaign(60, forces=forces, heights=heights, largest=6.0 * DEG, seed=4)
+    plan = plan_campaign(
+        60, forces=forces, heights=heights, largest=6.0 * DEG, seed=4, by="information"
+    )
     clamps = clamp(machine, plan.tilt, plan.force, plan.height, random)
     head = Head(p_pivot_tip=np.array([0.0, 0.0, -350.0]) * MM)
     model, trials = fit_model(machine.foot, head, Campaign(clamps=clamps, tilt=plan.tilt))

@@ -18,7 +18,7 @@ from robotrue.core.provenance import Provenance, mark_line
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.campaign_csv import write_campaign
 from robotrue.dynamics.formats.sensor_csv import sensor_csv
-from robotrue.dynamics.formats.windows_csv import windows_bytes
+from robotrue.dynamics.formats.windows_csv import write_windows
 from robotrue.measurement.formats.canonical import write_canonical
 from robotrue.measurement.formats.part_points import write_points
 from robotrue.measurement.measurement_set import MeasurementSet
@@ -153,7 +153,7 @@ def _dynamics(lab: Lab) -> None:
         "[tool]\nxyz_mm = [320, 0, 160]\n"
     )
     windows = replace(planted(passes=(0, 1), each=12), provenance=lab.origin)
-    lab("windows.csv").write_bytes(windows_bytes(windows))
+    write_windows(lab("windows.csv"), windows)
     at_rest = online_scenario(0, "KR160").at_rest(WRIST_ATTITUDES, 0)
     lab("poses.csv").write_bytes(sensor_csv(WRIST_ATTITUDES, at_rest, lab.origin))
 

@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from robotrue.cli.main import app
-from robotrue.dynamics.formats.windows_csv import windows_bytes
+from robotrue.dynamics.formats.windows_csv import write_windows
 from robotrue.errors import ConfigurationError, ModelMismatchError
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "dynamics"))
@@ -30,7 +30,7 @@ xyz_mm = [320, 0, 160]
 def folder(tmp_path):
     stiffness = ", ".join(f"{k:.0f}" for k in stated_arm().stiffness)
     (tmp_path / "cell.toml").write_text(CELL.format(stiffness))
-    (tmp_path / "w.csv").write_bytes(windows_bytes(planted(passes=(0, 1), each=24)))
+    write_windows(tmp_path / "w.csv", planted(passes=(0, 1), each=24))
     return tmp_path
 
 
@@ -47,7 +47,7 @@ def test_fit_then_judge_new_windows(folder):
     assert document["passes"] == ["p0", "p1"]
     assert len(document["compliance_factor"]) == 6
     assert document["training_rmse_um"] < 1.0
-    (folder / "new.csv").write_bytes(windows_bytes(planted(passes=(3,), each=12, seed=5)))
+    write_windows(folder / "new.csv", planted(passes=(3,), each=12, seed=5))
     out = folder / "e.csv"
     result = call("validate", folder / "new.csv", "--model", model, "-o", out, "--json")
     assert result.exit_code == 0, result.output

@@ -24,7 +24,7 @@ from robotrue.dynamics.deviation_physics import (
     static_compliance,
 )
 from robotrue.dynamics.deviation_validation import folds, scores
-from robotrue.dynamics.formats.windows_csv import read_windows, windows_bytes
+from robotrue.dynamics.formats.windows_csv import read_windows, write_windows
 from robotrue.dynamics.interpolation import response_curve
 from robotrue.dynamics.paper_regression import components_of, fit_paper
 from robotrue.dynamics.windows import concatenate_windows
@@ -231,7 +231,7 @@ def test_windows_are_read_as_written(tmp_path):
     measured[3] = np.nan
     windows = replace(windows, measured=measured)
     path = tmp_path / "w.csv"
-    path.write_bytes(windows_bytes(windows))
+    write_windows(path, windows)
     again = read_windows(path)
     assert again.passes == windows.passes
     for name in ("joints", "force", "force_peak", "force_mean", "predicted", "measured"):

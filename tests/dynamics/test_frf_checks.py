@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from frf_cases import measured, robot_with_tool, single
 
-from robotrue.dynamics.checks import (
+from robotrue.dynamics.frf import in_form
+from robotrue.dynamics.frf_checks import (
     check_response,
     coherent_band,
     diverges_below,
     reciprocity,
     response_remarks,
 )
-from robotrue.dynamics.frf import in_form
 from robotrue.errors import ImplausibleDataError
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from frf_cases import modal
 
-from robotrue.dynamics.checks import check_response
 from robotrue.dynamics.formats.hammer_csv import read_hammer_csv
+from robotrue.dynamics.frf_checks import check_response
 from robotrue.dynamics.hammer import (
     combine_axes,
     evaluate_hits,
@@ -15,7 +15,7 @@ from robotrue.dynamics.hammer import (
     without_window,
 )
 from robotrue.dynamics.hits import HammerRecord, find_hits
-from robotrue.dynamics.modal_fit import fit_modal
+from robotrue.dynamics.modal_fit import fit_modes
 from robotrue.errors import FormatError, ImplausibleDataError, ModelMismatchError, ShapeError
 
 RATE = 2048.0
@@ -118,7 +118,7 @@ def test_exponential_window_is_taken_off_again():
     """Segments too short for 9 Hz and 4 %: with the window, then without what it added."""
     results = [evaluate_hits(hits(axis=a, every=1.5), duration=1.4, window=0.05) for a in "xy"]
     assert results[0].added_damping == pytest.approx(np.log(20.0) / 1.4, rel=1e-2)
-    model = fit_modal(combine_axes(results)).model
+    model = fit_modes(combine_axes(results))
     corrected = without_window(model, results[0].added_damping)
     for hz, damping in ((9.0, 0.04), (31.0, 0.03), (120.0, 0.03)):
         k = int(np.argmin(np.abs(model.frequency - hz)))

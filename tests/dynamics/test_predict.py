@@ -13,7 +13,7 @@ from robotrue.dynamics.force import ForceRecord
 from robotrue.dynamics.frf import with_static
 from robotrue.dynamics.interpolation import response_curve
 from robotrue.dynamics.milling_force import force_over_time
-from robotrue.dynamics.modal_fit import fit_modal
+from robotrue.dynamics.modal_fit import fit_modes
 from robotrue.dynamics.oscillators import oscillators_of
 from robotrue.dynamics.predict import out_of_band, predict_error, prediction_columns
 from robotrue.dynamics.streaming import ModalFilter
@@ -142,7 +142,7 @@ def test_measured_lines_predict_like_the_truth():
     want = predict_error(known(truth), force).error[:, 0]
     frf = with_static(measured(truth, step=1.0, highest=1000.0, lowest=2.0), {"xx": 5e-7})
     lines = predict_error(response_curve(frf), force)
-    modes = predict_error(response_curve(frf, fit_modal(frf).model), force)
+    modes = predict_error(response_curve(frf, fit_modes(frf)), force)
     assert np.abs(modes.error[:, 0] - want).max() < 0.05 * UM
     assert np.abs(lines.error[:, 0] - want).max() > 0.5 * UM
     assert any("lines are coarse" in remark for remark in lines.remarks)
@@ -157,7 +157,7 @@ def test_whole_record_and_stream_agree():
     frf = with_static(
         measured(truth, step=1.0, highest=1500.0), {"xx": float(truth.modal_static[0, 0])}
     )
-    modes = fit_modal(frf).model
+    modes = fit_modes(frf)
     t = np.arange(40000) / 20e3
     waves = np.sin(2 * np.pi * np.outer(t, [60.0, 120.0, 480.0]) + rng.uniform(0, 6, 3))
     force = ForceRecord(

@@ -78,7 +78,7 @@ def read_static_row(
             "without --frf the static row of the response is learned from the windows alone"
         )
         return None
-    return compliance_of(fit_curve(read_frf(frf)), arm.direction)
+    return compliance_of(fit_curve(read_frf(frf), "auto"), arm.direction)
 
 
 def windows_origin(windows: WindowSet, frf: Path | None) -> Provenance:

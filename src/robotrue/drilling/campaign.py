@@ -13,7 +13,7 @@ from robotrue.core.columns import Column, Columns
 from robotrue.core.provenance import MEASURED, Provenance
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.foot import Foot, plane_under, readings
-from robotrue.drilling.head import AxisOrder, normal_from_tilt, tilt_from_normal
+from robotrue.drilling.head import AXIS_ORDER, AxisOrder, normal_from_tilt, tilt_from_normal
 from robotrue.errors import ImplausibleDataError, ObservabilityError
 
 FORCE: Final = 1000.0
@@ -67,7 +67,7 @@ class Campaign(Columns):
 
     clamps: Annotated[Clamps, Column("n")]
     tilt: Annotated[Array, Column("n 2", unit="rad")]
-    order: AxisOrder = "AB"
+    order: AxisOrder = AXIS_ORDER
     source: str = ""
     provenance: Provenance = MEASURED
 

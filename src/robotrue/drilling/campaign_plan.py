@@ -44,7 +44,7 @@ class CampaignPlan(Columns):
 
 
 def plan_campaign(
-    count: int, *, forces: Array, heights: Array, largest: float, seed: int, by: By = "information"
+    count: int, *, forces: Array, heights: Array, largest: float, seed: int, by: By
 ) -> CampaignPlan:
     """Returns a campaign over every force and height, in random order.
 

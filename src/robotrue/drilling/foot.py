@@ -18,10 +18,13 @@ import numpy as np
 
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.columns import Column, Columns
-from robotrue.core.units import DEG, MM
+from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ConfigurationError
 
 SkinKind: TypeAlias = Literal["plane", "sphere", "cylinder"]
+READING_SIGMA_UM: Final = 2.0
+MAX_TILT_DEG: Final = 8.0
+"""Of a foot that does not state them."""
 FLATTEST: Final = 1e-6
 """Smallest over largest singular value at which sensors still span a plane."""
 
@@ -101,19 +104,19 @@ class Foot(Columns):
     radius: Annotated[Array, Column("k", unit="m")]
     angle: Annotated[Array, Column("k", unit="rad")]
     skin: Skin = FLAT
-    reading_sigma: float = 2e-6
-    reading_range: Array = field(default_factory=lambda: np.array([-np.inf, np.inf]))
-    max_tilt: float = 8.0 * DEG
+    reading_sigma: float = READING_SIGMA_UM * UM
+    reading_range: Annotated[Array, Column("2", unit="m", inf=True)] = field(
+        default_factory=lambda: np.array([-np.inf, np.inf])
+    )
+    max_tilt: float = MAX_TILT_DEG * DEG
 
     def _check_rules(self) -> None:
         """Checks that the sensors span a plane."""
-        limits = np.asarray(self.reading_range, dtype=np.float64)
-        if limits.shape != (2,) or not limits[0] < limits[1]:
+        limits = self.reading_range / MM
+        if not limits[0] < limits[1]:
             raise ConfigurationError(
-                f"the readings' range is {(limits / MM).tolist()} mm, expected lowest and highest."
+                f"the readings' range is {limits.tolist()} mm, expected lowest and highest."
             )
-        limits.flags.writeable = False
-        object.__setattr__(self, "reading_range", limits)
         if not self.reading_sigma > 0.0 or not self.max_tilt > 0.0:
             raise ConfigurationError("reading_sigma and max_tilt of a foot are above 0.")
         unknowns = 4 if self.skin.fitted else 3

@@ -29,8 +29,8 @@ from robotrue.cell.schema_faults import configuration_error, line_of_key
 from robotrue.core.arrays import Array
 from robotrue.core.files import read_toml
 from robotrue.core.units import DEG, MM, UM
-from robotrue.drilling.foot import FLAT, Foot, Skin
-from robotrue.drilling.head import Head
+from robotrue.drilling.foot import FLAT, MAX_TILT_DEG, READING_SIGMA_UM, Foot, Skin
+from robotrue.drilling.head import AXIS_ORDER, AxisOrder, Head
 from robotrue.errors import ConfigurationError, ShapeError
 
 Numbers = Annotated[list[Number], Field(min_length=3)]
@@ -46,9 +46,9 @@ class FootTable(_Table):
 
     radius_mm: Above0 | Annotated[list[Above0], Field(min_length=3)]
     angles_deg: Numbers
-    reading_sigma_um: Above0 = 2.0
+    reading_sigma_um: Above0 = READING_SIGMA_UM
     range_mm: Two | None = None
-    max_tilt_deg: Above0 = 8.0
+    max_tilt_deg: Above0 = MAX_TILT_DEG
     count_um: Above0 | None = None
     zero_mm: Numbers | None = None
     zero_counts: Numbers | None = None
@@ -65,7 +65,7 @@ class SkinTable(_Table):
 class HeadTable(_Table):
     """``[head]``: the rotary axes."""
 
-    order: Literal["AB", "BA"] = "AB"
+    order: AxisOrder = AXIS_ORDER
     pivot_to_tip_mm: Three
     sense: Sense = [1, 1]
 

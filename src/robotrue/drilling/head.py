@@ -7,7 +7,7 @@ n = Rx(a) Ry(b) z; with ``"BA"`` B carries A and n = Ry(b) Rx(a) z.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Final, Literal, TypeAlias
 
 import numpy as np
 
@@ -18,6 +18,8 @@ from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ShapeError
 
 AxisOrder: TypeAlias = Literal["AB", "BA"]
+AXIS_ORDER: Final[AxisOrder] = "AB"
+"""Of a head that does not state it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,7 +33,7 @@ class Head(Columns):
         sense: (2,) +1 or -1: what the machine counts positive against the right-hand rule.
     """
 
-    order: AxisOrder = "AB"
+    order: AxisOrder = AXIS_ORDER
     p_pivot_tip: Annotated[Array, Column("3", unit="m", nan=True)]
     sense: tuple[float, float] = (1.0, 1.0)
 

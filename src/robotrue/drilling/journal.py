@@ -14,13 +14,13 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterable, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from io import FileIO
 from math import isfinite
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Final, Self
+from typing import Any, Final
 
 import numpy as np
 
@@ -121,7 +121,7 @@ def step_document(
     }
 
 
-class Journal:
+class Journal(AbstractContextManager["Journal"]):
     """An open journal; a context manager.
 
     Args:
@@ -145,15 +145,7 @@ class Journal:
             self._file.close()
             raise
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        value: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *failure: object) -> None:
         self._file.close()
 
     def write_answer(self, answer: HoleAnswer, document: Mapping[str, Any]) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
@@ -11,7 +11,7 @@ import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM, UM
-from robotrue.dynamics.coefficients import CuttingTest
+from robotrue.dynamics.coefficients import NAMES, CuttingTest
 from robotrue.dynamics.cutter import Cutter, CutterEngagement, CuttingCoefficients
 from robotrue.dynamics.formats.column_table import read_column_table
 from robotrue.errors import ConfigurationError
@@ -78,32 +78,26 @@ def cutting_data(
         feed_per_tooth=si["feed_per_tooth_mm"],
         spindle=si["spindle_rpm"],
     )
-    shear, edge = (si[key] for key in _SHEAR), (si[key] for key in _EDGE)
-    return cutter, cut, coefficients_of((*shear, *edge))
+    return cutter, cut, coefficients_of(si[key] for key in (*_SHEAR, *_EDGE))
 
 
-def coefficients_of(values: tuple[float, ...]) -> CuttingCoefficients:
+def coefficients_of(values: Iterable[float]) -> CuttingCoefficients:
     """Returns coefficients of six numbers, Pa and N/m, in the order of the keys."""
-    t, r, a, te, re, ae = values
-    return CuttingCoefficients(
-        tangential=t, radial=r, axial=a, tangential_edge=te, radial_edge=re, axial_edge=ae
-    )
+    return CuttingCoefficients(**dict(zip(NAMES, values, strict=True)))
 
 
 def coefficient_keys(coefficients: CuttingCoefficients) -> dict[str, float]:
     """Returns the six keys with their values, N/mm2 and N/mm."""
-    k = coefficients
-    values = (k.tangential, k.radial, k.axial, k.tangential_edge, k.radial_edge, k.axial_edge)
-    keys = (*_SHEAR, *_EDGE)
-    return {key: value / _SCALE[key] for key, value in zip(keys, values, strict=True)}
+    keys = zip((*_SHEAR, *_EDGE), NAMES, strict=True)
+    return {key: getattr(coefficients, name) / _SCALE[key] for key, name in keys}
 
 
-def cutting_text(stated: Mapping[str, Any]) -> str:
+def cutting_text(stated: Mapping[str, str | float]) -> str:
     """Returns a table of keys as TOML: texts, whole numbers and numbers."""
     return "".join(f"{key} = {_toml(value)}\n" for key, value in stated.items())
 
 
-def _toml(value: Any) -> str:
+def _toml(value: str | float) -> str:
     if isinstance(value, str):
         return f'"{value}"'
     return str(value) if isinstance(value, int) else repr(float(value))

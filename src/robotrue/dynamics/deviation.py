@@ -50,6 +50,7 @@ NEAR: Final = 0.5
 """Correlation with the nearest window learned from, below which a pose is one nobody has seen."""
 WIDER: Final = 5.0
 """A static row that the windows contradict is taken for so much less well known."""
+_WINDOWS: Final = ("joints", "force", "force_peak", "force_mean", "predicted")
 FORCE_ROOM: Final = 0.5
 """How far, over its range, a force may lie outside what was learned from."""
 
@@ -115,31 +116,37 @@ class DeviationModel(Columns):
         settings: Priors.
         windows: Learned from.
         theta: (5,) logarithms, see ``deviation_kernel.NAMES``.
-        factors: (q,) posterior mean: alpha per joint, g, b, c.
-        factors_sd: (q,) their posterior standard deviations.
         row: Static row of the response behind e_w, as far as the windows bear it out; or None.
+        factors: (q,) posterior mean, computed: alpha per joint, g, b, c.
+        factors_sd: (q,) their posterior standard deviations.
     """
 
     arm: CompliantArm
     settings: DeviationSettings
     windows: WindowSet
     theta: Annotated[Array, Column(f"{len(NAMES)}")]
-    factors: Annotated[Array, Column("q")]
-    factors_sd: Annotated[Array, Column("q")]
     row: StaticCompliance | None = None
+    factors: Array = field(init=False, repr=False, compare=False)
+    factors_sd: Array = field(init=False, repr=False, compare=False)
     _old: WindowRows = field(init=False, repr=False, compare=False)
     _known: Solved = field(init=False, repr=False, compare=False)
-
-    def _known_sizes(self) -> dict[Any, int]:
-        return {"q": self.arm.robot.dof + 5}
 
     def _check_rules(self) -> None:
         """Solves once what every prediction asks for."""
         old = _own_rows(self.settings, self.windows, physics_terms(self.arm, self.windows))
         mean, spread = _priors(self.arm, self.settings, self.row)
         known = solve_windows(old, self.windows.deviation - old.basis @ mean, self.theta, spread**2)
+        half = known.whiten_rows(old.basis * spread**2)
+        left = np.maximum(spread**2 - np.einsum("ij,ij->j", half, half), 0.0)
+        object.__setattr__(self, "factors", mean + spread**2 * (old.basis.T @ known.alpha[:, 0]))
+        object.__setattr__(self, "factors_sd", np.sqrt(left))
         object.__setattr__(self, "_old", old)
         object.__setattr__(self, "_known", known)
+
+    @property
+    def log_evidence(self) -> float:
+        """How well priors and sizes explain the windows."""
+        return self._known.log_evidence
 
     @property
     def sizes(self) -> dict[str, float]:
@@ -205,15 +212,8 @@ class DeviationModel(Columns):
             **robot_arrays(self.arm.robot),
             "stiffness": self.arm.stiffness,
             "direction": self.arm.direction,
-            "joints": w.joints,
-            "force": w.force,
-            "force_peak": w.force_peak,
-            "force_mean": w.force_mean,
-            "predicted": w.predicted,
-            "measured": w.measured,
-            "theta": self.theta,
-            "factors": self.factors,
-            "factors_sd": self.factors_sd,
+            **{name: getattr(w, name) for name in (*_WINDOWS, "measured")},
+            **{name: getattr(self, name) for name in ("theta", "factors", "factors_sd")},
         }
         if self.row is not None:
             arrays |= {"row": self.row.value, "row_sd": self.row.sd}
@@ -251,24 +251,11 @@ def fit_deviation(
     trials = []
     for trusted in (None,) if row is None else (row, row.wider(WIDER)):
         mean, spread = _priors(arm, settings, trusted)
-        values = windows.deviation - rows.basis @ mean
-        theta = learn_sizes(rows, values, spread**2)
-        known = solve_windows(rows, values, theta, spread**2)
-        trials.append((known.log_evidence, trusted, theta, known))
-    _, trusted, theta, known = max(trials, key=lambda trial: trial[0])
-    mean, spread = _priors(arm, settings, trusted)
-    factors = mean + spread**2 * (rows.basis.T @ known.alpha[:, 0])
-    half = known.whiten_rows(rows.basis * spread**2)
-    left = np.maximum(spread**2 - np.einsum("ij,ij->j", half, half), 0.0)
-    return DeviationModel(
-        arm=arm,
-        settings=settings,
-        windows=windows,
-        theta=theta,
-        factors=factors,
-        factors_sd=np.sqrt(left),
-        row=trusted,
-    )
+        theta = learn_sizes(rows, windows.deviation - rows.basis @ mean, spread**2)
+        trials.append(
+            DeviationModel(arm=arm, settings=settings, windows=windows, theta=theta, row=trusted)
+        )
+    return max(trials, key=lambda trial: trial.log_evidence)
 
 
 @archive_reader
@@ -279,7 +266,6 @@ def deviation_from_archive(archive: Archive) -> DeviationModel:
         ArchiveError: Another kind, damaged, or written by a newer robotrue.
     """
     archive.expect(KIND, SCHEMA, hint="a deviation model is what `robotrue dynamics fit` writes.")
-    fields = ("joints", "force", "force_peak", "force_mean", "predicted")
     return DeviationModel(
         arm=CompliantArm(
             robot=robot_from(archive),
@@ -294,11 +280,9 @@ def deviation_from_archive(archive: Archive) -> DeviationModel:
             provenance=provenance_from(
                 archive.document.get("provenance"), before=[archive.document["source"]]
             ),
-            **{name: archive.array(name) for name in fields},
+            **{name: archive.array(name) for name in _WINDOWS},
         ),
         theta=archive.array("theta"),
-        factors=archive.array("factors"),
-        factors_sd=archive.array("factors_sd"),
         row=StaticCompliance(value=archive.array("row"), sd=archive.array("row_sd"))
         if "row" in archive.arrays
         else None,

@@ -17,7 +17,7 @@ from typing import Annotated, Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array, BoolArray, frozen
+from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.columns import Column, Columns
 from robotrue.dynamics.frf import AXES
 from robotrue.dynamics.interpolation import ResponseCurve
@@ -35,7 +35,7 @@ hammer test is that of an arm without load, tool included; it is not that of the
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CompliantArm:
+class CompliantArm(Columns):
     """What the user knows of the arm.
 
     Attributes:
@@ -45,29 +45,28 @@ class CompliantArm:
     """
 
     robot: RobotModel
-    stiffness: Array
-    direction: Array
+    stiffness: Annotated[Array, Column("dof", unit="N m/rad", inf=True)]
+    direction: Annotated[Array, Column("3")]
 
-    def __post_init__(self) -> None:
-        """Freezes and checks."""
-        stiffness = np.asarray(self.stiffness, dtype=np.float64)
-        if stiffness.shape != (self.robot.dof,) or not (stiffness > 0.0).all():
+    def _known_sizes(self) -> dict[str, int]:
+        return {"dof": self.robot.dof}
+
+    def _check_rules(self) -> None:
+        """Checks the values."""
+        if not (self.stiffness > 0.0).all():
             raise ConfigurationError(
-                f"stiffness {stiffness} N m/rad, expected {self.robot.dof} numbers above zero.",
+                f"stiffness {self.stiffness} N m/rad, expected numbers above zero.",
                 hint="stiffness of each joint from the data sheet, to a factor of 1.5.",
             )
-        if not np.isfinite(stiffness).any():
+        if not np.isfinite(self.stiffness).any():
             raise ConfigurationError(
                 "no joint of the arm has a stiffness: nothing would bend.",
                 hint="state [robot] stiffness in the cell file.",
             )
-        stiffness = stiffness.copy()
-        stiffness.flags.writeable = False
-        direction = frozen(self.direction, (3,), "direction")
-        if abs(float(np.linalg.norm(direction)) - 1.0) > 1e-6:
-            raise ConfigurationError(f"direction {direction} of the error is not a unit vector.")
-        object.__setattr__(self, "stiffness", stiffness)
-        object.__setattr__(self, "direction", direction)
+        if abs(float(np.linalg.norm(self.direction)) - 1.0) > 1e-6:
+            raise ConfigurationError(
+                f"direction {self.direction} of the error is not a unit vector."
+            )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -19,9 +19,13 @@ import scipy.fft
 
 from robotrue.core.arrays import Array
 from robotrue.core.provenance import merge
-from robotrue.dynamics.checks import BLIND_BELOW, coherent_band
 from robotrue.dynamics.frf import FORMS, ComplexArray, FrequencyResponse
-from robotrue.dynamics.frf_build import AxisPairCurves, assemble_response
+from robotrue.dynamics.frf_checks import (
+    BLIND_BELOW,
+    AxisPairCurves,
+    assemble_response,
+    coherent_band,
+)
 from robotrue.dynamics.hits import SECOND, HammerRecord, check_sensors, find_hits
 from robotrue.dynamics.modal import ModalModel
 from robotrue.errors import ImplausibleDataError, ModelMismatchError, ObservabilityError, ShapeError
@@ -149,7 +153,7 @@ def combine_axes(results: Sequence[HammerResult]) -> FrequencyResponse:
 
     Raises:
         ModelMismatchError: An axis twice, other sensors, spectra or windows.
-        ImplausibleDataError: Numbers that cannot be (``checks.check_response``).
+        ImplausibleDataError: Numbers that cannot be (``frf_checks.check_response``).
         ObservabilityError: No band in common.
     """
     first = results[0]  # a hit says nothing about the line at 0 Hz

@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline
 from robotrue.core.arrays import Array
 from robotrue.dynamics.frf import ComplexArray, FrequencyResponse
 from robotrue.dynamics.modal import ModalModel
-from robotrue.dynamics.modal_fit import fit_modal
+from robotrue.dynamics.modal_fit import fit_modes
 from robotrue.errors import ObservabilityError, RobotrueError
 
 COARSE: Final = 0.05
@@ -113,7 +113,7 @@ def response_curve(frf: FrequencyResponse, modes: ModalModel | None = None) -> R
     return ResponseCurve(frf=frf, modes=modes, left_out=left_out, rebuilt=rebuilt)
 
 
-def fit_curve(frf: FrequencyResponse, between: str = "auto") -> ResponseCurve:
+def fit_curve(frf: FrequencyResponse, between: str) -> ResponseCurve:
     """Returns the response at any frequency.
 
     Args:
@@ -127,7 +127,7 @@ def fit_curve(frf: FrequencyResponse, between: str = "auto") -> ResponseCurve:
     if between == "lines":
         return response_curve(frf)
     try:
-        modes = fit_modal(frf).model
+        modes = fit_modes(frf)
     except RobotrueError:
         if between == "modes":
             raise

@@ -13,7 +13,7 @@ positive frequencies are mapped.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import itertools
 from typing import Final
 
 import numpy as np
@@ -37,47 +37,19 @@ _OFTEN: Final = 0.35
 """Part of the orders at which a pole has to come back."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Stabilisation:
-    """Poles against the order of the model: the diagram people pick modes from.
-
-    Attributes:
-        order: (n,) of the model each pole was found at.
-        pole: (n,) rad/s.
-        stable: (n,) true where the order below had it, too.
-        picked: (k,) rad/s, those that came back often enough.
-    """
-
-    order: Array
-    pole: ComplexArray
-    stable: Array
-    picked: ComplexArray
-
-
-def stabilised_poles(frequency: Array, curves: ComplexArray, weight: Array) -> Stabilisation:
-    """Returns the poles of curves (m, c) at frequencies (m,) Hz, of every order and picked.
+def find_stable_poles(frequency: Array, curves: ComplexArray, weight: Array) -> ComplexArray:
+    """Returns the poles (k,) rad/s, by rising size, that come back order after order.
 
     Args:
         frequency: (m,) Hz above zero.
         curves: (m, c), any unit.
         weight: (m, c), one over the error to be expected of each value.
     """
-    orders, poles, flags, picked = [], [], [], []
+    picked: list[complex] = []
     for part in _parts(frequency):
-        low, high = frequency[part][0], frequency[part][-1]
-        found = _by_order(frequency[part], curves[part], weight[part])
-        of_part, stable = _stable(found)
-        orders += [n for n, some in found for _ in some]
-        poles += of_part
-        flags += stable
-        picked += _clusters(of_part, stable, len(found), low, high)
-    unique = _without_twins(picked)
-    return Stabilisation(
-        order=np.array(orders, dtype=np.float64),
-        pole=np.array(poles, dtype=np.complex128),
-        stable=np.array(flags, dtype=np.float64),
-        picked=np.array(sorted(unique, key=abs), dtype=np.complex128),
-    )
+        by_order = _by_order(frequency[part], curves[part], weight[part])
+        picked += _clusters(_stable(by_order), len(by_order))
+    return np.array(sorted(_without_twins(picked), key=abs), dtype=np.complex128)
 
 
 def _parts(frequency: Array) -> list[slice]:
@@ -94,9 +66,7 @@ def _parts(frequency: Array) -> list[slice]:
         start = max(start + 1, stop - max(8, round(_OVERLAP * (stop - start))))
 
 
-def _by_order(
-    frequency: Array, curves: ComplexArray, weight: Array
-) -> list[tuple[int, list[complex]]]:
+def _by_order(frequency: Array, curves: ComplexArray, weight: Array) -> list[list[complex]]:
     """Poles inside the band (rad/s) at each order of the denominator."""
     low, high = frequency[0], frequency[-1]
     period = _SWEEP / (high - low)
@@ -124,7 +94,7 @@ def _by_order(
         pole = np.log(roots) / period
         turn = 2.0 * np.pi / period
         pole = pole.real + 1j * np.mod(pole.imag, turn) + 2j * np.pi * low
-        found.append((n, _plausible(pole, low, high)))
+        found.append(_plausible(pole, low, high))
     return found
 
 
@@ -136,15 +106,11 @@ def _plausible(poles: ComplexArray, low: float, high: float) -> list[complex]:
     return [complex(p) for p in poles[keep]]
 
 
-def _stable(found: list[tuple[int, list[complex]]]) -> tuple[list[complex], list[bool]]:
-    poles, flags = [], []
-    before: list[complex] = []
-    for _, some in found:
-        for p in some:
-            poles.append(p)
-            flags.append(any(_same(p, q) for q in before))
-        before = some
-    return poles, flags
+def _stable(by_order: list[list[complex]]) -> ComplexArray:
+    """Poles that the order below has, too."""
+    pairs = itertools.pairwise(by_order)
+    again = [p for below, some in pairs for p in some if any(_same(p, q) for q in below)]
+    return np.array(again, dtype=np.complex128)
 
 
 def _same(p: complex, q: complex) -> bool:
@@ -155,20 +121,17 @@ def _same(p: complex, q: complex) -> bool:
     )
 
 
-def _clusters(
-    poles: list[complex], stable: list[bool], orders: int, low: float, high: float
-) -> list[complex]:
+def _clusters(poles: ComplexArray, orders: int) -> list[complex]:
     """Medians of the groups of stable poles that came back often enough."""
-    rest = np.array([p for p, good in zip(poles, stable, strict=True) if good])
     picked = []
-    while rest.size:
-        near = np.abs(rest[:, None] - rest[None, :]) < _reach(rest)[None, :]
+    while poles.size:
+        near = np.abs(poles[:, None] - poles[None, :]) < _reach(poles)[None, :]
         best = int(np.argmax(near.sum(axis=0)))
-        group = rest[near[:, best]]
+        group = poles[near[:, best]]
         if len(group) < max(3, _OFTEN * orders):
             break
         picked.append(complex(np.median(group.real), np.median(group.imag)))
-        rest = rest[~near[:, best]]
+        poles = poles[~near[:, best]]
     return picked
 
 

@@ -12,7 +12,7 @@ limit towards 0 Hz: whoever filters in time needs it zero, and the static part f
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
 import numpy as np
 
@@ -57,7 +57,7 @@ class ModalModel(Columns):
     source: str
     provenance: Provenance = MEASURED
 
-    def _known_sizes(self) -> dict[Any, int]:
+    def _known_sizes(self) -> dict[str, int]:
         return {"r": len(self.response_axes), "e": len(self.excitation_axes)}
 
     def _check_rules(self) -> None:

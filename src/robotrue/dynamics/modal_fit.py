@@ -9,7 +9,6 @@ poles beyond its end stand for them where the lines ask for that.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -18,7 +17,7 @@ from scipy.optimize import least_squares
 
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.dynamics.frf import ComplexArray, FrequencyResponse
-from robotrue.dynamics.lscf import Stabilisation, stabilised_poles
+from robotrue.dynamics.lscf import find_stable_poles
 from robotrue.dynamics.lsfd import Curves, Residues, fit_residues, misfit_slopes
 from robotrue.dynamics.modal import ModalModel
 from robotrue.errors import ObservabilityError
@@ -45,23 +44,8 @@ _DAMPED: Final = 0.2
 """Damping beyond which a pole describes the rest of the curve and not a mode."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ModalFit:
-    """Modes and how they were found.
-
-    Attributes:
-        model: The modes.
-        diagram: Poles of every order.
-        rms: Rms difference from the lines over the lines, weighted as fitted: 0.01 is 1 %.
-    """
-
-    model: ModalModel
-    diagram: Stabilisation
-    rms: float
-
-
-def fit_modal(frf: FrequencyResponse, *, lower: bool | None = None) -> ModalFit:
-    """Returns modes, diagram and misfit of a measured response.
+def fit_modes(frf: FrequencyResponse, *, lower: bool | None = None) -> ModalModel:
+    """Returns the modes of a measured response.
 
     Args:
         frf: What was measured; its static deflection takes part.
@@ -74,9 +58,8 @@ def fit_modal(frf: FrequencyResponse, *, lower: bool | None = None) -> ModalFit:
     Fails when: two modes lie closer than a tenth of their width and the pairs do not tell them
     apart; or the spacing of the lines exceeds the width of a mode.
     """
-    curves = measured_curves(frf)
-    diagram = stabilised_poles(curves.frequency, curves.values, curves.weight)
-    poles = diagram.picked
+    curves = _measured_curves(frf)
+    poles = find_stable_poles(curves.frequency, curves.values, curves.weight)
     if not poles.size:
         raise ObservabilityError(
             "no pole comes back from one order to the next.",
@@ -92,12 +75,10 @@ def fit_modal(frf: FrequencyResponse, *, lower: bool | None = None) -> ModalFit:
         without = fit_residues(curves, poles, lower=False)
         if _criterion(without, len(poles)) < _criterion(found, len(poles)):
             found = without
-    return ModalFit(
-        model=_model(frf, poles, found), diagram=diagram, rms=float(np.sqrt(_mean(found)))
-    )
+    return _model(frf, poles, found)
 
 
-def measured_curves(frf: FrequencyResponse) -> Curves:
+def _measured_curves(frf: FrequencyResponse) -> Curves:
     """Returns the lines of the band, measured pairs side by side, with their weights.
 
     A line weighs one over the local size of its curve, times its coherence's trust.

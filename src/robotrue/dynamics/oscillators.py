@@ -17,7 +17,7 @@ from typing import Annotated, Final
 import numpy as np
 
 from robotrue.core.arrays import Array
-from robotrue.core.columns import Column, Columns
+from robotrue.core.columns import Column, Columns, concat
 from robotrue.dynamics.frf import AXES, ComplexArray
 from robotrue.dynamics.modal import ModalModel
 from robotrue.errors import ConfigurationError, ShapeError
@@ -31,15 +31,15 @@ class Oscillators(Columns):
     """A receptance as single complex oscillators. SI, force and displacement along x, y, z.
 
     Attributes:
-        poles: (k,) rad/s, real part below and imaginary part above zero.
-        excite: (k, 3), force to state.
-        respond: (k, 3), state to displacement; ``respond * excite`` is in m/(N s).
+        poles: (n,) rad/s, real part below and imaginary part above zero.
+        excite: (n, 3), force to state.
+        respond: (n, 3), state to displacement; ``respond * excite`` is in m/(N s).
         residual: (3, 3) m/N, what follows the force at once.
     """
 
-    poles: Annotated[ComplexArray, Column("k", unit="rad/s")]
-    excite: Annotated[ComplexArray, Column("k 3")]
-    respond: Annotated[ComplexArray, Column("k 3")]
+    poles: Annotated[ComplexArray, Column("n", unit="rad/s")]
+    excite: Annotated[ComplexArray, Column("n 3")]
+    respond: Annotated[ComplexArray, Column("n 3")]
     residual: Annotated[Array, Column("3 3", unit="m/N")]
 
     def _check_rules(self) -> None:
@@ -71,12 +71,7 @@ class Oscillators(Columns):
 
 def join_oscillators(parts: list[Oscillators]) -> Oscillators:
     """Returns the receptances of several structures in series, added up: robot, spindle, tool."""
-    return Oscillators(
-        poles=np.concatenate([p.poles for p in parts]),
-        excite=np.concatenate([p.excite for p in parts]),
-        respond=np.concatenate([p.respond for p in parts]),
-        residual=np.add.reduce([p.residual for p in parts]),
-    )
+    return concat(parts, residual=np.add.reduce([p.residual for p in parts]))
 
 
 def real_modes(frequency: Array, damping: Array, shape: Array) -> Oscillators:

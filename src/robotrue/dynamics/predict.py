@@ -16,9 +16,9 @@ import scipy.fft
 
 from robotrue.core.arrays import Array
 from robotrue.core.units import UM
-from robotrue.dynamics.checks import response_remarks
 from robotrue.dynamics.force import ForceRecord, find_stuck_channels
 from robotrue.dynamics.frf import AXES, ComplexArray, FrequencyResponse
+from robotrue.dynamics.frf_checks import response_remarks
 from robotrue.dynamics.interpolation import COARSE, ResponseCurve
 from robotrue.errors import ConfigurationError, ModelMismatchError
 

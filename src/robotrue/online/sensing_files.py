@@ -17,12 +17,12 @@ from robotrue.core.arrays import Array
 from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, MM
-from robotrue.dynamics.checks import check_response, response_remarks
 from robotrue.dynamics.deviation import DeviationModel, deviation_from_archive
 from robotrue.dynamics.flange_sensor import HeldTool, held_tool_from_archive
 from robotrue.dynamics.formats.frf_table import read_frf
+from robotrue.dynamics.frf_checks import check_response, response_remarks
 from robotrue.dynamics.interpolation import rebuild_error
-from robotrue.dynamics.modal_fit import fit_modal
+from robotrue.dynamics.modal_fit import fit_modes
 from robotrue.dynamics.oscillators import oscillators_of
 from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.online.sensing import Sensing
@@ -174,7 +174,7 @@ def _read_response(cell: Cell, files: SensingFiles, remarks: list[str]) -> Measu
     frf = read_frf(files.frf)
     check_response(frf)
     remarks.extend(response_remarks(frf))
-    modes = fit_modal(frf).model
+    modes = fit_modes(frf)
     misfit = rebuild_error(frf, modes)
     axes = set(frf.response_axes) & set(frf.excitation_axes)
     for axis in sorted(set("xyz") - axes):

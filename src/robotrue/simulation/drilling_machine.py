@@ -16,7 +16,7 @@ from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, MM, UM
 from robotrue.drilling.campaign import FORCE, HEIGHT, Campaign, Clamps
 from robotrue.drilling.foot import FLAT, Foot, Skin, readings
-from robotrue.drilling.head import AxisOrder, normal_from_tilt
+from robotrue.drilling.head import AXIS_ORDER, AxisOrder, normal_from_tilt
 
 RECENTRED: Final = ""
 """The foot hangs in its own rest position before every clamp."""
@@ -70,7 +70,7 @@ def drilling_machine(
     *,
     nonlinear: bool = False,
     friction: bool = False,
-    order: AxisOrder = "AB",
+    order: AxisOrder = AXIS_ORDER,
     skin: Skin = FLAT,
 ) -> DrillingMachine:
     """Returns the machine of a seed; the same with and without nonlinear terms and friction.

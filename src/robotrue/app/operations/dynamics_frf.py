@@ -62,8 +62,8 @@ def run(request: DynamicsFrfRequest, context: Context) -> PlainResult:
         ObservabilityError: Modes are to be written and there are none.
     """
     from robotrue.app.dynamics_inputs import parse_static
-    from robotrue.dynamics.checks import response_remarks
     from robotrue.dynamics.frf import with_static
+    from robotrue.dynamics.frf_checks import response_remarks
 
     output = request.output
     if output is not None and output.suffix.lower() not in (".csv", ".uff"):
@@ -109,10 +109,10 @@ def _with_modes(
 ) -> tuple[FrequencyResponse, ModalModel | None, tuple[str, ...]]:
     """The response and its modes; under an exponential window the response is that of the modes."""
     from robotrue.dynamics.hammer import without_window
-    from robotrue.dynamics.modal_fit import fit_modal
+    from robotrue.dynamics.modal_fit import fit_modes
 
     try:
-        fitted = fit_modal(frf).model
+        fitted = fit_modes(frf)
     except ObservabilityError as cause:
         if added_damping > 0.0:
             raise
@@ -174,7 +174,7 @@ def _document(
 ) -> dict[str, Any]:
     import numpy as np
 
-    from robotrue.dynamics.checks import reciprocity
+    from robotrue.dynamics.frf_checks import reciprocity
     from robotrue.dynamics.interpolation import rebuild_error
 
     return {

@@ -6,7 +6,7 @@ Columns of a CSV file or variables of a MAT file, and whether their times are an
 from __future__ import annotations
 
 import io
-import itertools
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,13 +15,16 @@ from typing import Final, TypeVar
 import numpy as np
 
 from robotrue.core.arrays import Array
-from robotrue.core.csv_text import as_written, csv_text
+from robotrue.core.csv_text import csv_text
 from robotrue.core.files import read_bytes, sha256, utf8_text
 from robotrue.core.provenance import Provenance, read_provenance
 from robotrue.dynamics.frf import ComplexArray
 from robotrue.errors import FormatError, ImplausibleDataError
+from robotrue.measurement.formats.sheet_file import read_sheet
 
 Samples = TypeVar("Samples", Array, ComplexArray)
+_ODD: Final = re.compile(r"[\"'\0]|\A[-+.\d]")
+"""In a header of names that are quoted, or of numbers."""
 _OFF: Final = 0.25
 """Part of a sample by which a printed time may be off an even clock (rounding of its digits)."""
 
@@ -35,7 +38,7 @@ class ColumnTable:
         digest: SHA-256 of the file.
         names: As written, stripped.
         values: (n, k) in the units of the names.
-        first_line: Line of the first row; the rows follow without a gap.
+        lines: (n,) line of each row.
         header_line: Line of the names.
         provenance: The file, and whether a comment line in it says that it was simulated.
     """
@@ -44,7 +47,7 @@ class ColumnTable:
     digest: str
     names: tuple[str, ...]
     values: Array
-    first_line: int
+    lines: Sequence[int]
     header_line: int
     provenance: Provenance
 
@@ -54,7 +57,7 @@ class ColumnTable:
 
     def line(self, row: int) -> int:
         """Returns the line of a row counted from 0."""
-        return self.first_line + row
+        return self.lines[row]
 
     def stack(self, names: Sequence[str]) -> Array:
         """Returns (n, k) of columns that are there."""
@@ -82,49 +85,34 @@ class ColumnTable:
 
 
 def read_column_table(path: str | Path) -> ColumnTable:
-    """Returns a CSV file of numbers; comma, semicolon or tab, ``#`` lines before the header.
+    """Returns a CSV file of numbers; comma, semicolon or tab, ``#`` lines are remarks.
+
+    A file of nothing but a header and numbers is read at once, any other as a sheet, cell by cell,
+    which knows what is wrong with it.
 
     Raises:
         FormatError: Unreadable, no header, a name twice, a cell that is blank, no number or not
             finite, rows of unequal length; with its line.
     """
-    import pandas as pd
-
     data = read_bytes(path)
-    text = _text(data, path)
-    head, header, start = _header(text)
-    if head == 0:
-        raise FormatError("the file is empty.", source=path, hint="export it again.")
-    mark = next((m for m in (";", "\t", ",") if m in header), ",")
-    names = _names(header.split(mark), path, head)
-    body = text[start:].rstrip()
-    if not body:
-        raise FormatError("a header and no rows.", source=path, line=head, hint="export it again.")
-    first = body[: body.find("\n")] if "\n" in body else body
-    decimal = "," if mark != "," and "," in first else "."
-    try:
-        values = pd.read_csv(
-            io.StringIO(body),
-            sep=mark,
-            header=None,
-            names=list(range(len(names))),
-            index_col=False,
-            dtype=np.float64,
-            decimal=decimal,
-            skip_blank_lines=False,
-            on_bad_lines="error",
-        ).to_numpy()
-    except (ValueError, pd.errors.ParserError, pd.errors.ParserWarning):
-        values = np.empty((0, 0))
-    rows = body.count("\n") + 1
-    if values.shape != (rows, len(names)) or not np.isfinite(values).all():
-        raise _fault(body.split("\n"), names, mark, decimal, path, head + 1)
+    head, names, values = _read_plain(_decode(data, path))
+    if values is None or not np.isfinite(values).all():
+        sheet = read_sheet(path)
+        return ColumnTable(
+            source=sheet.source,
+            digest=sheet.digest,
+            names=sheet.header,
+            values=sheet.numbers(sheet.header),
+            lines=sheet.lines,
+            header_line=sheet.header_line or 1,
+            provenance=sheet.provenance,
+        )
     return ColumnTable(
         source=str(path),
         digest=sha256(data),
         names=names,
         values=values,
-        first_line=head + 1,
+        lines=range(head + 1, head + 1 + len(values)),
         header_line=head,
         provenance=read_provenance(path),
     )
@@ -252,13 +240,39 @@ def even_rate(
     return float(time[0]), float(1.0 / period)
 
 
-def _text(data: bytes, path: str | Path) -> str:
+def _decode(data: bytes, path: str | Path) -> str:
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         return data.decode("utf-16", errors="replace")
-    text = utf8_text(data, path, hint="export as CSV in UTF-8; this is binary, or damaged.")
-    if "\0" in text:
-        raise FormatError("holds zero bytes: a binary file.", source=path, hint="export as CSV.")
-    return text
+    return utf8_text(data, path, hint="export as CSV in UTF-8; this is binary, or damaged.")
+
+
+def _read_plain(text: str) -> tuple[int, tuple[str, ...], Array | None]:
+    """Line of the header, names and numbers (n, k) of a file that holds nothing else, or None."""
+    import pandas as pd
+
+    head, header, start = _header(text)
+    mark = next((m for m in (";", "\t", ",") if m in header), ",")
+    names = tuple(name.strip() for name in header.split(mark))
+    body = text[start:].rstrip()
+    if not body or "" in names or len(set(names)) < len(names) or _ODD.search(header):
+        return head, names, None
+    first = body[: body.find("\n")] if "\n" in body else body
+    try:
+        values = pd.read_csv(
+            io.StringIO(body),
+            sep=mark,
+            header=None,
+            names=list(range(len(names))),
+            index_col=False,
+            dtype=np.float64,
+            decimal="," if mark != "," and "," in first else ".",
+            skip_blank_lines=False,
+            on_bad_lines="error",
+        ).to_numpy()
+    except (ValueError, pd.errors.ParserError, pd.errors.ParserWarning):
+        return head, names, None
+    rows = body.count("\n") + 1
+    return head, names, values if values.shape == (rows, len(names)) else None
 
 
 def _header(text: str) -> tuple[int, str, int]:
@@ -273,58 +287,3 @@ def _header(text: str) -> tuple[int, str, int]:
         if found and not found.startswith("#"):
             return line, found, start
     return 0, "", start
-
-
-def _names(cells: list[str], path: str | Path, line: int) -> tuple[str, ...]:
-    names = tuple(as_written(cell.strip().strip('"')) for cell in cells)
-    try:
-        [float(name) for name in names]
-    except ValueError:
-        pass
-    else:
-        raise FormatError(
-            f"the first line holds numbers ({names[0]}, ...), expected column names with units.",
-            source=path,
-            line=line,
-            hint="add a header line.",
-        )
-    for i, name in enumerate(names):
-        if not name or name in names[:i]:
-            raise FormatError(
-                f"column {i + 1} is called {name!r}: "
-                + ("without a name." if not name else "a name that was there before."),
-                source=path,
-                line=line,
-            )
-    return names
-
-
-def _fault(
-    body: list[str], names: tuple[str, ...], mark: str, decimal: str, path: str | Path, first: int
-) -> FormatError:
-    """Finds the first cell that is wrong; slow, and only on the way out."""
-    for number, line in zip(itertools.count(first), body, strict=False):
-        cells = line.split(mark)
-        if len(cells) != len(names):
-            last = number == first + len(body) - 1
-            return FormatError(
-                f"{len(cells)} cells, expected {len(names)}"
-                + (": the file ends in the middle of its last line." if last else "."),
-                source=path,
-                line=number,
-                hint="export the file again." if last else "look for a missing delimiter.",
-            )
-        for name, cell in zip(names, cells, strict=True):
-            plain = cell.strip().replace(",", ".") if decimal == "," else cell.strip()
-            try:
-                value = float(plain)
-            except ValueError:
-                value = np.nan
-            if not np.isfinite(value):
-                return FormatError(
-                    f"{name} is {plain or 'blank'}, expected a finite number.",
-                    source=path,
-                    line=number,
-                    hint="correct that cell, or cut the record off before it.",
-                )
-    return FormatError("cannot be read as a table of numbers.", source=path, line=first)

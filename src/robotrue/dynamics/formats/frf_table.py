@@ -30,7 +30,7 @@ from robotrue.dynamics.formats.column_table import (
     table_bytes,
 )
 from robotrue.dynamics.frf import AXES, ComplexArray, FrequencyResponse
-from robotrue.dynamics.frf_build import AxisPairCurves, assemble_response
+from robotrue.dynamics.frf_checks import AxisPairCurves, assemble_response
 from robotrue.errors import FormatError
 
 FRF_SUFFIXES: Final = (".csv", ".txt", ".uff", ".unv", ".uf", ".mat")
@@ -55,7 +55,7 @@ def read_frf(path: str | Path) -> FrequencyResponse:
             without its unit, half of a complex pair, a cell that is no finite number, lines out of
             order; with its line where there are lines.
         ImplausibleDataError: Numbers that cannot be the form their name says (see
-            ``checks.check_response``).
+            ``frf_checks.check_response``).
         MissingExtraError: UFF58 without pyuff.
     """
     suffix = Path(path).suffix.lower()

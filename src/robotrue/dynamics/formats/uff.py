@@ -20,7 +20,7 @@ from robotrue.core.files import read_bytes, write_atomic
 from robotrue.core.provenance import mark_line, merge, provenance_of_lines, read_provenance
 from robotrue.core.units import MM, STANDARD_GRAVITY, UM
 from robotrue.dynamics.frf import AXES, ComplexArray, FrequencyResponse
-from robotrue.dynamics.frf_build import AxisPairCurves, assemble_response
+from robotrue.dynamics.frf_checks import AxisPairCurves, assemble_response
 from robotrue.errors import FormatError, MissingExtraError
 
 _FORM: Final = {8: "receptance", 11: "mobility", 12: "accelerance"}

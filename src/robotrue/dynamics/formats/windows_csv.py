@@ -7,16 +7,14 @@ Forces act on the tool, in base axes. ``measured_um`` may be blank or missing wh
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
-from robotrue.core.csv_text import csv_text
-from robotrue.core.provenance import mark_line
 from robotrue.core.units import DEG, UM
 from robotrue.dynamics.windows import WindowSet
+from robotrue.measurement.formats.sheet import number_columns, write_columns
 from robotrue.measurement.formats.sheet_file import read_sheet
 
 FORCES: Final = ("fx_mean_N", "fy_mean_N", "fz_mean_N", "f_peak_N", "f_mean_N")
@@ -59,18 +57,18 @@ def read_windows(path: str | Path) -> WindowSet:
     )
 
 
-def windows_bytes(windows: WindowSet) -> bytes:
-    """Returns the CSV of windows, enough digits to read the same numbers again."""
+def write_windows(path: str | Path, windows: WindowSet) -> None:
+    """Writes windows with all their digits, whole or not at all.
+
+    Raises:
+        FormatError: The file cannot be written.
+    """
     joints = [f"j{i + 1}_deg" for i in range(windows.joints.shape[1])]
-    rows = [["pass", *joints, *FORCES, *ERRORS]]
-    for k, name in enumerate(windows.passes):
-        numbers = [
-            *(windows.joints[k] / DEG),
-            *windows.force[k],
-            windows.force_peak[k],
-            windows.force_mean[k],
-            windows.predicted[k] / UM,
-            windows.measured[k] / UM,
+    values = np.column_stack(
+        [
+            windows.joints / DEG, windows.force, windows.force_peak, windows.force_mean,
+            windows.predicted / UM, windows.measured / UM,
         ]
-        rows.append([name, *("" if math.isnan(v) else f"{v:.12g}" for v in numbers)])
-    return (mark_line(windows.provenance) + csv_text(rows)).encode()
+    )  # fmt: skip
+    numbers = number_columns([*joints, *FORCES, *ERRORS], values)
+    write_columns(path, {"pass": windows.passes, **numbers}, windows.provenance)
