@@ -27,7 +27,7 @@ from robotrue.robot.statics import deflected
 from robotrue.validation.drift_check import DriftCheck, drift_check
 from robotrue_reproductions.deng2022.scenarios import (
     Scenario,
-    measured,
+    measure_joints,
     scenario,
     sobol_joints,
     whole,
@@ -106,7 +106,7 @@ def checks(
         campaign = 100 + k if other_days else 0
         joints = postures(case, poses, rng)
         # Another seed gives other noise on the same arm; the campaign decides the day.
-        rows = measured(replace(case, seed=1000 * case.seed + k), joints, campaign=campaign)
+        rows = measure_joints(replace(case, seed=1000 * case.seed + k), joints, campaign=campaign)
         yield drift_check(model, rows, payload=case.cell.known.payload, level=0.05)
 
 

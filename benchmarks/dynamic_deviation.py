@@ -23,8 +23,8 @@ from robotrue.core.units import UM
 from robotrue.dynamics.deviation_physics import CompliantArm, physics_terms
 from robotrue.dynamics.deviation_validation import Score, folds, scores
 from robotrue.dynamics.windows import WindowSet
+from robotrue_reproductions.jin2022.jin_tables import arm_of, row_of_hammer
 from robotrue_reproductions.jin2022.milling_experiment import milling_experiment
-from robotrue_reproductions.jin2022.tables import arm_of, row_of_hammer
 
 KINDS: Final = ("blocks", "passes", "unseen")
 REACH: Final = {"blocks": 1.4, "passes": 1.6, "unseen": 2.8}

@@ -43,7 +43,7 @@ from robotrue.simulation.plans import VALIDATION, random_joints
 from robotrue_reproductions.deng2022.scenarios import (
     Scenario,
     check,
-    measured,
+    measure_joints,
     scenario,
     sobol_joints,
 )
@@ -107,7 +107,7 @@ def spread(values: np.ndarray) -> str:
 
 def score(case: Scenario, joints: np.ndarray, base: Ground, method: str) -> float:
     """Returns the check error in mm after measuring the poses; NaN where the fit fails."""
-    rows = measured(case, joints)
+    rows = measure_joints(case, joints)
     try:
         model = fit(base.cell.measured_robot, rows, method=method, settings=base.settings)
     except RobotrueError as fault:

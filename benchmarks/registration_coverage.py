@@ -68,7 +68,7 @@ from robotrue_reproductions.feng2018.machining_cell import (
 from robotrue_reproductions.feng2018.registration_ways import (
     TIP,
     Touches,
-    estimated,
+    estimate_cell,
     probing_set,
     tips,
 )
@@ -157,7 +157,7 @@ def run_cell(seed: int, tally: Tally) -> None:
         through(cell, "stated", found, work, rng, tally)
         for way, model in (("nominal", cell.nominal), ("calibrated", calibrated)):
             tool = TIP if isinstance(model, RobotModel) else 0.0
-            found = estimated(cell, model, touches, tool_sigma=tool)
+            found = estimate_cell(cell, model, touches, tool_sigma=tool)
             through(cell, way, found, work, rng, tally)
         shared(
             cell, "cal. frame", calibrated, require_belief(calibrated), touches, work, rng, tally

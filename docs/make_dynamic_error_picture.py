@@ -22,8 +22,8 @@ from robotrue.dynamics.deviation_validation import folds
 from robotrue.dynamics.paper_regression import fit_paper
 from robotrue.dynamics.windows import WindowSet
 from robotrue.report.figure import AFTER, BAND, BEFORE, CAUTION, INK, Drawing, png
+from robotrue_reproductions.jin2022.jin_tables import arm_of, row_of_hammer
 from robotrue_reproductions.jin2022.milling_experiment import MillingExperiment, milling_experiment
-from robotrue_reproductions.jin2022.tables import arm_of, row_of_hammer
 
 OUT: Final = Path(__file__).resolve().parent / "_static" / "dynamic_error.png"
 SEED: Final = 6

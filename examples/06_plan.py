@@ -17,7 +17,7 @@ from robotrue.planning.information import Postures
 from robotrue.planning.pose_plan import PlanSettings, plan_poses
 from robotrue.simulation.plans import VALIDATION, random_joints
 from robotrue.validation.evaluation import evaluate
-from robotrue_reproductions.deng2022.scenarios import check, measured, scenario
+from robotrue_reproductions.deng2022.scenarios import check, measure_joints, scenario
 
 
 def main(out: Path) -> None:
@@ -34,7 +34,7 @@ def main(out: Path) -> None:
         candidates=able,
         work=Postures(joints=work, load=known.payload),
     )
-    by_worth = measured(case, plan.joints).subset(np.argsort(plan.rank))
+    by_worth = measure_joints(case, plan.joints).subset(np.argsort(plan.rank))
     held_out = check(case)
 
     sizes, found = (15, 20, 30), []

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from typing import Final
 
 from robotrue.errors import ConfigurationError
-from robotrue_reproductions.deng2022.tables import DENG2022
-from robotrue_reproductions.drill_patent.tables import DRILL_PATENT
-from robotrue_reproductions.feng2018.tables import FENG2018
-from robotrue_reproductions.jin2022.tables import JIN2022
+from robotrue_reproductions.deng2022.deng_tables import DENG2022
+from robotrue_reproductions.drill_patent.patent_tables import DRILL_PATENT
+from robotrue_reproductions.feng2018.feng_tables import FENG2018
+from robotrue_reproductions.jin2022.jin_tables import JIN2022
 from robotrue_reproductions.reproduction import Paper
 
 PAPERS: Final[Mapping[str, Paper]] = {

@@ -115,7 +115,7 @@ class Reproduction:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Request:
+class ReproductionRequest:
     """What of a source is repeated.
 
     Attributes:
@@ -175,4 +175,4 @@ class Paper:
     authors: str
     arms: str
     tables: Mapping[str, TableLayout]
-    run: Callable[[Request, Progress], Reproduction]
+    run: Callable[[ReproductionRequest, Progress], Reproduction]

@@ -94,7 +94,7 @@ def fitted(name, measured):
         CylinderRegion(angle=(-30 * DEG, 40 * DEG), **around),
         5,
     )
-    target = scenarios.measured(case(), case().plan.target)
+    target = scenarios.measure_joints(case(), case().plan.target)
     quick = DengReadings(rounds=2, outside="nearest")
     return fit_deng2022(arm(), elsewhere(), target, domains, settings, quick)
 

@@ -31,7 +31,7 @@ from robotrue.online.sensing_records import new_record
 from robotrue.online.sensing_windows import add_peak, peaks, window_dtype
 from robotrue.simulation.milling_arm import FEED, milling_arm, pass_joints
 from robotrue.simulation.milling_cut import RATE, TURN, pass_force, read_force, tooling
-from robotrue_reproductions.jin2022.tables import arm_of
+from robotrue_reproductions.jin2022.jin_tables import arm_of
 
 ARM, TOOLS = milling_arm(6), tooling(6)
 STATED = arm_of(ARM)

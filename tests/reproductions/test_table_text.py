@@ -8,9 +8,9 @@ import pytest
 
 from robotrue.errors import ConfigurationError
 from robotrue_reproductions.drill_patent.experiment import CASES
-from robotrue_reproductions.jin2022.tables import printed_figures
+from robotrue_reproductions.jin2022.jin_tables import printed_figures
 from robotrue_reproductions.papers import PAPERS, find_paper
-from robotrue_reproductions.reproduction import Reproduction, Request, figure
+from robotrue_reproductions.reproduction import Reproduction, ReproductionRequest, figure
 from robotrue_reproductions.table_text import text_tables, write_figures
 
 
@@ -62,7 +62,7 @@ def test_a_wide_table_has_a_column_for_each_quantity():
 
 def test_no_figure_of_a_run_is_without_a_table():
     paper = find_paper("drill-patent")
-    result = paper.run(Request(robots=1, quick=True), silent)
+    result = paper.run(ReproductionRequest(robots=1, quick=True), silent)
     assert {f.table for f in result.figures} == set(paper.tables) - {case[0] for case in CASES[1:]}
     ours = {(f.name, f.quantity): f.median for f in result.figures if f.table == CASES[0][0]}
     assert 0.0 < ours["ours", "mean deg"] < 0.2 * ours["none", "mean deg"]
@@ -80,5 +80,5 @@ def test_files_hold_every_figure(tmp_path):
 
 def test_requests_without_arms_are_refused():
     with pytest.raises(ConfigurationError, match="0 robots, expected 1 or more"):
-        Request(robots=0)
-    assert list(Request(robots=3).seeds) == [1, 2, 3]
+        ReproductionRequest(robots=0)
+    assert list(ReproductionRequest(robots=3).seeds) == [1, 2, 3]

@@ -15,10 +15,10 @@ from robotrue.validation.part_registration import register
 from robotrue.validation.registration_frame import RegistrationSettings
 from robotrue.validation.touch_expectation import (
     TouchBelief,
+    check_reading,
     expected_readings,
-    judged_reading,
+    find_suspicions,
     machined_radius,
-    suspicions,
     update_belief,
 )
 from robotrue_reproductions.feng2018 import machining_cell as virtual
@@ -58,7 +58,7 @@ def test_readings_scatter_as_expected_from_the_first_touch_on() -> None:
     for seed in range(8):
         cell, touches = touched(seed)
         for n in range(len(touches)):
-            square.append(judged_reading(after(cell, touches, n), touches.subset([n])).sigmas ** 2)
+            square.append(check_reading(after(cell, touches, n), touches.subset([n])).sigmas ** 2)
     assert 0.6 < np.mean(square) / 3.0 < 1.5
     assert np.mean(np.sqrt(square) > 4.0) < 0.02
 
@@ -114,12 +114,12 @@ def test_surfaces_are_judged_along_their_normal_and_with_the_ball() -> None:
     )
     last = touches.subset([11])
     slid = replace(last, position=last.position + np.array([[0.05, 0.04, 0.0]]))
-    assert judged_reading(known, last).sigmas < 0.5
-    assert judged_reading(known, slid).sigmas < 2.0
+    assert check_reading(known, last).sigmas < 0.5
+    assert check_reading(known, slid).sigmas < 2.0
     forgotten = replace(last, position=last.position - 3.0 * MM * last.normal)
-    judged = judged_reading(known, forgotten)
+    judged = check_reading(known, forgotten)
     assert judged.outlier
-    (why,) = suspicions(
+    (why,) = find_suspicions(
         known, forgotten, judged, others=touches.subset([]), before=None, tip_axis=TIP
     )
     assert why.kind == "ball"
@@ -127,9 +127,9 @@ def test_surfaces_are_judged_along_their_normal_and_with_the_ball() -> None:
 
 
 def explained(touch: ProbingSet, known: TouchBelief, touches: ProbingSet, n: int) -> str:
-    judged = judged_reading(known, touch)
+    judged = check_reading(known, touch)
     assert judged.outlier
-    found = suspicions(
+    found = find_suspicions(
         known,
         touch,
         judged,
@@ -172,7 +172,7 @@ def test_what_is_wrong_with_positions_is_named() -> None:
         joints=False,
     )
     good = touches.subset([6])
-    assert not judged_reading(known, good).outlier
+    assert not check_reading(known, good).outlier
     inches = replace(good, position=good.position / 25.4)
     assert explained(inches, known, touches, 6) == "scale inch"
     turned = replace(good, position=good.position * np.array([1.0, -1.0, 1.0]))

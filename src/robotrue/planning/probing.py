@@ -191,14 +191,14 @@ class LinearTask(TouchPosterior):
         )
         return np.asarray(flat.T @ flat / len(self.columns))
 
-    def known_after(self, chosen: IntArray) -> Array:
+    def condition(self, chosen: IntArray) -> Array:
         """Returns P (k, k) after candidates, by their information."""
         flat = self.rows[chosen].reshape(-1, self.rows.shape[2])
         return np.asarray(np.linalg.inv(np.eye(flat.shape[1]) + flat.T @ flat))
 
     def covariance(self, chosen: IntArray) -> Array:
         """Returns the covariance (m, 3, 3) m^2 of the machined points after candidates."""
-        spread = self.columns @ self.known_after(chosen) @ np.swapaxes(self.columns, 1, 2)
+        spread = self.columns @ self.condition(chosen) @ np.swapaxes(self.columns, 1, 2)
         return np.asarray(spread + self.visit[:, None, None] * np.eye(3))
 
     def _search(self, n: int, weight: Array) -> IntArray:
@@ -212,14 +212,14 @@ class LinearTask(TouchPosterior):
 
     def _losses(self, chosen: IntArray, weight: Array) -> Array:
         mine = self.rows[chosen]
-        ahead = mine @ self.known_after(chosen)
+        ahead = mine @ self.condition(chosen)
         inner = np.eye(3) - ahead @ np.swapaxes(mine, 1, 2)
         lost = np.linalg.solve(inner, ahead @ self.weight(weight) @ np.swapaxes(ahead, 1, 2))
         return np.asarray(lost.trace(axis1=1, axis2=2))
 
     def _uncertainty_at_touches(self, chosen: IntArray) -> float:
         own = self.at_touches[chosen]
-        spread = np.einsum("nik,kl,nil->n", own, self.known_after(chosen), own)
+        spread = np.einsum("nik,kl,nil->n", own, self.condition(chosen), own)
         return float(np.sqrt(np.median(spread + 3.0 * self.touch_visit[chosen])))
 
     def _best_for(self, machined: IntArray, n: int, goal: Goal) -> tuple[float, str, str]:

@@ -120,7 +120,7 @@ class FrameTask(TouchPosterior):
             mine = chosen[self.part[chosen] == part]
             if len(mine) < LEAST:
                 return False
-            point = self._centred(mine)
+            point = self._centre_points(mine)
             if np.linalg.svd(point, compute_uv=False)[1] < LINE * np.sqrt(len(mine)):
                 return False
         return True
@@ -162,7 +162,7 @@ class FrameTask(TouchPosterior):
         cure = f"a frame of its own, from {count} touches, would leave {least * 1e3:.2f} mm"
         return least, cure, f"{cure}: {MORE_FEATURES}"
 
-    def _centred(self, rows: IntArray) -> Array:
+    def _centre_points(self, rows: IntArray) -> Array:
         """Points (n, 3) m of candidates about their middle, base axes."""
         lever = self.touch[rows, :, 3:]
         point = np.stack([lever[:, 1, 2], lever[:, 2, 0], lever[:, 0, 1]], axis=1)

@@ -206,12 +206,12 @@ def _transfers(
     def transfer(rows: MeasurementSet | None) -> ErrorModel:
         return fit_transfer(robot, rows, ready, settings, scales=drift)
 
-    def pooled(rows: MeasurementSet | None) -> ErrorModel:
+    def pool(rows: MeasurementSet | None) -> ErrorModel:
         sets = [s.measurements for s in measured if s.measurements is not None]
         together = _together(sets, rows, [s.relation == "region" for s in measured])
         return _richest(robot, together, settings, method)
 
-    def learned(rows: MeasurementSet | None) -> ErrorModel:
+    def learn(rows: MeasurementSet | None) -> ErrorModel:
         if rows is None:
             raise ObservabilityError("no target pose to learn from.")
         sets = [s.measurements for s in measured if s.measurements is not None]
@@ -219,9 +219,9 @@ def _transfers(
 
     out: dict[str, Candidate] = {"transfer": transfer}
     if measured:
-        out["pooled"] = pooled
+        out["pooled"] = pool
         if method == "gp":
-            out["learned"] = learned
+            out["learned"] = learn
     for source, model in known:
         name = "source-only" if len(known) == 1 else f"source-only {source.name}"
         out[name] = _as_it_is(source, model)

@@ -76,12 +76,12 @@ def check_rows(robot: RobotModel, rows: MeasurementSet) -> None:
             hint="check which robot was measured.",
         )
 
-    def commanded(joints: Array) -> Array:
+    def command_points(joints: Array) -> Array:
         return forward(robot.nominal(), joints)[:, :3, 3]
 
-    points = commanded(rows.joints)
+    points = command_points(rows.joints)
     if len(rows) >= FEWEST_PLAUSIBLE:
-        check_plausible(rows, points, robot.reach, forward=commanded, minimum=FEWEST_PLAUSIBLE)
+        check_plausible(rows, points, robot.reach, forward=command_points, minimum=FEWEST_PLAUSIBLE)
         return
     gap = float(np.median(np.linalg.norm(rows.position - points, axis=1)))
     if rows.frame == "base" and gap > 0.1 * robot.reach:

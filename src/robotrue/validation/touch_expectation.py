@@ -178,7 +178,7 @@ def expected_readings(known: TouchBelief, touches: ProbingSet) -> ExpectedTouch:
     return ExpectedTouch(position=position, covariance=spread + noise[:, None, None] * np.eye(3))
 
 
-def judged_reading(known: TouchBelief, touch: ProbingSet) -> CheckedTouch:
+def check_reading(known: TouchBelief, touch: ProbingSet) -> CheckedTouch:
     """Returns how far a reading is from what was expected of it.
 
     Args:
@@ -323,7 +323,7 @@ class Suspicion:
     sigmas: float = float("nan")
 
 
-def suspicions(
+def find_suspicions(
     known: TouchBelief,
     touch: ProbingSet,
     judged: CheckedTouch,
@@ -358,7 +358,7 @@ def _elsewhere(known: TouchBelief, touch: ProbingSet, others: ProbingSet) -> lis
             touch, names=(others.names[k],), point=others.point[[k]],
             normal=others.normal[[k]], part=others.part[[k]],
         )  # fmt: skip
-        sigmas = judged_reading(known, there).sigmas
+        sigmas = check_reading(known, there).sigmas
         out.append(Suspicion(kind="feature", name=others.names[k], sigmas=sigmas))
     return sorted(out, key=lambda each: each.sigmas)[:1]
 
@@ -367,11 +367,11 @@ def _other_joints(known: TouchBelief, touch: ProbingSet) -> list[Suspicion]:
     out = []
     if np.abs(touch.joints).max() < 2.0 * np.pi * DEG:
         turned = replace(touch, joints=touch.joints / DEG)
-        out.append(Suspicion(kind="radians", sigmas=judged_reading(known, turned).sigmas))
+        out.append(Suspicion(kind="radians", sigmas=check_reading(known, turned).sigmas))
     for k in range(touch.joints.shape[1]):
         joints = touch.joints.copy()
         joints[0, k] *= -1.0
-        sigmas = judged_reading(known, replace(touch, joints=joints)).sigmas
+        sigmas = check_reading(known, replace(touch, joints=joints)).sigmas
         out.append(Suspicion(kind="sign", name=f"{k + 1}", sigmas=sigmas))
     return out
 
@@ -379,12 +379,12 @@ def _other_joints(known: TouchBelief, touch: ProbingSet) -> list[Suspicion]:
 def _other_units(known: TouchBelief, touch: ProbingSet) -> list[Suspicion]:
     out = []
     for name, factor in SCALES:
-        sigmas = judged_reading(known, replace(touch, position=factor * touch.position)).sigmas
+        sigmas = check_reading(known, replace(touch, position=factor * touch.position)).sigmas
         out.append(Suspicion(kind="scale", name=name, sigmas=sigmas))
     for k, axis in enumerate("xyz"):
         position = touch.position.copy()
         position[0, k] *= -1.0
-        sigmas = judged_reading(known, replace(touch, position=position)).sigmas
+        sigmas = check_reading(known, replace(touch, position=position)).sigmas
         out.append(Suspicion(kind="sign", name=axis, sigmas=sigmas))
     return out
 

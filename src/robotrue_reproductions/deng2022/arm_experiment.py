@@ -114,10 +114,10 @@ def arm_results(name: str, seed: int, *, quick: bool = False) -> ArmResults:
     if not quick:
         for label, values in SWITCHES.items():
             other = _reread(case, model, source, target, values)
-            switches[label] = float(_statistics(_left(other, check))[0])
+            switches[label] = float(_statistics(_compute_residuals(other, check))[0])
         for label, rule in RULES.items():
             other = _with_rule(case, rule)
-            switches[label] = float(_statistics(_left(other, check))[0])
+            switches[label] = float(_statistics(_compute_residuals(other, check))[0])
     dry, hole = _program_runs(case, model, levels=5 if quick else LEVELS)
     return ArmResults(
         accuracy=_accuracy(case, model, rows, check),
@@ -176,7 +176,7 @@ def _accuracy(
     """Table 8 and what it should have been compared with."""
     robot, inside = case.cell.known.measured_robot, with_attitude(VALIDATION, case.attitude)
     complete = scenarios.validation(case)
-    few = scenarios.measured(case, random_joints(robot, 50, seed=case.seed, region=inside))
+    few = scenarios.measure_joints(case, random_joints(robot, 50, seed=case.seed, region=inside))
     everywhere = with_attitude(Region(), case.attitude)
     fixed = DengReadings(mean="zero", kernel="isotropic", length=_FIXED_LENGTH)
     models: dict[str, ErrorModel] = {
@@ -192,13 +192,13 @@ def _accuracy(
     raw = scenarios.raw_errors(case, check)
     offset = raw - scenarios.raw_errors(case, few).mean(axis=0)
     out = {"before": _statistics(raw)}
-    out |= {label: _statistics(_left(m, check)) for label, m in models.items()}
+    out |= {label: _statistics(_compute_residuals(m, check)) for label, m in models.items()}
     out["mean error of 50 subtracted"] = _statistics(offset)
     out["floor"] = np.array([scenarios.floor(case), np.nan, np.nan])
     return out
 
 
-def _left(model: ErrorModel, rows: MeasurementSet) -> Array:
+def _compute_residuals(model: ErrorModel, rows: MeasurementSet) -> Array:
     """Measured minus commanded minus predicted, (n, 3) m, as the paper measures."""
     commanded = forward(model.robot, rows.joints)[:, :3, 3]
     out: Array = rows.position - commanded - model.predict(Query(joints=rows.joints)).error

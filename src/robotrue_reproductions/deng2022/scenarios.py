@@ -118,7 +118,7 @@ def scenario(name: str, seed: int) -> Scenario:
     return Scenario(name=name, seed=seed, attitude=attitude, cell=cell, plan=plan)
 
 
-def measured(
+def measure_joints(
     case: Scenario, joints: Array, *, campaign: int = CALIBRATION, name: str = "simulated"
 ) -> MeasurementSet:
     """Returns one campaign over joints (n, 6) rad in the order given, positions in base.
@@ -145,18 +145,20 @@ def whole(case: Scenario, n: int) -> MeasurementSet:
 
     Fewer poses are the first of more poses; only the noise is drawn anew.
     """
-    return measured(case, sobol_joints(case, n), name=f"W{n}")
+    return measure_joints(case, sobol_joints(case, n), name=f"W{n}")
 
 
 def source(case: Scenario, *, campaign: int = SOURCE) -> MeasurementSet:
     """Returns the 126 source poses of the paper, angles -40 to -30 deg, by default an own day."""
-    return measured(case, case.plan.source, campaign=campaign, name="source")
+    return measure_joints(case, case.plan.source, campaign=campaign, name="source")
 
 
 def target(case: Scenario, n: int, *, campaign: int = CALIBRATION) -> MeasurementSet:
     """Returns n Sobol poses over the target domain, angles -30 to 40 deg; n = 0 has no rows."""
     region = replace(_WHOLE, angle=(-30 * DEG, 40 * DEG))
-    return measured(case, sobol_joints(case, n, region), campaign=campaign, name=f"target {n}")
+    return measure_joints(
+        case, sobol_joints(case, n, region), campaign=campaign, name=f"target {n}"
+    )
 
 
 def transfer(case: Scenario, n: int) -> MeasurementSet:
@@ -167,23 +169,23 @@ def transfer(case: Scenario, n: int) -> MeasurementSet:
     """
     region = replace(_WHOLE, angle=(-30 * DEG, 40 * DEG))
     joints = np.concatenate([case.plan.source, sobol_joints(case, n, region)])
-    return _grouped(measured(case, joints, name="T"), len(case.plan.source))
+    return _set_groups(measure_joints(case, joints, name="T"), len(case.plan.source))
 
 
 def paper(case: Scenario) -> MeasurementSet:
     """Returns plan P206: 126 source poses (group 0) and 5 x 16 target poses (group 1)."""
     joints = np.concatenate([case.plan.source, case.plan.target])
-    return _grouped(measured(case, joints, name="P206"), len(case.plan.source))
+    return _set_groups(measure_joints(case, joints, name="P206"), len(case.plan.source))
 
 
 def validation(case: Scenario) -> MeasurementSet:
     """Returns plan V: the 378 poses of the validation region, angles -20 to 20 deg."""
-    return measured(case, case.plan.validation, name="V378")
+    return measure_joints(case, case.plan.validation, name="V378")
 
 
 def check(case: Scenario) -> MeasurementSet:
     """Returns the 50 check poses, angles -20 to 20 deg, measured on another day."""
-    return measured(case, case.plan.check, campaign=CHECK, name="check")
+    return measure_joints(case, case.plan.check, campaign=CHECK, name="check")
 
 
 def raw_errors(case: Scenario, rows: MeasurementSet) -> Array:
@@ -235,7 +237,7 @@ def sobol_joints(case: Scenario, n: int, region: Region = _WHOLE) -> Array:
     return np.asarray(able[:n])
 
 
-def _grouped(rows: MeasurementSet, first: int) -> MeasurementSet:
+def _set_groups(rows: MeasurementSet, first: int) -> MeasurementSet:
     """The set with its rows from ``first`` on as a group of their own."""
     group = (np.arange(len(rows)) >= first).astype(np.int64)
     return replace(rows, group=group, group_names=("source", "target"), sources=rows.sources * 2)

@@ -30,7 +30,7 @@ TABLE_4: Final[dict[Workspace, tuple[float, float, float]]] = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Layout:
+class SectorLayout:
     """A reference region and three others beside it, all alike.
 
     Attributes:
@@ -52,14 +52,14 @@ def cylinder_layout(
     height: tuple[float, float],
     counts: tuple[int, int, int],
     attitude: Attitude,
-) -> Layout:
+) -> SectorLayout:
     """Returns four slabs side by side about joint 1; start, width and gap in rad."""
     low = start + (width + gap) * np.arange(4)
     a, b, c, d = (
         CylinderRegion(angle=(float(v), float(v + width)), radius=radius, height=height)
         for v in low
     )
-    return Layout(regions=(a, b, c, d), counts=counts, attitude=attitude)
+    return SectorLayout(regions=(a, b, c, d), counts=counts, attitude=attitude)
 
 
 def cube_layout(
@@ -69,14 +69,14 @@ def cube_layout(
     x: tuple[float, float],
     z: tuple[float, float],
     counts: tuple[int, int, int],
-) -> Layout:
+) -> SectorLayout:
     """Returns four boxes side by side along y; start, width and gap in m, counts of x, y, z."""
     low = start + (width + gap) * np.arange(4)
     a, b, c, d = (CubeRegion(x=x, y=(float(v), float(v + width)), z=z) for v in low)
-    return Layout(regions=(a, b, c, d), counts=counts, attitude="fixed")
+    return SectorLayout(regions=(a, b, c, d), counts=counts, attitude="fixed")
 
 
-FOUND: Final[dict[Workspace, Layout]] = {
+FOUND: Final[dict[Workspace, SectorLayout]] = {
     "cylinder": cylinder_layout(
         -13.64 * DEG, 15.0 * DEG, 0.0, (1.0, 1.2), (0.6, 1.0), (5, 5, 5), "turning"
     ),
@@ -85,7 +85,7 @@ FOUND: Final[dict[Workspace, Layout]] = {
 """Nearest to Table 4 under the recommended reading, of 1500 layouts drawn as here."""
 
 
-def layout_errors(cell: VirtualCell, layout: Layout) -> tuple[Array, Array] | None:
+def layout_errors(cell: VirtualCell, layout: SectorLayout) -> tuple[Array, Array] | None:
     """Returns points and errors (4, n, 3) m of the regions; None where a pose is out of reach."""
     points = np.concatenate([grid_points(region, layout.counts) for region in layout.regions])
     heading = np.zeros((len(points), 3))
@@ -99,7 +99,9 @@ def layout_errors(cell: VirtualCell, layout: Layout) -> tuple[Array, Array] | No
     return points.reshape(4, -1, 3), errors.reshape(4, -1, 3)
 
 
-def layout_similarity(cell: VirtualCell, layout: Layout) -> dict[SimilarityReading, Array] | None:
+def layout_similarity(
+    cell: VirtualCell, layout: SectorLayout
+) -> dict[SimilarityReading, Array] | None:
     """Returns the similarities (3,) under every reading; None where a pose is out of reach."""
     found = layout_errors(cell, layout)
     if found is None:
@@ -117,7 +119,9 @@ def table_4_cell() -> VirtualCell:
     return deng2022(1, level=0.0, exact=True)
 
 
-def random_layouts(workspace: Workspace, count: int, rng: np.random.Generator) -> Iterator[Layout]:
+def random_layouts(
+    workspace: Workspace, count: int, rng: np.random.Generator
+) -> Iterator[SectorLayout]:
     """Yields random layouts of one kind: start, width, gap, extents and number of points."""
     for _ in range(count):
         a, b, c = (int(v) for v in rng.integers(3, 6, 3))

@@ -74,7 +74,7 @@ def one_move(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Drift:
+class ShiftedProduction:
     """A production of 800 holes with a zero shift at hole 400.
 
     Attributes:
@@ -90,7 +90,7 @@ class Drift:
     false: int
 
 
-def production(seed: int) -> Drift:
+def production(seed: int) -> ShiftedProduction:
     """Returns what becomes of a model of 15 clamps with a gauge behind every hole (simulated)."""
     machine = drilling_machine(seed, nonlinear=True, friction=True)
     shifted = replace(machine, offset=machine.offset + SHIFT)
@@ -104,11 +104,11 @@ def production(seed: int) -> Drift:
     )
     left, alarms = [], []
     for k, each in enumerate(holes):
-        model, part, found = _drilled(model, each, random)
+        model, part, found = _drill_holes(model, each, random)
         left.append(part)
         alarms += [k * SHIFTED_AT + i for i in found]
     late = [i - SHIFTED_AT + 1 for i in alarms if i >= SHIFTED_AT]
-    return Drift(
+    return ShiftedProduction(
         left=np.concatenate(left),
         stale=stale,
         delay=float(late[0]) if late else np.inf,
@@ -116,7 +116,7 @@ def production(seed: int) -> Drift:
     )
 
 
-def _drilled(
+def _drill_holes(
     model: NormalModel, holes: Campaign, random: np.random.Generator
 ) -> tuple[NormalModel, Array, list[int]]:
     left, alarms = np.empty(len(holes)), []

@@ -55,7 +55,7 @@ def blind_figures(seeds: range) -> list[Figure]:
         )
         out.append(figure("blind", name, "step", "mm", None, result.mismatch / MM))
         out.append(figure("blind", name, "rms", "mm", None, result.rms / MM))
-    seen = [_seen(session(seed), seed) for seed in seeds]
+    seen = [_check_block(session(seed), seed) for seed in seeds]
     for k, (name, quantity, unit) in enumerate(
         (
             ("block at rest", "step", "mm"),
@@ -71,14 +71,14 @@ def blind_figures(seeds: range) -> list[Figure]:
     return out
 
 
-def registered(model: ErrorModel | RobotModel, s: Session) -> Registration:
+def register_block(model: ErrorModel | RobotModel, s: Session) -> Registration:
     """Returns the frame from ten touches on each of three sides, through a model."""
     touched = together(s.sides, 30)
     sigma = Noise(touch=s.cell.sizes.touch, robot=ARM_SHARE).sigma
     return fit_points(touched.points, tips(model, touched.joints), sigma=sigma)
 
 
-def datums_touched(
+def touch_datums(
     cell: FengCell,
     model: ErrorModel | RobotModel,
     frame: Registration,
@@ -97,21 +97,21 @@ def datums_touched(
     )
 
 
-def knocked(cell: FengCell, rng: np.random.Generator) -> FengCell:
+def knock_block(cell: FengCell, rng: np.random.Generator) -> FengCell:
     """Returns the cell with its block pushed by :data:`KNOCKED` in a random direction."""
     direction = rng.normal(size=3)
     knock = pose(np.eye(3), KNOCKED * direction / np.linalg.norm(direction))
     return replace(cell, T_base_part=knock @ cell.T_base_part)
 
 
-def _seen(s: Session, seed: int) -> tuple[float, float, float, float, float]:
+def _check_block(s: Session, seed: int) -> tuple[float, float, float, float, float]:
     """Step and datum at rest; step, rms and datum after the block was knocked."""
     model = s.calibrated or s.nominal
-    frame = registered(model, s)
+    frame = register_block(model, s)
     rng = np.random.default_rng([seed, 59])
     found: list[float] = []
-    for cell in (s.cell, knocked(s.cell, rng)):
+    for cell in (s.cell, knock_block(s.cell, rng)):
         slots = cut_slots(*both_sides(cell, model, frame.T_base_part), rng)
-        check = datums_touched(cell, model, frame, rng)
+        check = touch_datums(cell, model, frame, rng)
         found += [slots.mismatch, slots.rms, float(check.verdict == "is off")]
     return found[0], found[2], found[3], found[4], found[5]

@@ -26,7 +26,7 @@ ShiftAxes: TypeAlias = Literal["base", "feature"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Readings:
+class EquationReadings:
     """Which way each equation is read.
 
     Attributes:
@@ -73,11 +73,11 @@ class Readings:
         return self.second_axis == "a x n" and self.attitude == "feature in base" and not exchanged
 
 
-CORRECTED: Final = Readings()
+CORRECTED: Final = EquationReadings()
 """Every equation as it must be read."""
 
 
-def attitude(points: Array, readings: Readings = CORRECTED) -> Array:
+def attitude(points: Array, readings: EquationReadings = CORRECTED) -> Array:
     """Returns the feature's attitude (3, 3) from K, L, M, eq. 9-12, as the readings have it.
 
     Args:
@@ -97,7 +97,7 @@ def attitude(points: Array, readings: Readings = CORRECTED) -> Array:
     return axes if readings.attitude == "feature in base" else axes.T
 
 
-def turn_angles(model: Array, touched: Array, readings: Readings = CORRECTED) -> Array:
+def turn_angles(model: Array, touched: Array, readings: EquationReadings = CORRECTED) -> Array:
     """Returns the angles (3,) rad to turn the model about its z, y, x, in that order.
 
     Eq. 13: touched = model Rz(gamma) Ry(beta) Rx(alpha), with attitudes as ``readings`` has them.
@@ -123,7 +123,7 @@ def turn(angles: Array) -> Array:
     return matrix_from_abc(angles)
 
 
-def correction_of(readings: Readings) -> Correction:
+def correction_of(readings: EquationReadings) -> Correction:
     """Returns the correction of a pass of the recursion, with the equations as read."""
 
     def correct(model: Array, touched: Array) -> tuple[Array, Array]:

@@ -206,7 +206,7 @@ def with_tool_change(cell: FengCell, rng: np.random.Generator) -> FengCell:
     return with_tip(cell, 0.3 * MM * rng.normal(size=3))
 
 
-def flipped(cell: FengCell, rng: np.random.Generator) -> FengCell:
+def flip_block(cell: FengCell, rng: np.random.Generator) -> FengCell:
     """Returns the cell with the block turned end for end, its back to the front, clamped anew.
 
     The new clamping is off by N(0, 3 deg) and N(0, 6 mm) like the first, about the drawing of the

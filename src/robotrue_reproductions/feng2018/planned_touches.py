@@ -48,7 +48,7 @@ TIP: Final = 0.3 * MM
 
 
 @cache
-def planned(count: int) -> tuple[tuple[Posture, ...], Array, Array]:
+def plan_block_touches(count: int) -> tuple[tuple[Posture, ...], Array, Array]:
     """Returns postures (n,), part points (n, 3) m and attitudes R_base_tool (n, 3, 3) of a plan.
 
     Args:
@@ -77,7 +77,7 @@ def planned(count: int) -> tuple[tuple[Posture, ...], Array, Array]:
 
 def touch_planned(cell: FengCell, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
     """Returns part points (n, 3) m and joints (n, 6) rad of the planned touches of a cell."""
-    postures, points, turn = planned(count)
+    postures, points, turn = plan_block_touches(count)
     scatter = np.hypot(cell.sizes.touch, cell.sizes.repeatability)
     aim = apply(cell.T_base_part, points) + scatter * rng.normal(size=points.shape)
     joints = np.empty((len(points), 6))

@@ -40,14 +40,14 @@ from robotrue_reproductions.feng2018.machining_cell import (
     FengCell,
     Posture,
     feng_cell,
-    flipped,
+    flip_block,
     touch,
     touch_points,
     tracker_poses,
     with_tool_change,
 )
 from robotrue_reproductions.feng2018.planned_touches import TIP, touch_planned
-from robotrue_reproductions.feng2018.slot_experiment import Side, both_sides
+from robotrue_reproductions.feng2018.slot_experiment import SlotSide, both_sides
 
 MOST: Final = 30
 """Touches on each of the three sides in a session."""
@@ -120,10 +120,10 @@ def session(
     """
     cell = feng_cell(seed, sizes)
     rng = np.random.default_rng([seed, 43])
-    sides = _touched(cell, rng)
+    sides = _touch_sides(cell, rng)
     corner = Touches(points=CORNER, joints=touch(cell, CORNER, "R", rng))
     other = with_tool_change(cell, rng)
-    turned = flipped(cell, rng)
+    turned = flip_block(cell, rng)
     back = touch_points("L", MOST, rng)
     calibrated = None
     measured = tracker_poses(cell, rng, count=poses)
@@ -135,7 +135,7 @@ def session(
         sides=sides,
         corner=corner,
         calibrated=calibrated,
-        changed=(other, _touched(other, rng)),
+        changed=(other, _touch_sides(other, rng)),
         turned=(
             turned,
             Touches(points=back, joints=touch(turned, back, "R", rng)),
@@ -144,7 +144,7 @@ def session(
     )
 
 
-def _touched(cell: FengCell, rng: np.random.Generator) -> dict[Posture, Touches]:
+def _touch_sides(cell: FengCell, rng: np.random.Generator) -> dict[Posture, Touches]:
     out: dict[Posture, Touches] = {}
     for posture in START:
         points = touch_points(posture, MOST, rng)
@@ -160,12 +160,12 @@ def tips(model: ErrorModel | RobotModel, joints: Array) -> Array:
     return np.asarray(believed)
 
 
-def as_drawn(s: Session) -> tuple[Side, Side]:
+def as_drawn(s: Session) -> tuple[SlotSide, SlotSide]:
     """Returns both sides cut where the drawing has the block."""
     return both_sides(s.cell, s.nominal, T_BASE_DRAWN)
 
 
-def three_points(s: Session, model: ErrorModel | RobotModel) -> tuple[Side, Side]:
+def three_points(s: Session, model: ErrorModel | RobotModel) -> tuple[SlotSide, SlotSide]:
     """Returns the paper's way: a feature frame on three points of the front, K exact."""
     found = fit_feature_frame(
         s.corner.points, tips(model, s.corner.joints), sigma=s.cell.sizes.touch
@@ -173,22 +173,24 @@ def three_points(s: Session, model: ErrorModel | RobotModel) -> tuple[Side, Side
     return both_sides(s.cell, model, found.T_base_part)
 
 
-def front(s: Session, model: ErrorModel | RobotModel, count: int = 20) -> tuple[Side, Side]:
+def front(s: Session, model: ErrorModel | RobotModel, count: int = 20) -> tuple[SlotSide, SlotSide]:
     """Returns one frame from points of the front alone, all counting equally."""
     return both_sides(s.cell, model, _frame(model, s.sides["R"].first(count)))
 
 
-def all_sides(s: Session, model: ErrorModel | RobotModel, count: int = 30) -> tuple[Side, Side]:
+def all_sides(
+    s: Session, model: ErrorModel | RobotModel, count: int = 30
+) -> tuple[SlotSide, SlotSide]:
     """Returns one frame from points of all three sides."""
     return both_sides(s.cell, model, _frame(model, together(s.sides, count)))
 
 
 def frame_per_side(
     s: Session, model: ErrorModel | RobotModel, count: int = 10
-) -> tuple[Side, Side]:
+) -> tuple[SlotSide, SlotSide]:
     """Returns each side cut in a frame of its own, from its own touches, in its own posture."""
     first, second = (
-        Side(
+        SlotSide(
             cell=s.cell,
             posture=posture,
             model=model,
@@ -199,43 +201,45 @@ def frame_per_side(
     return first, second
 
 
-def frame_and_tip(s: Session, count: int = 30) -> tuple[Side, Side]:
+def frame_and_tip(s: Session, count: int = 30) -> tuple[SlotSide, SlotSide]:
     """Returns frame and tool tip from one fit, kinematics nominal."""
     robot, place = _frame_and_tip(s.nominal, together(s.sides, count))
     return both_sides(s.cell, robot, place)
 
 
-def tool_not_refitted(s: Session, model: ErrorModel, count: int = 30) -> tuple[Side, Side]:
+def tool_not_refitted(s: Session, model: ErrorModel, count: int = 30) -> tuple[SlotSide, SlotSide]:
     """Returns both sides after a tool change nobody told the model about."""
     cell, sides = s.changed
     return both_sides(cell, model, _frame(model, together(sides, count)))
 
 
-def probing_only(s: Session, count: int = 30) -> tuple[Side, Side]:
+def probing_only(s: Session, count: int = 30) -> tuple[SlotSide, SlotSide]:
     """Returns arm, tool tip and frame from touches alone: one estimate, no tracker."""
-    return _estimated(s.cell, s.nominal, together(s.sides, count), tool_sigma=TIP)
+    return _cut_estimated(s.cell, s.nominal, together(s.sides, count), tool_sigma=TIP)
 
 
-def probing_planned(s: Session, count: int = 30) -> tuple[Side, Side]:
+def probing_planned(s: Session, count: int = 30) -> tuple[SlotSide, SlotSide]:
     """Returns the same with touches planned for the two sides that will be cut."""
-    return _estimated(s.cell, s.nominal, _planned(s.cell, count), tool_sigma=TIP)
+    return _cut_estimated(s.cell, s.nominal, _touch_planned(s.cell, count), tool_sigma=TIP)
 
 
-def joint_estimate(s: Session, model: ErrorModel, count: int = 30) -> tuple[Side, Side]:
+def joint_estimate(s: Session, model: ErrorModel, count: int = 30) -> tuple[SlotSide, SlotSide]:
     """Returns the calibrated arm and the frame in one estimate with the touches."""
-    return _estimated(s.cell, model, together(s.sides, count), tool_sigma=0.0)
+    return _cut_estimated(s.cell, model, together(s.sides, count), tool_sigma=0.0)
 
 
-def tool_refitted(s: Session, model: ErrorModel, count: int = 30) -> tuple[Side, Side]:
+def tool_refitted(s: Session, model: ErrorModel, count: int = 30) -> tuple[SlotSide, SlotSide]:
     """Returns the same after a tool change, told how far the new tip may be off."""
     cell, sides = s.changed
-    return _estimated(cell, model, together(sides, count), tool_sigma=TIP)
+    return _cut_estimated(cell, model, together(sides, count), tool_sigma=TIP)
 
 
-def tool_refitted_planned(s: Session, model: ErrorModel, count: int = 30) -> tuple[Side, Side]:
+def tool_refitted_planned(
+    s: Session, model: ErrorModel, count: int = 30
+) -> tuple[SlotSide, SlotSide]:
     """Returns the same with planned touches."""
     cell = s.changed[0]
-    return _estimated(cell, model, _planned(cell, count), tool_sigma=TIP)
+    return _cut_estimated(cell, model, _touch_planned(cell, count), tool_sigma=TIP)
 
 
 def probing_set(touches: Touches) -> ProbingSet:
@@ -250,7 +254,7 @@ def probing_set(touches: Touches) -> ProbingSet:
     )
 
 
-def estimated(
+def estimate_cell(
     cell: FengCell, model: ErrorModel | RobotModel, touches: Touches, *, tool_sigma: float
 ) -> ProbingEstimate:
     """Returns the one estimate of arm, tip and frame from touches of a cell.
@@ -270,24 +274,26 @@ def estimated(
     return estimate_probing(arm, probing_set(touches), settings)
 
 
-def turned_as_drawn(s: Session) -> tuple[Side, Side]:
+def turned_as_drawn(s: Session) -> tuple[SlotSide, SlotSide]:
     """Returns the block cut from the front, turned, and cut from the front again, as drawn."""
-    return _turned(s, s.nominal, T_BASE_DRAWN, T_BASE_FLIPPED)
+    return _cut_turned(s, s.nominal, T_BASE_DRAWN, T_BASE_FLIPPED)
 
 
-def turned_three_points(s: Session, model: ErrorModel | RobotModel) -> tuple[Side, Side]:
+def turned_three_points(s: Session, model: ErrorModel | RobotModel) -> tuple[SlotSide, SlotSide]:
     """Returns the same with three touched points in each clamping, K exact."""
     before, after = (
         fit_feature_frame(t.points, tips(model, t.joints), sigma=s.cell.sizes.touch).T_base_part
         for t in (s.corner, s.turned[2])
     )
-    return _turned(s, model, before, after)
+    return _cut_turned(s, model, before, after)
 
 
-def turned_points(s: Session, model: ErrorModel | RobotModel, count: int = 20) -> tuple[Side, Side]:
+def turned_points(
+    s: Session, model: ErrorModel | RobotModel, count: int = 20
+) -> tuple[SlotSide, SlotSide]:
     """Returns the same with many touched points in each clamping."""
     first, second = s.sides["R"].first(count), s.turned[1].first(count)
-    return _turned(s, model, _frame(model, first), _frame(model, second))
+    return _cut_turned(s, model, _frame(model, first), _frame(model, second))
 
 
 def with_spindle_askew(seed: int) -> Session:
@@ -308,24 +314,24 @@ def _frame(model: ErrorModel | RobotModel, touches: Touches) -> Array:
     return fit_rigid(touches.points, tips(model, touches.joints))
 
 
-def _estimated(
+def _cut_estimated(
     cell: FengCell, model: ErrorModel | RobotModel, touches: Touches, *, tool_sigma: float
-) -> tuple[Side, Side]:
-    found = estimated(cell, model, touches, tool_sigma=tool_sigma)
+) -> tuple[SlotSide, SlotSide]:
+    found = estimate_cell(cell, model, touches, tool_sigma=tool_sigma)
     return both_sides(cell, model_of_estimate(found), found.T_base_part[0])
 
 
-def _planned(cell: FengCell, count: int) -> Touches:
+def _touch_planned(cell: FengCell, count: int) -> Touches:
     points, joints = touch_planned(cell, count, np.random.default_rng([cell.seed, 61, count]))
     return Touches(points=points, joints=joints)
 
 
-def _turned(
+def _cut_turned(
     s: Session, model: ErrorModel | RobotModel, before: Array, after: Array
-) -> tuple[Side, Side]:
+) -> tuple[SlotSide, SlotSide]:
     return (
-        Side(cell=s.cell, posture="R", model=model, T_base_part=before),
-        Side(cell=s.turned[0], posture="R", model=model, T_base_part=after),
+        SlotSide(cell=s.cell, posture="R", model=model, T_base_part=before),
+        SlotSide(cell=s.turned[0], posture="R", model=model, T_base_part=after),
     )
 
 

@@ -43,7 +43,7 @@ CHECKED: Final = np.stack(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Side(Columns):
+class SlotSide(Columns):
     """How one side is cut.
 
     Attributes:
@@ -62,10 +62,10 @@ class Side(Columns):
 
 def both_sides(
     cell: FengCell, model: ErrorModel | RobotModel, T_base_part: Array
-) -> tuple[Side, Side]:
+) -> tuple[SlotSide, SlotSide]:
     """Returns both sides cut in one clamping, with one model and in one frame (4, 4)."""
     first, second = (
-        Side(cell=cell, posture=posture, model=model, T_base_part=T_base_part)
+        SlotSide(cell=cell, posture=posture, model=model, T_base_part=T_base_part)
         for posture in ("R", "L")
     )
     return first, second
@@ -126,7 +126,7 @@ class ContourResult:
         return float(np.abs(self.step).max())
 
 
-def reached(side: Side, p_part: Array, rng: np.random.Generator | None = None) -> Array:
+def reach_points(side: SlotSide, p_part: Array, rng: np.random.Generator | None = None) -> Array:
     """Returns where the tip truly goes (n, 3) m in part for nominal points (n, 3) m in part.
 
     The tool keeps the attitude of the side's posture, base axes.
@@ -143,7 +143,7 @@ def slot_points() -> Array:
     return np.stack([x, np.full_like(x, MIDDLE), z], axis=-1)
 
 
-def cut_slots(first: Side, second: Side, rng: np.random.Generator) -> SlotResult:
+def cut_slots(first: SlotSide, second: SlotSide, rng: np.random.Generator) -> SlotResult:
     """Returns the slot test of two sides.
 
     Args:
@@ -153,7 +153,7 @@ def cut_slots(first: Side, second: Side, rng: np.random.Generator) -> SlotResult
     """
     points = slot_points()
     asked = np.concatenate([points.reshape(-1, 3), CHECKED])
-    both = np.array([reached(side, asked) for side in (first, second)])
+    both = np.array([reach_points(side, asked) for side in (first, second)])
     count = points.shape[0] * points.shape[1]
     visited = both[:, :count].copy()
     for k, side in enumerate((first, second)):
@@ -191,18 +191,18 @@ def contour(count: int = 72) -> tuple[Array, Array]:
     return points, normals / np.linalg.norm(normals, axis=1)[:, None]
 
 
-def cut_contour(first: Side, second: Side, rng: np.random.Generator) -> ContourResult:
+def cut_contour(first: SlotSide, second: SlotSide, rng: np.random.Generator) -> ContourResult:
     """Returns the sculpture test of two sides; arguments as for :func:`cut_slots`."""
     points, normals = contour()
-    apart = reached(first, points, rng) - reached(second, points, rng)
+    apart = reach_points(first, points, rng) - reach_points(second, points, rng)
     return ContourResult(step=np.einsum("ni,ni->n", apart, normals), points=points)
 
 
-def _in_part(side: Side) -> Array:
+def _in_part(side: SlotSide) -> Array:
     return np.asarray(side.T_base_part[:3, :3].T @ attitude(side.posture))
 
 
-def _frames(first: Side, second: Side) -> Frames:
+def _frames(first: SlotSide, second: SlotSide) -> Frames:
     same = np.array_equal(first.T_base_part, second.T_base_part) and np.array_equal(
         first.cell.T_base_part, second.cell.T_base_part
     )

@@ -9,12 +9,12 @@ import numpy as np
 
 from robotrue.errors import ConfigurationError
 from robotrue.validation.slot_test import DatumCheck
-from robotrue_reproductions.feng2018.blind_spots import datums_touched, knocked, registered
+from robotrue_reproductions.feng2018.blind_spots import knock_block, register_block, touch_datums
 from robotrue_reproductions.feng2018.way_results import (
     WAYS,
     WayResult,
-    calibrated_of,
     cut_way,
+    require_calibrated,
     sessions_of,
 )
 from robotrue_reproductions.reproduction import Progress
@@ -42,7 +42,7 @@ class SlotTrial:
     paper: WayResult
     chosen: WayResult
     rest: DatumCheck
-    knocked: DatumCheck
+    knock_block: DatumCheck
 
 
 def run_slot_trial(seed: int, way: str, progress: Progress) -> SlotTrial:
@@ -65,17 +65,17 @@ def run_slot_trial(seed: int, way: str, progress: Progress) -> SlotTrial:
         results.append(cut_way(one, sessions[one.cell], seed))
     found = {result.way.key: result for result in results}
     plain = sessions["plain"]
-    model = calibrated_of(plain)
-    frame = registered(model, plain)
+    model = require_calibrated(plain)
+    frame = register_block(model, plain)
     rng = np.random.default_rng([seed, 59])
-    pushed = knocked(plain.cell, rng)
+    pushed = knock_block(plain.cell, rng)
     return SlotTrial(
         seed=seed,
         results=tuple(results),
         paper=found[PAPER_KEY],
         chosen=found[way],
-        rest=datums_touched(plain.cell, model, frame, rng),
-        knocked=datums_touched(pushed, model, frame, rng),
+        rest=touch_datums(plain.cell, model, frame, rng),
+        knocked=touch_datums(pushed, model, frame, rng),
     )
 
 

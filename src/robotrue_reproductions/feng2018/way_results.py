@@ -33,17 +33,17 @@ from robotrue_reproductions.feng2018.registration_ways import (
 )
 from robotrue_reproductions.feng2018.slot_experiment import (
     ContourResult,
-    Side,
     SlotResult,
+    SlotSide,
     cut_contour,
     cut_slots,
 )
 
-Sides: TypeAlias = tuple[Side, Side]
+Sides: TypeAlias = tuple[SlotSide, SlotSide]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Way:
+class RegistrationWay:
     """One way to tie a program to the block.
 
     Attributes:
@@ -59,7 +59,7 @@ class Way:
     cell: str = "plain"
 
 
-def calibrated_of(s: Session) -> ErrorModel:
+def require_calibrated(s: Session) -> ErrorModel:
     """Returns the session's calibrated model.
 
     Raises:
@@ -81,73 +81,79 @@ REFITTED: Final = "calibrated, tool changed, 30 touches at random refit it"
 REFITTED_PLANNED: Final = "calibrated, tool changed, 30 planned touches refit it"
 
 WAYS: Final = (
-    Way(key="drawn", name=DRAWN, sides=as_drawn, cell="askew"),
-    Way(key="paper", name=PAPER, sides=lambda s: three_points(s, s.nominal)),
-    Way(
+    RegistrationWay(key="drawn", name=DRAWN, sides=as_drawn, cell="askew"),
+    RegistrationWay(key="paper", name=PAPER, sides=lambda s: three_points(s, s.nominal)),
+    RegistrationWay(
         key="tip-exact",
         name="the same, tip exact",
         sides=lambda s: three_points(s, s.nominal),
         cell="true tip",
     ),
-    Way(
+    RegistrationWay(
         key="arm-exact",
         name="the same, arm exact",
         sides=lambda s: three_points(s, s.nominal),
         cell="true arm",
     ),
-    Way(key="front", name="20 points on the front", sides=lambda s: front(s, s.nominal)),
-    Way(
+    RegistrationWay(
+        key="front", name="20 points on the front", sides=lambda s: front(s, s.nominal)
+    ),
+    RegistrationWay(
         key="one-frame",
         name="30 points on 3 sides, one frame",
         sides=lambda s: all_sides(s, s.nominal),
     ),
-    Way(
+    RegistrationWay(
         key="per-side",
         name="a frame for each side, 10 + 10",
         sides=lambda s: frame_per_side(s, s.nominal),
     ),
-    Way(key="frame-tip", name="frame and tip, 30 points", sides=frame_and_tip),
-    Way(key="touches-30", name=TOUCHES_30, sides=probing_only),
-    Way(key="touches-90", name=TOUCHES_90, sides=lambda s: probing_only(s, 90)),
-    Way(key="planned-30", name=PLANNED_30, sides=probing_planned),
-    Way(key="planned-90", name=PLANNED_90, sides=lambda s: probing_planned(s, 90)),
-    Way(
+    RegistrationWay(key="frame-tip", name="frame and tip, 30 points", sides=frame_and_tip),
+    RegistrationWay(key="touches-30", name=TOUCHES_30, sides=probing_only),
+    RegistrationWay(key="touches-90", name=TOUCHES_90, sides=lambda s: probing_only(s, 90)),
+    RegistrationWay(key="planned-30", name=PLANNED_30, sides=probing_planned),
+    RegistrationWay(key="planned-90", name=PLANNED_90, sides=lambda s: probing_planned(s, 90)),
+    RegistrationWay(
         key="calibrated-3",
         name="calibrated, 3 points",
-        sides=lambda s: three_points(s, calibrated_of(s)),
+        sides=lambda s: three_points(s, require_calibrated(s)),
     ),
-    Way(key="calibrated", name=CALIBRATED, sides=lambda s: all_sides(s, calibrated_of(s))),
-    Way(
+    RegistrationWay(
+        key="calibrated", name=CALIBRATED, sides=lambda s: all_sides(s, require_calibrated(s))
+    ),
+    RegistrationWay(
         key="joint",
         name="calibrated, 30 points, one estimate",
-        sides=lambda s: joint_estimate(s, calibrated_of(s)),
+        sides=lambda s: joint_estimate(s, require_calibrated(s)),
     ),
-    Way(
+    RegistrationWay(
         key="changed",
         name="calibrated, tool changed, not refitted",
-        sides=lambda s: tool_not_refitted(s, calibrated_of(s)),
+        sides=lambda s: tool_not_refitted(s, require_calibrated(s)),
     ),
-    Way(key="refitted", name=REFITTED, sides=lambda s: tool_refitted(s, calibrated_of(s))),
-    Way(
+    RegistrationWay(
+        key="refitted", name=REFITTED, sides=lambda s: tool_refitted(s, require_calibrated(s))
+    ),
+    RegistrationWay(
         key="refitted-planned",
         name=REFITTED_PLANNED,
-        sides=lambda s: tool_refitted_planned(s, calibrated_of(s)),
+        sides=lambda s: tool_refitted_planned(s, require_calibrated(s)),
     ),
-    Way(key="turned-drawn", name="block turned, as drawn", sides=turned_as_drawn),
-    Way(
+    RegistrationWay(key="turned-drawn", name="block turned, as drawn", sides=turned_as_drawn),
+    RegistrationWay(
         key="turned-3",
         name="block turned, 3 points each time",
         sides=lambda s: turned_three_points(s, s.nominal),
     ),
-    Way(
+    RegistrationWay(
         key="turned",
         name="block turned, 20 points each",
         sides=lambda s: turned_points(s, s.nominal),
     ),
-    Way(
+    RegistrationWay(
         key="turned-calibrated",
         name="block turned, 20 points each, calibrated",
-        sides=lambda s: turned_points(s, calibrated_of(s)),
+        sides=lambda s: turned_points(s, require_calibrated(s)),
     ),
 )
 """From the drawing to one estimate."""
@@ -163,7 +169,7 @@ class WayResult:
         outline: The sculpture test.
     """
 
-    way: Way
+    way: RegistrationWay
     slots: SlotResult
     outline: ContourResult
 
@@ -205,7 +211,7 @@ class WayResult:
 
 def results_of(
     seed: int,
-    ways: tuple[Way, ...] = WAYS,
+    ways: tuple[RegistrationWay, ...] = WAYS,
     *,
     method: str = "ripple",
     sizes: CellSizes | None = None,
@@ -222,7 +228,7 @@ def results_of(
     return {way.name: cut_way(way, sessions[way.cell], seed) for way in ways}
 
 
-def cut_way(way: Way, touched: Session, seed: int) -> WayResult:
+def cut_way(way: RegistrationWay, touched: Session, seed: int) -> WayResult:
     """Returns a way cut in the cell of a session; ``seed`` is that of the cutting."""
     first, second = way.sides(touched)
     rng = np.random.default_rng([seed, 53])
@@ -232,12 +238,12 @@ def cut_way(way: Way, touched: Session, seed: int) -> WayResult:
 
 def sessions_of(
     seed: int,
-    ways: Iterable[Way] = WAYS,
+    ways: Iterable[RegistrationWay] = WAYS,
     *,
     method: str = "ripple",
     sizes: CellSizes | None = None,
 ) -> dict[str, Session]:
-    """Returns the sessions that ways ask for, by :attr:`Way.cell`; arguments as above."""
+    """Returns the sessions that ways ask for, by their ``cell``; arguments as above."""
     kinds: dict[str, Callable[[], Session]] = {
         "plain": lambda: session(seed, sizes=sizes, method=method),
         "askew": lambda: with_spindle_askew(seed),

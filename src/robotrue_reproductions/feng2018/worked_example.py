@@ -15,7 +15,7 @@ from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue_reproductions.feng2018.equation_readings import (
     CORRECTED,
-    Readings,
+    EquationReadings,
     correction_of,
     turn,
 )
@@ -29,10 +29,10 @@ SECOND: Final = np.array([0.75, 0.36, 0.48]) * DEG
 SHIFT: Final = np.array([-5.0, 2.5, -3.0]) * MM
 READINGS: Final = (
     ("as it must be read", CORRECTED),
-    ("eq. 11 as printed, o = n x a", Readings(second_axis="n x a")),
-    ("eq. 12 as printed, transposed", Readings(attitude="base in feature")),
-    ("eq. 15 as printed, angles exchanged", Readings(angle_values="equation 15")),
-    ("eq. 14 along the turned axes, as the text says", Readings(shift_axes="feature")),
+    ("eq. 11 as printed, o = n x a", EquationReadings(second_axis="n x a")),
+    ("eq. 12 as printed, transposed", EquationReadings(attitude="base in feature")),
+    ("eq. 15 as printed, angles exchanged", EquationReadings(angle_values="equation 15")),
+    ("eq. 14 along the turned axes, as the text says", EquationReadings(shift_axes="feature")),
 )
 
 
@@ -69,7 +69,7 @@ def wrong_readings() -> list[Figure]:
     return out
 
 
-def _replay(readings: Readings, part: Array, *, passes: int) -> Adjustment:
+def _replay(readings: EquationReadings, part: Array, *, passes: int) -> Adjustment:
     return adjust_recursively(
         TRIANGLE,
         np.eye(4),

@@ -98,7 +98,7 @@ def milling_experiment(seed: int, passes: Sequence[int] = range(len(SHIFTS))) ->
         passes: Which of the six passes are cut; 0 is the printed one.
     """
     arm, tools = milling_arm(seed), tooling(seed)
-    frequency, hammer = _hammered(arm, seed)
+    frequency, hammer = _hammer_modes(arm, seed)
     parts = [_pass(arm, tools, frequency, hammer, seed, k) for k in passes]
     return MillingExperiment(
         seed=seed,
@@ -130,7 +130,7 @@ def _pass(
     rng = np.random.default_rng([seed, 110 + which])
     edges = window_edges()
     marks = np.rint(edges / FEED * RATE).astype(np.int64)
-    joints = pass_joints(_refreshed(edges), SHIFTS[which])
+    joints = pass_joints(_place_refreshes(edges), SHIFTS[which])
     force = pass_force(tools, int(marks[-1]), rng)
     truth, static = _displacement(arm, joints, force, marks)
     read = read_force(tools, force, rng)
@@ -141,7 +141,7 @@ def _pass(
     rows = []
     for k, (a, b) in enumerate(pairwise(marks.tolist())):
         measured = peaks_per_turn(seen[a:b], TURN).mean() + repeated[k]
-        bent = _predicted(frequency, hammer, read[a:b])
+        bent = _predict_displacement(frequency, hammer, read[a:b])
         predicted = peaks_per_turn(-bent, TURN).mean()
         peak = peaks_per_turn(np.abs(read[a:b, 1]), TURN).mean()
         rows.append([*read[a:b].mean(axis=0), peak, predicted, measured])
@@ -160,7 +160,7 @@ def _pass(
     return windows, static, middle
 
 
-def _refreshed(edges: Array) -> Array:
+def _place_refreshes(edges: Array) -> Array:
     """Places (n,) m at which the true modes are renewed: the middle of each part of a window."""
     part = (np.arange(REFRESHES) + 0.5) / REFRESHES
     return np.asarray((edges[:-1, None] + part * np.diff(edges)[:, None]).ravel())
@@ -202,7 +202,7 @@ def _carry(after: PoseModes, before: PoseModes, tool: int) -> Array:
     return out
 
 
-def _hammered(arm: MillingArm, seed: int) -> tuple[Array, ComplexArray]:
+def _hammer_modes(arm: MillingArm, seed: int) -> tuple[Array, ComplexArray]:
     """Lines (m,) Hz and response (m, 3) m/N of y to x, y, z at mid-path: no load, noisy lines."""
     rng = np.random.default_rng([seed, 103])
     edges = window_edges()
@@ -213,7 +213,7 @@ def _hammered(arm: MillingArm, seed: int) -> tuple[Array, ComplexArray]:
     return frequency, np.asarray(true * (1.0 + HAMMER_NOISE * (noise[0] + 1j * noise[1])))
 
 
-def _predicted(frequency: Array, hammer: ComplexArray, force: Array) -> Array:
+def _predict_displacement(frequency: Array, hammer: ComplexArray, force: Array) -> Array:
     """Displacement y (n,) m of a window by eq. 1 as printed: F^-1[G F], circular."""
     spectrum = scipy.fft.rfft(force, axis=0)
     lines = scipy.fft.rfftfreq(len(force), 1.0 / RATE)

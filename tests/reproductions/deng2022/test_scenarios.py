@@ -70,14 +70,14 @@ def test_equal_seeds_repeat_and_campaigns_differ_in_noise_alone(cases):
     first, second = scenarios.whole(case, 20), scenarios.whole(again, 20)
     np.testing.assert_array_equal(first.position, second.position)
     np.testing.assert_array_equal(scenarios.whole(case, 10).joints, first.joints[:10])
-    other = scenarios.measured(case, first.joints, campaign=5)
+    other = scenarios.measure_joints(case, first.joints, campaign=5)
     gap = np.linalg.norm(other.position - first.position, axis=1)
     assert 1e-6 < gap.mean() < 0.2 * MM
 
 
 def test_drift_is_continuous_within_a_campaign():
     case = scenarios.scenario("S4A", 1)
-    rows = scenarios.measured(case, np.repeat(case.plan.check[:1], 200, axis=0))
+    rows = scenarios.measure_joints(case, np.repeat(case.plan.check[:1], 200, axis=0))
     step = np.diff(rows.position, axis=0)
     travel = rows.position - rows.position[0]
     # neighbours differ by noise alone (sd about 22 um per axis and visit), the ends by drift too

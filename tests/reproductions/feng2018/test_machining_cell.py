@@ -24,7 +24,7 @@ from robotrue_reproductions.feng2018.machining_cell import (
     attitude,
     compensated_joints,
     feng_cell,
-    flipped,
+    flip_block,
     joints_touching,
     machine,
     nominal_joints,
@@ -42,20 +42,20 @@ from robotrue_reproductions.feng2018.registration_ways import (
     together,
 )
 from robotrue_reproductions.feng2018.slot_experiment import (
-    Side,
+    SlotSide,
     contour,
     cut_contour,
     cut_slots,
-    reached,
+    reach_points,
 )
-from robotrue_reproductions.feng2018.way_results import WAYS, calibrated_of, results_of
+from robotrue_reproductions.feng2018.way_results import WAYS, require_calibrated, results_of
 
 EXACT = CellSizes(arm=0.0, tip=0.0, touch=0.0, repeatability=0.0, tracker=0.0)
 
 
 def both(cell, model, place):
     return tuple(
-        Side(cell=cell, posture=posture, model=model, T_base_part=place) for posture in "RL"
+        SlotSide(cell=cell, posture=posture, model=model, T_base_part=place) for posture in "RL"
     )
 
 
@@ -173,7 +173,7 @@ def test_the_tracker_reads_the_tip_in_base() -> None:
 def test_the_turned_block_shows_its_back() -> None:
     np.testing.assert_allclose(apply(T_BASE_FLIPPED, 0.5 * SIZE), apply(T_BASE_DRAWN, 0.5 * SIZE))
     centre_of_back = np.array([0.5, 1.0, 0.5]) * SIZE
-    turned = flipped(feng_cell(11), np.random.default_rng(5))
+    turned = flip_block(feng_cell(11), np.random.default_rng(5))
     place = apply(turned.T_base_part, centre_of_back)
     np.testing.assert_allclose(place, [1.0, -0.1, 0.6], atol=40.0 * MM)
 
@@ -202,7 +202,7 @@ def test_an_exact_cell_is_cut_exactly() -> None:
     assert cut_slots(*sides, rng).rms < 1e-12
     assert cut_contour(*sides, rng).worst < 1e-12
     points, _ = contour()
-    np.testing.assert_allclose(reached(sides[0], points), points, atol=1e-12)
+    np.testing.assert_allclose(reach_points(sides[0], points), points, atol=1e-12)
 
 
 def test_normals_of_the_outline_stand_on_it() -> None:
@@ -224,7 +224,7 @@ def test_frame_and_tip_are_found_where_the_arm_is_exact() -> None:
 
 def test_a_session_without_tracker_has_no_model() -> None:
     with pytest.raises(ConfigurationError, match="no calibrated model"):
-        calibrated_of(session(14, method=None))
+        require_calibrated(session(14, method=None))
 
 
 def test_ways_stand_in_the_order_the_notes_measured() -> None:
@@ -262,7 +262,7 @@ def test_touching_oscillates_and_a_calibrated_arm_lowers_the_floor() -> None:
         found = session(seed, sizes=calibrated.sizes)
         for name, case, model in (
             ("noisy", noisy, found.nominal),
-            ("calibrated", calibrated, calibrated_of(found)),
+            ("calibrated", calibrated, require_calibrated(found)),
         ):
             cell = feng_cell(seed, case.sizes)
             run = run_recursion(case, cell, model, np.random.default_rng(seed))

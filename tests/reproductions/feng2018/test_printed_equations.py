@@ -17,7 +17,7 @@ from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 from robotrue_reproductions.feng2018.equation_readings import (
     CORRECTED,
-    Readings,
+    EquationReadings,
     attitude,
     correction_of,
     turn,
@@ -32,7 +32,9 @@ SHIFT = np.array([-5.0, 2.5, -3.0]) * MM
 PART = apply(pose(turn(FIRST) @ turn(SECOND), SHIFT), TRIANGLE)
 
 
-def replay(readings: Readings = CORRECTED, *, passes: int = 3, stop: bool = False) -> Adjustment:
+def replay(
+    readings: EquationReadings = CORRECTED, *, passes: int = 3, stop: bool = False
+) -> Adjustment:
     return adjust_recursively(
         TRIANGLE,
         np.eye(4),
@@ -74,7 +76,7 @@ def test_corrected_one_pass_is_enough() -> None:
 
 
 def test_equation_11_as_printed_is_left_handed_and_diverges() -> None:
-    readings = Readings(second_axis="n x a")
+    readings = EquationReadings(second_axis="n x a")
     assert np.linalg.det(attitude(TRIANGLE, readings)) == pytest.approx(-1.0)
     assert np.linalg.det(attitude(TRIANGLE)) == pytest.approx(1.0)
     found = replay(readings)
@@ -83,17 +85,20 @@ def test_equation_11_as_printed_is_left_handed_and_diverges() -> None:
 
 
 def test_equation_12_transposed_diverges() -> None:
-    found = replay(Readings(attitude="base in feature"))
+    found = replay(EquationReadings(attitude="base in feature"))
     assert found.verdict == "diverges"
     np.testing.assert_allclose(worst_mm(found), [36, 64, 127, 249], atol=0.5)
 
 
 @pytest.mark.parametrize(
     "readings",
-    [Readings(angle_values="equation 15"), Readings(angle_labels="text under equation 3")],
+    [
+        EquationReadings(angle_values="equation 15"),
+        EquationReadings(angle_labels="text under equation 3"),
+    ],
     ids=["equation 15", "text under equation 3"],
 )
-def test_exchanged_angles_double_the_error_in_every_pass(readings: Readings) -> None:
+def test_exchanged_angles_double_the_error_in_every_pass(readings: EquationReadings) -> None:
     assert not readings.sound
     found = replay(readings, passes=6)
     assert found.verdict == "diverges"
@@ -101,7 +106,7 @@ def test_exchanged_angles_double_the_error_in_every_pass(readings: Readings) -> 
 
 
 def test_both_exchanges_together_are_none() -> None:
-    readings = Readings(angle_values="equation 15", angle_labels="text under equation 3")
+    readings = EquationReadings(angle_values="equation 15", angle_labels="text under equation 3")
     assert readings.sound
     assert replay(readings, stop=True).verdict == "within tolerance"
 
@@ -114,7 +119,7 @@ def test_the_angles_of_equation_15_are_another_frame_than_those_of_the_text() ->
 
 
 def test_equation_14_in_the_axes_of_the_text_costs_one_pass_more() -> None:
-    readings = Readings(shift_axes="feature")
+    readings = EquationReadings(shift_axes="feature")
     off = np.abs(worst_mm(replay(readings)) - [36.3, 0.52, 0.055, 0.006])
     assert (off < [0.05, 0.005, 5e-4, 5e-4]).all()
     found = replay(readings, stop=True)
@@ -128,4 +133,4 @@ def test_the_angle_tolerance_is_below_the_paper_s_own_floor() -> None:
 
 def test_a_reading_that_does_not_exist_is_named() -> None:
     with pytest.raises(ConfigurationError, match="second_axis is 'left'"):
-        Readings(second_axis="left")  # type: ignore[arg-type]
+        EquationReadings(second_axis="left")  # type: ignore[arg-type]

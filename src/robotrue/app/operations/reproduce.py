@@ -33,11 +33,13 @@ class ReproduceRequest(Request):
 def run(request: ReproduceRequest, context: Context) -> PlainResult:
     """Runs the reproduction; returns its tables beside the paper's."""
     from robotrue_reproductions.papers import find_paper
-    from robotrue_reproductions.reproduction import Request as PaperRequest
+    from robotrue_reproductions.reproduction import ReproductionRequest
     from robotrue_reproductions.table_text import text_tables, write_figures
 
     paper = find_paper(request.paper)
-    asked = PaperRequest(robots=request.robots, quick=request.quick, scenario=request.scenario)
+    asked = ReproductionRequest(
+        robots=request.robots, quick=request.quick, scenario=request.scenario
+    )
     result = paper.run(asked, context.step)
     if request.output is not None:
         folder = context.output(request.output)

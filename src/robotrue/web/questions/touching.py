@@ -21,9 +21,9 @@ from robotrue.store.workspace import Workspace
 from robotrue.validation.touch_expectation import (
     Suspicion,
     TouchBelief,
-    judged_reading,
+    check_reading,
+    find_suspicions,
     machined_radius,
-    suspicions,
 )
 from robotrue.web.api.documents import record_document
 from robotrue.web.questions.packing import answer
@@ -116,10 +116,10 @@ def _with(
     touch = touches_of(at, [reading])
     if touch is None:
         raise FormatError("an empty reading.", hint="paste the line of the controller.")
-    judged = judged_reading(known, touch)
+    judged = check_reading(known, touch)
     why: tuple[Suspicion, ...] = ()
     if judged.outlier:
-        why = suspicions(
+        why = find_suspicions(
             known, touch, judged, others=_others(at, feature), before=touches_of(at, before),
             tip_axis=at.tip_axis,
         )  # fmt: skip

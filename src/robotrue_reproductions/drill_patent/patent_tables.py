@@ -18,8 +18,8 @@ from robotrue_reproductions.drill_patent.experiment import (
     CLAMPS,
     HOLES,
     TESTED,
-    Drift,
     OneMove,
+    ShiftedProduction,
     one_move,
     production,
 )
@@ -28,7 +28,7 @@ from robotrue_reproductions.reproduction import (
     Paper,
     Progress,
     Reproduction,
-    Request,
+    ReproductionRequest,
     TableLayout,
     figure,
 )
@@ -60,7 +60,7 @@ UNMET: Final[tuple[tuple[str, str], ...]] = (
 """What cannot be met, and why."""
 
 
-def run(request: Request, progress: Progress) -> Reproduction:
+def run(request: ReproductionRequest, progress: Progress) -> Reproduction:
     """Returns residual tilts of the patent's method and ours over simulated machines.
 
     Args:
@@ -131,7 +131,7 @@ def _of_history(machines: int, progress: Progress) -> list[Figure]:
     ]
 
 
-def _of_drifts(drifts: list[Drift]) -> list[Figure]:
+def _of_drifts(drifts: list[ShiftedProduction]) -> list[Figure]:
     name = SHIFTED
     late = slice(600, HOLES)
     refined = np.array([d.left[late].mean() for d in drifts]) / DEG

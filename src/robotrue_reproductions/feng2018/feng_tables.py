@@ -29,7 +29,7 @@ from robotrue_reproductions.reproduction import (
     Paper,
     Progress,
     Reproduction,
-    Request,
+    ReproductionRequest,
     TableLayout,
     figure,
 )
@@ -76,7 +76,7 @@ UNMET: Final[tuple[tuple[str, str], ...]] = (
 """What cannot be met, and why."""
 
 
-def run(request: Request, progress: Progress) -> Reproduction:
+def run(request: ReproductionRequest, progress: Progress) -> Reproduction:
     """Returns the paper's numbers beside those of simulated cells.
 
     Args:

@@ -31,7 +31,7 @@ from robotrue_reproductions.reproduction import (
     Paper,
     Progress,
     Reproduction,
-    Request,
+    ReproductionRequest,
     TableLayout,
     figure,
 )
@@ -82,7 +82,7 @@ UNMET: Final[tuple[tuple[str, str], ...]] = (
 )
 
 
-def run(request: Request, progress: Progress) -> Reproduction:
+def run(request: ReproductionRequest, progress: Progress) -> Reproduction:
     """Returns the paper's numbers beside those of simulated arms.
 
     Args:
@@ -95,12 +95,14 @@ def run(request: Request, progress: Progress) -> Reproduction:
         progress(f"arm {seed} of {request.robots}", k, request.robots)
         experiment = milling_experiment(seed, [0] if request.quick else range(len(SHIFTS)))
         floor.append(as_printed(experiment))
-        held.append(held_out(experiment))
+        held.append(score_held_out(experiment))
     figures += [
-        _simulated("random", *key, paper, [row[key] for row in floor])
+        _simulated_figure("random", *key, paper, [row[key] for row in floor])
         for key, paper in _FLOOR_PRINTED.items()
     ]
-    figures += [_simulated("held out", *key, None, [row[key] for row in held]) for key in held[0]]
+    figures += [
+        _simulated_figure("held out", *key, None, [row[key] for row in held]) for key in held[0]
+    ]
     return Reproduction(
         scenario="IRB 6660-205/1.9 that mills",
         robots=request.robots,
@@ -168,7 +170,7 @@ def as_printed(experiment: MillingExperiment) -> dict[tuple[str, str], float]:
     return {key: value / UM for key, value in out.items()}
 
 
-def held_out(experiment: MillingExperiment) -> dict[tuple[str, str], float]:
+def score_held_out(experiment: MillingExperiment) -> dict[tuple[str, str], float]:
     """Returns RMSE in um of windows held out, low noise, and coverage of our 95 % band in %."""
     windows, arm = experiment.windows, arm_of(experiment.arm)
     one = windows.take(windows.pass_index == 0)
@@ -198,7 +200,7 @@ def row_of_hammer(experiment: MillingExperiment) -> StaticCompliance:
     return static_compliance(-experiment.hammer[0].real)
 
 
-def _simulated(
+def _simulated_figure(
     table: str, name: str, quantity: str, paper: float | None, values: Sequence[float]
 ) -> Figure:
     unit = "%" if "%" in quantity else "um"
