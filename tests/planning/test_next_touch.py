@@ -11,10 +11,9 @@ from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, pose
 from robotrue.errors import ReachError
 from robotrue.measurement.formats.part_points import Features
-from robotrue.planning.facing import facing
 from robotrue.planning.next_measurement import next_touch
 from robotrue.planning.probing import Machining, ProbingTask, plan_touches
-from robotrue.planning.probing_candidates import touch_candidates
+from robotrue.planning.probing_candidates import find_facing_posture, touch_candidates
 from robotrue.robot.forward import forward
 from robotrue.robot.presets import preset
 
@@ -38,7 +37,7 @@ def corners(access: Array | None) -> Features:
 )
 def test_the_tool_faces_the_part(access: list[float] | None, towards: list[float]) -> None:
     features = corners(None if access is None else np.array(access))
-    found = facing(ROBOT, features, {0: T_BASE_PART}, TIP)
+    found = find_facing_posture(ROBOT, features, {0: T_BASE_PART}, TIP)
     reached = forward(ROBOT, found.joints)[0]
     np.testing.assert_allclose(reached[:3, :3] @ TIP, towards, atol=1e-9)
     np.testing.assert_allclose(reached[:3, 3], apply(T_BASE_PART, found.point)[0], atol=1e-9)
@@ -48,13 +47,15 @@ def test_the_tool_faces_the_part(access: list[float] | None, towards: list[float
 
 def test_a_part_out_of_reach_is_named() -> None:
     with pytest.raises(ReachError, match=r"cannot touch '[A-F]' at \d+, -?\d+, \d+ mm"):
-        facing(ROBOT, corners(None), {0: pose(np.eye(3), np.array([5.0, 0.0, 0.0]))}, TIP)
+        find_facing_posture(
+            ROBOT, corners(None), {0: pose(np.eye(3), np.array([5.0, 0.0, 0.0]))}, TIP
+        )
 
 
 def task() -> ProbingTask:
     features = corners(np.array([0.0, 0.0, 1.0]))
     place = {0: T_BASE_PART}
-    work = facing(ROBOT, features, place, TIP)
+    work = find_facing_posture(ROBOT, features, place, TIP)
     candidates = touch_candidates(ROBOT, features, work, place).touches
     return ProbingTask(
         belief=before_touching(NominalModel(robot=ROBOT), ProbingSettings(tool_sigma=3e-4)),

@@ -144,7 +144,8 @@ def test_candidates_respect_limits_and_what_they_were_asked() -> None:
 def test_each_rejected_posture_counts_once() -> None:
     scene = scene_of(shop(), clearance=0.02)
     joints = draw_postures(scene.robot, 512, seed=2, margin=0.1)
-    good, counts = usable(scene, joints)
+    checked = usable(scene, joints)
+    good, counts = checked.good, dict(checked.rejected)
     assert good.sum() + sum(counts.values()) == 512
 
 
@@ -165,5 +166,6 @@ def test_a_margin_that_leaves_nothing_is_refused() -> None:
 
 def test_postures_used_elsewhere_are_free() -> None:
     scene = scene_of(shop(), clearance=0.02)
-    good, counts = usable(scene, postures(50, 3) * 0.3 + HOME * 0.7)
+    checked = usable(scene, postures(50, 3) * 0.3 + HOME * 0.7)
+    good, counts = checked.good, dict(checked.rejected)
     assert good.all(), counts

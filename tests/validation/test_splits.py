@@ -11,7 +11,6 @@ from robotrue.measurement.measurement_set import concatenate
 from robotrue.validation.splits import (
     Split,
     contiguous_blocks,
-    joint1_sectors,
     leave_one_set_out,
     random_folds,
     random_share,
@@ -29,7 +28,7 @@ def all_splits():
         "blocks": (contiguous_blocks(55, blocks=4), 55),
         "slabs": (slabs(one.position[:, 1], count=3), 31),
         "regions": (spatial_regions(both, count=4), 55),
-        "sectors": (joint1_sectors(both), 55),
+        "sectors": (slabs(both.joints[:, 0]), 55),
         "sets": (leave_one_set_out(both), 55),
     }
 

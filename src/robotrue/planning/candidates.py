@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -38,6 +37,40 @@ class Candidates:
     joints: Array
     drawn: int
     rejected: tuple[tuple[str, int], ...]
+
+
+class Rejections:
+    """Which candidates are still good, and how many were left out for which reason.
+
+    Args:
+        n: How many there are.
+
+    Attributes:
+        good: (n,) not left out yet.
+    """
+
+    def __init__(self, n: int) -> None:
+        self.good: BoolArray = np.ones(n, dtype=bool)
+        self._counts: dict[str, int] = {}
+
+    def leave_out(self, reason: str, bad: BoolArray) -> None:
+        """Leaves out candidates (n,); those that were still good are counted under the reason."""
+        self.count(reason, int((bad & self.good).sum()))
+        self.good[bad] = False
+
+    def count(self, reason: str, number: int) -> None:
+        """Counts further ones under a reason."""
+        self._counts[reason] = self._counts.get(reason, 0) + number
+
+    def add(self, other: Rejections) -> None:
+        """Counts what another one left out."""
+        for reason, number in other._counts.items():
+            self.count(reason, number)
+
+    @property
+    def rejected(self) -> tuple[tuple[str, int], ...]:
+        """(reason, count), in the order the reasons were asked."""
+        return tuple((reason, number) for reason, number in self._counts.items() if number)
 
 
 def draw_postures(robot: RobotModel, n: int, *, seed: int, margin: float) -> Array:
@@ -78,9 +111,7 @@ def reachable_in(
     return np.concatenate(found)[:n]
 
 
-def usable(
-    scene: Scene, joints: Array, *, pre: Array | None = None
-) -> tuple[BoolArray, dict[str, int]]:
+def usable(scene: Scene, joints: Array, *, pre: Array | None = None) -> Rejections:
     """Returns which postures (n,) can be taken, entered and seen, and why the others cannot.
 
     Args:
@@ -88,22 +119,17 @@ def usable(
         joints: (n, dof) rad.
         pre: (n, dof) rad, where each is entered from; not looked at if not given.
     """
-    good = np.ones(len(joints), dtype=bool)
-    counts: dict[str, int] = {}
-
-    def leave_out(reason: str, bad: BoolArray) -> None:
-        counts[reason] = counts.get(reason, 0) + int((bad & good).sum())
-        good[bad] = False
-
+    rejections = Rejections(len(joints))
     low, high = scene.robot.limits.T
-    leave_out("joint limits", ((joints < low) | (joints > high)).any(axis=1))
+    rejections.leave_out("joint limits", ((joints < low) | (joints > high)).any(axis=1))
     for reason, bad in {**collisions(scene, joints), **hidden(scene, joints)}.items():
-        leave_out(reason, bad)
+        rejections.leave_out(reason, bad)
     if pre is not None:
-        leave_out("pre-position at a limit", ((pre < low) | (pre > high)).any(axis=1))
+        at_limit = ((pre < low) | (pre > high)).any(axis=1)
+        rejections.leave_out("pre-position at a limit", at_limit)
         for bad in collisions(scene, pre).values():
-            leave_out("pre-position in collision", bad)
-    return good, counts
+            rejections.leave_out("pre-position in collision", bad)
+    return rejections
 
 
 def draw_candidates(
@@ -129,43 +155,35 @@ def draw_candidates(
         ReachError: Not one posture is left; the message says what took them.
     """
     joints = draw_postures(scene.robot, MOST, seed=seed, margin=margin)
-    found: list[Array] = []
-    counts: dict[str, int] = {}
+    found = [np.empty((0, scene.robot.dof))]
+    total = Rejections(0)
     drawn = 0
     for start in range(0, len(joints), BATCH):
         part = joints[start : start + BATCH]
         drawn += len(part)
         if region is not None:
             inside = contains(region, forward(scene.robot, part)[:, :3, 3])
-            counts["outside the region"] = counts.get("outside the region", 0) + int(
-                (~inside).sum()
-            )
+            total.count("outside the region", int((~inside).sum()))
             part = part[inside]
         if not len(part):
             continue
-        good, why = usable(scene, part, pre=None if step_back is None else part + step_back)
-        for reason, number in why.items():
-            counts[reason] = counts.get(reason, 0) + number
-        found.append(part[good])
+        checked = usable(scene, part, pre=None if step_back is None else part + step_back)
+        total.add(checked)
+        found.append(part[checked.good])
         if sum(map(len, found)) >= n:
             break
-    usable_ones = np.concatenate(found) if found else np.empty((0, scene.robot.dof))
-    kept = usable_ones[:n]
-    counts["more than asked for"] = len(usable_ones) - len(kept)
+    kept = np.concatenate(found)
+    total.count("more than asked for", len(kept[n:]))
     if not len(kept):
-        raise nothing_left(drawn, counts)
-    return Candidates(joints=kept, drawn=drawn, rejected=tuple(_some(counts)))
+        raise nothing_left(drawn, total)
+    return Candidates(joints=kept[:n], drawn=drawn, rejected=total.rejected)
 
 
-def nothing_left(drawn: int, counts: Mapping[str, int]) -> ReachError:
+def nothing_left(drawn: int, rejections: Rejections) -> ReachError:
     """Returns the error for a draw of which nothing is left, with the commonest reasons."""
-    ordered = sorted(counts.items(), key=lambda item: -item[1])
-    why = ", ".join(f"{reason} {number}" for reason, number in ordered[:4] if number)
+    ordered = sorted(rejections.rejected, key=lambda item: -item[1])
+    why = ", ".join(f"{reason} {number}" for reason, number in ordered[:4])
     return ReachError(
         f"not one of {drawn} postures can be measured ({why}).",
         hint="check the region, the tracker's place, the reflector's axis and the obstacles.",
     )
-
-
-def _some(counts: dict[str, int]) -> list[tuple[str, int]]:
-    return [(reason, number) for reason, number in counts.items() if number]

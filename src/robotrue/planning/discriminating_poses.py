@@ -59,10 +59,10 @@ def draw_drift_candidates(model: ErrorModel, cell: Cell, *, seed: int) -> Array:
     low, high = trained
     draws = qmc.Sobol(model.robot.dof, rng=np.random.default_rng([seed, 43]))
     joints = np.round((low + draws.random(DRAWN) * (high - low)) / STEP) * STEP
-    good, why = usable(scene, joints)
-    if not good.any():
-        raise nothing_left(DRAWN, why)
-    return np.asarray(joints[good][:CANDIDATES])
+    checked = usable(scene, joints)
+    if not checked.good.any():
+        raise nothing_left(DRAWN, checked)
+    return np.asarray(joints[checked.good][:CANDIDATES])
 
 
 def choose_discriminating(

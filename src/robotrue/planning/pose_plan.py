@@ -247,11 +247,11 @@ def _choices(
     joints = np.asarray(candidates, dtype=np.float64)
     if joints.ndim != 2 or joints.shape[1] != dof:
         raise ConfigurationError(f"candidates have shape {joints.shape}, expected (any, {dof}).")
-    good, counts = usable(scene, joints, pre=None if back is None else joints + back)
-    if not good.any():
-        raise nothing_left(len(joints), counts)
-    rejected = tuple((reason, count) for reason, count in counts.items() if count)
-    return joints[good], np.flatnonzero(good), len(joints), rejected
+    checked = usable(scene, joints, pre=None if back is None else joints + back)
+    if not checked.good.any():
+        raise nothing_left(len(joints), checked)
+    good = np.flatnonzero(checked.good)
+    return joints[good], good, len(joints), checked.rejected
 
 
 def _visits(joints: Array, load: Load, settings: PlanSettings) -> Postures:

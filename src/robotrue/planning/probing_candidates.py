@@ -24,6 +24,7 @@ from robotrue.errors import ReachError, ShapeError
 from robotrue.measurement.formats.part_points import Features
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.planning.arm_scene import Scene, collisions
+from robotrue.planning.candidates import Rejections
 from robotrue.planning.probing import Machining
 from robotrue.robot.forward import forward
 from robotrue.robot.inverse import inverse_batch
@@ -35,6 +36,12 @@ SPINS: Final = np.array([0.0, 90.0, -90.0, 180.0]) * DEG
 """About the tool axis; a ball touches alike in all of them."""
 ALIKE: Final = 20.0 * DEG
 """Machined attitudes nearer to one another than this count as one."""
+FACE: Final = 0.94
+"""Cosine between directions of one face."""
+TURNS: Final = np.arange(0.0, 2.0 * np.pi, np.pi / 6.0)
+"""rad about the tool axis that are tried for one posture in front of a part."""
+ROOM: Final = 0.05
+"""rad kept from the joint limits by it."""
 MOST_ATTITUDES: Final = 12
 """Machined attitudes that are taken over; the commonest."""
 MOST: Final = 4000
@@ -121,40 +128,25 @@ def touch_candidates(
     point = apply(place, features.point)
     n, a = len(features), len(attitude)
     feature, chosen = np.repeat(np.arange(n), a), np.tile(np.arange(a), n)
-    counts: dict[str, int] = {}
-    good = np.ones(n * a, dtype=bool)
-    towards = attitude @ limits.tip_axis
-    open_side = _can_reach(outward, towards, limits.steepest)[feature, chosen]
-    good &= _drop_bad(counts, "the tool comes from the wrong side", good, ~open_side)
+    open_side = _can_reach(outward, attitude @ limits.tip_axis, limits.steepest)
+    rejections = Rejections(n * a)
+    rejections.leave_out("the tool comes from the wrong side", ~open_side[feature, chosen])
+    mine = np.flatnonzero(rejections.good)
     joints = np.full((n * a, robot.dof), np.nan)
-    mine = np.flatnonzero(good)
     wanted = pose(attitude[chosen[mine]], point[feature[mine]])
     joints[mine] = _joints(robot, wanted, near[chosen[mine]])
-    out = np.asarray(np.isnan(joints).any(axis=1))
-    good &= _drop_bad(counts, "out of reach", good, out)
-    low, high = robot.limits[:, 0] + limits.margin, robot.limits[:, 1] - limits.margin
-    beyond = np.asarray(((joints < low) | (joints > high)).any(axis=1))
-    good &= _drop_bad(counts, "joint limits", good, beyond)
-    if scene is not None and good.any():
-        standing = np.flatnonzero(good)
-        for reason, hit in collisions(scene, joints[standing]).items():
-            if not reason.endswith(TRACKER):
-                bad = np.zeros_like(good)
-                bad[standing] = hit
-                good &= _drop_bad(counts, reason, good, bad)
-    rejected = tuple((reason, count) for reason, count in counts.items() if count)
-    if not good.any():
-        why = ", ".join(f"{reason} {count}" for reason, count in rejected)
+    _check_joints(robot, joints, limits, scene, rejections)
+    able = np.flatnonzero(rejections.good)
+    if not len(able):
+        why = ", ".join(f"{reason} {count}" for reason, count in rejections.rejected)
         raise ReachError(
             f"not one of {n * a} touches of {n} features can be made ({why}).",
             hint="check the rough frame of the part, the tool and the directions ax, ay, az.",
         )
-    untouchable = _without(features, feature[good])
-    able = np.flatnonzero(good)
+    untouchable = _without(features, feature[able])
     if len(able) > MOST:
-        kept = able[np.linspace(0, len(able) - 1, MOST).round().astype(np.int64)]
-        rejected += (("more than are looked at", len(able) - MOST),)
-        able = kept
+        rejections.count("more than are looked at", len(able) - MOST)
+        able = able[np.linspace(0, len(able) - 1, MOST).round().astype(np.int64)]
     rows = feature[able]
     return TouchCandidates(
         touches=ProbingSet(
@@ -165,9 +157,31 @@ def touch_candidates(
             part=features.part[rows],
         ),
         tried=n * a,
-        rejected=rejected,
+        rejected=rejections.rejected,
         untouchable=untouchable,
     )
+
+
+def _check_joints(
+    robot: RobotModel,
+    joints: Array,
+    limits: TouchLimits,
+    scene: Scene | None,
+    rejections: Rejections,
+) -> None:
+    """Leaves out touches without joints, at the joint limits, or in a collision."""
+    rejections.leave_out("out of reach", np.asarray(np.isnan(joints).any(axis=1)))
+    low, high = robot.limits[:, 0] + limits.margin, robot.limits[:, 1] - limits.margin
+    beyond = np.asarray(((joints < low) | (joints > high)).any(axis=1))
+    rejections.leave_out("joint limits", beyond)
+    standing = np.flatnonzero(rejections.good)
+    if scene is None or not len(standing):
+        return
+    for reason, hit in collisions(scene, joints[standing]).items():
+        if not reason.endswith(TRACKER):
+            bad = np.zeros(len(joints), dtype=bool)
+            bad[standing] = hit
+            rejections.leave_out(reason, bad)
 
 
 def attitude_groups(robot: RobotModel, joints: Array, *, tip_axis: Array) -> tuple[IntArray, Array]:
@@ -225,12 +239,8 @@ def _facing(own: Array, near: Array, axis: Array, outward: Array) -> tuple[Array
         best = int(np.argmax(angle))
         if angle[best] >= np.cos(ALIKE) or len(own) >= 2 * MOST_ATTITUDES:
             continue
-        now = own[best] @ axis
-        about = np.cross(now, towards)
-        if np.linalg.norm(about) < 1e-6:  # straight against it: any way round
-            about = np.cross(now, np.eye(3)[int(np.argmin(np.abs(now)))])
-        about = about / np.linalg.norm(about) * np.arccos(np.clip(now @ towards, -1.0, 1.0))
-        own = np.concatenate([own, (matrix_from_rotation_vector(about) @ own[best])[None]])
+        turn = _rotate_onto(own[best] @ axis, towards)
+        own = np.concatenate([own, (turn @ own[best])[None]])
         near = np.concatenate([near, near[best : best + 1]])
     return own, near
 
@@ -257,12 +267,74 @@ def _joints(robot: RobotModel, wanted: Array, near: Array) -> Array:
     return np.where(found.converged[:, None], found.joints, np.nan)
 
 
-def _drop_bad(counts: dict[str, int], reason: str, good: BoolArray, bad: BoolArray) -> BoolArray:
-    """Which are not bad; those that were still good are counted under the reason."""
-    counts[reason] = counts.get(reason, 0) + int((good & bad).sum())
-    return ~bad
-
-
 def _without(features: Features, rows: IntArray) -> tuple[str, ...]:
     left = {features.names[k] for k in rows}
     return tuple(name for name in dict.fromkeys(features.names) if name not in left)
+
+
+def find_facing_posture(
+    robot: RobotModel, features: Features, T_base_part: Mapping[int, Array], tip_axis: Array
+) -> Machining:
+    """Returns one posture with the tool against the part, for candidates to take attitudes from.
+
+    The tool looks straight at the face that most features are on, from above where nothing is said
+    of faces; of its turns about that axis the one nearest to the middle of the joint limits.
+
+    Args:
+        robot: Nominal arm with the touching tip as its tool.
+        features: Of the part.
+        T_base_part: (4, 4) of every part, roughly.
+        tip_axis: (3,) unit, the way from the flange to the tip, in the tool frame.
+
+    Raises:
+        ReachError: The middle of the features cannot be reached.
+    """
+    place = np.stack([T_base_part[int(k)] for k in features.part])
+    point = apply(place, features.point)
+    outward = np.nan_to_num(_outward(features, place))
+    alike = (outward @ outward.T > FACE).sum(axis=1)
+    first = int(np.argmax(alike))
+    mine = outward @ outward[first] > FACE if alike[first] else np.ones(len(point), dtype=bool)
+    middle = point[mine].mean(axis=0)
+    nearest = int(np.argmin(np.where(mine, np.linalg.norm(point - middle, axis=1), np.inf)))
+    for direction in (*([-outward[first]] if alike[first] else []), np.array([0.0, 0.0, -1.0])):
+        joints = _reach_direction(robot, point[nearest], direction, tip_axis)
+        if joints is not None:
+            return Machining(
+                group=("part",), point=features.point[[nearest]], joints=joints[None],
+                part=features.part[[nearest]],
+            )  # fmt: skip
+    x, y, z = point[nearest] * 1e3
+    raise ReachError(
+        f"the arm cannot touch {features.names[nearest]!r} at {x:.0f}, {y:.0f}, {z:.0f} mm in "
+        "base, in any turn of the tool.",
+        hint="check the rough frame of the part and the tool of the cell.",
+    )
+
+
+def _reach_direction(
+    robot: RobotModel, point: Array, direction: Array, tip_axis: Array
+) -> Array | None:
+    """Joints (dof,) with the tool axis along a direction, in the middle of their limits."""
+    low, high = robot.limits[:, 0] + ROOM, robot.limits[:, 1] - ROOM
+    middle = np.where(np.isfinite(low + high), 0.5 * (low + high), 0.0)
+    turns = matrix_from_rotation_vector(TURNS[:, None] * direction)
+    wanted = pose(turns @ _rotate_onto(tip_axis, direction), point)
+    joints = _joints(robot, wanted, np.tile(middle, (len(wanted), 1)))
+    with np.errstate(invalid="ignore"):
+        able = ((joints >= low) & (joints <= high)).all(axis=1)
+    if not able.any():
+        return None
+    away = np.where(able, np.linalg.norm(np.nan_to_num(joints) - middle, axis=1), np.inf)
+    return np.asarray(joints[int(np.argmin(away))])
+
+
+def _rotate_onto(axis: Array, to: Array) -> Array:
+    """The smallest rotation (3, 3) that takes one unit vector to another."""
+    about = np.cross(axis, to)
+    sine, cosine = float(np.linalg.norm(about)), float(axis @ to)
+    if sine < 1e-9:
+        about = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+        sine = float(np.linalg.norm(about))
+        return matrix_from_rotation_vector(about / sine * (0.0 if cosine > 0.0 else np.pi))
+    return matrix_from_rotation_vector(about / sine * float(np.arctan2(sine, cosine)))

@@ -104,80 +104,83 @@ def resolve_spin(
         ReachError: A point no spin reaches, or a path no single branch follows; with the line.
         ConfigurationError: Not an ortho-parallel arm.
     """
-    geometry = require_opw(robot)
-    robot = robot.nominal()
     fault: ReachError | None = None
+    side = _SideTask(
+        robot=robot.nominal(),
+        geometry=require_opw(robot),
+        T_base_part=T_base_part,
+        path=path,
+        dense=dense_path(path),
+        settings=settings,
+    )
     spacing = settings.spacing
-    shape = None if near is None else branch_of(robot, near, geometry=geometry)
+    shape = None if near is None else branch_of(side.robot, near, geometry=side.geometry)
     for _ in range(_TRIES):
-        dense = dense_path(path)
-        stations = stations_of(dense, spacing)
-        way = _way(robot, geometry, T_base_part, dense, stations, settings, shape)
+        stations = stations_of(side.dense, spacing)
+        way = _find_way(side, stations, shape)
         if way.branch < 0:
-            raise _no_way(robot, geometry, T_base_part, path, dense, stations, way, settings)
+            raise _no_way(side, stations, way)
         try:
-            return _pose_targets(robot, geometry, T_base_part, path, dense, stations, way, settings)
+            return _pose_targets(side, stations, way)
         except ReachError as error:  # a narrow place between two stations
             fault, spacing = error, 0.5 * spacing
     raise fault or ReachError("no way was found.", source=path.source)
 
 
-def _way(
-    robot: RobotModel,
-    geometry: OpwGeometry,
-    T_base_part: Array,
-    dense: DensePath,
-    stations: IntArray,
-    settings: SpinSettings,
-    shape: int | None,
-) -> Way:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _SideTask:
+    """A side whose spins are to be chosen: what every step of it needs."""
+
+    robot: RobotModel
+    geometry: OpwGeometry
+    T_base_part: Array
+    path: Toolpath
+    dense: DensePath
+    settings: SpinSettings
+
+    def rotations(self, at: IntArray, spin: Array) -> Array:
+        """Returns tool rotations (..., 3, 3) in part at dense points, turned by spins."""
+        frame = self.dense.frame[at]
+        frame = frame[:, None] if spin.ndim == 2 else frame
+        return np.asarray(frame @ (about_z(spin) @ to_z(self.settings.cutter)))
+
+    def flange_poses(self, T_part_tool: Array) -> Array:
+        """Returns T_base_flange (..., 4, 4) of tool poses in part."""
+        return np.asarray(self.T_base_part @ T_part_tool @ inverse_pose(self.robot.T_flange_tool))
+
+
+def _find_way(side: _SideTask, stations: IntArray, shape: int | None) -> Way:
     """The way over all branches and spins of the stations."""
-    length = np.diff(dense.along[stations], prepend=dense.along[stations[0]])
+    along = side.dense.along[stations]
 
     def stand(spin: Array) -> tuple[Array, None]:
-        return _all_joints(robot, geometry, T_base_part, dense, stations, spin, settings), None
+        return _all_joints(side, stations, spin), None
 
-    return refined_way(robot, geometry, stand, length, settings, shape=shape)
+    length = np.diff(along, prepend=along[0])
+    return refined_way(side.robot, side.geometry, stand, length, side.settings, shape=shape)
 
 
-def _all_joints(
-    robot: RobotModel,
-    geometry: OpwGeometry,
-    T_base_part: Array,
-    dense: DensePath,
-    stations: IntArray,
-    spin: Array,
-    settings: SpinSettings,
-) -> Array:
+def _all_joints(side: _SideTask, stations: IntArray, spin: Array) -> Array:
     """Joints (m, 8, k, 6) of every branch at every spin (m, k) of the stations."""
     m, k = spin.shape
-    turn = about_z(spin) @ to_z(settings.cutter)
-    rotation = dense.frame[stations][:, None] @ turn
-    position = np.broadcast_to(dense.position[stations][:, None], (m, k, 3))
-    T_base_tool = T_base_part @ pose(rotation, position)
-    T_base_flange = (T_base_tool @ inverse_pose(robot.T_flange_tool)).reshape(-1, 4, 4)
-    found = inverse_branches(
-        robot, T_base_flange, reference=robot.limits.mean(axis=1), geometry=geometry
+    position = np.broadcast_to(side.dense.position[stations][:, None], (m, k, 3))
+    T_part_tool = pose(side.rotations(stations, spin), position)
+    joints = inverse_branches(
+        side.robot,
+        side.flange_poses(T_part_tool).reshape(-1, 4, 4),
+        reference=side.robot.limits.mean(axis=1),
+        geometry=side.geometry,
     )
-    return np.moveaxis(found.reshape(m, k, BRANCHES, 6), 2, 1)
+    return np.moveaxis(joints.reshape(m, k, BRANCHES, 6), 2, 1)
 
 
-def _pose_targets(
-    robot: RobotModel,
-    geometry: OpwGeometry,
-    T_base_part: Array,
-    path: Toolpath,
-    dense: DensePath,
-    stations: IntArray,
-    way: Way,
-    settings: SpinSettings,
-) -> Posed:
+def _pose_targets(side: _SideTask, stations: IntArray, way: Way) -> Posed:
     """Spins and joints of the targets, checked at every dense point."""
+    robot, geometry, dense, settings = side.robot, side.geometry, side.dense, side.settings
     at = dense.along[stations]
     spin = np.interp(dense.along[dense.at], at, way.spin)
-    rotation = dense.frame[dense.at] @ about_z(spin) @ to_z(settings.cutter)
-    T_part_tool = as_driven(dense, pose(rotation, path.position))
-    T_base_flange = T_base_part @ T_part_tool @ inverse_pose(robot.T_flange_tool)
+    rotation = side.rotations(dense.at, spin)
+    T_base_flange = side.flange_poses(as_driven(dense, pose(rotation, side.path.position)))
     guess = np.stack([np.interp(dense.along, at, q) for q in way.joints.T], axis=1)
     joints = inverse_branches(robot, T_base_flange, reference=guess, geometry=geometry)[
         :, way.branch
@@ -189,11 +192,11 @@ def _pose_targets(
     bad |= ~(room.min(axis=1) >= 0.5 * settings.limit_margin)
     bad[1:] |= ~(np.abs(np.diff(joints, axis=0)).max(axis=1) <= _STEP)
     if bad.any():
-        raise _narrow(path, int(dense.target[int(np.argmax(bad))]))
+        raise _narrow(side.path, int(dense.target[int(np.argmax(bad))]))
     wrist = np.arcsin(np.clip(singular_measures(geometry, joints)[:, 0].min(), 0.0, 1.0))
     return Posed(
-        path=path,
-        T_base_part=T_base_part,
+        path=side.path,
+        T_base_part=side.T_base_part,
         rotation=rotation,
         joints=joints[dense.at],
         spin=spin,
@@ -213,24 +216,14 @@ def _narrow(path: Toolpath, target: int) -> ReachError:
     )
 
 
-def _no_way(
-    robot: RobotModel,
-    geometry: OpwGeometry,
-    T_base_part: Array,
-    path: Toolpath,
-    dense: DensePath,
-    stations: IntArray,
-    way: Way,
-    settings: SpinSettings,
-) -> ReachError:
+def _no_way(side: _SideTask, stations: IntArray, way: Way) -> ReachError:
     """Says which point stops the arm, and whether it is out of reach or only of this way."""
-    index = int(stations[way.reached])
-    line = int(path.line[int(dense.target[index])])
+    path, settings = side.path, side.settings
+    at = stations[[way.reached]]
+    line = int(path.line[int(side.dense.target[at[0]])])
     spins = np.arange(0.0, 360.0, 10.0) * DEG
-    here = _all_joints(
-        robot, geometry, T_base_part, dense, stations[[way.reached]], spins[None], settings
-    )[0]
-    if np.isfinite(can_be_taken(robot, geometry, here, settings)).any():
+    here = _all_joints(side, at, spins[None])[0]
+    if np.isfinite(can_be_taken(side.robot, side.geometry, here, settings)).any():
         return ReachError(
             "the arm reaches this point, but not on the way from the points before it: every "
             "configuration that got so far meets a joint limit or a singularity.",
@@ -238,14 +231,14 @@ def _no_way(
             line=line,
             hint="split the tool path there into two sides, or move the part.",
         )
-    rotation = dense.frame[index] @ about_z(spins) @ to_z(settings.cutter)
     why = (
         f"Every solution has a joint within {settings.limit_margin / DEG:g} deg of its limit or "
         f"the arm within {settings.wrist_margin / DEG:g} deg of a singularity."
     )
-    for each in T_base_part @ pose(rotation, dense.position[index]):
+    T_part_tool = pose(side.rotations(at, spins[None])[0], side.dense.position[at[0]])
+    for T_base_tool in side.T_base_part @ T_part_tool:
         try:
-            inverse(robot, each)
+            inverse(side.robot, T_base_tool)
         except ReachError as error:
             why = error.message
         else:

@@ -40,6 +40,7 @@ from robotrue.validation.touch_checks import (
     check_order,
     check_pattern_of,
     check_units,
+    file_of,
     naming,
 )
 
@@ -123,7 +124,7 @@ def _check_rows(arm: ErrorModel, touches: ProbingSet, parts: Sequence[str]) -> N
     if touches.has_joints and touches.joints.shape[1] != robot.dof:
         raise ModelMismatchError(
             f"{touches.joints.shape[1]} joint columns, {robot.name} has {robot.dof} joints.",
-            source=touches.source.split(" sha256:")[0] or None,
+            source=file_of(touches),
             hint="one column j1_deg, j2_deg, ... per joint.",
         )
     if touches.parts != tuple(range(len(parts))):

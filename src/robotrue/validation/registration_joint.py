@@ -34,7 +34,7 @@ from robotrue.validation.registration_frame import (
     same_tool,
     tips,
 )
-from robotrue.validation.touch_checks import list_names
+from robotrue.validation.touch_checks import file_of, list_names
 
 ENOUGH: Final = 27
 """Numbers (9 feature points) from which a nominal arm is learned with its frames. Machined rms of
@@ -73,7 +73,7 @@ def require_numbers(touches: ProbingSet) -> None:
     Raises:
         ObservabilityError: No joints, or too few touches; says how many and which there are.
     """
-    source = touches.source.split(" sha256:")[0] or None
+    source = file_of(touches)
     if not touches.has_joints:
         raise ObservabilityError(
             f"touches {list_names(touches.labels)} have no joints: arm and tool cannot be "

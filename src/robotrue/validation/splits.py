@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Final, Literal, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -22,14 +22,6 @@ from robotrue.measurement.measurement_set import MeasurementSet
 
 SplitKind: TypeAlias = Literal["random", "blocks", "regions", "sets"]
 
-QUESTIONS: Final[dict[SplitKind, str]] = {
-    "random": "interpolation between neighbouring poses of the same campaign",
-    "blocks": "poses measured at another time of the same campaign",
-    "regions": "poses in a part of the workspace the fit never saw",
-    "sets": "another campaign or file than the fit saw",
-}
-"""What each kind of split tests, in words for a report."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Split(Columns):
@@ -37,7 +29,7 @@ class Split(Columns):
 
     Attributes:
         name: E.g. ``"blocks 2/5"``.
-        kind: What the split tests, see :data:`QUESTIONS`.
+        kind: What the split tests.
         train: (k,) row indices, ascending.
         test: (m,) row indices, ascending; disjoint from ``train``.
     """
@@ -126,11 +118,6 @@ def spatial_regions(measurements: MeasurementSet, *, count: int = 3) -> tuple[Sp
     axis = np.linalg.svd(centred, full_matrices=False)[2][0]
     along = centred @ axis
     return slabs(along * (1.0 if along[0] >= 0.0 else -1.0), count=count)
-
-
-def joint1_sectors(measurements: MeasurementSet, *, count: int = 3) -> tuple[Split, ...]:
-    """Returns splits that hold out one sector of joint 1 each: regions by turning about axis 1."""
-    return slabs(measurements.joints[:, 0], count=count)
 
 
 def leave_one_set_out(measurements: MeasurementSet) -> tuple[Split, ...]:

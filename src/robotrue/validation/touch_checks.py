@@ -60,7 +60,7 @@ def naming(touches: ProbingSet, part: str = "") -> Iterator[None]:
             message = f"part {part!r}: {message}"
         raise type(error)(
             message,
-            source=error.source or _file(touches),
+            source=error.source or file_of(touches),
             line=error.line,
             hint=error.hint,
         ) from error
@@ -92,7 +92,7 @@ def check_units(
             raise ImplausibleDataError(
                 f"joints of {who} reach {largest:.4f} deg and the touches span {ratio:.3g} times "
                 f"what the part does; read as radians {turned:.3g} times.",
-                source=_file(touches),
+                source=file_of(touches),
                 line=int(touches.lines[0]),
                 hint="the joint columns are in radians: multiply them by 57.29578.",
             )
@@ -102,7 +102,7 @@ def check_units(
     raise ImplausibleDataError(
         f"distances between the touched points {who} are {ratio:.4g} times those of the nominal "
         f"points, allowed {1 - allowed:g} to {1 + allowed:g}: {guess}.",
-        source=_file(touches),
+        source=file_of(touches),
         line=int(touches.lines[0]),
         hint="px_mm, py_mm, pz_mm and x_mm, y_mm, z_mm are millimetres.",
     )
@@ -139,7 +139,7 @@ def check_pattern_of(touches: ProbingSet) -> None:
         raise ObservabilityError(
             f"touches {list_names(touches.labels)} give {numbers} numbers, a frame needs 6: a "
             "feature point gives 3, a touch with a normal 1.",
-            source=_file(touches),
+            source=file_of(touches),
             hint="touch more points; 3 on the largest face, 2 on the next, 1 on the third.",
         )
 
@@ -201,7 +201,7 @@ def check_mirror(touches: ProbingSet, in_base: Array, *, sigma: float) -> tuple[
         raise ImplausibleDataError(
             f"the touched points {list_names(touches.labels)} are the mirror image of the part: "
             f"{there} of {len(point)} fit with one axis of the part reversed, {here} as they are.",
-            source=_file(touches),
+            source=file_of(touches),
             line=int(touches.lines[0]),
             hint="check the sign of one coordinate, left against right hand parts, or the order "
             "of the names.",
@@ -247,7 +247,7 @@ def check_exchanged(
         told = ", ".join(f"{a} was touched at {b}" for a, b in moved)
         raise ImplausibleDataError(
             f"names are exchanged: {told}, each within {tolerance / MM:.2f} mm.",
-            source=_file(touches),
+            source=file_of(touches),
             line=int(touches.lines[rows[0]]),
             hint="correct the names of these touches.",
         )
@@ -273,7 +273,7 @@ def check_on_mesh(touches: ProbingSet, mesh: TriangleMesh, *, tolerance: float) 
             f"nominal points off the part by more than {tolerance / MM:.2f} mm: "
             + list_names([f"{touches.labels[i]} ({distance[i] / MM:+.2f} mm)" for i in wrong])
             + ".",
-            source=_file(touches),
+            source=file_of(touches),
             line=int(touches.lines[wrong[0]]),
             hint="check px_mm, py_mm, pz_mm, the unit of the mesh (--mesh-unit) and its origin.",
         )
@@ -291,7 +291,7 @@ def check_on_mesh(touches: ProbingSet, mesh: TriangleMesh, *, tolerance: float) 
                 ]
             )
             + ".",
-            source=_file(touches),
+            source=file_of(touches),
             line=int(touches.lines[inward[0]]),
             hint="nx, ny, nz point out of the material.",
         )
@@ -305,5 +305,6 @@ def check_on_mesh(touches: ProbingSet, mesh: TriangleMesh, *, tolerance: float) 
     )
 
 
-def _file(touches: ProbingSet) -> str | None:
+def file_of(touches: ProbingSet) -> str | None:
+    """Returns the file the touches are from; None without one."""
     return touches.source.split(" sha256:")[0] or None

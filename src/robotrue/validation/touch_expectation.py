@@ -147,7 +147,7 @@ def update_belief(
     at, arm_columns = start.mean, _arm_columns(start, touches)
     weights = 1.0 / _noise(start, touches)
     for _ in range(ROUNDS):
-        now = _replace_belief(start, T, at, start.covariance, len(touches))
+        now = replace(start, T_base_part=T, mean=at)
         rows, gap, weight = _linearise_touches(now, touches, in_base, arm_columns, weights)
         prior = np.concatenate(
             [np.zeros(size), *(_step(T[part], rough[part]) for part in sorted(rough))]
@@ -160,7 +160,8 @@ def update_belief(
             break
     at[size:] = 0.0
     covariance = np.linalg.inv(normal)
-    return _replace_belief(start, T, at, 0.5 * (covariance + covariance.T), len(touches))
+    covariance = 0.5 * (covariance + covariance.T)
+    return replace(start, T_base_part=T, mean=at, covariance=covariance, touches=len(touches))
 
 
 def expected_readings(known: TouchBelief, touches: ProbingSet) -> ExpectedTouch:
@@ -215,15 +216,6 @@ def machined_radius(known: TouchBelief, places: ProbingSet) -> Array:
         rest = _visit(known, belief, places)
         covariance = covariance + rest[:, None, None] * np.eye(3)
     return np.asarray(REGION * np.sqrt(np.linalg.eigvalsh(covariance)[:, -1]))
-
-
-def _replace_belief(
-    of: TouchBelief, T: Mapping[int, Array], mean: Array, covariance: Array, touches: int
-) -> TouchBelief:
-    return TouchBelief(
-        arm=of.arm, settings=of.settings, T_base_part=dict(T), belief=of.belief, mean=mean,
-        covariance=covariance, touches=touches,
-    )  # fmt: skip
 
 
 def _step(T: Array, to: Array) -> Array:
@@ -342,13 +334,10 @@ def find_suspicions(
         before: Readings made before.
         tip_axis: (3,) the way from the flange to the tip, in the tool frame.
     """
-    found = [
-        *_elsewhere(known, touch, others),
-        *(_other_joints(known, touch) if touch.has_joints else _other_units(known, touch)),
-    ]
-    found = [each for each in found if each.sigmas <= min(GOOD, 0.5 * judged.sigmas)]
-    found.sort(key=lambda each: each.sigmas)
-    return (*_find_repeats(touch, before), *found[:3], *_ball(known, touch, judged, tip_axis))
+    tried = [*_elsewhere(known, touch, others), *_other_readings(known, touch)]
+    good = [trial for trial in tried if trial.sigmas <= min(GOOD, 0.5 * judged.sigmas)]
+    good.sort(key=lambda trial: trial.sigmas)
+    return (*_find_repeats(touch, before), *good[:3], *_ball(known, touch, judged, tip_axis))
 
 
 def _elsewhere(known: TouchBelief, touch: ProbingSet, others: ProbingSet) -> list[Suspicion]:
@@ -363,30 +352,26 @@ def _elsewhere(known: TouchBelief, touch: ProbingSet, others: ProbingSet) -> lis
     return sorted(out, key=lambda each: each.sigmas)[:1]
 
 
-def _other_joints(known: TouchBelief, touch: ProbingSet) -> list[Suspicion]:
-    out = []
-    if np.abs(touch.joints).max() < 2.0 * np.pi * DEG:
-        turned = replace(touch, joints=touch.joints / DEG)
-        out.append(Suspicion(kind="radians", sigmas=check_reading(known, turned).sigmas))
-    for k in range(touch.joints.shape[1]):
-        joints = touch.joints.copy()
-        joints[0, k] *= -1.0
-        sigmas = check_reading(known, replace(touch, joints=joints)).sigmas
-        out.append(Suspicion(kind="sign", name=f"{k + 1}", sigmas=sigmas))
-    return out
-
-
-def _other_units(known: TouchBelief, touch: ProbingSet) -> list[Suspicion]:
-    out = []
-    for name, factor in SCALES:
-        sigmas = check_reading(known, replace(touch, position=factor * touch.position)).sigmas
-        out.append(Suspicion(kind="scale", name=name, sigmas=sigmas))
-    for k, axis in enumerate("xyz"):
-        position = touch.position.copy()
-        position[0, k] *= -1.0
-        sigmas = check_reading(known, replace(touch, position=position)).sigmas
-        out.append(Suspicion(kind="sign", name=axis, sigmas=sigmas))
-    return out
+def _other_readings(known: TouchBelief, touch: ProbingSet) -> list[Suspicion]:
+    """The reading in another unit, or with the sign of one number changed."""
+    values = touch.joints if touch.has_joints else touch.position
+    trials: list[tuple[Kind, str, Array]] = []
+    if not touch.has_joints:
+        trials += [("scale", unit, factor * values) for unit, factor in SCALES]
+    elif np.abs(values).max() < 2.0 * np.pi * DEG:
+        trials.append(("radians", "", values / DEG))
+    for k in range(values.shape[1]):
+        other = values.copy()
+        other[0, k] *= -1.0
+        trials.append(("sign", f"{k + 1}" if touch.has_joints else "xyz"[k], other))
+    read = [
+        replace(touch, joints=value) if touch.has_joints else replace(touch, position=value)
+        for _, _, value in trials
+    ]
+    return [
+        Suspicion(kind=kind, name=name, sigmas=check_reading(known, reading).sigmas)
+        for (kind, name, _), reading in zip(trials, read, strict=True)
+    ]
 
 
 def _find_repeats(touch: ProbingSet, before: ProbingSet | None) -> tuple[Suspicion, ...]:

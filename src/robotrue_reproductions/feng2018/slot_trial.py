@@ -42,7 +42,7 @@ class SlotTrial:
     paper: WayResult
     chosen: WayResult
     rest: DatumCheck
-    knock_block: DatumCheck
+    knocked: DatumCheck
 
 
 def run_slot_trial(seed: int, way: str, progress: Progress) -> SlotTrial:

@@ -28,8 +28,7 @@ from robotrue.measurement.formats.part_points import (
 from robotrue.measurement.formats.sheet_file import read_sheet
 from robotrue.measurement.touch_session import ProbingSession, TouchFeature
 from robotrue.planning.arm_scene import scene_of
-from robotrue.planning.facing import facing
-from robotrue.planning.probing_candidates import TouchLimits, touch_candidates
+from robotrue.planning.probing_candidates import TouchLimits, find_facing_posture, touch_candidates
 from robotrue.robot.forward import forward
 from robotrue.robot.inverse import branches_of
 from robotrue.robot.opw import opw_geometry
@@ -254,7 +253,7 @@ def _postures(
     robot = cell.robot.nominal()
     axis = np.array(settings["tip_axis"])
     lean = float(settings["lean_deg"])
-    machining = facing(robot, features, rough, axis)
+    machining = find_facing_posture(robot, features, rough, axis)
     able = touch_candidates(
         robot,
         replace(features, names=tuple(str(k) for k in range(len(features)))),
