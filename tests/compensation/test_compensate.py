@@ -12,7 +12,7 @@ import pytest
 
 from robotrue.calibration.mean_tables import rigid_tables
 from robotrue.calibration.model import Query
-from robotrue.compensation import CompensationSettings, Status, compensate, unchanged
+from robotrue.compensation import CompensationSettings, Status, compensate, zero_correction
 from robotrue.core.arm_words import NO_WORD
 from robotrue.core.units import DEG
 from robotrue.errors import ConfigurationError
@@ -100,7 +100,7 @@ def test_zero_error_changes_nothing():
     assert (result.status == Status.UNCHANGED_NO_ERROR).all()
     assert not result.replacement.changed.any()
     assert np.array_equal(result.replacement.position, program.position)
-    assert not unchanged(program).changed.any()
+    assert not zero_correction(program).changed.any()
 
 
 def test_force_to_plus_x_moves_the_command_to_minus_x():

@@ -10,7 +10,7 @@ import pytest
 
 from robotrue.calibration.model import Query
 from robotrue.compensation import CompensationSettings, Status, compensate
-from robotrue.compensation.result import unchanged
+from robotrue.compensation.result import zero_correction
 from robotrue.core.poses import inverse, pose, pose_from_xyz_abc
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.rotations import quat_wxyz_from_matrix as quaternion
@@ -74,7 +74,7 @@ def test_the_actual_tool_lands_on_the_part(name, make, force: float) -> None:
     assert (result.status == Status.COMPENSATED).all(), result.notes
     said = f"{COUNT} targets carry the part to a tool that stands in the cell"
     assert any(said in note for note in result.summary()["notes"])
-    assert dialect(name).write(program, unchanged(program)) == data
+    assert dialect(name).write(program, zero_correction(program)) == data
     out = dialect(name).write(program, result.replacement)
     told = printed(name, dialect(name).read(out, name="part", frames=TABLE))
     assert np.linalg.norm((told - wanted)[:, :3, 3], axis=1).mean() > 0.5 * MM

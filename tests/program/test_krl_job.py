@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from krl_samples import replacement
 
-from robotrue.compensation.result import unchanged
+from robotrue.compensation.result import zero_correction
 from robotrue.core.units import DEG, MM
 from robotrue.errors import FormatError
 from robotrue.program.external_axes import ExternalAxis
@@ -69,7 +69,7 @@ def test_a_folder_with_a_camrob_file_is_one_job(tmp_path: Path) -> None:
 def test_a_camrob_file_is_written_number_by_number(tmp_path: Path) -> None:
     made(tmp_path, part_src=CALLER, path_csv=CAMROB)
     path = of(read_job(tmp_path / "part.src"), "path.csv")
-    assert write_program(path, unchanged(path)) == CAMROB.encode()
+    assert write_program(path, zero_correction(path)) == CAMROB.encode()
     out = write_program(path, replacement(path, by_mm=(0.1, 0, -0.02), rows=[1])).decode()
     assert out == CAMROB.replace("12.5000;0.3750;-1.2500", "12.6000;0.3750;-1.2700")
 
@@ -168,7 +168,7 @@ def test_what_leaves_components_out_inherits_within_its_file(tmp_path: Path) -> 
 def test_several_programs_are_written_each_for_itself(tmp_path: Path) -> None:
     for program in several(tmp_path):
         assert program.data == (tmp_path / program.name).read_bytes()
-        assert write_program(program, unchanged(program)) == program.data
+        assert write_program(program, zero_correction(program)) == program.data
         out = write_program(program, replacement(program, by_mm=(0.5, 0, 0))).decode("utf-8")
         before = program.data.decode("utf-8")
         changed = [

@@ -23,7 +23,7 @@ from robotrue.compensation.compensate_file import CompensatedFile, compensate_fi
 from robotrue.compensation.process_force import DescribedForce
 from robotrue.compensation.redundancy import compensate_with_spins, require_free_spin
 from robotrue.compensation.redundancy_result import spin_sentences
-from robotrue.compensation.result import Compensation, unchanged
+from robotrue.compensation.result import Compensation, zero_correction
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.compensation.stance import sentence
 from robotrue.compensation.stated_force import StatedForce, note_rigid_model, state_forces
@@ -189,7 +189,7 @@ def _step_of_all(context: Context, past: int, every: int, text: str, done: int, 
 
 def _copy(file: ProgramFile, stream: BinaryIO) -> Rewritten:
     """Writes a program as it is."""
-    data = b"" if file.held is None else write_program(file.held, unchanged(file.held))
+    data = b"" if file.held is None else write_program(file.held, zero_correction(file.held))
     stream.write(data)
     counts = {
         "targets": file.targets, "compensated": 0, "unchanged": file.targets, "status": {},

@@ -58,13 +58,13 @@ def circles(first: Array, second: Array, third: Array) -> Circles:
         radius = np.linalg.norm(outward, axis=-1)
         outward = outward / radius[..., None]
         ahead = np.cross(normal / np.sqrt(nn)[..., None], outward)
-    angle = [_turned(each - centre, outward, ahead) for each in (second, third)]
+    angle = [_turn_angles(each - centre, outward, ahead) for each in (second, third)]
     return Circles(
         centre=centre, radius=radius, outward=outward, ahead=ahead, second=angle[0], third=angle[1]
     )
 
 
-def _turned(from_centre: Array, outward: Array, ahead: Array) -> Array:
+def _turn_angles(from_centre: Array, outward: Array, ahead: Array) -> Array:
     x, y = (np.sum(from_centre * axis, axis=-1) for axis in (outward, ahead))
     return np.asarray(np.arctan2(y, x) % (2.0 * np.pi))
 
@@ -105,7 +105,7 @@ def from_helices(points: Array, begin: Array, middle: Array, end: Array, normal:
     ]
     circle = circles(*flat[1:])
     rows = np.arange(len(points))
-    turned = _turned(flat[0] - circle.centre, circle.outward, circle.ahead)
+    turned = _turn_angles(flat[0] - circle.centre, circle.outward, circle.ahead)
     # Just before the begin is nearly a full turn.
     turned = np.where(turned > 0.5 * circle.third + np.pi, turned - 2.0 * np.pi, turned)
     climb = height[1] + turned / circle.third * (height[2] - height[1])

@@ -103,13 +103,7 @@ def look_between(
         ConfigurationError: No model, a dialect without insertion, too many targets.
         FormatError: The split job does not read as it should.
     """
-    if model is None:
-        raise ConfigurationError(
-            f"{options.named} asks a calibrated model what the arm does between targets; here is "
-            "only a cell.",
-            hint="robotrue calibrate CELL MEASUREMENTS -o MODEL.",
-        )
-    moves = inserter(job[0].dialect).moves(job)
+    model, moves = _require_model(model, options), inserter(job[0].dialect).moves(job)
     results = [compensate(model, p, settings=s) for p, s in zip(job, settings, strict=True)]
     whole = job_moves(model, job, moves, results, settings)
     tolerance = None if options.tolerance_um is None else options.tolerance_um * UM
@@ -130,7 +124,7 @@ def look_between(
         "tolerance_um": options.tolerance_um,
         "split_moves": int((plan.parts > 1).sum()),
         "inserted_targets": len(plan.insertion),
-        "left_whole": _left(whole, deviation, plan),
+        "left_whole": _list_left_whole(whole, deviation, plan),
         "worst": _worst(whole, deviation, plan),
     }
     reached = deviation
@@ -149,6 +143,16 @@ def look_between(
         left_whole=tuple(map(_left_sentence, document["left_whole"])),
         worst=_table(document["worst"]) if options.deviation else (),
     )
+
+
+def _require_model(model: ErrorModel | None, options: SplitOptions) -> ErrorModel:
+    if model is None:
+        raise ConfigurationError(
+            f"{options.named} asks a calibrated model what the arm does between targets; here is "
+            "only a cell.",
+            hint="robotrue calibrate CELL MEASUREMENTS -o MODEL.",
+        )
+    return model
 
 
 def _sizes(size: Array) -> dict[str, float] | None:
@@ -202,7 +206,9 @@ def _worst(
     ]
 
 
-def _left(job: JobMoves, deviation: MoveDeviations, plan: SplitPlan) -> list[dict[str, Any]]:
+def _list_left_whole(
+    job: JobMoves, deviation: MoveDeviations, plan: SplitPlan
+) -> list[dict[str, Any]]:
     """The moves that stay whole although they may be beyond the tolerance, by reason."""
     out: list[dict[str, Any]] = []
 

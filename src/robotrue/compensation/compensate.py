@@ -23,11 +23,11 @@ from robotrue.compensation.setup import CompensationSetup, compensation_setup
 from robotrue.compensation.stance import first_stance
 from robotrue.compensation.status import Route, Status
 from robotrue.core.arm_words import NO_WORD
-from robotrue.core.arrays import Array
-from robotrue.core.columns import concat
+from robotrue.core.arrays import Array, IntArray
 from robotrue.core.progress import Progress, unheard
 from robotrue.core.units import UM
 from robotrue.program.program import Program, Reason, Replacement
+from robotrue.robot.model import RobotModel
 from robotrue.robot.statics import Load
 
 CHUNK: Final = 1 << 13
@@ -87,36 +87,37 @@ def compensate_targets(
     Raises:
         ModelMismatchError: Axis targets of another arm.
     """
-    n, parts, rotation_known = len(program), [], True
-    for start in range(0, max(n, 1), CHUNK):
-        rows = slice(start, min(start + CHUNK, n))
-        part, known = _compensate_chunk(setup, program.take(rows), load.take(rows), state)
-        parts.append(part)
-        rotation_known &= known
-        progress("compensating", rows.stop, n)
-    return concat(
-        parts,
-        covariance=np.concatenate([part.covariance for part in parts]),
-        row_notes=merge_notes(note for part in parts for note in part.row_notes),
-        remarks=_remarks(program, rotation_known=rotation_known),
-        stance=next((part.stance for part in parts if part.stance is not None), None),
-    )
-
-
-def _compensate_chunk(
-    setup: CompensationSetup, program: Program, load: Load, state: ArmState
-) -> tuple[Compensation, bool]:
-    """Returns the compensation of some targets, and whether their rotation errors are known."""
     from robotrue.compensation.solve_targets import solve_targets  # compiles: when needed
 
-    robot, settings, reached = setup.robot, setup.settings, bool(state.get("reached"))
-    plan = lay_out(robot, program, settings, state)
-    chunk, outcome, rotation_known = solve_targets(setup, program, plan, load, state)
-    for column in outcome:
+    robot, settings, n = setup.robot, setup.settings, len(program)
+    outcome = _empty_outcome(program, covariance=settings.covariance)
+    axes, words = np.array(program.axes), np.full_like(program.words, NO_WORD)
+    notes: list[RowNote] = []
+    stance, rotation_known = None, True
+    for start in range(0, n, CHUNK):
+        rows = slice(start, min(start + CHUNK, n))
+        here, part = program.take(rows), Outcome._make(column[rows] for column in outcome)
+        reached = bool(state.get("reached"))
+        plan = lay_out(robot, here, settings, state)
+        nominal, known = solve_targets(setup, here, plan, load.take(rows), state, part)
+        if not reached:
+            stance = first_stance(robot, here, plan, settings, nominal) or stance
+        rotation_known &= known
+        notes += plan.notes
+        notes += _write_axes_and_words(robot, here, plan, part, axes[rows], words[rows])
+        notes += _notes(here, settings, part)
+        progress("compensating", rows.stop, n)
+    changed = outcome.status == Status.COMPENSATED
+    for column in (*outcome, axes, words, changed):  # frozen here, so that nobody copies them
         column.flags.writeable = False
-    replacement, notes = _replacement(setup, program, plan, outcome)
-    compensation = Compensation(
-        replacement=replacement,
+    return Compensation(
+        replacement=Replacement(
+            changed=changed,
+            position=outcome.position,
+            rotation=outcome.rotation.reshape(n, 3, 3),
+            axes=axes,
+            words=words,
+        ),
         status=outcome.status,
         predicted_error_before=outcome.before,
         predicted_error_after=outcome.after,
@@ -125,10 +126,10 @@ def _compensate_chunk(
         joints=outcome.joints,
         covariance=outcome.covariance,
         singular_value=outcome.singular,
-        stance=None if reached else first_stance(robot, program, plan, settings, chunk.nominal),
-        row_notes=notes,
+        stance=stance,
+        row_notes=merge_notes(notes),
+        remarks=_remarks(program, rotation_known=rotation_known),
     )
-    return compensation, rotation_known
 
 
 def load_about_part_origin(program: Program, load: Load) -> Load:
@@ -151,33 +152,36 @@ def load_about_part_origin(program: Program, load: Load) -> Load:
     return replace(load, wrench=wrench)
 
 
-def _replacement(
-    setup: CompensationSetup, program: Program, plan: Plan, outcome: Outcome
-) -> tuple[Replacement, tuple[RowNote, ...]]:
-    """Returns what the writer is to put in place of the targets, and notes on the targets."""
-    n, robot = len(program), setup.robot
-    notes = list(plan.notes)
+def _empty_outcome(program: Program, *, covariance: bool) -> Outcome:
+    """Returns the outcome before anything is solved: the targets as they stand."""
+    n = len(program)
+    return Outcome(
+        position=np.array(program.position),
+        rotation=np.array(program.rotation).reshape(n, 9),
+        joints=np.full((n, 6), np.nan),
+        status=np.zeros(n, dtype=np.int64),
+        before=np.full((n, 3), np.nan),
+        after=np.full((n, 3), np.nan),
+        shift=np.zeros((n, 3)),
+        turn=np.zeros(n),
+        singular=np.full(n, np.nan),
+        covariance=np.full((n if covariance else 0, 3, 3), np.nan),
+    )
+
+
+def _write_axes_and_words(
+    robot: RobotModel, program: Program, plan: Plan, outcome: Outcome, axes: Array, words: IntArray
+) -> tuple[RowNote, ...]:
+    """Writes the axes and the configuration words of new targets; returns notes on them."""
     changed = outcome.status == Status.COMPENSATED
-    words = np.broadcast_to(np.int64(NO_WORD), program.words.shape)
-    worded = plan.worded[changed[plan.worded]]
-    if len(worded):
-        words = np.array(words)
-        words[worded], renewed = new_words(robot, program, worded, outcome.joints[worded])
-        notes.extend(renewed)
-    axes = program.axes
     moved = np.flatnonzero(changed & (plan.route == Route.AXES))
     if len(moved) and robot.controller is not None:
-        axes = np.array(program.axes)
         axes[moved] = robot.controller.to_controller(outcome.joints[moved])
-    notes.extend(_notes(program, setup.settings, outcome))
-    replacement = Replacement(
-        changed=changed,
-        position=outcome.position,
-        rotation=outcome.rotation.reshape(n, 3, 3),
-        axes=axes,
-        words=words,
-    )
-    return replacement, tuple(notes)
+    worded = plan.worded[changed[plan.worded]]
+    if not len(worded):
+        return ()
+    words[worded], renewed = new_words(robot, program, worded, outcome.joints[worded])
+    return renewed
 
 
 def _remarks(program: Program, *, rotation_known: bool) -> tuple[str, ...]:

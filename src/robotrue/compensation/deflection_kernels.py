@@ -6,18 +6,17 @@ The tests hold these kernels to a nanometre against :mod:`robotrue.robot.forward
 
 from __future__ import annotations
 
-from typing import Any
-
+from robotrue.compensation.calibrated_arm import CalibratedArm
 from robotrue.compensation.nominal_kernels import write_theta
 from robotrue.core.arrays import Array
 from robotrue.core.compiled import EXACT, SUMS, compiled
 from robotrue.core.sines import exponentials, sine_and_cosine
-from robotrue.robot.chain import ORIGIN
+from robotrue.robot.chain import ORIGIN, Record
 from robotrue.robot.chain_kernels import multiply, walk, write_load_torque
 
 
 @compiled(EXACT)
-def locate(model: Any, arm: Any, reuse: float, bump: Array, w: Any) -> None:
+def locate(model: CalibratedArm, arm: Record, reuse: float, bump: Array, w: Record) -> None:
     """Writes the nominal and the actual chain at ``joints`` of the working memory.
 
     Args:
@@ -62,7 +61,7 @@ def locate(model: Any, arm: Any, reuse: float, bump: Array, w: Any) -> None:
 
 
 @compiled(EXACT)
-def _write_drive_torque(arm: Any, w: Any) -> None:
+def _write_drive_torque(arm: Record, w: Record) -> None:
     """Writes the load torque on the drives (6,) N m."""
     torque = w.nominal.torque
     for i in range(6):
@@ -75,7 +74,7 @@ def _write_drive_torque(arm: Any, w: Any) -> None:
 
 
 @compiled(EXACT)
-def _add_ripple(ripple: Array, w: Any) -> None:
+def _add_ripple(ripple: Array, w: Record) -> None:
     """Adds A_k sin(k q) + B_k cos(k q), k = 1, 2, ..., to ``shift``, by Clenshaw's recurrence.
 
     Both sums of a drive are carried in step, four harmonics at a time: their number is a multiple
@@ -98,7 +97,7 @@ def _add_ripple(ripple: Array, w: Any) -> None:
 
 
 @compiled(EXACT)
-def _add_waves(harmonics: Array, ripple: Array, w: Any) -> None:
+def _add_waves(harmonics: Array, ripple: Array, w: Record) -> None:
     """Adds A_k sin(N_k q) + B_k cos(N_k q) to ``shift``, any N_k."""
     for k in range(len(harmonics)):
         for i in range(6):
@@ -107,7 +106,7 @@ def _add_waves(harmonics: Array, ripple: Array, w: Any) -> None:
 
 
 @compiled(EXACT)
-def _write_residual(model: Any, arm: Any, bump: Array, w: Any) -> None:
+def _write_residual(model: CalibratedArm, arm: Record, bump: Array, w: Record) -> None:
     """Writes the smooth residual sum_m W_m exp(-|s - C_m|^2 / 2), (3,) m."""
     for i in range(6):
         w.residual_at[i] = w.joints[i]

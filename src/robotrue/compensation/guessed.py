@@ -115,7 +115,7 @@ def other_configurations(robot: RobotModel, T_base_flange: Array, joints: Array)
     if geometry is not None:
         branches = inverse_branches(bare, T_base_flange, reference=joints, geometry=geometry)
     else:
-        branches = _searched(bare, T_base_flange, joints)
+        branches = _search_branches(bare, T_base_flange, joints)
     lower, upper = robot.limits[:, 0] - _SLACK, robot.limits[:, 1] + _SLACK
     with np.errstate(invalid="ignore"):
         branches = branches - _TURN * np.ceil(np.maximum(branches - upper, 0.0) / _TURN)
@@ -127,7 +127,7 @@ def other_configurations(robot: RobotModel, T_base_flange: Array, joints: Array)
     return np.where((inside & other)[..., None], options, np.nan)
 
 
-def _searched(bare: RobotModel, T_base_flange: Array, joints: Array) -> Array:
+def _search_branches(bare: RobotModel, T_base_flange: Array, joints: Array) -> Array:
     """Returns the solutions of the first pose, followed to the others, (m, k, 6) rad."""
     seeds = all_solutions(bare, T_base_flange[:1])[0]
     out = np.full((len(joints), len(seeds), 6), np.nan)

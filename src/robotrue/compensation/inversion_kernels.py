@@ -7,16 +7,16 @@ tenths of the error; nearly always the first serves for all steps.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
+from robotrue.compensation.calibrated_arm import CalibratedArm, Chunk, InversionLimits, Outcome
 from robotrue.compensation.deflection_kernels import locate
 from robotrue.compensation.nominal_kernels import write_drive_jacobian, write_step
 from robotrue.compensation.status import Route, Status
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.compiled import EXACT, compiled
-from robotrue.robot.chain import ORIGIN, X, Y, Z
+from robotrue.robot.chain import ORIGIN, Record, X, Y, Z
 from robotrue.robot.chain_kernels import deviation, invert_matrix, write_jacobian
 
 AXES = int(Route.AXES)
@@ -37,7 +37,13 @@ LOST = 1e3
 
 @compiled(EXACT)
 def invert_targets(
-    model: Any, chunk: Any, limits: Any, rows: IntArray, bump: Array, work: Any, outcome: Any
+    model: CalibratedArm,
+    chunk: Chunk,
+    limits: InversionLimits,
+    rows: IntArray,
+    bump: Array,
+    work: Record,
+    outcome: Outcome,
 ) -> None:
     """Inverts the arm for some targets of a chunk, and writes what becomes of them.
 
@@ -73,7 +79,7 @@ def invert_targets(
 
 @compiled(EXACT)
 def predict_errors(
-    model: Any, chunk: Any, rows: IntArray, bump: Array, work: Any, error: Array
+    model: CalibratedArm, chunk: Chunk, rows: IntArray, bump: Array, work: Record, error: Array
 ) -> None:
     """Writes actual minus nominal position (k, 3) m at the nominal joints of some targets."""
     w = work[0]
@@ -86,7 +92,7 @@ def predict_errors(
 
 
 @compiled(EXACT)
-def _read_target(arm: Any, chunk: Any, n: int, w: Any) -> None:
+def _read_target(arm: Record, chunk: Chunk, n: int, w: Record) -> None:
     """Writes a target with its joints and its load into the working memory."""
     for r in range(3):
         for k in range(4):
@@ -106,7 +112,9 @@ def _read_target(arm: Any, chunk: Any, n: int, w: Any) -> None:
 
 
 @compiled(EXACT)
-def _invert(model: Any, arm: Any, limits: Any, bump: Array, w: Any) -> int:
+def _invert(
+    model: CalibratedArm, arm: Record, limits: InversionLimits, bump: Array, w: Record
+) -> int:
     """Moves ``joints`` until the actual tool is on the target; returns DONE or why it is not.
 
     Writes ``before`` m, ``singular`` and ``error``: what the nominal joints and what the joints
@@ -144,7 +152,7 @@ def _invert(model: Any, arm: Any, limits: Any, bump: Array, w: Any) -> int:
 
 
 @compiled(EXACT)
-def _renew_inverse(arm: Any, w: Any) -> bool:
+def _renew_inverse(arm: Record, w: Record) -> bool:
     """Writes the inverse Jacobian of the actual arm at the joints; False if it is singular."""
     write_jacobian(w.actual)
     write_drive_jacobian(arm, w.actual.jacobian, w)
@@ -167,8 +175,8 @@ def _wrist_sine(frame: Array) -> float:
 
 @compiled(EXACT)
 def write_command(
-    arm: Any, chunk: Any, limits: Any, n: int, status: int, joints: Array, command: Array,
-    target: Array, outcome: Any,
+    arm: Record, chunk: Chunk, limits: InversionLimits, n: int, status: int, joints: Array,
+    command: Array, target: Array, outcome: Outcome,
 ) -> None:  # fmt: skip
     """Writes what becomes of a target that was inverted: its status, and its command where done.
 
@@ -215,8 +223,9 @@ def write_command(
 
 @compiled(EXACT)
 def write_predicted(
-    model: Any, chunk: Any, limits: Any, rows: IntArray, converged: BoolArray, joints: Array,
-    command: Array, target: Array, before: Array, after: Array, outcome: Any,
+    model: CalibratedArm, chunk: Chunk, limits: InversionLimits, rows: IntArray,
+    converged: BoolArray, joints: Array, command: Array, target: Array, before: Array,
+    after: Array, outcome: Outcome,
 ) -> None:  # fmt: skip
     """Writes what becomes of targets that were inverted elsewhere; columns of k rows."""
     for k in range(len(rows)):
@@ -249,7 +258,7 @@ def _distance(pose: Array, target: Array) -> tuple[float, float]:
 
 
 @compiled(EXACT)
-def _write_in_frame(T_base_frame: Array, pose: Array, n: int, outcome: Any) -> None:
+def _write_in_frame(T_base_frame: Array, pose: Array, n: int, outcome: Outcome) -> None:
     """Writes a base pose as row ``n`` of the commands in work frame coordinates."""
     T = T_base_frame
     x = pose[X, ORIGIN] - T[X, ORIGIN]

@@ -7,7 +7,6 @@ Source of the closed form: Brandstoetter, Angerer, Hofbaur 2014, eq. 1-16, with 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from robotrue.compensation.status import Route
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.compiled import EXACT, compiled
 from robotrue.core.sines import arc_tangent
-from robotrue.robot.chain import ORIGIN, X, Y, Z
+from robotrue.robot.chain import ORIGIN, Record, X, Y, Z
 from robotrue.robot.chain_kernels import deviation, invert_matrix, multiply, walk, write_jacobian
 
 SKIP, LINEAR = int(Route.SKIP), int(Route.LINEAR)
@@ -63,8 +62,8 @@ def write_base_targets(
 
 @compiled(EXACT)
 def choose_joints(
-    arms: Any, target: Array, route: IntArray, tool: IntArray, given: Array, state: Any, work: Any,
-    joints: Array, first: int,
+    arms: Record, target: Array, route: IntArray, tool: IntArray, given: Array, state: Record,
+    work: Record, joints: Array, first: int,
 ) -> int:  # fmt: skip
     """Writes the nominal joints (n, 6) rad of the targets from row ``first`` on, in order.
 
@@ -109,7 +108,7 @@ def choose_joints(
 
 
 @compiled(EXACT)
-def _closed_joints(arm: Any, w: Any, at: Any, free: bool) -> bool:
+def _closed_joints(arm: Record, w: Record, at: Record, free: bool) -> bool:
     """Writes the joints of a target nearest to those before; False where there are none.
 
     Args:
@@ -118,24 +117,31 @@ def _closed_joints(arm: Any, w: Any, at: Any, free: bool) -> bool:
         at: State of the arm; its branch is changed.
         free: The turns may be chosen anew to stay within the joint limits.
     """
-    _write_wrist(w.target, arm.closed.T_tool_wrist, w.hand)
-    turn4 = arm.closed.sign[3] * at.near[3] + arm.closed.offset[3]
-    if (
-        at.shoulder != 0
-        and not free
-        and _closed_branch(arm.closed, w.hand, at.shoulder, at.elbow, at.flip, turn4, w.theta)
-    ):
-        _write_nearest(arm, w.theta, at.near, False, w.joints)
-        widest = 0.0
-        for i in range(6):
-            widest = max(widest, abs(w.joints[i] - at.near[i]))
-        if widest < NEAR:
-            return True
+    closed, theta = arm.closed, w.theta
+    _write_wrist(w.target, closed.T_tool_wrist, w.hand)
+    turn4 = closed.sign[3] * at.near[3] + closed.offset[3]
+    if at.shoulder != 0 and not free:
+        exists, rest = _write_forearm(closed, w.hand, at.shoulder, at.elbow, theta)
+        if exists:
+            _write_hand(w.hand, rest, at.flip, turn4, theta)
+            _write_nearest(arm, theta, at.near, False, w.joints)
+            widest = 0.0
+            for i in range(6):
+                widest = max(widest, abs(w.joints[i] - at.near[i]))
+            if widest < NEAR:
+                return True
     least = np.inf
-    for code in range(8):
-        shoulder, elbow, flip = 1 - 2 * (code & 1), 1 - (code & 2), 1 - (code & 4) // 2
-        if _closed_branch(arm.closed, w.hand, shoulder, elbow, flip, turn4, w.theta):
-            distance = _write_nearest(arm, w.theta, at.near, free, w.trial)
+    for code in range(4):
+        shoulder, elbow = 1 - 2 * (code & 1), 1 - (code & 2)
+        exists, rest = _write_forearm(closed, w.hand, shoulder, elbow, theta)
+        # Joints 1 to 3 alone are often further away than a solution that is known.
+        if not exists or _forearm_distance(arm, theta, at.near) >= least:
+            continue
+        first, second, third = theta[0], theta[1], theta[2]
+        for flip in (1, -1):
+            theta[0], theta[1], theta[2] = first, second, third
+            _write_hand(w.hand, rest, flip, turn4, theta)
+            distance = _write_nearest(arm, theta, at.near, free, w.trial)
             if distance < least - 1e-12:
                 least = distance
                 at.shoulder, at.elbow, at.flip = shoulder, elbow, flip
@@ -155,26 +161,28 @@ def _write_wrist(target: Array, T_tool_wrist: Array, hand: Array) -> None:
 
 
 @compiled(EXACT)
-def _closed_branch(
-    g: Any, hand: Array, shoulder: int, elbow: int, flip: int, turn4: float, theta: Array
-) -> bool:
-    """Writes theta_opw (6,) rad of one of the eight branches; False if it does not exist.
+def _write_forearm(
+    g: Record, hand: Array, shoulder: int, elbow: int, theta: Array
+) -> tuple[bool, tuple[float, float, float, float]]:
+    """Writes theta_opw 1 to 3, rad, of one of four branches.
 
     Args:
         g: Of ``CLOSED_FORM_DTYPE``.
         hand: (3, 4) wrist flange in base, z along axis 6.
         shoulder: +1 facing the target, -1 reaching over the back.
         elbow: +1 or -1, the two sides of the elbow.
-        flip: +1 or -1, sign of theta 5.
-        turn4: rad, theta 4 to take where the wrist is stretched and only theta 4 + 6 exists.
         theta: Written.
+
+    Returns:
+        Whether the branch exists; sine and cosine of theta 1, and of theta 2 + 3.
     """
+    nothing = (0.0, 1.0, 0.0, 1.0)
     x = hand[X, ORIGIN] - g.c4 * hand[X, Z]
     y = hand[Y, ORIGIN] - g.c4 * hand[Y, Z]
     z = hand[Z, ORIGIN] - g.c4 * hand[Z, Z]
     flat2 = x * x + y * y
     if flat2 < g.b * g.b:
-        return False
+        return False, nothing
     ahead = shoulder * math.sqrt(flat2 - g.b * g.b)
     sine1, cosine1 = 0.0, 1.0
     if flat2 > 0.0:
@@ -185,7 +193,7 @@ def _closed_branch(
     cosine_lift = (s2 + g.c2 * g.c2 - fore2) / (2.0 * s * g.c2)
     cosine_bend = (s2 - g.c2 * g.c2 - fore2) / (2.0 * g.c2 * fore)
     if not (abs(cosine_lift) < 1.0 + 1e-12 and abs(cosine_bend) < 1.0 + 1e-12):
-        return False
+        return False, nothing
     cosine_lift = min(1.0, max(-1.0, cosine_lift))
     cosine_bend = min(1.0, max(-1.0, cosine_bend))
     sine_lift = elbow * math.sqrt((1.0 - cosine_lift) * (1.0 + cosine_lift))
@@ -198,6 +206,23 @@ def _closed_branch(
     theta[1] = arc_tangent(sine2, cosine2)
     theta[2] = arc_tangent(sine3, cosine3)
     s23, c23 = sine2 * cosine3 + cosine2 * sine3, cosine2 * cosine3 - sine2 * sine3
+    return True, (sine1, cosine1, s23, c23)
+
+
+@compiled(EXACT)
+def _write_hand(
+    hand: Array, forearm: tuple[float, float, float, float], flip: int, turn4: float, theta: Array
+) -> None:
+    """Writes theta_opw 4 to 6, rad.
+
+    Args:
+        hand: (3, 4) wrist flange in base, z along axis 6.
+        forearm: Of :func:`_write_forearm`.
+        flip: +1 or -1, sign of theta 5.
+        turn4: rad, theta 4 to take where the wrist is stretched and only theta 4 + 6 exists.
+        theta: Written.
+    """
+    sine1, cosine1, s23, c23 = forearm
     # Rows of (Rz(theta1) Ry(theta2 + theta3))^T times the columns of the hand.
     ahead = cosine1 * hand[X, Z] + sine1 * hand[Y, Z]
     m13 = c23 * ahead - s23 * hand[Z, Z]
@@ -210,16 +235,27 @@ def _closed_branch(
     if sine5 > STRETCHED:
         theta[3] = arc_tangent(flip * m23, flip * m13)
         theta[5] = arc_tangent(flip * m32, -flip * m31)
-        return True
+        return
     m11 = c23 * (cosine1 * hand[X, X] + sine1 * hand[Y, X]) - s23 * hand[Z, X]
     m21 = cosine1 * hand[Y, X] - sine1 * hand[X, X]
     theta[3] = turn4
     theta[5] = arc_tangent(m21, m11) - turn4 if m33 > 0.0 else arc_tangent(-m21, -m11) + turn4
-    return True
 
 
 @compiled(EXACT)
-def _write_nearest(arm: Any, theta: Array, near: Array, free: bool, joints: Array) -> float:
+def _forearm_distance(arm: Record, theta: Array, near: Array) -> float:
+    """Returns the least squared distance, rad^2, that joints 1 to 3 can have; 0 if coupled."""
+    distance = 0.0
+    if not arm.coupled:
+        for i in range(3):
+            gap = arm.closed.sign[i] * (theta[i] - arm.closed.offset[i]) - near[i]
+            gap -= TURN * math.floor(gap / TURN + 0.5)
+            distance += gap * gap
+    return distance
+
+
+@compiled(EXACT)
+def _write_nearest(arm: Record, theta: Array, near: Array, free: bool, joints: Array) -> float:
     """Writes q (6,) rad at the turn nearest to ``near``; returns its squared distance, rad^2.
 
     With ``free`` a joint beyond its limit may take another turn, and a solution that stays beyond
@@ -248,7 +284,7 @@ def _write_nearest(arm: Any, theta: Array, near: Array, free: bool, joints: Arra
 
 
 @compiled(EXACT)
-def _iterated_joints(arm: Any, w: Any, near: Array) -> bool:
+def _iterated_joints(arm: Record, w: Record, near: Array) -> bool:
     """Writes the joints of a target by Newton from ``near``; False if it does not arrive."""
     chain, tool = w.nominal, w.nominal.frame[6]
     for i in range(6):
@@ -277,7 +313,7 @@ def _iterated_joints(arm: Any, w: Any, near: Array) -> bool:
 
 
 @compiled(EXACT)
-def write_theta(arm: Any, w: Any) -> None:
+def write_theta(arm: Record, w: Record) -> None:
     """Writes the angles of the nominal chain from the joints."""
     theta = w.nominal.theta
     if arm.coupled:
@@ -290,7 +326,7 @@ def write_theta(arm: Any, w: Any) -> None:
 
 
 @compiled(EXACT)
-def write_drive_jacobian(arm: Any, jacobian: Array, w: Any) -> None:
+def write_drive_jacobian(arm: Record, jacobian: Array, w: Record) -> None:
     """Writes dx/dshift (6, 6) on the drive side, linear rows divided by ``length``."""
     scale = 1.0 / arm.length
     for r in range(6):
@@ -306,7 +342,7 @@ def write_drive_jacobian(arm: Any, jacobian: Array, w: Any) -> None:
 
 
 @compiled(EXACT)
-def write_step(arm: Any, w: Any) -> None:
+def write_step(arm: Record, w: Record) -> None:
     """Writes the Newton step (6,) rad: inverse Jacobian times the error."""
     for r in range(3):
         w.error[r] /= arm.length
@@ -316,7 +352,7 @@ def write_step(arm: Any, w: Any) -> None:
 @compiled(EXACT)
 def follow_joints(
     nominal: Array, route: IntArray, reached: bool, follow_approach: bool, max_joint_step: float,
-    state: Any, approach: Array, jump: BoolArray,
+    state: Record, approach: Array, jump: BoolArray,
 ) -> None:  # fmt: skip
     """Writes the sign of the last motion of every joint, and where a straight move jumps.
 

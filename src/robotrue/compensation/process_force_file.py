@@ -182,7 +182,7 @@ class _ForceEntry:
         value = self.stated[key]
         return value if isinstance(value, list) else []
 
-    def _expected(self, key: str, what: str, example: str) -> ConfigurationError:
+    def _expect(self, key: str, what: str, example: str) -> ConfigurationError:
         message = f"{key} is {self.stated[key]!r}, expected {what}"
         return self.fault(key, message, f"{key} = {example}.")
 
@@ -190,7 +190,7 @@ class _ForceEntry:
         numbers = self._list(key)
         if len(numbers) != 3 or not all(_is_number(v) and abs(v) <= LARGEST for v in numbers):
             what = f"three numbers of at most {LARGEST:g}"
-            raise self._expected(key, what, "[120.0, -40.0, -60.0]")
+            raise self._expect(key, what, "[120.0, -40.0, -60.0]")
         return np.array(numbers, dtype=np.float64)
 
     def _lines(self) -> IntArray:
@@ -202,7 +202,7 @@ class _ForceEntry:
             good = isinstance(each, list) and len(each) == 2 and all(type(v) is int for v in each)
             if not (good and 1 <= each[0] <= each[1] < 2**63):
                 what = "ranges of whole numbers, first and last"
-                raise self._expected("lines", what, "[[120, 480], [500, 500]]")
+                raise self._expect("lines", what, "[[120, 480], [500, 500]]")
         return np.array(ranges, dtype=np.int64)
 
     def _moves(self) -> tuple[Motion, ...]:
@@ -210,7 +210,7 @@ class _ForceEntry:
             return FEEDING
         names = self._list("moves")
         if not names or not all(isinstance(name, str) and name in MOVES for name in names):
-            raise self._expected("moves", f"some of {', '.join(MOVES)}", '["line", "arc"]')
+            raise self._expect("moves", f"some of {', '.join(MOVES)}", '["line", "arc"]')
         return tuple(motion for name in names for motion in MOVES[name])
 
     def _feeds(self) -> tuple[float, float] | None:
@@ -220,7 +220,7 @@ class _ForceEntry:
         pair = self._list("feeds_mm_per_s")
         numbers = len(pair) == 2 and all(map(_is_number, pair))
         if not (numbers and 0.0 <= pair[0] <= pair[1] < np.inf):
-            raise self._expected("feeds_mm_per_s", "the lowest and the highest", "[1.0, 60.0]")
+            raise self._expect("feeds_mm_per_s", "the lowest and the highest", "[1.0, 60.0]")
         return float(pair[0]) * MM, float(pair[1]) * MM
 
 

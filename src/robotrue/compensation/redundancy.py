@@ -21,7 +21,7 @@ import numpy as np
 from robotrue.calibration.model import ErrorModel
 from robotrue.compensation.compensate import compensate
 from robotrue.compensation.process_force import DescribedForce
-from robotrue.compensation.redundancy_path import DenseRun, Run, dense_run, runs_of
+from robotrue.compensation.redundancy_path import DenseRun, SpinRun, dense_run, runs_of
 from robotrue.compensation.redundancy_result import PostureQuality, SpinChoice
 from robotrue.compensation.result import Compensation
 from robotrue.compensation.settings import CompensationSettings
@@ -146,8 +146,8 @@ def choose_spins(
         robot=robot, geometry=geometry, compliance=compliance, program=program, path=path,
         wrench=wrench, free=free, joints=base.joints,
     )  # fmt: skip
-    spin, rotation = np.zeros(len(program)), np.array(program.rotation)
-    after = np.array(base.joints)
+    spin = np.zeros(len(program))
+    rotation, after = np.array(program.rotation), np.array(base.joints)
     runs = runs_of(program, known)
     notes, turned = [], 0
     for run in runs:
@@ -220,7 +220,7 @@ class _Scene:
     """One run with everything that does not change while spins are tried."""
 
     task: _Task
-    run: Run
+    run: SpinRun
     robot: RobotModel
     branch: int
     rotation: Array
@@ -248,7 +248,7 @@ class _Scene:
         return np.asarray((size / task.free.deflection) ** 2).reshape(len(at), *shape)
 
 
-def _spin_run(task: _Task, run: Run) -> _Found | str:
+def _spin_run(task: _Task, run: SpinRun) -> _Found | str:
     """The run with new spins, or why it stays."""
     program, spin = task.program, task.free.spin
     branch = branches_of(task.robot, task.joints[run.rows], geometry=task.geometry)

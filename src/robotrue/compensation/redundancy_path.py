@@ -26,7 +26,7 @@ _APART: Final = 20.0 * MM
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Run:
+class SpinRun:
     """n targets one after the other, n at least 2.
 
     Attributes:
@@ -80,7 +80,7 @@ class DenseRun:
         return np.flatnonzero(chosen)
 
 
-def runs_of(program: Program, known: BoolArray) -> tuple[Run, ...]:
+def runs_of(program: Program, known: BoolArray) -> tuple[SpinRun, ...]:
     """Returns the runs of a program in file order.
 
     Args:
@@ -102,7 +102,7 @@ def runs_of(program: Program, known: BoolArray) -> tuple[Run, ...]:
     return tuple(out)
 
 
-def _run(program: Program, rows: IntArray, known: BoolArray) -> Run:
+def _run(program: Program, rows: IntArray, known: BoolArray) -> SpinRun:
     axes = np.asarray(program.reason[rows] == Reason.JOINT_TARGET)
     fault = ""
     if (program.reason[rows][~axes] != Reason.NONE).any():
@@ -113,7 +113,7 @@ def _run(program: Program, rows: IntArray, known: BoolArray) -> Run:
         fault = "the tool changes on the way"
     elif not known[rows].all():
         fault = "the arm does not reach all of them as they stand"
-    return Run(rows=rows, fixed=bool(axes[0]), fault=fault)
+    return SpinRun(rows=rows, fixed=bool(axes[0]), fault=fault)
 
 
 def dense_run(position: Array, rotation: Array, motion: IntArray) -> DenseRun:

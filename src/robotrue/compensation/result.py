@@ -192,7 +192,7 @@ class Compensation(Columns):
         return self.tally().summary()
 
 
-def unchanged(program: Program) -> Replacement:
+def zero_correction(program: Program) -> Replacement:
     """Returns the replacement that rewrites nothing: the zero correction."""
     return Replacement(
         changed=np.zeros(len(program), dtype=np.bool_),

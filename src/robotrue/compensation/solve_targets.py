@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
@@ -44,24 +44,15 @@ MOST_REUSE: Final = 1e-5
 """rad."""
 
 
-class Solution(NamedTuple):
-    """n targets that are solved.
-
-    Attributes:
-        chunk: What was inverted.
-        outcome: What became of each.
-        rotation_known: Whether the model knows the rotation error at all of them.
-    """
-
-    chunk: Chunk
-    outcome: Outcome
-    rotation_known: bool
-
-
 def solve_targets(
-    setup: CompensationSetup, program: Program, plan: Plan, load: Load, state: ArmState
-) -> Solution:
-    """Returns what becomes of consecutive targets.
+    setup: CompensationSetup,
+    program: Program,
+    plan: Plan,
+    load: Load,
+    state: ArmState,
+    outcome: Outcome,
+) -> tuple[Array, bool]:
+    """Writes what becomes of consecutive targets.
 
     Args:
         setup: Model and settings.
@@ -69,9 +60,14 @@ def solve_targets(
         plan: Their treatment.
         load: One row or one per target.
         state: Where the arm is before the first target, changed in place.
+        outcome: The targets as they stand; written.
+
+    Returns:
+        Nominal joints (n, 6) rad, NaN where there are none, and whether the model knows the
+        rotation error at all of the targets.
     """
     settings, reached = setup.settings, bool(state.get("reached"))
-    outcome = _empty_outcome(program, plan, covariance=settings.covariance)
+    outcome.status[:], outcome.joints[:] = plan.status, plan.joints
     chunk = _base_targets(program, plan, load, outcome)
     work = np.zeros(1, WORK_DTYPE)
     _write_nominal(setup, program, chunk, outcome, state, work)
@@ -87,8 +83,7 @@ def solve_targets(
         partial(_other_joints, setup.robot, program),
         partial(_error_at, setup, program, load, chunk, work), settings.alike,
     )  # fmt: skip
-    if len(known):
-        state.set("configuration", known[-1])
+    state.set("configuration", known[-1])
     parted = known[targets] == PARTED
     outcome.status[targets[parted]] = Status.UNCHANGED_CONFIGURATION
     bump, limits = np.empty((2, len(setup.arm.half_square))), inversion_limits(settings)
@@ -97,24 +92,7 @@ def solve_targets(
         setup, program, load, chunk, limits, outcome
     )
     write_covariances(setup, program, load, chunk, outcome)
-    return Solution(chunk, outcome, rotation_known)
-
-
-def _empty_outcome(program: Program, plan: Plan, *, covariance: bool) -> Outcome:
-    """Returns the outcome before anything is solved: the targets as they stand."""
-    n = len(program)
-    return Outcome(
-        position=np.array(program.position),
-        rotation=np.array(program.rotation).reshape(n, 9),
-        joints=plan.joints,
-        status=plan.status,
-        before=np.full((n, 3), np.nan),
-        after=np.full((n, 3), np.nan),
-        shift=np.zeros((n, 3)),
-        turn=np.zeros(n),
-        singular=np.full(n, np.nan),
-        covariance=np.full((n if covariance else 0, 3, 3), np.nan),
-    )
+    return chunk.nominal, rotation_known
 
 
 def inversion_limits(settings: CompensationSettings) -> InversionLimits:

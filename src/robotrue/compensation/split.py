@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.compensation.result import unchanged
+from robotrue.compensation.result import zero_correction
 from robotrue.compensation.split_probe import MoveDeviations, measure_moves, sample_moves
 from robotrue.compensation.split_shapes import JobMoves, along
 from robotrue.core.arm_words import NO_WORD, WORDS
@@ -189,7 +189,7 @@ def _vias(
         changed[at] = True
         places, turns = np.array(program.position), np.array(program.rotation)
         places[at], turns[at] = T[mine, :3, 3], T[mine, :3, :3]
-        whole = unchanged(program)
+        whole = zero_correction(program)
         out.append(replace(whole, changed=changed, position=places, rotation=turns))
     return tuple(out)
 

@@ -11,12 +11,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final, NamedTuple
+from typing import Annotated, Any, Final, NamedTuple
 
 import numpy as np
 
 from robotrue.compensation.status import Status
 from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.columns import Column, Columns, concat
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError, StepError
 from robotrue.program.program import Motion, Program, Reason
@@ -27,24 +28,36 @@ _FOLLOWING: Final = ("krl", "fanuc_ls", "sinumerik", "fanuc_gcode", "heidenhain"
 """Dialects whose relative targets start from where the one before was commanded."""
 
 
-class Edge(NamedTuple):
-    """A target of the path.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PathTargets(Columns):
+    """Targets in the order the program text moves to them.
 
     Attributes:
-        where: File and line.
-        left: It is left alone.
-        size: m, length of its correction.
-        joined: A line, arc or spline leads to it.
-        home: An axis target left alone, that a joint move leads to.
-        place: (3,) m, in the robot base.
+        names: Of the files.
+        file: (n,) which of them.
+        line: (n,) one-based.
+        left: (n,) it is left alone.
+        size: (n,) m, length of its correction.
+        joined: (n,) a line, arc or spline leads to it.
+        home: (n,) an axis target left alone, that a joint move leads to.
+        place: (n, 3) m, in the robot base; NaN where not known.
     """
 
-    where: str
-    left: bool
-    size: float
-    joined: bool
-    home: bool
-    place: tuple[float, float, float]
+    names: tuple[str, ...]
+    file: Annotated[IntArray, Column("n")]
+    line: Annotated[IntArray, Column("n")]
+    left: Annotated[BoolArray, Column("n")]
+    size: Annotated[Array, Column("n", unit="m")]
+    joined: Annotated[BoolArray, Column("n")]
+    home: Annotated[BoolArray, Column("n")]
+    place: Annotated[Array, Column("n 3", unit="m", nan=True)]
+
+    def __len__(self) -> int:
+        return len(self.line)
+
+    def where(self, row: int) -> str:
+        """Returns file and line of a target."""
+        return f"{self.names[self.file[row]]}:{self.line[row]}"
 
 
 class PathStep(NamedTuple):
@@ -84,8 +97,8 @@ class Steps:
     worst: PathStep | None = None
     length: float = 0.0
     corrected: float = 0.0
-    head: Edge | None = None
-    tail: Edge | None = None
+    head: PathTargets | None = None
+    tail: PathTargets | None = None
 
     @property
     def largest(self) -> float:
@@ -107,33 +120,16 @@ class Steps:
 NO_STEPS: Final = Steps()
 
 
-class _Path(NamedTuple):
-    """Targets in the order the program text moves to them, as columns; see :class:`Edge`."""
-
-    file: IntArray
-    line: IntArray
-    left: BoolArray
-    size: Array
-    joined: BoolArray
-    home: BoolArray
-    place: Array
-
-
 def steps_of(parts: Sequence[tuple[Program, IntArray, Array]]) -> Steps:
     """Returns the steps of programs that one text moves through: a ``.src`` with its ``.dat``.
 
     Args:
         parts: Each program with the :class:`Status` (n,) and the shift (n, 3) m of its targets.
     """
-    columns, orders = zip(*(_columns(k, *part) for k, part in enumerate(parts)), strict=True)
-    path = columns[0]
-    if len(columns) > 1:
-        order = np.argsort(np.concatenate(orders), kind="stable")
-        merged = (np.concatenate(each)[order] for each in zip(*columns, strict=True))
-        path = _Path(*merged)
-    if not len(path.line):
-        return Steps()
-    return _measure_path(path, [program.name for program, _, _ in parts])
+    names = tuple(program.name for program, _, _ in parts)
+    columns, orders = zip(*(_columns(names, k, *part) for k, part in enumerate(parts)), strict=True)
+    path = concat(columns).take(np.argsort(np.concatenate(orders), kind="stable"))
+    return _measure_path(path) if len(path) else Steps()
 
 
 def job_steps(parts: Sequence[tuple[Program, IntArray, Array]]) -> Steps:
@@ -153,7 +149,9 @@ def join_steps(parts: Iterable[Steps]) -> Steps:
     """Returns the steps of a whole from those of its parts in order, and those between them."""
     out = Steps()
     for part in parts:
-        between = _between(out.tail, part.head)
+        between = NO_STEPS
+        if out.tail is not None and part.head is not None:
+            between = _measure_path(concat([out.tail, part.head]))
         both = [*out.first, *between.first, *part.first]
         known = [step for step in (out.worst, between.worst, part.worst) if step is not None]
         out = Steps(
@@ -168,26 +166,9 @@ def join_steps(parts: Iterable[Steps]) -> Steps:
     return out
 
 
-def _between(tail: Edge | None, head: Edge | None) -> Steps:
-    if tail is None or head is None or not head.joined:
-        return Steps()
-    far = float(np.linalg.norm(np.subtract(head.place, tail.place)))
-    far = far if np.isfinite(far) else 0.0
-    step: tuple[PathStep, ...] = ()
-    if head.left != tail.left and not tail.home:
-        size = head.size + tail.size
-        left = head.where if head.left else tail.where
-        step = (PathStep(tail.where, head.where, left, size),)
-    return Steps(
-        count=len(step),
-        first=step,
-        worst=step[0] if step else None,
-        length=far,
-        corrected=0.0 if head.left or tail.left else far,
-    )
-
-
-def _columns(file: int, program: Program, status: IntArray, shift: Array) -> tuple[_Path, IntArray]:
+def _columns(
+    names: tuple[str, ...], file: int, program: Program, status: IntArray, shift: Array
+) -> tuple[PathTargets, IntArray]:
     """Returns the path through one program, and the place of each of its targets in the text."""
     place, row, motion = _order(program)
     known = np.maximum(row, 0)
@@ -200,12 +181,17 @@ def _columns(file: int, program: Program, status: IntArray, shift: Array) -> tup
     axes: BoolArray = np.asarray(np.isfinite(program.axes).any(axis=1))
     home = left & ~reached & axes[known] & (row >= 0)
     where = np.where((row < 0)[:, None], np.nan, _places(program)[known])
-    line = np.where(row < 0, -row, program.line[known])
-    columns = (np.full(len(row), file), line, left, size, reached, home, where)
-    keep = ~follows
-    if keep.all():
-        return _Path(*columns), place
-    return _Path(*(column[keep] for column in columns)), place[keep]
+    path = PathTargets(
+        names=names,
+        file=np.full(len(row), file),
+        line=np.where(row < 0, -row, program.line[known]),
+        left=left,
+        size=size,
+        joined=reached,
+        home=home,
+        place=where,
+    )
+    return path.take(~follows), place[~follows]
 
 
 def _order(program: Program) -> tuple[IntArray, IntArray, IntArray]:
@@ -228,26 +214,17 @@ def _places(program: Program) -> Array:
     return out
 
 
-def _measure_path(path: _Path, names: Sequence[str]) -> Steps:
+def _measure_path(path: PathTargets) -> Steps:
     joined, left = path.joined[1:], path.left
     far = np.nan_to_num(np.linalg.norm(np.diff(path.place, axis=0), axis=1)) * joined
     uneven = joined & (left[1:] != left[:-1]) & ~path.home[:-1]
     at = np.flatnonzero(uneven)
     size = path.size[at] + path.size[at + 1]
 
-    def where(row: int) -> str:
-        return f"{names[path.file[row]]}:{path.line[row]}"
-
     def step(k: int) -> PathStep:
         row = int(at[k])
         odd = row if left[row] else row + 1
-        return PathStep(where(row), where(row + 1), where(odd), float(size[k]))
-
-    def edge(row: int) -> Edge:
-        x, y, z = path.place[row].tolist()
-        each = (path.left[row], path.size[row], path.joined[row], path.home[row])
-        return Edge(where(row), bool(each[0]), float(each[1]), bool(each[2]), bool(each[3]),
-                    (x, y, z))  # fmt: skip
+        return PathStep(path.where(row), path.where(row + 1), path.where(odd), float(size[k]))
 
     return Steps(
         count=len(at),
@@ -255,8 +232,8 @@ def _measure_path(path: _Path, names: Sequence[str]) -> Steps:
         worst=step(int(np.argmax(size))) if len(at) else None,
         length=float(far.sum()),
         corrected=float(far[~(left[1:] | left[:-1])].sum()),
-        head=edge(0),
-        tail=edge(len(path.line) - 1),
+        head=path.take(slice(0, 1)),
+        tail=path.take(slice(-1, None)),
     )
 
 

@@ -10,51 +10,31 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import IntEnum
 from typing import Annotated, Any, Protocol
 
 import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.columns import EMPTY, Column, Columns
+from robotrue.core.explained import Explained
 from robotrue.errors import ShapeError
 from robotrue.program.program import Motion, Program
 
 
-class Obstacle(IntEnum):
+class Obstacle(Explained):
     """Why no target may be put into a move; 0 means it may."""
 
-    NONE = 0
-    START = 1
-    SHARED = 2
-    LOOP = 3
-    COMPUTED = 4
-    TIMED = 5
-    EVENT = 6
-    FRAMES = 7
-    EXTERNAL = 8
-    BLEND = 9
-    FORM = 10
-
-    @property
-    def explanation(self) -> str:
-        """One clause for reports: why the move is left whole."""
-        return _EXPLANATIONS[self]
-
-
-_EXPLANATIONS = {
-    Obstacle.NONE: "may be split",
-    Obstacle.START: "where it begins is not certain",
-    Obstacle.SHARED: "its target is used by several moves",
-    Obstacle.LOOP: "it stands in a loop",
-    Obstacle.COMPUTED: "its target is computed, or chosen by a computed number",
-    Obstacle.TIMED: "its time is given, not its speed",
-    Obstacle.EVENT: "an output or a trigger is tied to it",
-    Obstacle.FRAMES: "it begins in another work frame or with another tool",
-    Obstacle.EXTERNAL: "an external axis moves along",
-    Obstacle.BLEND: "its blend would reach beyond a part of it",
-    Obstacle.FORM: "a statement of this form is not repeated",
-}
+    NONE = 0, "may be split"
+    START = 1, "where it begins is not certain"
+    SHARED = 2, "its target is used by several moves"
+    LOOP = 3, "it stands in a loop"
+    COMPUTED = 4, "its target is computed, or chosen by a computed number"
+    TIMED = 5, "its time is given, not its speed"
+    EVENT = 6, "an output or a trigger is tied to it"
+    FRAMES = 7, "it begins in another work frame or with another tool"
+    EXTERNAL = 8, "an external axis moves along"
+    BLEND = 9, "its blend would reach beyond a part of it"
+    FORM = 10, "a statement of this form is not repeated"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,13 +9,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Annotated, Any, Final, Literal, Protocol, TypeAlias
+from typing import Annotated, Any, Literal, Protocol, TypeAlias
 
 import numpy as np
 
 from robotrue.core.arm_words import WORDS, Maker
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.columns import EMPTY, Column, Columns
+from robotrue.core.explained import Explained
 from robotrue.program.external_axes import ExternalAxis
 from robotrue.program.orientation import OrientationRule
 
@@ -33,36 +34,18 @@ class Motion(IntEnum):
     UNUSED = 5  # a stored point that no motion in the program names
 
 
-class Reason(IntEnum):
+class Reason(Explained):
     """Why a target cannot be compensated, found while reading; 0 means it can."""
 
-    NONE = 0
-    EXPRESSION = 1
-    RELATIVE = 2
-    UNKNOWN_FRAME = 3
-    EXTERNAL_AXIS = 4
-    JOINT_TARGET = 5  # an axis target: compensated on request only
-    INCOMPLETE = 6
-    TOOL_ON_FLOOR = 7  # workpiece on the robot
-    UNUSED = 8
-
-    @property
-    def explanation(self) -> str:
-        """One clause for reports: why a target keeps its bytes."""
-        return _EXPLANATIONS[self]
-
-
-_EXPLANATIONS: Final = {
-    Reason.NONE: "its pose cannot be read from the program",
-    Reason.EXPRESSION: "its target is computed, or used by what is not followed",
-    Reason.RELATIVE: "it is relative, or shifted by the program",
-    Reason.UNKNOWN_FRAME: "its base or tool is not known",
-    Reason.EXTERNAL_AXIS: "an external axis may carry it",
-    Reason.JOINT_TARGET: "its axis values are not those of this arm",
-    Reason.INCOMPLETE: "what it leaves out, or what is in force there, is not known",
-    Reason.TOOL_ON_FLOOR: "the robot carries the part, or may do so",
-    Reason.UNUSED: "no move of the job goes to it",
-}
+    NONE = 0, "its pose cannot be read from the program"
+    EXPRESSION = 1, "its target is computed, or used by what is not followed"
+    RELATIVE = 2, "it is relative, or shifted by the program"
+    UNKNOWN_FRAME = 3, "its base or tool is not known"
+    EXTERNAL_AXIS = 4, "an external axis may carry it"
+    JOINT_TARGET = 5, "its axis values are not those of this arm"
+    INCOMPLETE = 6, "what it leaves out, or what is in force there, is not known"
+    TOOL_ON_FLOOR = 7, "the robot carries the part, or may do so"  # workpiece on the robot
+    UNUSED = 8, "no move of the job goes to it"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,7 +11,7 @@ as their first three rows (3, 4). SI.
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 
@@ -25,6 +25,8 @@ Y: Final = 1
 Z: Final = 2
 ORIGIN: Final = 3
 """Columns of a transform (3, 4)."""
+Record: TypeAlias = Any
+"""One row of a structured array; compiled code reads its fields as attributes."""
 
 
 def chain_dtype(dof: int) -> np.dtype[np.void]:

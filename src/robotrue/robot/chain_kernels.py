@@ -7,19 +7,18 @@ compiler knows, so the short loops run without overhead. SI, base frame.
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from robotrue.core.arrays import Array
 from robotrue.core.compiled import EXACT, compiled
 from robotrue.core.sines import write_sines
-from robotrue.robot.chain import ORIGIN, X, Y, Z
+from robotrue.robot.chain import ORIGIN, Record, X, Y, Z
 
 SINGULAR_PIVOT = 1e-13
 """Pivot of a 6x6 matrix below which it is singular to rounding."""
 
 
 @compiled(EXACT)
-def walk(links: Any, chain: Any) -> None:
+def walk(links: Record, chain: Record) -> None:
     """Writes ``frame`` of a chain from its ``theta``.
 
     Args:
@@ -46,7 +45,7 @@ def walk(links: Any, chain: Any) -> None:
 
 
 @compiled(EXACT)
-def write_jacobian(chain: Any) -> None:
+def write_jacobian(chain: Record) -> None:
     """Writes ``jacobian`` of a walked chain: m/rad, then rad/rad."""
     frame, jacobian, tool = chain.frame, chain.jacobian, chain.frame[-1]
     for i in range(len(chain.theta)):
@@ -58,7 +57,7 @@ def write_jacobian(chain: Any) -> None:
 
 
 @compiled(EXACT)
-def write_load_torque(masses: Any, payload: Array, wrench: Array, chain: Any) -> None:
+def write_load_torque(masses: Record, payload: Array, wrench: Array, chain: Record) -> None:
     """Writes ``torque`` of a walked chain: link weights, payload and wrench about the axes.
 
     Args:
