@@ -13,8 +13,7 @@ from validation_fakes import FakeModel, measured
 import robotrue
 from robotrue.errors import ConfigurationError
 from robotrue.report.calibration_report import calibration_content
-from robotrue.report.sentences import in_chinese
-from robotrue.report.words import CATALOGS, LANGUAGES, ReportTexts, language
+from robotrue.report.words import CATALOGS, LANGUAGES, ReportTexts, in_chinese, language
 from robotrue.validation.validate import validate
 
 SOURCE = Path(robotrue.__file__).parent

@@ -15,7 +15,7 @@ from robotrue.errors import ConfigurationError
 from robotrue.store import bin as store_bin
 from robotrue.store import documents, items, jobs, journal, measurements
 from robotrue.store.bin import empty_bin, in_bin
-from robotrue.store.locks import POSIX, shared
+from robotrue.store.locks import POSIX, hold_shared
 from robotrue.store.nouns import DOCUMENT, MEASUREMENT
 from robotrue.store.records import Link
 from robotrue.store.verify import verify
@@ -112,7 +112,7 @@ def test_one_that_is_killed_in_it_leaves_all_or_what_is_swept(
 
 @contextmanager
 def somebody_writes(workspace: Workspace) -> Iterator[None]:
-    with shared(workspace.folder / LOCK):
+    with hold_shared(workspace.folder / LOCK):
         yield
 
 

@@ -37,7 +37,7 @@ from robotrue.store.jobs_claim import (
 )
 from robotrue.store.jobs_work import attempt
 from robotrue.store.jobs_worker import run_worker
-from robotrue.store.locks import POSIX, alone
+from robotrue.store.locks import POSIX, hold_alone
 from robotrue.store.nouns import DOCUMENT
 from robotrue.store.records import ItemQuery
 from robotrue.store.workspace import Workspace
@@ -238,7 +238,7 @@ def test_a_worker_of_this_machine_lives_as_long_as_its_lock_whatever_the_clock_d
     lock = lock_path(workspace.folder, name)
     lock.parent.mkdir(exist_ok=True)
     monkeypatch.setattr("robotrue.store.jobs_claim.STALE", -1.0)  # the clock has jumped ahead
-    with alone(lock, wait=True):
+    with hold_alone(lock, wait=True):
         assert claim(workspace, ["write"], name) is not None
         assert reclaim(workspace) == 0
         assert jobs.status(workspace, id).state == "running"

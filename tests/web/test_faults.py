@@ -12,7 +12,7 @@ from robotrue.app.job_kinds import job_kinds
 from robotrue.calibration.methods import METHODS
 from robotrue.errors import FormatError, RobotrueError
 from robotrue.measurement.formats.sheet_file import read_sheet
-from robotrue.report.sentences import in_chinese
+from robotrue.report.words import in_chinese
 from robotrue.validation.splits import SplitKind
 from robotrue.web.language import Wording
 from robotrue.web.parts.faults import KINDS, refusal, stated

@@ -24,12 +24,13 @@ from robotrue.report.labels import (
     fact,
     joint_columns,
     per_axis_table,
+    plain_columns,
     statistics_table,
     tile,
     versions,
 )
 from robotrue.report.plots import CoveragePlot, ErrorDistribution, ErrorMap, Plane, PointErrors
-from robotrue.report.words import Lang, ReportTexts
+from robotrue.report.words import DEFAULT_LANG, Lang, ReportTexts
 from robotrue.validation.contest import Selection
 from robotrue.validation.metrics import wilson_interval
 from robotrue.validation.report import AxisAngles, ValidationReport
@@ -47,7 +48,7 @@ def calibration_content(
     tolerance: float | None = None,
     unseen: Sequence[str] = (),
     provenance: Sequence[Fact] = (),
-    lang: Lang = "en",
+    lang: Lang = DEFAULT_LANG,
 ) -> ReportContent:
     """Returns the content of a page about one validation.
 
@@ -289,14 +290,11 @@ def contest_section(
             ReportTable(
                 title=heading,
                 columns=(
-                    TableColumn(title="method"),
-                    TableColumn(title="mean", unit=_MM),
-                    *(TableColumn(title=kind, unit=_MM) for kind in kinds),
-                    TableColumn(title="max", unit=_MM),
-                    TableColumn(title="in 95 % region", unit="%", digits=1),
-                    TableColumn(title="gain", unit=_MM, digits=4),
-                    TableColumn(title="noise", unit=_MM, digits=4),
-                    TableColumn(title="result"),
+                    *plain_columns("method"),
+                    *plain_columns("mean", *kinds, "max", unit=_MM),
+                    *plain_columns("in 95 % region", unit="%", digits=1),
+                    *plain_columns("gain", "noise", unit=_MM, digits=4),
+                    *plain_columns("result"),
                 ),
                 rows=tuple(rows),
                 caption=f"Rule: {selection.rule}.",

@@ -24,7 +24,7 @@ from robotrue.report.content import (
 )
 from robotrue.report.labels import column, columns, joint_columns, statistics_table, tile, versions
 from robotrue.report.map_plots import UncertaintyMap
-from robotrue.report.words import ENGLISH, Lang, ReportTexts
+from robotrue.report.words import DEFAULT_LANG, ENGLISH, Lang, ReportTexts
 from robotrue.validation.budget import Budget
 from robotrue.validation.error_map import KnownPlaces
 from robotrue.validation.iso9283 import RepeatedPose
@@ -95,7 +95,7 @@ class CertificateFacts:
 
 
 def certificate_content(
-    facts: CertificateFacts, *, tolerance: float | None = None, lang: Lang = "en"
+    facts: CertificateFacts, *, tolerance: float | None = None, lang: Lang = DEFAULT_LANG
 ) -> ReportContent:
     """Returns the content of a certificate.
 
@@ -145,7 +145,7 @@ def certificate_content(
 
 
 def check_regions(
-    position: Array, group: IntArray, names: Sequence[str], *, lang: Lang = "en"
+    position: Array, group: IntArray, names: Sequence[str], *, lang: Lang = DEFAULT_LANG
 ) -> tuple[tuple[str, IntArray], ...]:
     """Returns name and rows of each part of a check: its sets, or the quarters of its one set.
 

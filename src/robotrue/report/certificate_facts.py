@@ -23,7 +23,7 @@ from robotrue.report.certificate import (
 from robotrue.report.labels import fact
 from robotrue.report.model_view import list_geometric_errors, stiffness
 from robotrue.report.report_files import file_fact
-from robotrue.report.words import Lang, ReportTexts
+from robotrue.report.words import DEFAULT_LANG, Lang, ReportTexts
 from robotrue.validation.budget import (
     Budget,
     Contribution,
@@ -47,7 +47,7 @@ def certificate_facts(
     force_sigma: float = 0.0,
     simulated: bool = False,
     files: Sequence[tuple[str, Path]] = (),
-    lang: Lang = "en",
+    lang: Lang = DEFAULT_LANG,
 ) -> CertificateFacts:
     """Returns what a certificate is made of.
 

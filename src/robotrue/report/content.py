@@ -32,12 +32,15 @@ from robotrue.core.columns import Columns
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ShapeError
 from robotrue.report.figure import Drawing, inline_svg, png
-from robotrue.report.words import ENGLISH, Lang, ReportTexts
+from robotrue.report.words import DEFAULT_LANG, ENGLISH, Lang, ReportTexts
 
 Tone: TypeAlias = Literal["good", "caution", "bad", "plain"]
 """How a statement is coloured: as asked, look closer, not as asked, no judgement."""
 Cell: TypeAlias = str | int | float | None
 """One table cell; floats are printed with the digits of their column, None as a dash."""
+DIGITS: Final = 3
+"""Decimals printed where nothing else is asked for: micrometres of a length in mm."""
+NEUTRAL: Final[Tone] = "plain"
 _UNITS: Final = {"mm": (MM, 7), "deg": (DEG, 6)}
 """Unit and decimals of arrays by the end of their key: a tenth of a nanometre is below any
 instrument, and the file stays readable."""
@@ -54,7 +57,7 @@ class Conclusion:
     """
 
     text: str
-    tone: Tone = "plain"
+    tone: Tone = NEUTRAL
     detail: str = ""
 
 
@@ -76,10 +79,10 @@ class KeyFigure:
     label: str
     value: float
     unit: str = ""
-    digits: int = 3
+    digits: int = DIGITS
     before: float | None = None
     note: str = ""
-    tone: Tone = "plain"
+    tone: Tone = NEUTRAL
     key: str = ""
 
 
@@ -96,7 +99,7 @@ class TableColumn:
 
     title: str
     unit: str = ""
-    digits: int = 3
+    digits: int = DIGITS
     key: str = ""
 
 
@@ -251,7 +254,7 @@ class ReportContent:
     unseen: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
     provenance: tuple[Fact, ...] = field(default=())
-    lang: Lang = "en"
+    lang: Lang = DEFAULT_LANG
 
 
 def finite_or_none(value: float | None) -> float | None:

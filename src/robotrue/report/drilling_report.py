@@ -19,7 +19,7 @@ from robotrue.report.content import (
 )
 from robotrue.report.curve_plots import TiltPlot
 from robotrue.report.labels import column, columns, fact, tile, versions
-from robotrue.report.words import Lang, ReportTexts
+from robotrue.report.words import DEFAULT_LANG, Lang, ReportTexts
 
 
 def drilling_content(
@@ -30,7 +30,7 @@ def drilling_content(
     digest: str,
     limit: float,
     simulated: bool = False,
-    lang: Lang = "en",
+    lang: Lang = DEFAULT_LANG,
 ) -> ReportContent:
     """Returns the report of a model on clamps it was not learned from.
 

@@ -13,7 +13,7 @@ from importlib.metadata import version
 import numpy as np
 
 from robotrue.core.units import MM
-from robotrue.report.content import Fact, KeyFigure, ReportTable, TableColumn, Tone
+from robotrue.report.content import DIGITS, NEUTRAL, Fact, KeyFigure, ReportTable, TableColumn, Tone
 from robotrue.report.words import ENGLISH, ReportTexts
 from robotrue.validation.metrics import ErrorStatistics
 
@@ -24,10 +24,10 @@ def tile(
     value: float,
     unit: str = "",
     *,
-    digits: int = 3,
+    digits: int = DIGITS,
     before: float | None = None,
     note: str = "",
-    tone: Tone = "plain",
+    tone: Tone = NEUTRAL,
 ) -> KeyFigure:
     """Returns a key number of a catalog text; ``value`` and ``before`` in ``unit``."""
     return KeyFigure(
@@ -37,7 +37,7 @@ def tile(
 
 
 def column(
-    t: ReportTexts, name: str, unit: str = "", digits: int = 3, **values: object
+    t: ReportTexts, name: str, unit: str = "", digits: int = DIGITS, **values: object
 ) -> TableColumn:
     """Returns a column of a catalog text: its heading in the language, its JSON name in English."""
     return TableColumn(
@@ -46,10 +46,15 @@ def column(
 
 
 def columns(
-    t: ReportTexts, *names: str, unit: str = "", digits: int = 3
+    t: ReportTexts, *names: str, unit: str = "", digits: int = DIGITS
 ) -> tuple[TableColumn, ...]:
     """Returns several columns of one unit."""
     return tuple(column(t, name, unit, digits) for name in names)
+
+
+def plain_columns(*titles: str, unit: str = "", digits: int = DIGITS) -> tuple[TableColumn, ...]:
+    """Returns columns of one unit whose titles are their names in JSON, too."""
+    return tuple(TableColumn(title=title, unit=unit, digits=digits) for title in titles)
 
 
 def joint_columns(dof: int) -> tuple[TableColumn, ...]:

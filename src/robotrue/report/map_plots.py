@@ -24,6 +24,9 @@ from robotrue.report.words import ReportTexts
 SEQUENTIAL: Final = "viridis"
 DIVERGING: Final = "coolwarm"
 """Both are readable on a light and on a dark card; the diverging one is grey at zero."""
+LEAST_SPAN: Final = 1.2
+LEAST_LOG_SPAN: Final = 2.0
+"""Largest over smallest value of a colour scale, at least."""
 STEPS: Final = 10
 """Colours of a slice's scale, about."""
 
@@ -231,20 +234,20 @@ class MapSlices(Plot):
             ax.set_title(self.slices[column], fontsize=11.0)
 
 
-def _widen(low: float, high: float, least: float = 1.2) -> tuple[float, float]:
+def _widen(low: float, high: float) -> tuple[float, float]:
     """Returns the ends of a scale so far apart that near-equal values look equal."""
-    if high >= least * low:
+    if high >= LEAST_SPAN * low:
         return low, high
     middle = 0.5 * (low + high)
-    return middle / np.sqrt(least), middle * np.sqrt(least)
+    return middle / np.sqrt(LEAST_SPAN), middle * np.sqrt(LEAST_SPAN)
 
 
-def _widen_log(low: float, high: float, least: float = 2.0) -> tuple[float, float]:
+def _widen_log(low: float, high: float) -> tuple[float, float]:
     """Returns the same for a logarithmic scale."""
-    if high >= least * low:
+    if high >= LEAST_LOG_SPAN * low:
         return low, high
     middle = np.sqrt(low * high)
-    return middle / np.sqrt(least), middle * np.sqrt(least)
+    return middle / np.sqrt(LEAST_LOG_SPAN), middle * np.sqrt(LEAST_LOG_SPAN)
 
 
 def _style_bar(bar: Colorbar, label: str) -> None:

@@ -18,8 +18,8 @@ from robotrue.report.content import (
     ReportContent,
     ReportTable,
     Section,
-    TableColumn,
 )
+from robotrue.report.labels import plain_columns
 from robotrue.report.map_plots import MapSlices
 from robotrue.validation.error_map import SectorSimilarity, WorkspaceMap
 
@@ -159,11 +159,9 @@ def _sectors(found: WorkspaceMap, alike: tuple[SectorSimilarity, ...]) -> Sectio
         ReportTable(
             title="Sectors",
             columns=(
-                TableColumn(title="sector"),
-                TableColumn(title="poses"),
-                *(TableColumn(title=t, unit="mm") for t in ("mean", "max", "mean x", "mean y")),
-                TableColumn(title="mean z", unit="mm"),
-                TableColumn(title="stays, 95 %", unit="mm"),
+                *plain_columns("sector", "poses"),
+                *plain_columns("mean", "max", "mean x", "mean y", "mean z", unit="mm"),
+                *plain_columns("stays, 95 %", unit="mm"),
             ),
             rows=tuple(rows),
         )
@@ -180,10 +178,8 @@ def _similarities(names: tuple[str, ...], alike: tuple[SectorSimilarity, ...]) -
     return ReportTable(
         title="Similarity of the errors at corresponding points",
         columns=(
-            TableColumn(title="sector"),
-            TableColumn(title="and sector"),
-            TableColumn(title="points"),
-            *(TableColumn(title=t, digits=4) for t in ("vectors", "x", "y", "z", "length")),
+            *plain_columns("sector", "and sector", "points"),
+            *plain_columns("vectors", "x", "y", "z", "length", digits=4),
         ),
         rows=tuple(
             (

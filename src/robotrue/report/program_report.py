@@ -23,7 +23,7 @@ from robotrue.report.content import (
 )
 from robotrue.report.labels import column, columns, statistics_table, tile, versions
 from robotrue.report.plots import PointErrors
-from robotrue.report.words import Lang, ReportTexts
+from robotrue.report.words import DEFAULT_LANG, Lang, ReportTexts
 from robotrue.validation.conformity import Conformity, all_conform, conformity, to_judge
 from robotrue.validation.error_map import radius_95
 from robotrue.validation.metrics import error_statistics
@@ -43,7 +43,7 @@ def program_content(
     simulated: bool,
     doubts: Sequence[str] = (),
     provenance: Sequence[Fact] = (),
-    lang: Lang = "en",
+    lang: Lang = DEFAULT_LANG,
     strict: bool = False,
 ) -> ReportContent:
     """Returns the content of a report about a compensated program.

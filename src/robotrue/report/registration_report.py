@@ -22,7 +22,7 @@ from robotrue.report.content import (
     TableColumn,
 )
 from robotrue.report.labels import column, columns, fact, tile, versions
-from robotrue.report.words import Lang, ReportTexts
+from robotrue.report.words import DEFAULT_LANG, Lang, ReportTexts
 from robotrue.validation.budget import COVERAGE_FACTOR
 
 LEVERS: Final = (0.0, 0.1, 0.25, 0.5, 1.0, 2.0)
@@ -39,7 +39,7 @@ def registration_content(
     robot: str,
     simulated: bool = False,
     provenance: Sequence[Fact] = (),
-    lang: Lang = "en",
+    lang: Lang = DEFAULT_LANG,
 ) -> ReportContent:
     """Returns the content of a report about the part frames of a cell.
 

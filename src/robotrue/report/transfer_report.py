@@ -15,11 +15,11 @@ from robotrue.report.content import (
     ReportContent,
     ReportTable,
     Section,
-    TableColumn,
     Tone,
 )
 from robotrue.report.content import Conclusion as Line
 from robotrue.report.curve_plots import PoseCurves, PoseSeries
+from robotrue.report.labels import plain_columns
 from robotrue.validation.contest import CandidateScore, Selection
 from robotrue.validation.guard import GuardVerdict
 from robotrue.validation.learning_curve import LearningCurve
@@ -139,10 +139,7 @@ def _curve_section(curve: LearningCurve, winner: str) -> Section:
         rows.append((name, *cells))
     table = ReportTable(
         title="Mean error, median [quartiles], mm",
-        columns=(
-            TableColumn(title="candidate"),
-            *(TableColumn(title=f"{n} target poses") for n in curve.counts),
-        ),
+        columns=plain_columns("candidate", *(f"{n} target poses" for n in curve.counts)),
         rows=tuple(rows),
         caption=" ".join(curve.failures),
         highlight=curve.names.index(winner) if winner in curve.names else None,

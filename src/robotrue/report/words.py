@@ -6,22 +6,31 @@ Machine-readable names (JSON) are English in every language.
 
 from __future__ import annotations
 
+import re
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Final, Literal, TypeAlias
 
 from robotrue.core.catalogue import read_catalogue
 from robotrue.errors import ConfigurationError
-from robotrue.report.sentences import in_chinese
 
 Lang: TypeAlias = Literal["en", "zh"]
 """``en`` English, ``zh`` simplified Chinese."""
 FOLDER: Final = Path(__file__).parent / "languages"
+DEFAULT_LANG: Final[Lang] = "en"
 LANGUAGES: Final[tuple[Lang, ...]] = ("en", "zh")
 CATALOGS: Final[Mapping[Lang, Mapping[str, str]]] = {
     lang: read_catalogue([FOLDER / f"{lang}.toml"]) for lang in LANGUAGES
 }
+SENTENCES: Final = FOLDER / "sentences_zh.toml"
+"""Sentences other rooms record in English (warnings, cures, notes), and the Chinese of each.
+
+An unknown sentence stays as it was recorded: a reader would rather have it in English than not.
+"""
+_PLACE: Final = re.compile(r"\\\{(?P<name>n[1-9]|[a-z])\\\}")
 HTML_LANG: Final[Mapping[Lang, str]] = {"en": "en", "zh": "zh-CN"}
 
 
@@ -33,7 +42,7 @@ class ReportTexts:
         lang: Which.
     """
 
-    lang: Lang = "en"
+    lang: Lang = DEFAULT_LANG
 
     def __call__(self, key: str, **values: object) -> str:
         """Returns the text of a key with its values put in.
@@ -67,3 +76,31 @@ def language(name: str) -> Lang:
             f"no report language {name!r}; there are {', '.join(LANGUAGES)}.", hint="--lang zh"
         )
     return name
+
+
+@cache
+def _sentences() -> tuple[tuple[re.Pattern[str], str], ...]:
+    """Returns the pattern of each English sentence and the Chinese text with its places."""
+    pairs = tomllib.loads(SENTENCES.read_text(encoding="utf-8"))["sentence"]
+    return tuple((_pattern(pair["en"]), pair["zh"]) for pair in pairs)
+
+
+def _pattern(english: str) -> re.Pattern[str]:
+    """Returns what matches a sentence, its last full stop or none."""
+
+    def group(place: re.Match[str]) -> str:
+        name = place["name"]
+        return rf"(?P<{name}>-?[\d.]+)" if name.startswith("n") else rf"(?P<{name}>.*?)"
+
+    return re.compile(_PLACE.sub(group, re.escape(english.removesuffix("."))) + r"\.?")
+
+
+def in_chinese(sentence: str) -> str:
+    """Returns the sentence in Chinese, part by part where several are known, or as it stands."""
+    for pattern, chinese in _sentences():
+        match = pattern.fullmatch(sentence)
+        if match is None:
+            continue
+        changed = chinese.format(**match.groupdict())
+        return in_chinese(changed) if changed != sentence else sentence
+    return sentence

@@ -20,7 +20,7 @@ from robotrue.errors import ConfigurationError
 from robotrue.store import journal
 from robotrue.store.blobs import STAGED, sweep
 from robotrue.store.items import SHORTEST_ID
-from robotrue.store.locks import alone
+from robotrue.store.locks import hold_alone
 from robotrue.store.nouns import MEASUREMENT, NOUNS, noun_of
 from robotrue.store.schema import (
     AttachmentRow,
@@ -83,7 +83,7 @@ def in_bin(workspace: Workspace, *, days: float) -> RecycleBin:
     """
     before = _before(days)
     with workspace.read() as session:
-        return _looked_at(session, before)[0]
+        return _find_contents(session, before)[0]
 
 
 def empty_bin(workspace: Workspace, *, days: float) -> RecycleBin:
@@ -96,16 +96,18 @@ def empty_bin(workspace: Workspace, *, days: float) -> RecycleBin:
         ConfigurationError: The days are none, or somebody is taking files in at this moment.
     """
     before = _before(days)
-    with alone(workspace.folder / LOCK, wait=False) as mine:
+    with hold_alone(workspace.folder / LOCK, wait=False) as mine:
         if not mine:
             raise ConfigurationError(
                 "somebody is taking files into the workspace.", hint="try again in a moment."
             )
         with workspace.write() as into:
-            for part in _parts(list(_deleted(into.session, before))):  # nobody brings one back now
+            for part in _parts(
+                list(_find_deleted(into.session, before))
+            ):  # nobody brings one back now
                 asked = select(ItemRow.id).where(ItemRow.id.in_(part))
                 into.session.execute(asked.with_for_update())
-            found, files = _looked_at(into.session, before)
+            found, files = _find_contents(into.session, before)
             _mark(workspace, files)
             _remove(into, found.items, [sha256 for sha256, _ in files])
         with workspace.read() as session:
@@ -121,10 +123,10 @@ def _before(days: float) -> datetime:
     return now() - timedelta(days=days)
 
 
-def _looked_at(session: Session, before: datetime) -> tuple[RecycleBin, list[tuple[str, str]]]:
+def _find_contents(session: Session, before: datetime) -> tuple[RecycleBin, list[tuple[str, str]]]:
     """What may go, and the SHA-256 and place of its files."""
-    old = _deleted(session, before)
-    gone = _unneeded(session, set(old))
+    old = _find_deleted(session, before)
+    gone = _find_unneeded(session, set(old))
     files = list(_own_files(session, gone))
     found = RecycleBin(
         items=tuple(each for id, each in old.items() if id in gone),
@@ -135,7 +137,7 @@ def _looked_at(session: Session, before: datetime) -> tuple[RecycleBin, list[tup
     return found, [(row.sha256, row.place) for row in files]
 
 
-def _deleted(session: Session, before: datetime) -> dict[str, Discarded]:
+def _find_deleted(session: Session, before: datetime) -> dict[str, Discarded]:
     found = {}
     for noun in NOUNS.values():
         table = noun.table
@@ -147,7 +149,7 @@ def _deleted(session: Session, before: datetime) -> dict[str, Discarded]:
     return found
 
 
-def _unneeded(session: Session, old: set[str]) -> set[str]:
+def _find_unneeded(session: Session, old: set[str]) -> set[str]:
     """Those that nothing else rests on, and no job that is not over."""
     rests: dict[str, set[str]] = {}
     for id, to in session.execute(select(LinkRow.id, LinkRow.to_id).distinct()):

@@ -62,8 +62,8 @@ class Staging:
             self._staged.mkdir(parents=True, exist_ok=True)
             self._count += 1
             written = self._staged / f"{self._count}.part"
-            digest, size = _copied(source, written)
-            return self._moved(written, place, digest), size
+            digest, size = _copy(source, written)
+            return self._move(written, place, digest), size
         except OSError as cause:
             raise FormatError(
                 f"cannot be taken into the workspace: {cause.strerror}.",
@@ -71,7 +71,7 @@ class Staging:
                 hint="check the folder, its permissions and the free space.",
             ) from cause
 
-    def _moved(self, written: Path, place: str, digest: str) -> str:
+    def _move(self, written: Path, place: str, digest: str) -> str:
         target = stored_path(self._folder, place, digest)
         if target.is_file() and file_hash(target) == digest:
             written.unlink()
@@ -84,13 +84,13 @@ class Staging:
         _sync_folder(target.parent)
         return digest
 
-    def settled(self) -> None:
+    def clear(self) -> None:
         """Forgets what was staged: rows name it now."""
         if self._count:
             shutil.rmtree(self._staged, ignore_errors=True)
 
 
-def _copied(source: bytes | Path | BinaryIO, target: Path) -> tuple[str, int]:
+def _copy(source: bytes | Path | BinaryIO, target: Path) -> tuple[str, int]:
     digest, size = hashlib.sha256(), 0
     with contextlib.ExitStack() as stack:
         out = stack.enter_context(target.open("xb"))

@@ -82,7 +82,7 @@ def _as_sqlite(engine: Engine, *, writable: bool) -> None:
     """Readers never wait for a writer, a writer that has begun never fails half-way."""
 
     @event.listens_for(engine, "connect")
-    def _connected(connection: Any, _record: object) -> None:
+    def _set_pragmas(connection: Any, _record: object) -> None:
         connection.isolation_level = None  # transactions begin as said below, not by the driver
         cursor = connection.cursor()
         for pragma in (
@@ -96,7 +96,7 @@ def _as_sqlite(engine: Engine, *, writable: bool) -> None:
         cursor.close()
 
     @event.listens_for(engine, "begin")
-    def _begun(connection: Connection) -> None:
+    def _begin(connection: Connection) -> None:
         writing = connection.get_execution_options().get(WRITING, False)
         connection.exec_driver_sql("BEGIN IMMEDIATE" if writing else "BEGIN")
 

@@ -57,10 +57,10 @@ def export_project(workspace: Workspace, path: str | Path) -> ExchangeTotals:
         FormatError: The file cannot be written.
     """
     with atomic_stream(path) as stream, zipfile.ZipFile(stream, "w", allowZip64=True) as bundle:
-        return _written(workspace, bundle)
+        return _write(workspace, bundle)
 
 
-def _written(workspace: Workspace, bundle: zipfile.ZipFile) -> ExchangeTotals:
+def _write(workspace: Workspace, bundle: zipfile.ZipFile) -> ExchangeTotals:
     members: dict[str, dict[str, Any]] = {}
     rows: dict[str, int] = {}
     files = size = 0

@@ -105,12 +105,12 @@ def import_project(
             manifest = manifest_of(bundle, source)
             require_members(bundle, manifest["members"], source, most, workspace.folder)
             with tempfile.TemporaryDirectory(dir=workspace.folder) as folder:
-                return _taken(workspace, bundle, manifest, source, Path(folder))
+                return _import(workspace, bundle, manifest, source, Path(folder))
     except BROKEN as cause:
-        raise damaged(source, str(cause)) from cause
+        raise damage_error(source, str(cause)) from cause
 
 
-def _taken(
+def _import(
     workspace: Workspace,
     bundle: zipfile.ZipFile,
     manifest: Mapping[str, Any],
@@ -132,11 +132,13 @@ def _taken(
                 with member(bundle, name, members[name], source) as stream:
                     into.keep(cast(BinaryIO, stream), place=place)
             with engine.connect() as connection:
-                rows = _merged(into.session, connection, source)
+                rows = _merge(into.session, connection, source)
             detail = {"from": manifest.get("workspace"), "rows": rows, "files": len(files)}
             journal.record(into, "imported", "workspace", workspace.id, detail=detail)
     except SQLAlchemyError as cause:
-        raise damaged(source, f"its rows do not fit together: {type(cause).__name__}") from cause
+        raise damage_error(
+            source, f"its rows do not fit together: {type(cause).__name__}"
+        ) from cause
     finally:
         engine.dispose()
     size = sum(members[name]["size"] for name in files)
@@ -152,7 +154,7 @@ def _read_tables(
     stated = {name[7:-6] for name in members if name.startswith("tables/")}
     order = [each for each in found.sorted_tables if each.name in stated]
     if len(order) != len(stated):
-        raise damaged(source, "it holds a table that is none")
+        raise damage_error(source, "it holds a table that is none")
     for table in order:
         name = f"tables/{table.name}.jsonl"
         with member(bundle, name, members[name], source) as stream:
@@ -177,7 +179,7 @@ def _row(table: Table, line: bytes, source: str) -> dict[str, Any]:
                 at = datetime.fromisoformat(value).astimezone(UTC)
                 stated[column.name] = at.replace(tzinfo=None)
     except (ValueError, TypeError, RecursionError) as cause:
-        raise damaged(source, f"a row of {table.name} is none ({cause})") from cause
+        raise damage_error(source, f"a row of {table.name} is none ({cause})") from cause
     return stated
 
 
@@ -186,21 +188,21 @@ def _require_sound(connection: Connection, members: Mapping[str, Any], source: s
     held = Base.metadata.tables
     blobs = {f"{r.place}/{r.sha256}" for r in connection.execute(select(held["blobs"]))}
     if blobs != {name for name in members if not name.startswith("tables/")}:
-        raise damaged(source, "its files are not those its rows name")
+        raise damage_error(source, "its files are not those its rows name")
     jobs = connection.execute(select(held["jobs"].c.id, held["jobs"].c.state)).all()
     items = connection.execute(select(held["items"].c.id, held["items"].c.noun)).all()
     if any(state not in OVER for _, state in jobs) or any(noun not in NOUNS for _, noun in items):
-        raise damaged(source, "it holds a job that is not over, or a noun that is none")
+        raise damage_error(source, "it holds a job that is not over, or a noun that is none")
     if not all(_ID.fullmatch(row.id) for row in (*jobs, *items)):
-        raise damaged(source, "it holds an id that is none")
+        raise damage_error(source, "it holds an id that is none")
     try:
         for (name,) in connection.execute(select(held["attachments"].c.name)):
             require_name(name)
     except ConfigurationError as cause:
-        raise damaged(source, cause.message) from cause
+        raise damage_error(source, cause.message) from cause
 
 
-def _merged(session: Session, staged: Connection, source: str) -> dict[str, int]:
+def _merge(session: Session, staged: Connection, source: str) -> dict[str, int]:
     """Adds what is not there; returns how many rows of each table."""
     counts: dict[str, int] = {}
     for table in tables():
@@ -275,7 +277,7 @@ def manifest_of(bundle: zipfile.ZipFile, source: str) -> dict[str, Any]:
         info = bundle.getinfo(MANIFEST)
         packed = max(_MANIFEST_SMALL, _MANIFEST_EXPANSION * info.compress_size)
         if info.file_size > min(_MANIFEST_MOST, packed):
-            raise damaged(source, "its manifest is too long")
+            raise damage_error(source, "its manifest is too long")
         stated = json.loads(bundle.read(MANIFEST))
         if stated.get("format") != FORMAT:
             raise ArchiveError("a zip file, but not an export of robotrue.", source=source)
@@ -293,7 +295,7 @@ def manifest_of(bundle: zipfile.ZipFile, source: str) -> dict[str, Any]:
             if not re.fullmatch("[0-9a-f]{64}", entry["sha256"]) or not 0 <= int(entry["size"]):
                 raise ValueError("a member's hash or size")
     except (KeyError, ValueError, TypeError, AttributeError, RecursionError) as cause:
-        raise damaged(source, f"its manifest is none ({cause})") from cause
+        raise damage_error(source, f"its manifest is none ({cause})") from cause
     return cast(dict[str, Any], stated)
 
 
@@ -307,19 +309,19 @@ def require_members(
     """
     names = [info.filename for info in bundle.infolist()]
     if len(names) != len(set(names)) or set(names) != {MANIFEST, *members}:
-        raise damaged(source, "its members are not those of its manifest")
+        raise damage_error(source, "its members are not those of its manifest")
     for info in bundle.infolist():
         if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-            raise damaged(source, f"{info.filename[:60]} is packed in a way no export is")
+            raise damage_error(source, f"{info.filename[:60]} is packed in a way no export is")
         if info.filename == MANIFEST:
             continue
         if not _MEMBER.fullmatch(info.filename):
-            raise damaged(source, f"a member is called {info.filename[:60]!r}")
+            raise damage_error(source, f"a member is called {info.filename[:60]!r}")
         if info.file_size != members[info.filename]["size"]:
-            raise damaged(source, f"{info.filename} is not as long as the manifest says")
+            raise damage_error(source, f"{info.filename} is not as long as the manifest says")
         name = info.filename.partition("/")[2]
         if not info.filename.startswith("tables/") and members[info.filename]["sha256"] != name:
-            raise damaged(source, f"{info.filename} is not named by its hash")
+            raise damage_error(source, f"{info.filename} is not named by its hash")
     expanded = sum(info.file_size for info in bundle.infolist())
     packed = sum(info.compress_size for info in bundle.infolist())
     allowed = min(most, shutil.disk_usage(folder).free, max(SMALL, EXPANSION * packed))
@@ -341,21 +343,21 @@ class Checked:
     def read(self, size: int = CHUNK) -> bytes:
         """Returns the next bytes; at the end the hash must agree."""
         piece = self._stream.read(size)
-        return self._seen(piece)
+        return self._check(piece)
 
     def readline(self) -> bytes:
         """Returns the next line."""
         line = self._stream.readline(_LINE_MOST)
-        return self._seen(line)
+        return self._check(line)
 
-    def _seen(self, piece: bytes) -> bytes:
+    def _check(self, piece: bytes) -> bytes:
         self._digest.update(piece)
         self._size += len(piece)
         whole = self._size == self._entry["size"]
         if self._size > self._entry["size"] or (not piece and not whole):
-            raise damaged(self._source, f"{self._name} is not as long as the manifest says")
+            raise damage_error(self._source, f"{self._name} is not as long as the manifest says")
         if whole and self._digest.hexdigest() != self._entry["sha256"]:
-            raise damaged(self._source, f"{self._name} does not match its hash")
+            raise damage_error(self._source, f"{self._name} does not match its hash")
         return piece
 
 
@@ -372,10 +374,10 @@ def member(
         with bundle.open(name) as stream:
             yield Checked(stream, name, entry, source)
     except BROKEN as cause:
-        raise damaged(source, str(cause)) from cause
+        raise damage_error(source, str(cause)) from cause
 
 
-def damaged(source: str, what: str) -> ArchiveError:
+def damage_error(source: str, what: str) -> ArchiveError:
     """Returns the error for a file that no export wrote as it is."""
     return ArchiveError(
         f"not an export of robotrue, or damaged: {what}.",

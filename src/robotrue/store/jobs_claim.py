@@ -26,7 +26,7 @@ from robotrue.store.jobs import (
     end,
     job_of,
 )
-from robotrue.store.locks import POSIX, abandoned
+from robotrue.store.locks import POSIX, is_abandoned
 from robotrue.store.schema import JobRow
 from robotrue.store.workspace import Transaction, Workspace, now
 
@@ -131,19 +131,19 @@ def fail(workspace: Workspace, claim: Claim, error: Mapping[str, Any], remarks: 
                 end(into, row, FAILED, _without_nul(error))
 
 
-def requeue(workspace: Workspace, claim: Claim, why: str, *, counts: bool = True) -> None:
+def requeue(workspace: Workspace, claim: Claim, why: str, *, spent: bool = True) -> None:
     """Queues again what a process was at that died, or puts it over: nothing of it stands.
 
     Args:
         workspace: Where the job waits.
         claim: Of the attempt.
         why: It ended.
-        counts: Whether the attempt counts; that of a worker that was stopped does not.
+        spent: Whether the attempt counts; that of a worker that was stopped does not.
     """
     with workspace.write() as into:
         row = lock_claimed(into, claim)
         if row is not None:
-            row.attempts -= 0 if counts else 1
+            row.attempts -= 0 if spent else 1
             _requeue_row(into, row, why)
 
 
@@ -183,7 +183,7 @@ def _rows_of_dead(workspace: Workspace, session: Session, *, lock: bool = False)
     for row, lease_over in session.execute(chosen):
         path = lock_path(workspace.folder, row.worker)
         local = row.worker.rpartition("/")[0] == socket.gethostname() and POSIX and path.is_file()
-        if abandoned(path) if local else lease_over:
+        if is_abandoned(path) if local else lease_over:
             dead.append(row)
     return dead
 

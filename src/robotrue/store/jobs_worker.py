@@ -29,7 +29,7 @@ from robotrue.store.jobs_claim import (
     worker_name,
 )
 from robotrue.store.jobs_work import SCRATCH, attempt, attempt_as_child, tidy
-from robotrue.store.locks import abandoned, alone
+from robotrue.store.locks import hold_alone, is_abandoned
 from robotrue.store.workspace import Workspace
 
 Start: TypeAlias = Literal["spawn", "fork"]
@@ -190,7 +190,7 @@ class Worker:
     workspace: Workspace
     kinds: Mapping[str, str]
     engine: Engine
-    slots: int = 1
+    slots: int
     patience: float = PATIENCE
     done: int = 0
     _name: str = field(default_factory=lambda: worker_name(uuid.uuid4().hex))
@@ -206,7 +206,7 @@ class Worker:
         folder = self.workspace.folder
         (folder / WORKERS).mkdir(exist_ok=True)
         lock = lock_path(folder, self._name)
-        with alone(lock, wait=True):
+        with hold_alone(lock, wait=True):
             try:
                 while not stop() and self._goes_on(until_idle):
                     time.sleep(BEAT if self._down else LOOK)
@@ -234,7 +234,7 @@ class Worker:
         under = {current.claim.job for current in self._attempts}
         for lost in list_running(self.workspace):
             if lost.worker == self._name and lost.job not in under:
-                requeue(self.workspace, lost, STOPPED, counts=False)
+                requeue(self.workspace, lost, STOPPED, spent=False)
 
     def _look(self) -> None:
         for current in list(self._attempts):
@@ -286,7 +286,7 @@ class Worker:
             until = time.monotonic() + self.patience
             while current.run.poll() is None and time.monotonic() < until:
                 time.sleep(LOOK)
-            requeue(self.workspace, current.claim, STOPPED, counts=False)
+            requeue(self.workspace, current.claim, STOPPED, spent=False)
             tidy(self.workspace.folder, current.claim.job)
         self._attempts.clear()
 
@@ -330,7 +330,7 @@ def run_worker(
 def _forget_the_dead(workspace: Workspace) -> None:
     """Removes locks of dead workers that have no job, and folders of jobs that are not done now."""
     folder = workspace.folder
-    dead = [lock for lock in (folder / WORKERS).glob("*.lock") if abandoned(lock)]
+    dead = [lock for lock in (folder / WORKERS).glob("*.lock") if is_abandoned(lock)]
     scratch = os.listdir(folder / SCRATCH) if (folder / SCRATCH).is_dir() else []
     if not dead and not scratch:
         return

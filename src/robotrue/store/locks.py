@@ -15,7 +15,7 @@ POSIX: Final = find_spec("fcntl") is not None
 
 
 @contextlib.contextmanager
-def shared(path: Path) -> Iterator[None]:
+def hold_shared(path: Path) -> Iterator[None]:
     """Holds a lock that many may hold, none while somebody holds it alone; waits for that one."""
     handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
     try:
@@ -26,7 +26,7 @@ def shared(path: Path) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def alone(path: Path, *, wait: bool) -> Iterator[bool]:
+def hold_alone(path: Path, *, wait: bool) -> Iterator[bool]:
     """Holds a lock alone; gives False, and holds nothing, where others do and it does not wait."""
     handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
     try:
@@ -35,11 +35,11 @@ def alone(path: Path, *, wait: bool) -> Iterator[bool]:
         os.close(handle)
 
 
-def abandoned(path: Path) -> bool:
+def is_abandoned(path: Path) -> bool:
     """Returns whether a lock file is there and nobody holds it: its process has died."""
     if not POSIX or not path.is_file():
         return False
-    with alone(path, wait=False) as mine:
+    with hold_alone(path, wait=False) as mine:
         return mine
 
 

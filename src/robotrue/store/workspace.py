@@ -21,7 +21,7 @@ from robotrue.core.files import read_bytes, write_atomic
 from robotrue.errors import ArchiveError, ConfigurationError, FormatError, ModelMismatchError
 from robotrue.store.blobs import BLOBS, Staging, require_whole, stored_path, sweep
 from robotrue.store.database import WRITING, engine_at, may_write, read_only, unreachable
-from robotrue.store.locks import POSIX, alone, shared
+from robotrue.store.locks import POSIX, hold_alone, hold_shared
 from robotrue.store.migrate import HEAD, migrate, require_known, revision_of
 from robotrue.store.schema import BlobRow, WorkspaceRow
 
@@ -72,7 +72,11 @@ class Workspace:
             raise ConfigurationError(f"the folder {what}.", source=path, hint="a new folder.")
         mark = {"format": FORMAT, "format_version": FORMAT_VERSION, "id": str(uuid.uuid4())}
         engine = engine_at(folder, _url(url))
-        with _used(engine, folder), _exclusively(folder), writing(engine) as connection:
+        with (
+            _dispose_on_failure(engine, folder),
+            _exclusively(folder),
+            writing(engine) as connection,
+        ):
             migrate(connection)
             row = connection.execute(select(WorkspaceRow.id)).scalar()
             if row is not None:
@@ -110,7 +114,7 @@ class Workspace:
         folder = Path(path).absolute()
         identity, url = _mark(folder), _url(url)
         engine = engine_at(folder, url)
-        with _used(engine, folder):
+        with _dispose_on_failure(engine, folder):
             with engine.connect() as connection:
                 revision = revision_of(connection)
                 require_known(revision)
@@ -151,7 +155,7 @@ class Workspace:
         Raises:
             DatabaseDownError: The database does not answer.
         """
-        with _reached(self.folder), Session(self.engine) as session:
+        with _convert_unreachable(self.folder), Session(self.engine) as session:
             yield session
 
     @contextlib.contextmanager
@@ -162,7 +166,7 @@ class Workspace:
             DatabaseDownError: The database does not answer.
         """
         transaction = Transaction(self)
-        with _reached(self.folder), transaction.running():
+        with _convert_unreachable(self.folder), transaction.running():
             yield transaction
 
     def path_of(self, digest: str) -> Path:
@@ -192,7 +196,7 @@ class Workspace:
         # Without locks nobody knows who still writes.
         if not POSIX or not may_write(self.folder):
             return 0
-        with alone(self.folder / LOCK, wait=False) as mine:
+        with hold_alone(self.folder / LOCK, wait=False) as mine:
             if not mine:
                 return 0
             with self.read() as session:
@@ -241,7 +245,7 @@ class Transaction:
         if not self._locked:
             if not may_write(self.workspace.folder):
                 raise read_only(self.workspace.folder)
-            self._stack.enter_context(shared(self.workspace.folder / LOCK))
+            self._stack.enter_context(hold_shared(self.workspace.folder / LOCK))
             self._locked = True
         digest, size = self._staging.keep(source, place)
         self._kept[digest] = (place, size)
@@ -254,7 +258,7 @@ class Transaction:
             yield
             if self._session is not None or self._kept:
                 self.session.commit()
-            self._staging.settled()
+            self._staging.clear()
 
 
 @contextlib.contextmanager
@@ -297,10 +301,10 @@ def writing(engine: Engine) -> Iterator[Connection]:
 
 
 @contextlib.contextmanager
-def _used(engine: Engine, folder: Path) -> Iterator[Engine]:
+def _dispose_on_failure(engine: Engine, folder: Path) -> Iterator[Engine]:
     """Gives the engine; lets go of the database where the block fails."""
     try:
-        with _reached(folder):
+        with _convert_unreachable(folder):
             yield engine
     except BaseException:
         engine.dispose()
@@ -308,7 +312,7 @@ def _used(engine: Engine, folder: Path) -> Iterator[Engine]:
 
 
 @contextlib.contextmanager
-def _reached(folder: Path) -> Iterator[None]:
+def _convert_unreachable(folder: Path) -> Iterator[None]:
     try:
         yield
     except (OperationalError, InterfaceError) as cause:
@@ -317,7 +321,7 @@ def _reached(folder: Path) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _exclusively(folder: Path) -> Iterator[None]:
-    with alone(folder / LOCK, wait=True):
+    with hold_alone(folder / LOCK, wait=True):
         yield
 
 

@@ -19,10 +19,10 @@ TIME = sa.DateTime(timezone=True)
 def upgrade() -> None:
     """Makes all tables."""
     _ground()
-    _versioned("robots", _text("maker"), _whole("dof"), _text("identity", HASH))
-    _versioned("tools", _text("identity", HASH))
-    _versioned("cells", _text("digest", HASH), _text("robot", NAME), _text("frame"))
-    _versioned(
+    _create_versioned("robots", _text("maker"), _whole("dof"), _text("identity", HASH))
+    _create_versioned("tools", _text("identity", HASH))
+    _create_versioned("cells", _text("digest", HASH), _text("robot", NAME), _text("frame"))
+    _create_versioned(
         "measurement_sets",
         _text("frame"),
         _whole("poses"),
@@ -31,7 +31,7 @@ def upgrade() -> None:
         _text("data", HASH),
         sa.Column("samples", HASH, sa.ForeignKey("blobs.sha256"), nullable=False),
     )
-    _versioned(
+    _create_versioned(
         "models",
         _text("kind"),
         _text("method"),
@@ -40,22 +40,22 @@ def upgrade() -> None:
         _text("made_by"),
         sa.Column("settings", DOCUMENT, nullable=False),
     )
-    _versioned(
+    _create_versioned(
         "registrations",
         _text("method"),
         _text("verdict"),
         _whole("frames"),
         _text("identity", HASH),
     )
-    _versioned(
+    _create_versioned(
         "programs",
         _text("stage"),
         _text("dialect"),
         _whole("file_count"),
         sa.Column("bytes", sa.BigInteger(), nullable=False),
     )
-    _versioned("documents", _text("kind"))
-    _versioned(
+    _create_versioned("documents", _text("kind"))
+    _create_versioned(
         "drift_checks", _whole("poses"), _real("statistic"), _real("p_value"), _text("verdict")
     )
     for table, column in (
@@ -109,7 +109,7 @@ def _of_version() -> tuple[sa.Column[object], ...]:
     )
 
 
-def _versioned(name: str, *columns: sa.Column[object]) -> None:
+def _create_versioned(name: str, *columns: sa.Column[object]) -> None:
     op.create_table(
         name,
         sa.Column("id", ID, nullable=False),
