@@ -91,3 +91,9 @@ def measure(
         wrench=push,
         **extra,
     )
+
+
+def ripple_shift(joints, cycles, sine, cosine):
+    """Drive-side shift (n, dof) rad of amplitudes (dof, h) rad."""
+    phase = joints[:, :, None] * cycles
+    return (np.sin(phase) * sine + np.cos(phase) * cosine).sum(axis=2)

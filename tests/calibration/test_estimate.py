@@ -104,7 +104,7 @@ def test_parameter_covariance_matches_scatter():
     ]
     layout = results[0].posterior.layout
     for name in ("compliance2", "compliance3", "d4", "a3", "tool_x"):
-        i = layout.index(name)
+        i = layout.names.index(name)
         scatter = np.std([r.posterior.state.robot.errors[i] for r in results], ddof=1)
         stated = np.sqrt(results[0].posterior.covariance[i, i])
         assert scatter < 1.4 * stated, name

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planted_arm import PAYLOAD, arm, planted, postures
+from planted_arm import PAYLOAD, arm, planted, postures, ripple_shift
 
 from robotrue.calibration.design import HeldOutRows, temper_factor
 from robotrue.calibration.evidence import PriorGroup, held_scales, learn, posterior, sums_of
@@ -14,7 +14,7 @@ from robotrue.calibration.learned import LearnedParts, fit_learned
 from robotrue.calibration.methods import FitSettings, fit
 from robotrue.calibration.model import Query
 from robotrue.calibration.robust import student_factor
-from robotrue.calibration.terms.ripple import LAW, harmonics, ripple_groups, ripple_shift
+from robotrue.calibration.terms.ripple import LAW, Ripple, harmonics
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.forward import forward
@@ -102,9 +102,9 @@ def test_many_rows_are_not_kept():
 
 
 def test_the_law_of_few_rows_falls_and_covers_every_coefficient_once():
-    groups = ripple_groups(2, 64, 5, few=True)
+    groups = Ripple(dof=2, cycles=harmonics(64)).groups(few=True)
     np.testing.assert_array_equal(
-        np.sort(np.concatenate([g.columns for g in groups])), np.arange(5, 5 + 2 * 64 * 2)
+        np.sort(np.concatenate([g.columns for g in groups])), np.arange(2 * 64 * 2)
     )
     sd = np.concatenate([g.sd * g.unit for g in groups if g.name.startswith("ripple/1/")])
     np.testing.assert_allclose(sd, LAW / np.repeat(harmonics(64), 2))

@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planted_arm import PAYLOAD, arm, planted, postures
+from planted_arm import PAYLOAD, arm, planted, postures, ripple_shift
 
 from robotrue.calibration.learned import LearnedParts, fit_learned
 from robotrue.calibration.methods import FitSettings
 from robotrue.calibration.model import Query
-from robotrue.calibration.terms.ripple import harmonics, ripple_columns, ripple_groups, ripple_shift
+from robotrue.calibration.terms.ripple import Ripple, harmonics
+from robotrue.calibration.terms.term import ArmPostures, Sensitivity
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.forward import forward
 from robotrue.robot.statics import deflected
@@ -39,16 +40,21 @@ def test_columns_times_coefficients_equal_the_shift():
     rng = np.random.default_rng(1)
     joints, drive = rng.uniform(-2, 2, (7, 6)), rng.standard_normal((7, 3, 6))
     sine, cosine = rng.standard_normal((2, 6, 5))
-    shift = ripple_shift(joints, harmonics(5), sine, cosine)
-    columns = ripple_columns(drive, joints, harmonics(5))
+    ripple, robot = Ripple(dof=6, cycles=harmonics(5)), arm()
     weights = np.stack([sine, cosine], axis=-1).ravel()
+    at = ArmPostures(joints=joints, torque=np.zeros_like(joints))
+    by = Sensitivity(errors=drive, drive=drive, shift=drive[:, :, :3])
+    shift = ripple.effect(robot, at, weights).drive_shift
+    np.testing.assert_allclose(shift, ripple_shift(joints, harmonics(5), sine, cosine), atol=1e-12)
+    columns = ripple.columns(robot, at, by, weights)
     expected = np.einsum("nmd,nd->nm", drive, shift)
     np.testing.assert_allclose(columns @ weights, expected, atol=1e-12)
 
 
 def test_groups_cover_every_coefficient_once():
-    columns = np.concatenate([g.columns for g in ripple_groups(6, 264, 11)])
-    np.testing.assert_array_equal(np.sort(columns), np.arange(11, 11 + 6 * 264 * 2))
+    groups = Ripple(dof=6, cycles=harmonics(264)).groups(few=False)
+    columns = np.concatenate([g.columns for g in groups])
+    np.testing.assert_array_equal(np.sort(columns), np.arange(6 * 264 * 2))
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ the scales are known.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -106,14 +106,14 @@ class DriftEvidence:
         angle = np.arctan(scale[2:4])
         c, s = np.cos(angle), np.sin(angle)
         d = np.array([1.0, c[0], c[1]])
-        trusted = scale[0] ** 2 * _sum(
+        trusted = scale[0] ** 2 * sum(
             d[i] * d[j] * self._gram[i][j] for i in range(3) for j in range(3)
         )
         slopes = [2.0 * trusted, 2.0 * scale[1] ** 2 * self._white]
         total = trusted + scale[1] ** 2 * self._white + self._known + self._loose
         moved = []
         for k in (0, 1):
-            half = scale[0] ** 2 * _sum(d[j] * self._gram[k + 1][j] for j in range(3))
+            half = scale[0] ** 2 * sum(d[j] * self._gram[k + 1][j] for j in range(3))
             turn = -(s[k] ** 2) * c[k]
             slope = turn * (half + half.T) + 2.0 * s[k] ** 2 * c[k] ** 2 * self._shapes[k]
             slopes.append(slope)
@@ -122,7 +122,7 @@ class DriftEvidence:
         for value, part in zip(scale[4:], self._added, strict=True):
             total = total + value**2 * part
             slopes.append(2.0 * value**2 * part)
-        y = self._stack.values - _sum(x * m for x, m in zip(d, self._means, strict=True))
+        y = self._stack.values - sum(x * m for x, m in zip(d, self._means, strict=True))
         return total, slopes, y, moved
 
     def plain_noise(self, log_scale: Array) -> Array:
@@ -197,10 +197,3 @@ def mean_slopes(drift: SourceDrift, problem: DriftEvidence) -> Array:
         ahead, behind = problem.mean(drift.log_scale + step), problem.mean(drift.log_scale - step)
         out.append((ahead - behind) / (2.0 * DIFFERENCE))
     return np.array(out)
-
-
-def _sum(parts: Iterable[Array]) -> Array:
-    total: Array | None = None
-    for part in parts:
-        total = part if total is None else total + part
-    return np.zeros(0) if total is None else total

@@ -16,7 +16,7 @@ from robotrue.calibration.start import start_state
 from robotrue.core.arrays import Array, IntArray
 from robotrue.errors import ModelMismatchError, ObservabilityError
 from robotrue.measurement.measurement_set import MeasurementSet
-from robotrue.robot.model import RobotModel
+from robotrue.robot.model import RobotModel, parameter_slice
 
 Status: TypeAlias = Literal["determined", "conditional"]
 MANY_SCREENED: Final = 0.05
@@ -186,13 +186,10 @@ def _verdict(
             f"{len(screened)} of {rows} rows carry no weight (row {int(screened[0])} first): "
             "their residual has a chance below one in a million under the fitted noise."
         )
-    compliance = [
-        (name, value, sd)
-        for (name, value), sd in zip(
-            _compliances(posterior), np.sqrt(_compliance_variance(posterior)), strict=True
-        )
-    ]
-    negative = [name for name, value, sd in compliance if value < -2.0 * sd]
+    place = parameter_slice(posterior.layout.dof, "compliance")
+    compliance = posterior.state.robot.error("compliance")
+    sd = np.sqrt(np.diagonal(posterior.covariance)[place])
+    negative = [f"compliance{i + 1}" for i in np.flatnonzero(compliance < -2.0 * sd)]
     doubts += [
         f"{name} is negative beyond its uncertainty: check masses and loads." for name in negative
     ]
@@ -218,14 +215,3 @@ def _loose_turns(posterior: Posterior) -> list[str]:
             "but not the direction in base; add poses off the line, or measure in base."
         )
     return out
-
-
-def _compliances(posterior: Posterior) -> list[tuple[str, float]]:
-    values = posterior.state.robot.error("compliance")
-    return [(f"compliance{i + 1}", float(v)) for i, v in enumerate(values)]
-
-
-def _compliance_variance(posterior: Posterior) -> Array:
-    start = posterior.layout.index("compliance1")
-    place = slice(start, start + posterior.layout.dof)
-    return np.asarray(np.diagonal(posterior.covariance)[place])

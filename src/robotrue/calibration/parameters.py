@@ -15,7 +15,6 @@ import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.core.rotations import matrix_from_rotation_vector, rotation_vector_from_matrix
-from robotrue.errors import ConfigurationError
 from robotrue.robot.model import PER_JOINT, POSE_TERMS, RobotModel, parameter_names
 
 
@@ -70,19 +69,6 @@ class ParameterLayout:
         for block, place in list(self.blocks.items())[1:]:
             out.extend(f"{block}_{term}" for term in POSE_TERMS[: place.stop - place.start])
         return tuple(out)
-
-    def index(self, name: str) -> int:
-        """Returns where a parameter stands.
-
-        Raises:
-            ConfigurationError: No such parameter.
-        """
-        try:
-            return self.names.index(name)
-        except ValueError:
-            raise ConfigurationError(
-                f"no parameter {name!r} in this fit.", hint="names look like theta1 or tool_x."
-            ) from None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,7 +11,7 @@ has a variance of its own, learned from the data (:mod:`robotrue.calibration.evi
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, ClassVar, Final, Self
@@ -53,59 +53,6 @@ WIDE_ROWS: Final = 4000
 def harmonics(count: int) -> Array:
     """Returns 1, 2, ..., ``count`` cycles per revolution."""
     return np.arange(1.0, count + 1.0)
-
-
-def ripple_columns(drive: Array, joints: Array, cycles: Array) -> Array:
-    """Returns d(row)/d(A, B), shape (n, m, 2 dof h), joint by joint, N by N, sine before cosine.
-
-    Args:
-        drive: (n, m, dof) derivative of the observed numbers by the drive angles.
-        joints: (n, dof) rad, commanded.
-        cycles: (h,) N.
-    """
-    phase = joints[:, :, None] * cycles
-    waves = np.stack([np.sin(phase), np.cos(phase)], axis=-1)
-    n, m, dof = drive.shape
-    columns = drive[:, :, :, None] * waves.reshape(n, 1, dof, 2 * len(cycles))
-    return np.asarray(columns.reshape(n, m, 2 * dof * len(cycles)), dtype=np.float64)
-
-
-def ripple_groups(dof: int, count: int, start: int, *, few: bool = False) -> list[PriorGroup]:
-    """Returns the groups of all joints and bands; their columns begin at ``start``.
-
-    Args:
-        dof: Number of joints.
-        count: Highest harmonic.
-        start: First column.
-        few: The rows are too few to say the scale of each band: all are held to the law
-            :data:`LAW` / N times one common factor.
-    """
-    cycles = harmonics(count)
-    out = []
-    for joint in range(dof):
-        for low, high in pairwise(BANDS):
-            chosen = np.flatnonzero((cycles >= low) & (cycles < high))
-            if len(chosen):
-                first = start + 2 * (joint * count + int(chosen[0]))
-                group = PriorGroup(
-                    name=f"ripple/{joint + 1}/{low}-{min(high - 1, count)}",
-                    columns=np.arange(first, first + 2 * len(chosen)),
-                    sd=START if low < FAST else START_FAST,
-                    rest=REST,
-                )
-                if few:
-                    size = LAW / low
-                    falling = np.repeat(low / cycles[chosen], 2)
-                    group = replace(group, sd=size, rest=size, shape=falling, hold=HOLD)
-                out.append(group)
-    return out
-
-
-def ripple_shift(joints: Array, cycles: Array, sine: Array, cosine: Array) -> Array:
-    """Returns the drive-side shift (n, dof) rad of coefficients (dof, h) rad."""
-    phase = joints[:, :, None] * cycles
-    shift: Array = (np.sin(phase) * sine + np.cos(phase) * cosine).sum(axis=2)
-    return shift
 
 
 def highest_harmonic(rows: int, *, few: bool, most: int = LADDER[-1]) -> int:
@@ -175,28 +122,52 @@ class Ripple(Term):
 
     def columns(self, robot: RobotModel, at: ArmPostures, by: Sensitivity, values: Array) -> Array:
         """Returns d(observed)/d(A, B), shape (n, m, k)."""
-        return ripple_columns(by.drive, at.joints, self.cycles)
+        phase = at.joints[:, :, None] * self.cycles
+        waves = np.stack([np.sin(phase), np.cos(phase)], axis=-1)
+        n, m, dof = by.drive.shape
+        columns = by.drive[:, :, :, None] * waves.reshape(n, 1, dof, 2 * len(self.cycles))
+        return np.asarray(columns.reshape(n, m, self.size), dtype=np.float64)
 
     def effect(self, robot: RobotModel, at: ArmPostures, values: Array) -> Effect:
         """Returns the shift of the drives."""
-        return Effect(drive_shift=ripple_shift(at.joints, self.cycles, *self.amplitudes(values)))
+        sine, cosine = self.amplitudes(values)
+        phase = at.joints[:, :, None] * self.cycles
+        return Effect(drive_shift=(np.sin(phase) * sine + np.cos(phase) * cosine).sum(axis=2))
 
-    def groups(self, *, few: bool) -> Sequence[PriorGroup]:
-        """Returns one group for each joint and band."""
-        return ripple_groups(self.dof, len(self.cycles), 0, few=few)
-
-    def prior_variance(self, values: Array, variance: Array) -> Array:
-        """Returns the mean power of each joint and band: the fixed point of its evidence."""
-        power = values**2 + variance
-        out = np.zeros(self.size)
-        count = len(self.cycles)
+    def _bands(self) -> Iterator[tuple[int, int, int, IntArray]]:
+        """Joint, first N, N behind the last, and parameters (k,) of each band that has cycles."""
         for joint in range(self.dof):
             for low, high in pairwise(BANDS):
                 chosen = np.flatnonzero((self.cycles >= low) & (self.cycles < high))
                 if len(chosen):
-                    first = 2 * (joint * count + int(chosen[0]))
-                    part = slice(first, first + 2 * len(chosen))
-                    out[part] = max(float(power[part].mean()), REST**2)
+                    first = 2 * (joint * len(self.cycles) + int(chosen[0]))
+                    yield joint, low, high, np.arange(first, first + 2 * len(chosen))
+
+    def groups(self, *, few: bool) -> Sequence[PriorGroup]:
+        """Returns one group for each joint and band.
+
+        Where the rows are too few to say the scale of each, all are held to the law :data:`LAW` / N
+        times one common factor.
+        """
+        out = []
+        for joint, low, high, columns in self._bands():
+            group = PriorGroup(
+                name=f"ripple/{joint + 1}/{low}-{min(high - 1, len(self.cycles))}",
+                columns=columns,
+                sd=START if low < FAST else START_FAST,
+                rest=REST,
+            )
+            if few:
+                size, falling = LAW / low, low / self.order[columns]
+                group = replace(group, sd=size, rest=size, shape=falling, hold=HOLD)
+            out.append(group)
+        return out
+
+    def prior_variance(self, values: Array, variance: Array) -> Array:
+        """Returns the mean power of each joint and band: the fixed point of its evidence."""
+        power, out = values**2 + variance, np.zeros(self.size)
+        for *_, columns in self._bands():
+            out[columns] = max(float(power[columns].mean()), REST**2)
         return out
 
     def in_tables(self, tables: MeanTables, values: Array) -> MeanTables:

@@ -160,12 +160,6 @@ def add_centres(basis: SmoothBasis, joints: Array, *, most: int, enough: float) 
     return SmoothBasis(centres=np.vstack([basis.centres, scaled[chosen]]), scale=basis.scale)
 
 
-def smooth_columns(shift: Array, columns: Array) -> Array:
-    """Returns (n, m, 3 k) from d(row)/d(shift of base) (n, m, 3) and (n, k) columns per axis."""
-    n, m, _ = shift.shape
-    return (columns[:, None, :, None] * shift[:, :, None, :]).reshape(n, m, -1)
-
-
 def no_basis(dof: int) -> SmoothBasis:
     """Returns a basis without centres."""
     return SmoothBasis(centres=np.zeros((0, 2 * dof)), scale=np.ones(2 * dof))
@@ -214,7 +208,9 @@ class SmoothResidual(Term):
 
     def columns(self, robot: RobotModel, at: ArmPostures, by: Sensitivity, values: Array) -> Array:
         """Returns d(observed)/d(weights), shape (n, m, k)."""
-        return smooth_columns(by.shift, self.basis.columns(at.joints))
+        n, m, _ = by.shift.shape
+        carried = self.basis.columns(at.joints)[:, None, :, None]
+        return (carried * by.shift[:, :, None, :]).reshape(n, m, self.size)
 
     def effect(self, robot: RobotModel, at: ArmPostures, values: Array) -> Effect:
         """Returns the shift of the tool point, and the variance no centre carries."""
