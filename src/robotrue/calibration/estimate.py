@@ -128,14 +128,7 @@ def estimate(
         settings.payload,
         stiffness_stated=settings.stiffness is not None,
     )
-    nuisances = layout.size - layout.robot_size
-    if posterior.numbers < seen.determinable + nuisances and not settings.lean_on_prior:
-        raise ObservabilityError(
-            f"{len(measurements)} poses give {posterior.numbers} usable numbers; "
-            f"{seen.determinable + nuisances} parameters are to be determined.",
-            hint=f"measure at least {-(-(seen.determinable + nuisances) // 3)} poses, choose a "
-            "smaller method, or transfer an earlier calibration of this type of arm.",
-        )
+    _require_determined(posterior, seen, len(measurements), settings)
     screened, residual = _by_row(posterior, observations, len(measurements))
     return Estimate(
         posterior=posterior,
@@ -152,6 +145,20 @@ def _require_numbers(measurements: MeasurementSet, settings: FitSettings) -> Non
         raise ObservabilityError(
             f"{len(measurements)} measured poses; even base and tool need 4.",
             hint="measure 30 to 60 poses spread over the joint ranges.",
+        )
+
+
+def _require_determined(
+    posterior: Posterior, seen: Identifiability, poses: int, settings: FitSettings
+) -> None:
+    layout = posterior.layout
+    wanted = seen.determinable + layout.size - layout.robot_size
+    if posterior.numbers < wanted and not settings.lean_on_prior:
+        raise ObservabilityError(
+            f"{poses} poses give {posterior.numbers} usable numbers; {wanted} parameters are to be "
+            "determined.",
+            hint=f"measure at least {-(-wanted // 3)} poses, choose a smaller method, or transfer "
+            "an earlier calibration of this type of arm.",
         )
 
 

@@ -29,7 +29,7 @@ from robotrue.calibration.observations import (
 )
 from robotrue.calibration.parameters import ParameterLayout, State, difference, retract
 from robotrue.calibration.priors import Prior
-from robotrue.calibration.robust import consistency, robust_variance, weights
+from robotrue.calibration.robust import Loss, consistency, robust_variance, weights
 from robotrue.calibration.settings import SolverSettings
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.errors import ConvergenceError, ObservabilityError
@@ -282,15 +282,8 @@ def _solve(
         for item, u, (inverse, _, jacobian), z in zip(
             data, scales.weights, kept, whitened, strict=True
         ):
-            back = np.swapaxes(inverse, 1, 2)
-            force = (back @ z[:, :, None])[:, :, 0]  # N^-1 r
-            pull = back @ jacobian  # N^-1 J
-            flat = pull.reshape(-1, count)  # one product, not one per row
-            spread = np.einsum("kp,kp->k", flat @ covariance, flat).reshape(z.shape)
-            diagonal = np.einsum("nkm,nkm->nm", inverse, inverse)  # diag N^-1
-            live = consistency(z.shape[1], settings.loss) * (u > 0.0)[:, None]
-            power += item.white @ (u[:, None] * force**2).sum(axis=0)
-            trace += item.white @ (live * diagonal - u[:, None] * spread).sum(axis=0)
+            sums = _noise_sums(item, u, inverse, jacobian, z, covariance, settings.loss)
+            power, trace = power + sums[0], trace + sums[1]
     return _Solution(
         step=step,
         right=right,
@@ -303,6 +296,37 @@ def _solve(
         log_noise=log_noise,
         log_precision=2.0 * float(np.log(np.diagonal(lower)).sum()),
     )
+
+
+def _noise_sums(
+    item: Linearisation,
+    u: Array,
+    inverse: Array,
+    jacobian: Array,
+    z: Array,
+    covariance: Array,
+    loss: Loss,
+) -> tuple[Array, Array]:
+    """What some rows say of each white variance: power (2,) of N^-1 r, and trace (2,) it should be.
+
+    Args:
+        item: The rows.
+        u: (n,) their weights.
+        inverse: (n, m, m) inverse Cholesky factor of N.
+        jacobian: (n, m, p) whitened.
+        z: (n, m) whitened residual after the step.
+        covariance: (p, p) of the step.
+        loss: The robust rule.
+    """
+    back = np.swapaxes(inverse, 1, 2)
+    force = (back @ z[:, :, None])[:, :, 0]  # N^-1 r
+    pull = back @ jacobian  # N^-1 J
+    flat = pull.reshape(-1, len(covariance))  # one product, not one per row
+    spread = np.einsum("kp,kp->k", flat @ covariance, flat).reshape(z.shape)
+    diagonal = np.einsum("nkm,nkm->nm", inverse, inverse)  # diag N^-1
+    live = consistency(z.shape[1], loss) * (u > 0.0)[:, None]
+    power = item.white @ (u[:, None] * force**2).sum(axis=0)
+    return power, item.white @ (live * diagonal - u[:, None] * spread).sum(axis=0)
 
 
 def _first_scales(

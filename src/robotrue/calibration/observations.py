@@ -257,7 +257,6 @@ def observations_of(
     loads = payload.fill_rows(
         measurements.payload_mass, measurements.wrench, measurements.payload_com
     )
-    torque = drive_torque(robot, measurements.joints, loads)
     station = (
         measurements.station
         if measurements.frame == "tracker"
@@ -265,40 +264,38 @@ def observations_of(
     )
     covariance = measurements.covariance + repeatability**2 * np.eye(3)
     posed = measurements.has_rotation
+    visits = ArmVisits(
+        joints=measurements.joints,
+        torque=drive_torque(robot, measurements.joints, loads),
+        approach=measurements.approach,
+        temperature=measurements.temperature,
+        target=measurements.target,
+        station=station,
+    )
+    points, poses = np.flatnonzero(~posed), np.flatnonzero(posed)
     out: list[PositionObservation | PoseObservation] = []
-    for rows in (np.flatnonzero(~posed), np.flatnonzero(posed)):
-        if not len(rows):
-            continue
-        visits = ArmVisits(
-            joints=measurements.joints[rows],
-            torque=torque[rows],
-            approach=measurements.approach[rows],
-            temperature=measurements.temperature[rows],
-            target=measurements.target[rows],
-            station=station[rows],
-        )
-        if not posed[rows[0]]:
-            out.append(
-                PositionObservation(
-                    visits=visits,
-                    position=measurements.position[rows],
-                    covariance=covariance[rows],
-                    rows=rows,
-                )
+    if len(points):
+        out.append(
+            PositionObservation(
+                visits=visits.take(points),
+                position=measurements.position[points],
+                covariance=covariance[points],
+                rows=points,
             )
-            continue
-        angular = measurements.rotation_covariance[rows]
+        )
+    if len(poses):
+        angular = measurements.rotation_covariance[poses]
         known = np.isfinite(angular).all(axis=(1, 2), keepdims=True)
-        full = np.zeros((len(rows), 6, 6))
-        full[:, :3, :3] = covariance[rows]
+        full = np.zeros((len(poses), 6, 6))
+        full[:, :3, :3] = covariance[poses]
         full[:, 3:, 3:] = np.where(known, angular, rotation_sd**2 * np.eye(3))
         out.append(
             PoseObservation(
-                visits=visits,
-                position=measurements.position[rows],
-                rotation=measurements.rotation[rows],
+                visits=visits.take(poses),
+                position=measurements.position[poses],
+                rotation=measurements.rotation[poses],
                 covariance=full,
-                rows=rows,
+                rows=poses,
             )
         )
     return tuple(out)

@@ -327,25 +327,9 @@ def _result(
     model: ErrorModel,
     stated: float,
 ) -> ProbingEstimate:
-    n = len(touches)
+    n, sigma = len(touches), _sigma(after, settings)
     frames = {k: inverse(T) for k, T in rows.T_tracker_base.items()}
-    residuals = np.zeros((n, 3))
-    square, freedom = 0.0, 0.0
-    shift = after.end - rows.layout.robot_size
-    sigma = _sigma(after, settings)
-    for piece in rows.pieces(after):
-        off = piece.values - piece.columns @ after.mean
-        half = piece.columns @ after.root.T
-        for i, row in enumerate(piece.rows.tolist()):
-            if row >= n:
-                continue
-            k = int(touches.part[row])
-            start = rows.layout.blocks[f"station/{k}"].start + shift
-            along = piece.columns[i][:, start : start + 3]
-            residuals[row] = -frames[k][:3, :3] @ (along.T @ off[i])
-            if keep[row]:
-                square += float(off[i] @ off[i])
-                freedom += len(off[i]) - float((half[i] ** 2).sum()) / sigma**2
+    residuals, misfit = _residuals(after, rows, touches, keep, sigma)
     parents = (model,) if model.calibrated else ()
     outliers = tuple(label for label, good in zip(touches.labels, keep, strict=False) if not good)
     summary = probing_summary(
@@ -371,7 +355,30 @@ def _result(
         residuals=frozen(residuals, (n, 3), "residuals"),
         outliers=outliers,
         sigma=sigma,
-        misfit=float(np.sqrt(square / freedom) / sigma) if freedom > 0.5 else float("nan"),
+        misfit=misfit,
         parents=parents,
         summary=summary,
     )
+
+
+def _residuals(
+    after: Belief, rows: NewRows, touches: ProbingSet, keep: BoolArray, sigma: float
+) -> tuple[Array, float]:
+    """Residuals (n, 3) m of the touches in base, and their misfit over ``sigma``."""
+    n, shift = len(touches), after.end - rows.layout.robot_size
+    residuals = np.zeros((n, 3))
+    square, freedom = 0.0, 0.0
+    for piece in rows.pieces(after):
+        off = piece.values - piece.columns @ after.mean
+        half = piece.columns @ after.root.T
+        for i, row in enumerate(piece.rows.tolist()):
+            if row >= n:
+                continue
+            k = int(touches.part[row])
+            start = rows.layout.blocks[f"station/{k}"].start + shift
+            along = piece.columns[i][:, start : start + 3]
+            residuals[row] = -rows.T_tracker_base[k][:3, :3].T @ (along.T @ off[i])
+            if keep[row]:
+                square += float(off[i] @ off[i])
+                freedom += len(off[i]) - float((half[i] ** 2).sum()) / sigma**2
+    return residuals, float(np.sqrt(square / freedom) / sigma) if freedom > 0.5 else float("nan")

@@ -201,15 +201,7 @@ def probing_summary(
         rms: m, of the believed residuals.
         scatter: Noise of the touches as learned, over that stated.
     """
-    screened = [i for i, label in enumerate(touches.labels) if label in outliers]
-    step = {
-        **record_step("probing", parents, None, settings, ()),
-        "rows": len(touches),
-        "data_sha256": touches_hash(touches),
-        "sources": [touches.source] if touches.source else [],
-        "screened_rows": screened,
-        "outliers": list(outliers),
-    }
+    step = _probing_step(touches, outliers, parents, settings)
     doubts = [
         f"touches scatter {scatter:.1f} times the stated noise: touch_sigma is too small, the part "
         "is not as drawn, or the tool is not the one stated."
@@ -224,7 +216,7 @@ def probing_summary(
         "method": "probing",
         "rows": len(touches),
         "numbers": 3 * int(touches.full.sum()) + int((~touches.full).sum()),
-        "screened_rows": screened,
+        "screened_rows": step["screened_rows"],
         "data_sha256": step["data_sha256"],
         "sources": step["sources"],
         "provenance": touches.provenance.to_document(),
@@ -243,6 +235,22 @@ def probing_summary(
         "white_sd_m": after.white,
         "rms_m": rms,
         "lineage": [step],
+    }
+
+
+def _probing_step(
+    touches: ProbingSet,
+    outliers: Sequence[str],
+    parents: Sequence[ErrorModel],
+    settings: Mapping[str, Any],
+) -> dict[str, Any]:
+    return {
+        **record_step("probing", parents, None, settings, ()),
+        "rows": len(touches),
+        "data_sha256": touches_hash(touches),
+        "sources": [touches.source] if touches.source else [],
+        "screened_rows": [i for i, label in enumerate(touches.labels) if label in outliers],
+        "outliers": list(outliers),
     }
 
 

@@ -166,63 +166,58 @@ def touch_rows(
         touch_sigma: m per axis of one touch: probe, surface, hand.
         payload: On the flange while touching.
     """
-    n, parts = len(touches), touches.parts
-    torque = drive_torque(belief.robot, touches.joints, payload)
+    n, dof = len(touches), belief.robot.dof
+    visits = ArmVisits(
+        joints=touches.joints,
+        torque=drive_torque(belief.robot, touches.joints, payload),
+        target=np.zeros(n, dtype=np.int64),
+        station=touches.part,
+    )
     variance = touch_sigma**2 + belief.repeatability**2
     observations: list[Visited] = []
-    full = np.flatnonzero(touches.full)
+    full, along = np.flatnonzero(touches.full), np.flatnonzero(~touches.full)
     if len(full):
         observations.append(
             PositionObservation(
-                visits=_visits(touches, torque, full),
+                visits=visits.take(full),
                 position=touches.point[full],
                 covariance=np.broadcast_to(variance * np.eye(3), (len(full), 3, 3)),
                 rows=full,
             )
         )
-    along = np.flatnonzero(~touches.full)
     if len(along):
         observations.append(
             SurfaceObservation(
-                visits=_visits(touches, torque, along),
+                visits=visits.take(along),
                 surfaces=tuple(_surface(touches, int(i)) for i in along),
                 radius=touches.radius,
                 variance=np.full(len(along), variance),
                 rows=along,
             )
         )
-    count = n + len(touches.distances)
-    dof = belief.robot.dof
     if touches.distances:
-        size = len(touches.distances)
-        observations.append(
-            PartDistanceObservation(
-                visits=ArmVisits(
-                    joints=np.zeros((size, dof)),
-                    torque=np.zeros((size, dof)),
-                    target=np.zeros(size, dtype=np.int64),
-                    station=np.zeros(size, dtype=np.int64),
-                ),
-                distances=touches.distances,
-                rows=np.arange(n, count),
-            )
-        )
+        observations.append(_part_distances(touches, dof))
     return NewRows(
         robot=belief.robot,
         observations=tuple(observations),
-        layout=ParameterLayout(dof=dof, stations=parts, places=tuple(sorted(touches.sockets))),
-        T_tracker_base={k: inverse(T_base_part[k]) for k in parts},
+        layout=ParameterLayout(
+            dof=dof, stations=touches.parts, places=tuple(sorted(touches.sockets))
+        ),
+        T_tracker_base={k: inverse(T_base_part[k]) for k in touches.parts},
         T_flange_target={},
-        count=count,
+        count=n + len(touches.distances),
     )
 
 
-def _visits(touches: ProbingSet, torque: Array, rows: IntArray) -> ArmVisits:
-    return ArmVisits(
-        joints=touches.joints[rows],
-        torque=torque[rows],
-        target=np.zeros(len(rows), dtype=np.int64),
-        station=touches.part[rows],
+def _part_distances(touches: ProbingSet, dof: int) -> PartDistanceObservation:
+    """The known distances, as rows behind the touches."""
+    size = len(touches.distances)
+    none = np.zeros(size, dtype=np.int64)
+    rest = np.zeros((size, dof))
+    return PartDistanceObservation(
+        visits=ArmVisits(joints=rest, torque=rest, target=none, station=none),
+        distances=touches.distances,
+        rows=len(touches) + np.arange(size),
     )
 
 
