@@ -23,7 +23,7 @@ from robotrue.calibration.model import ErrorModel
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.measurement.tracker import point_covariance
 from robotrue.robot.model import parameter_slice
-from robotrue.robot.statics import deflected
+from robotrue.robot.statics import deflect_arm
 from robotrue.validation.drift_check import DriftCheck, drift_check
 from robotrue_reproductions.deng2022.scenarios import (
     Scenario,
@@ -52,7 +52,7 @@ def from_posterior(
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     arm = model.robot.with_errors(model.errors + root @ rng.standard_normal(len(values)) + shift)
     joints = postures(case, n, rng)
-    true = deflected(arm, joints, case.cell.known.payload)[0].position
+    true = deflect_arm(arm, joints, case.cell.known.payload)[0].position
     tracker = case.cell.tracker
     covariance = point_covariance(tracker.specification, true, tracker.position)
     scatter = np.hypot(model.repeatability, model.white) * rng.standard_normal(true.shape)

@@ -48,8 +48,7 @@ from robotrue.calibration.probing import (
 from robotrue.calibration.robust import LEVEL, chi_point
 from robotrue.calibration.settings import RP_PER_SIGMA, FitSettings
 from robotrue.calibration.terms.geometry import PriorScales
-from robotrue.cell.registration.fit import point_covariance
-from robotrue.cell.registration.points import fit_points, frame_gain
+from robotrue.cell.registration.fit import fit_points, frame_gain, point_covariance
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, inverse, pose
 from robotrue.core.units import DEG, MM

@@ -7,7 +7,7 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel, parameter_slice
-from robotrue.robot.statics import Load, deflected
+from robotrue.robot.statics import Load, deflect_arm
 
 PAYLOAD = Load(mass=np.array([40.0]), com=np.array([[0.02, 0.0, 0.1]]))
 ROWS = 120
@@ -58,7 +58,7 @@ def measured() -> MeasurementSet:
     turned = joints.copy()
     turned[:, 1] += 1.5e-4 * np.sin(2 * joints[:, 1])
     turned[:, 2] += 1.0e-4 * np.sin(3 * joints[:, 2])
-    position = deflected(robot.with_errors(errors), turned, PAYLOAD)[0].position
+    position = deflect_arm(robot.with_errors(errors), turned, PAYLOAD)[0].position
     return MeasurementSet(
         joints=joints,
         position=position + 1.5e-5 * rng.standard_normal(position.shape),

@@ -8,7 +8,7 @@ from robotrue.core.arrays import Array
 from robotrue.core.rotations import matrix_from_rotation_vector
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel, parameter_slice
-from robotrue.robot.statics import Load, deflected
+from robotrue.robot.statics import Load, deflect_arm
 
 PAYLOAD = Load(mass=np.array([60.0]), com=np.array([[0.05, 0.0, 0.15]]))
 
@@ -73,7 +73,7 @@ def measure(
     n = len(joints)
     push = np.zeros((n, 6)) if wrench is None else wrench
     load = Load(mass=PAYLOAD.mass, com=PAYLOAD.com, wrench=push)
-    state, _ = deflected(actual, joints, load)
+    state, _ = deflect_arm(actual, joints, load)
     T = np.eye(4) if T_tracker_base is None else T_tracker_base
     noise = sd * rng.standard_normal((n, 3))
     extra = {}

@@ -22,7 +22,7 @@ from robotrue.errors import (
     ObservabilityError,
 )
 from robotrue.robot.forward import forward
-from robotrue.robot.statics import Load, deflected
+from robotrue.robot.statics import Load, deflect_arm
 
 SETTINGS = FitSettings(payload=PAYLOAD, repeatability=0.0)
 STIFFNESS = 1e6 * np.array([2.5, 2.2, 1.8, 0.4, 0.35, 0.25])
@@ -33,7 +33,9 @@ def truth_error(actual, joints, wrench=None):
     load = Load(
         mass=PAYLOAD.mass, com=PAYLOAD.com, wrench=np.zeros((1, 6)) if wrench is None else wrench
     )
-    return deflected(actual, joints, load)[0].position - forward(actual.nominal(), joints)[:, :3, 3]
+    return (
+        deflect_arm(actual, joints, load)[0].position - forward(actual.nominal(), joints)[:, :3, 3]
+    )
 
 
 def case(seed, n=60, **options):
@@ -226,7 +228,7 @@ def test_several_reflectors_show_the_last_axis():
     data = measure(actual, joints, rng)
     offset = np.array([0.2, 0.1, 0.1])
     load = Load(mass=PAYLOAD.mass, com=PAYLOAD.com)
-    state, _ = deflected(actual, joints, load)
+    state, _ = deflect_arm(actual, joints, load)
     second = state.flange_position + state.flange_rotation @ offset
     both = replace(
         data,

@@ -18,7 +18,7 @@ from robotrue.calibration.terms.ripple import LAW, Ripple, harmonics
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.forward import forward
-from robotrue.robot.statics import deflected
+from robotrue.robot.statics import deflect_arm
 
 NOISE = 2e-5
 REPEATABILITY = 2e-5  # m, per axis
@@ -139,7 +139,7 @@ def law_arm(rng):
 
     def points(joints):
         shift = ripple_shift(joints, harmonics(64), sine, cosine)
-        return deflected(actual, joints, PAYLOAD, shift)[0].position
+        return deflect_arm(actual, joints, PAYLOAD, shift)[0].position
 
     return points
 

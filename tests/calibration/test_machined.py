@@ -26,7 +26,7 @@ from robotrue.calibration.robust import LEVEL, chi_point
 from robotrue.calibration.settings import RP_PER_SIGMA, FitSettings
 from robotrue.calibration.terms.geometry import PriorScales
 from robotrue.calibration.terms.smooth import SmoothBasis, features
-from robotrue.cell.registration.points import fit_points, frame_gain
+from robotrue.cell.registration.fit import fit_points, frame_gain
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, inverse, pose
 from robotrue.core.rotations import matrix_from_rotation_vector
@@ -35,7 +35,7 @@ from robotrue.errors import ModelMismatchError, ShapeError
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.robot.forward import forward
 from robotrue.robot.model import parameter_slice
-from robotrue.robot.statics import deflected
+from robotrue.robot.statics import deflect_arm
 from robotrue_reproductions.feng2018.machining_cell import (
     T_BASE_DRAWN,
     attitude,
@@ -93,7 +93,7 @@ def test_columns_are_derivatives_of_the_tip_in_the_part() -> None:
         moved = T.copy()
         moved[:3, 3] += step[-6:-3]
         moved[:3, :3] = matrix_from_rotation_vector(step[-3:]) @ T[:3, :3]
-        return apply(moved, deflected(robot, joints)[0].position)
+        return apply(moved, deflect_arm(robot, joints)[0].position)
 
     for k in (*range(0, len(NOMINAL.errors), 3), -6, -5, -3, -1):
         size = 1e-9 if k in range(36, 42) else 1e-5  # compliance is small
@@ -191,11 +191,11 @@ def test_an_unchanged_model_against_drawn_arms(side: str) -> None:
         arm = NOMINAL.with_errors(drawn[: len(NOMINAL.errors)])
         noise = np.hypot(0.1 * MM, belief.repeatability) * rng.normal(size=(8, 3))
         # The nominal arm reads c where the true tip, c + e, touches; part and touches are as drawn.
-        true = deflected(arm, joints)[0].position
+        true = deflect_arm(arm, joints)[0].position
         read = apply(T_BASE_DRAWN, points) - (true - forward(NOMINAL, joints)[:, :3, 3]) + noise
         place = fit_points(points, read).T_base_part
         run = nominal_joints(NOMINAL, pose(turn, apply(place, work)), side)
-        reached = deflected(arm, run)[0].position + belief.repeatability * rng.normal(size=(2, 3))
+        reached = deflect_arm(arm, run)[0].position + belief.repeatability * rng.normal(size=(2, 3))
         errors.append(apply(inverse(T_BASE_DRAWN), reached) - work)
     stated = unchanged_covariance(
         belief,

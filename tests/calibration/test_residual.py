@@ -30,7 +30,7 @@ from robotrue.measurement.formats.measured_files import read_measurements
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.forward import forward
 from robotrue.robot.presets import preset
-from robotrue.robot.statics import deflected, drive_torque
+from robotrue.robot.statics import deflect_arm, drive_torque
 
 SETTINGS = FitSettings(payload=PAYLOAD, repeatability=6e-5)
 
@@ -51,7 +51,7 @@ def model():
     shift = np.zeros_like(joints)
     shift[:, 1] = 6e-5 * np.sin(11.0 * joints[:, 1])
     approach = rng.choice([-1.0, 1.0], joints.shape)
-    state, _ = deflected(planted(robot, rng), joints, PAYLOAD, shift + 1e-5 * approach)
+    state, _ = deflect_arm(planted(robot, rng), joints, PAYLOAD, shift + 1e-5 * approach)
     data = MeasurementSet(
         joints=joints,
         position=state.position + bump(joints) + 2e-5 * rng.standard_normal((200, 3)),
@@ -168,7 +168,7 @@ def test_held_out_rows_equal_a_fit_without_them():
     rng = np.random.default_rng(43)
     robot = arm()
     joints = postures(robot, 80, rng)
-    state, _ = deflected(planted(robot, rng), joints, PAYLOAD)
+    state, _ = deflect_arm(planted(robot, rng), joints, PAYLOAD)
     scatter = np.hypot(2e-5, SETTINGS.repeatability_sd)
     data = MeasurementSet(
         joints=joints,

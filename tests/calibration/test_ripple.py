@@ -15,7 +15,7 @@ from robotrue.calibration.terms.ripple import Ripple, harmonics
 from robotrue.calibration.terms.term import ArmPostures, Sensitivity
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.forward import forward
-from robotrue.robot.statics import deflected
+from robotrue.robot.statics import deflect_arm
 
 SETTINGS = FitSettings(payload=PAYLOAD, repeatability=6e-5)
 
@@ -26,7 +26,7 @@ def rippling(actual, joints, rng, *, size, backlash=0.0, approach=None):
     shift[:, 0] = size * np.sin(13.0 * joints[:, 0])
     shift[:, 1] = size * np.cos(9.0 * joints[:, 1])
     sign = np.zeros_like(joints) if approach is None else approach
-    state, _ = deflected(actual, joints, PAYLOAD, shift + backlash * sign)
+    state, _ = deflect_arm(actual, joints, PAYLOAD, shift + backlash * sign)
     noise = 2e-5 * rng.standard_normal((len(joints), 3))
     return MeasurementSet(
         joints=joints,

@@ -16,7 +16,7 @@ from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel, parameter_slice
 from robotrue.robot.presets import preset
-from robotrue.robot.statics import deflected
+from robotrue.robot.statics import deflect_arm
 
 NOISE = 2e-5
 
@@ -29,7 +29,7 @@ def measured(robot: RobotModel) -> tuple[MeasurementSet, MeasurementSet]:
         errors[parameter_slice(7, group)] = sd * rng.normal(size=7)
     errors[parameter_slice(7, "compliance")] = 1e-5
     joints = rng.uniform(*robot.limits.T, (150, 7))
-    position = deflected(robot.with_errors(errors), joints)[0].position
+    position = deflect_arm(robot.with_errors(errors), joints)[0].position
     position[:90] += NOISE * rng.normal(size=(90, 3))
     rows = MeasurementSet(
         joints=joints, position=position, covariance=np.tile(NOISE**2 * np.eye(3), (150, 1, 1))

@@ -22,7 +22,7 @@ from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.forward import forward
 from robotrue.robot.model import parameter_slice
-from robotrue.robot.statics import deflected
+from robotrue.robot.statics import deflect_arm
 
 SETTINGS = FitSettings(payload=PAYLOAD)
 NOISE = 2e-5
@@ -35,7 +35,7 @@ def visit(actual, joints, seed, T=None):
     rng = np.random.default_rng(seed)
     shift = np.zeros_like(joints)
     shift[:, 1] = 8e-5 * np.sin(9.0 * joints[:, 1])
-    points = deflected(actual, joints, PAYLOAD, shift)[0].position
+    points = deflect_arm(actual, joints, PAYLOAD, shift)[0].position
     points = points + NOISE * rng.standard_normal(points.shape)
     if T is not None:
         points = points @ T[:3, :3].T + T[:3, 3]

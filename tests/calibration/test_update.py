@@ -21,7 +21,7 @@ from robotrue.core.rotations import matrix_from_rotation_vector, rotation_vector
 from robotrue.errors import ModelMismatchError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.forward import forward
-from robotrue.robot.statics import deflected
+from robotrue.robot.statics import deflect_arm
 
 PLAIN = FitSettings(payload=PAYLOAD, solver=SolverSettings(loss="gaussian"))
 ROBUST = FitSettings(payload=PAYLOAD)
@@ -151,6 +151,6 @@ def test_orientations_count_where_their_noise_is_known():
 
 
 def _turn(actual, robot, query):
-    state, _ = deflected(actual, query.joints, PAYLOAD)
+    state, _ = deflect_arm(actual, query.joints, PAYLOAD)
     believed = forward(robot, query.joints)[:, :3, :3]
     return rotation_vector_from_matrix(state.rotation @ np.swapaxes(believed, 1, 2))

@@ -11,7 +11,7 @@ from robotrue.core.arrays import Array
 from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel, parameter_slice
 from robotrue.robot.presets import preset
-from robotrue.robot.statics import Load, deflected
+from robotrue.robot.statics import Load, deflect_arm
 
 CELL = """schema = 1
 [robot]
@@ -78,7 +78,7 @@ def points(joints: Array, wrench: Array | None = None, noise_seed: int | None = 
         if wrench is None
         else Load(mass=PAYLOAD.mass, com=PAYLOAD.com, wrench=np.atleast_2d(wrench))
     )
-    position = deflected(actual(), joints, load)[0].position
+    position = deflect_arm(actual(), joints, load)[0].position
     if noise_seed is None:
         return position
     return position + 1.5e-5 * np.random.default_rng(noise_seed).standard_normal(position.shape)

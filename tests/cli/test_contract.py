@@ -158,10 +158,10 @@ def test_every_optional_column(cli, work: Path) -> None:
 
 def test_measured_orientation_is_used(cli, work: Path) -> None:
     from robotrue.core.rotations import abc_from_matrix
-    from robotrue.robot.statics import deflected
+    from robotrue.robot.statics import deflect_arm
 
     joints = shop.postures(40, seed=11)
-    state, _ = deflected(shop.actual(), joints, shop.PAYLOAD)
+    state, _ = deflect_arm(shop.actual(), joints, shop.PAYLOAD)
     angles = np.rad2deg(abc_from_matrix(state.rotation))[:, ::-1]
     extra = dict(zip(("rx_deg", "ry_deg", "rz_deg"), angles.T, strict=True))
     shop.write_csv(work / "pose.csv", joints, shop.points(joints, noise_seed=2), extra)

@@ -77,7 +77,7 @@ def marks(document: dict[str, object]) -> bool:
     )
 
 
-def marked(text: str) -> bool:
+def mark_title(text: str) -> bool:
     """Whether an exported file carries the mark in the way its format has for it."""
     return MARK in text or "simulated = true" in text or '"simulated": true' in text
 
@@ -148,7 +148,7 @@ def test_a_simulated_result_is_marked(simulated: dict[str, Printed], command: st
     for twin in printed.twins:
         assert twin["simulated"] is True
     for text in printed.files:
-        assert marked(text)
+        assert mark_title(text)
 
 
 @pytest.mark.parametrize("command", CASES)
@@ -157,7 +157,7 @@ def test_a_measured_result_is_not_marked(measured: dict[str, Printed], command: 
     assert not marks(printed.document), printed.document
     for text in (printed.err, *printed.pages, *printed.files):
         assert MARK not in text.replace("SIMULATED_", "")
-        assert not marked(text)
+        assert not mark_title(text)
     for twin in printed.twins:
         assert twin["simulated"] is False
 

@@ -24,7 +24,7 @@ from robotrue.program.formats import dialect
 from robotrue.program.program import FrameTable, Motion, Reason
 from robotrue.robot.configuration import configuration_words
 from robotrue.robot.forward import forward
-from robotrue.robot.makers import made_by
+from robotrue.robot.makers import apply_maker
 from robotrue.robot.model import Configuration
 from robotrue.robot.presets import preset
 
@@ -163,7 +163,7 @@ def fanuc_point(config: str) -> bytes:
 def test_the_same_fanuc_point_with_other_letters_gets_other_bytes() -> None:
     frames = FrameTable(bases={"1": np.eye(4)}, tools={"1": cases.TOOL})
     robot = replace(preset("r2000"), name="bare", maker="generic", controller=None)
-    model = cases.rigid_model(robot=made_by(replace(robot, limits=WIDE), "fanuc"))
+    model = cases.rigid_model(robot=apply_maker(replace(robot, limits=WIDE), "fanuc"))
     out = []
     for config in CONFIGS:
         program = dialect("fanuc_ls").read(fanuc_point(config), name="a.ls", frames=frames)
@@ -250,16 +250,16 @@ def test_q_that_does_not_count_as_the_maker_does_is_refused() -> None:
     known = preset("KR160")
     bare = replace(known, maker="generic", controller=None)
     with pytest.raises(ConfigurationError, match=r"joints 1, 2, 3, 4, 5, 6 .* axes_sign"):
-        made_by(bare, "kuka")
-    made = made_by(bare, "kuka", sign=known.controller.sign, offset=known.controller.offset)
+        apply_maker(bare, "kuka")
+    made = apply_maker(bare, "kuka", sign=known.controller.sign, offset=known.controller.offset)
     assert np.array_equal(
         configuration_words(made, "kuka", BENT), configuration_words(known, "kuka", BENT)
     )
     turned = replace(preset("gp225"), maker="generic", controller=None)
-    assert made_by(turned, "yaskawa").maker == "yaskawa"
+    assert apply_maker(turned, "yaskawa").maker == "yaskawa"
     turned = replace(turned, theta=turned.theta + np.array([0, 0, 0, np.pi, 0, 0]))
     with pytest.raises(ConfigurationError, match=r"joint 5 .*"):
-        made_by(turned, "yaskawa")  # the mark of axis 4 on the other side turns axis 5 round
+        apply_maker(turned, "yaskawa")  # the mark of axis 4 on the other side turns axis 5 round
 
 
 def test_the_maker_is_kept_in_cell_and_archive() -> None:

@@ -33,7 +33,7 @@ from robotrue.errors import ArchiveError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel, parameter_slice
-from robotrue.robot.statics import deflected
+from robotrue.robot.statics import deflect_arm
 from robotrue.validation.validate import validate
 
 USUAL = 303.15
@@ -106,7 +106,7 @@ def registered() -> Iterator[None]:
 
 def true_points(robot: RobotModel, joints: Array, temperature: Array) -> Array:
     shift = PLANTED * (temperature - 293.15)[:, None]
-    return np.asarray(deflected(robot, joints, shift=shift)[0].position)
+    return np.asarray(deflect_arm(robot, joints, shift=shift)[0].position)
 
 
 def poses(n: int, seed: int) -> Array:

@@ -32,7 +32,7 @@ from robotrue.robot.configuration import configuration_words
 from robotrue.robot.inverse import branches_of, inverse_path, require_opw
 from robotrue.robot.model import parameter_slice
 from robotrue.robot.spin import Grid, SpinSettings, best_way
-from robotrue.robot.statics import Load, deflected
+from robotrue.robot.statics import Load, deflect_arm
 
 LIN, PTP, VIA, END = Motion.LIN, Motion.PTP, Motion.ARC_VIA, Motion.ARC_END
 Z = np.array([0.0, 0.0, 1.0])
@@ -90,8 +90,8 @@ class TestCost:
         low, high = ROBOT.limits.T
         joints = low + (high - low) * rng.random((30, 6))
         wrench = rng.normal(size=(30, 6)) * [300.0, 300.0, 300.0, 20.0, 20.0, 20.0]
-        held = deflected(soft, joints, Load(wrench=wrench))[0].position
-        free = deflected(soft, joints, Load(wrench=np.zeros((30, 6))))[0].position
+        held = deflect_arm(soft, joints, Load(wrench=wrench))[0].position
+        free = deflect_arm(soft, joints, Load(wrench=np.zeros((30, 6))))[0].position
         found = bending(ROBOT, compliance, joints, wrench)
         np.testing.assert_allclose(found, held - free, atol=2e-3 * np.abs(found).max())
 

@@ -29,7 +29,7 @@ from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG
 from robotrue.errors import ModelMismatchError, ShapeError
 from robotrue.robot.forward import forward
-from robotrue.robot.statics import Load, deflected
+from robotrue.robot.statics import Load, deflect_arm
 from robotrue.store.model_file import read_model, write_model
 from robotrue_reproductions.deng2022 import scenarios
 
@@ -219,7 +219,7 @@ def test_tables_say_what_predict_says(name):
     joints, approach = query().joints, query().approach
     angle = joints[:, :, None] * tables.harmonics
     shift = (np.sin(angle) * tables.ripple_sin + np.cos(angle) * tables.ripple_cos).sum(axis=2)
-    state, _ = deflected(tables.robot, joints, query().load, shift + tables.backlash * approach)
+    state, _ = deflect_arm(tables.robot, joints, query().load, shift + tables.backlash * approach)
     error = state.position - forward(model(name).robot, joints)[:, :3, 3]
     if len(tables.centres):
         features = tables.scale * np.hstack([np.sin(joints), np.cos(joints)])

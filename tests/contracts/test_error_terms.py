@@ -19,7 +19,7 @@ from robotrue.core.arrays import Array
 from robotrue.robot.forward import forward, parameter_jacobian, walk
 from robotrue.robot.model import RobotModel
 from robotrue.robot.presets import preset
-from robotrue.robot.statics import NO_LOAD, deflected, drive_torque
+from robotrue.robot.statics import NO_LOAD, deflect_arm, drive_torque
 
 ROBOT = preset("UR10")
 RNG = np.random.default_rng(4)
@@ -114,7 +114,7 @@ def test_tables_say_what_the_effect_is_and_exports_can_leave_it_out(name: str) -
     assert tables is not None
     phase = JOINTS[:, :, None] * tables.harmonics
     shift = (tables.ripple_sin * np.sin(phase) + tables.ripple_cos * np.cos(phase)).sum(axis=2)
-    state, _ = deflected(tables.robot, JOINTS, NO_LOAD, shift + tables.backlash * APPROACH)
+    state, _ = deflect_arm(tables.robot, JOINTS, NO_LOAD, shift + tables.backlash * APPROACH)
     found = state.position - forward(ROBOT.nominal(), JOINTS)[:, :3, 3]
     scaled = tables.scale * np.concatenate([np.sin(JOINTS), np.cos(JOINTS)], axis=1)
     square = ((scaled[:, None] - tables.centres) ** 2).sum(axis=2)

@@ -9,12 +9,12 @@ from robotrue.core.regions import (
     contains,
     coordinates_of,
     corners,
-    divided,
+    divide_region,
     grid_coordinates,
     grid_points,
     points_at,
-    random_points,
-    turned,
+    random_coordinates,
+    turn_region,
 )
 from robotrue.core.units import DEG
 from robotrue.errors import ShapeError
@@ -36,7 +36,7 @@ def test_grid_corners_and_draws_are_inside_and_neighbours_are_not(region):
     for points in (
         grid_points(region, (3, 7, 6)),
         corners(region),
-        random_points(region, 100, rng),
+        points_at(region, random_coordinates(region, 100, rng)),
     ):
         assert contains(region, points).all()
     low, high = region.limits.T
@@ -52,12 +52,12 @@ def test_a_grid_of_one_value_stands_in_the_middle():
 
 def test_parts_cover_the_region_with_the_gap_or_overlap_asked_for():
     region = CylinderRegion(angle=(-30 * DEG, 40 * DEG), radius=(0.8, 1.4), height=(0.7, 1.2))
-    parts = divided(region, 5, gap=5 * DEG)
+    parts = divide_region(region, 5, gap=5 * DEG)
     np.testing.assert_allclose(
         np.array([p.angle for p in parts]) / DEG,
         [(-30, -20), (-15, -5), (0, 10), (15, 25), (30, 40)],
     )
-    lapped = divided(BOX, 3, axis=1, gap=-0.06)
+    lapped = divide_region(BOX, 3, axis=1, gap=-0.06)
     assert lapped[0].y[0] == pytest.approx(-0.2)
     assert lapped[-1].y[1] == pytest.approx(0.4)
     assert lapped[0].y[1] - lapped[1].y[0] == pytest.approx(0.06)
@@ -67,7 +67,7 @@ def test_a_turned_slab_holds_the_turned_points():
     points = grid_points(SLAB, (2, 2, 2))
     c, s = np.cos(0.7), np.sin(0.7)
     there = points @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-    assert contains(turned(SLAB, 0.7), there).all()
+    assert contains(turn_region(SLAB, 0.7), there).all()
     assert not contains(SLAB, there).any()
 
 
@@ -83,8 +83,8 @@ def test_a_turned_slab_holds_the_turned_points():
             lambda: CylinderRegion(angle=(0.0, 1.0), radius=(-1.0, 1.0), height=(0.0, 1.0)),
             "0 or more",
         ),
-        (lambda: divided(BOX, 3, gap=0.2), "do not fit x"),
-        (lambda: divided(BOX, 0), "0 parts"),
+        (lambda: divide_region(BOX, 3, gap=0.2), "do not fit x"),
+        (lambda: divide_region(BOX, 0), "0 parts"),
         (lambda: grid_coordinates(BOX, (0, 1, 1)), "1 or more each way"),
     ],
 )

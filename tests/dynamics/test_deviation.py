@@ -132,15 +132,15 @@ def test_variance_is_the_diagonal_of_the_covariance():
 def test_terms_add_up_to_the_static_deflection():
     """Independent: compliance of the arm in robot.statics turns the same force into a twist."""
     from robotrue.robot.model import parameter_slice
-    from robotrue.robot.statics import Load, deflected
+    from robotrue.robot.statics import Load, deflect_arm
 
     arm, windows = stated_arm(), planted(passes=(2,), each=12)
     wrench = np.concatenate([windows.force, np.zeros((12, 3))], axis=1)
     errors = arm.robot.errors.copy()
     errors[parameter_slice(6, "compliance")] = 1.0 / arm.stiffness
     bent = arm.robot.with_errors(errors)
-    loaded, _ = deflected(bent, windows.joints, Load(wrench=wrench))
-    free, _ = deflected(bent, windows.joints)
+    loaded, _ = deflect_arm(bent, windows.joints, Load(wrench=wrench))
+    free, _ = deflect_arm(bent, windows.joints)
     moved = (loaded.position - free.position) @ arm.direction
     terms = physics_terms(arm, windows)
     np.testing.assert_allclose(terms.by_joint.sum(axis=1), moved, rtol=1e-3)

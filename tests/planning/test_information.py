@@ -25,7 +25,7 @@ from robotrue.planning.information import (
 )
 from robotrue.robot.forward import forward
 from robotrue.robot.presets import preset
-from robotrue.robot.statics import Load, deflected
+from robotrue.robot.statics import Load, deflect_arm
 
 NOTHING = UnmodelledErrors(ripple=np.full(1, 1e-12), fast=1e-12, backlash=1e-12, white=1e-12)
 PRIOR = SolverSettings(learn_noise=False, learn_scales=False, loss="gaussian")
@@ -35,7 +35,7 @@ def exact(joints: np.ndarray) -> MeasurementSet:
     """Measurements of the nominal, elastic arm without any noise."""
     cell = shop()
     prior = before_measuring(cell)
-    position = deflected(prior.robot, joints, PAYLOAD)[0].position
+    position = deflect_arm(prior.robot, joints, PAYLOAD)[0].position
     covariance = np.tile(1e-10 * np.eye(3), (len(joints), 1, 1))
     return MeasurementSet(joints=joints, position=position, covariance=covariance)
 

@@ -28,7 +28,7 @@ from robotrue.program.formats import read_job
 from robotrue.program.formats.krl_measure import Trigger, measuring_program
 from robotrue.program.program import Motion
 from robotrue.robot.configuration import controller_axes
-from robotrue.robot.statics import Load, deflected
+from robotrue.robot.statics import Load, deflect_arm
 
 WORK = CylinderRegion(angle=(-0.4, 0.4), radius=(0.8, 1.4), height=(0.6, 1.3))
 FEW = PlanSettings(candidates=250, work=WORK)
@@ -128,7 +128,7 @@ def test_loads_are_measured_one_after_the_other() -> None:
 def test_a_calibrated_arm_needs_other_poses() -> None:
     cell = shop()
     joints = postures(25, 1)
-    position = deflected(before_measuring(cell).robot, joints, PAYLOAD)[0].position
+    position = deflect_arm(before_measuring(cell).robot, joints, PAYLOAD)[0].position
     rows = MeasurementSet(
         joints=joints, position=position, covariance=np.tile(2e-10 * np.eye(3), (25, 1, 1))
     )
@@ -148,7 +148,7 @@ def test_the_sheet_is_read_back_once_it_is_filled_in(plan: PosePlan, tmp_path: P
     with pytest.raises(FormatError, match=r"poses\.csv:3"):
         read_measurements(path)
     lines = path.read_text().splitlines()
-    points = deflected(shop().measured_robot, plan.joints, PAYLOAD)[0].position
+    points = deflect_arm(shop().measured_robot, plan.joints, PAYLOAD)[0].position
     filled = [
         line.replace(",,,,", "," + ",".join(repr(float(v * 1e3)) for v in p) + ",")
         for line, p in zip(lines[2:], points, strict=True)

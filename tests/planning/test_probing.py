@@ -19,7 +19,7 @@ from robotrue.calibration.model import Query
 from robotrue.calibration.priors import prior_belief
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.terms.geometry import PriorScales
-from robotrue.cell.registration.points import frame_gain
+from robotrue.cell.registration.fit import frame_gain
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, pose
 from robotrue.core.units import DEG, MM

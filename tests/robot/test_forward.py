@@ -11,7 +11,7 @@ from robotrue.robot.forward import (
     walk,
 )
 from robotrue.robot.model import parameter_names
-from robotrue.robot.statics import Load, deflected
+from robotrue.robot.statics import Load, deflect_arm
 
 from .arms import TOOL, arm, random_errors, random_joints
 
@@ -76,7 +76,7 @@ def test_parameter_jacobian_is_the_difference_quotient(name):
     load = Load(
         mass=np.array([40.0]), com=np.array([[0.1, 0.0, 0.2]]), wrench=np.full((1, 6), 100.0)
     )
-    state, torque = deflected(robot, joints, load)
+    state, torque = deflect_arm(robot, joints, load)
     analytic = parameter_jacobian(robot, state, joints, torque)
     names = parameter_names(robot.dof)
     for k, label in enumerate(names):
@@ -85,7 +85,7 @@ def test_parameter_jacobian_is_the_difference_quotient(name):
         for sign in (-1.0, 1.0):
             errors = robot.errors.copy()
             errors[k] += sign * step
-            pair.append(deflected(robot.with_errors(errors), joints, load)[0].transforms)
+            pair.append(deflect_arm(robot.with_errors(errors), joints, load)[0].transforms)
         quotient = _twist(*pair) / (2 * step)
         scale = max(1.0, np.abs(quotient).max())
         np.testing.assert_allclose(

@@ -8,7 +8,7 @@ from robotrue.robot.inverse import inverse_branches
 from robotrue.robot.inverse_numeric import all_solutions, solve, solve_global
 from robotrue.robot.model import parameter_slice
 from robotrue.robot.presets import preset
-from robotrue.robot.statics import Load, deflected
+from robotrue.robot.statics import Load, deflect_arm
 
 from .arms import TOOL, arm, heavy, odd_arm, random_errors, random_joints
 
@@ -32,11 +32,11 @@ def test_compliant_calibrated_arm_below_a_nanometre(name):
     robot, load = _loaded(name, 300, 1)
     joints = random_joints(robot, 300, 2)
     joints = wrap(joints) * 0.9
-    poses = deflected(robot, joints, load)[0].transforms
+    poses = deflect_arm(robot, joints, load)[0].transforms
     seed = joints + np.random.default_rng(3).normal(size=joints.shape) * 5e-3
     found = solve(robot, poses, seed, load=load)
     assert found.converged.all()
-    again = deflected(robot, found.joints, load)[0].transforms
+    again = deflect_arm(robot, found.joints, load)[0].transforms
     assert np.abs(again - poses)[:, :3].max() < 1e-9
     assert np.abs(found.residual).max() < 1e-10
 

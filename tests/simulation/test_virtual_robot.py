@@ -5,7 +5,7 @@ import pytest
 
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError, ShapeError
-from robotrue.robot.statics import Load, deflected
+from robotrue.robot.statics import Load, deflect_arm
 from robotrue.simulation.plans import random_joints
 from robotrue.simulation.presets import T_FLANGE_TARGET, deng2022, raw_error
 from robotrue.simulation.virtual_robot import (
@@ -39,7 +39,7 @@ def test_gravity_sag_of_the_printed_stiffness(printed, postures):
     robot = printed.robot.nominal.with_tool(T_FLANGE_TARGET)
     errors = np.zeros_like(robot.errors)
     errors[36:42] = printed.robot.actual.error("compliance")
-    bent, _ = deflected(robot.with_errors(errors), postures, printed.robot.payload)
+    bent, _ = deflect_arm(robot.with_errors(errors), postures, printed.robot.payload)
     flat = nominal_pose(printed.robot, postures, T_FLANGE_TARGET)[:, :3, 3]
     size = np.linalg.norm(bent.position - flat, axis=1) / MM
     assert size.mean() == pytest.approx(0.81, rel=0.03)
@@ -48,14 +48,14 @@ def test_gravity_sag_of_the_printed_stiffness(printed, postures):
 
 def test_level_zero_is_exactly_the_rigid_flexible_model(printed, postures):
     virtual = printed.robot
-    model, _ = deflected(virtual.actual.with_tool(T_FLANGE_TARGET), postures, virtual.payload)
+    model, _ = deflect_arm(virtual.actual.with_tool(T_FLANGE_TARGET), postures, virtual.payload)
     true = actual_pose(virtual, postures, T_flange_tool=T_FLANGE_TARGET)
     np.testing.assert_allclose(true, model.transforms, atol=1e-13)
 
 
 def test_no_model_contains_level_two_exactly(postures):
     virtual = deng2022(1, exact=True, level=2.0).robot
-    model, _ = deflected(virtual.actual.with_tool(T_FLANGE_TARGET), postures, virtual.payload)
+    model, _ = deflect_arm(virtual.actual.with_tool(T_FLANGE_TARGET), postures, virtual.payload)
     rest = actual_pose(virtual, postures, T_flange_tool=T_FLANGE_TARGET)[:, :3, 3] - model.position
     centred = np.linalg.norm(rest - rest.mean(axis=0), axis=1).mean() / MM
     assert 0.06 < centred < 0.20  # reference simulation: 0.122 in the median arm

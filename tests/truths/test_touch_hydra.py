@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 from robotrue.cell.registration.correspondence import check_names, matches
-from robotrue.cell.registration.fit import Noise, Registration, point_residuals
-from robotrue.cell.registration.points import fit_points
+from robotrue.cell.registration.fit import Noise, Registration, fit_points, point_residuals
 from robotrue.cell.registration.touch_file import TouchColumns, mean_touches, read_touches
 from robotrue.cell.registration.touches import fit_touches
 from robotrue.core.arrays import Array

@@ -12,7 +12,7 @@ from robotrue.errors import ConfigurationError, ShapeError
 from robotrue.measurement.tracker import DEFAULT_SPECIFICATION, point_covariance
 from robotrue.robot.model import parameter_slice
 from robotrue.robot.presets import preset
-from robotrue.robot.statics import Load, deflected
+from robotrue.robot.statics import Load, deflect_arm
 from robotrue.validation.budget import (
     force_sensitivity,
     stated_line,
@@ -98,8 +98,8 @@ def test_the_sensitivity_to_force_is_that_of_the_statics():
     for axis in range(3):
         wrench = np.zeros((1, 6))
         wrench[0, axis] = 1.0
-        pushed = deflected(arm, JOINTS, Load(wrench=wrench))[0].position
-        moved.append(pushed - deflected(arm, JOINTS)[0].position)
+        pushed = deflect_arm(arm, JOINTS, Load(wrench=wrench))[0].position
+        moved.append(pushed - deflect_arm(arm, JOINTS)[0].position)
     expected = np.sqrt(np.mean(np.sum(np.square(moved), axis=2)) * 3.0 / 3.0)
     found = force_sensitivity(model(), Query(joints=JOINTS))
     # rms over poses of sqrt(trace(J J') / 3)

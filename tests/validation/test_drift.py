@@ -19,7 +19,7 @@ from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.measurement.tracker import DEFAULT_SPECIFICATION, point_covariance
 from robotrue.robot.model import RobotModel, parameter_slice
 from robotrue.robot.presets import preset
-from robotrue.robot.statics import Load, deflected
+from robotrue.robot.statics import Load, deflect_arm
 from robotrue.validation.drift_check import drift_check
 
 REPEATABILITY = 1.4e-5
@@ -45,7 +45,7 @@ def postures(n: int, rng: np.random.Generator) -> Array:
 
 def measured(arm: RobotModel, joints: Array, rng: np.random.Generator) -> MeasurementSet:
     """SIMULATED: one visit each, scatter and tracker as stated."""
-    true = deflected(arm, joints, PAYLOAD)[0].position
+    true = deflect_arm(arm, joints, PAYLOAD)[0].position
     covariance = point_covariance(DEFAULT_SPECIFICATION, true, TRACKER)
     noise = np.einsum("nij,nj->ni", np.linalg.cholesky(covariance), rng.standard_normal(true.shape))
     return MeasurementSet(

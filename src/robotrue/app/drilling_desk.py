@@ -12,7 +12,7 @@ from typing import Any, Final
 from robotrue.app.drilling_robot import DrillingRobot, with_robot
 from robotrue.app.presentation import count
 from robotrue.app.reporting import Message, Reporter
-from robotrue.core.provenance import Provenance, mark_sentence, marked
+from robotrue.core.provenance import Provenance, mark_sentence, mark_title
 from robotrue.core.units import DEG
 from robotrue.drilling.foot_file import FootSetup
 from robotrue.drilling.foot_signals import SIMULATED, foot_sample, is_reference, read_reference_tilt
@@ -87,7 +87,7 @@ class Desk:
             f"{count(self.references, 'reference')}, {count(self.alarms, 'alarm')}; model version "
             f"{self._session.model.version}"
         )
-        return marked(text, self._session.provenance)
+        return mark_title(text, self._session.provenance)
 
     def _foot(self, sample: SignalSample) -> dict[str, Any] | None:
         try:

@@ -62,10 +62,11 @@ class FilesContext(OpenedInputs):
         minimum: int | None = None,
     ) -> MeasurementSet:
         """Returns the rows of measurement files as one set."""
-        from robotrue.app.measured_rows import FEWEST_ROWS, read_together
+        from robotrue.app.measured_rows import read_together
+        from robotrue.measurement.plausibility import FEWEST_POSES
 
         paths = [_path(each) for each in references]
-        least = FEWEST_ROWS if minimum is None else minimum
+        least = FEWEST_POSES if minimum is None else minimum
         return read_together(cell, paths, mapping, reporter=self, minimum=least)
 
     def unchecked_rows(

@@ -15,12 +15,9 @@ from robotrue.errors import ModelMismatchError
 from robotrue.measurement.formats.mapping import ColumnMapping, read_mapping
 from robotrue.measurement.formats.measured_files import read_measurements
 from robotrue.measurement.measurement_set import MeasurementSet, concatenate
-from robotrue.measurement.plausibility import check_plausible
+from robotrue.measurement.plausibility import FEWEST_POSES, check_plausible
 from robotrue.measurement.tracker import point_covariance
 from robotrue.robot.forward import forward
-
-FEWEST_ROWS = 6
-"""Rows that a set needs, unless an operation asks for less."""
 
 
 def read_together(
@@ -29,7 +26,7 @@ def read_together(
     mapping: Path | None,
     *,
     reporter: Reporter,
-    minimum: int = FEWEST_ROWS,
+    minimum: int = FEWEST_POSES,
 ) -> MeasurementSet:
     """Returns all files as one set, checked for plausibility.
 
@@ -51,7 +48,7 @@ def join_rows(
     names: Sequence[str],
     *,
     reporter: Reporter,
-    minimum: int = FEWEST_ROWS,
+    minimum: int = FEWEST_POSES,
 ) -> MeasurementSet:
     """Returns sets as one, checked for plausibility; ``names`` are what messages call them.
 

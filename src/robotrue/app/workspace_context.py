@@ -8,13 +8,14 @@ from typing import Any, TypeVar
 
 from robotrue.app.context import Context, OpenedInputs
 from robotrue.app.job_naming import Naming
-from robotrue.app.measured_rows import FEWEST_ROWS, join_rows
+from robotrue.app.measured_rows import join_rows
 from robotrue.app.reporting import Message
 from robotrue.app.request import ItemVersion, Reference
 from robotrue.app.shell import Shell
 from robotrue.cell.cell import Cell
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.measurement.plausibility import FEWEST_POSES
 from robotrue.store import cells, documents, items, measurements, models, programs
 from robotrue.store.jobs_work import Work
 from robotrue.store.layout import copy_files
@@ -116,7 +117,7 @@ class WorkspaceContext(OpenedInputs):
         """Returns measurement sets as one; they were mapped when they were imported."""
         rows = [self.unchecked_rows(cell, each) for each in references]
         names = [each.name for each in self.records(MEASUREMENT, references)]
-        least = FEWEST_ROWS if minimum is None else minimum
+        least = FEWEST_POSES if minimum is None else minimum
         return join_rows(cell, rows, names, reporter=self, minimum=least)
 
     def unchecked_rows(

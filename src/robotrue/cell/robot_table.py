@@ -14,7 +14,7 @@ from robotrue.cell.toml_edit import round_digits
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
-from robotrue.robot.makers import MAKERS, made_by
+from robotrue.robot.makers import MAKERS, apply_maker
 from robotrue.robot.model import Configuration, RobotModel, nominal_identity
 from robotrue.robot.presets import preset, preset_names
 
@@ -66,7 +66,7 @@ def _count_axes(robot: RobotModel, table: RobotTable) -> RobotModel:
             f"its own (maker {robot.maker!r}).",
             hint="leave them out.",
         )
-    return made_by(
+    return apply_maker(
         robot,
         table.maker or robot.maker,
         sign=None if sign is None else np.array(sign, dtype=np.float64),

@@ -20,7 +20,7 @@ from robotrue.core.json_values import json_values
 from robotrue.core.provenance import (
     Provenance,
     mark_sentence,
-    marked,
+    mark_title,
     marked_document,
 )
 
@@ -83,7 +83,7 @@ def emit_table(
         words: The other columns hold words and not numbers: left as well.
         provenance: Of the numbers: the title of simulated ones is marked.
     """
-    title = marked(title, provenance)
+    title = mark_title(title, provenance)
     table = Table(title=title, title_justify="left", show_header=any(columns), box=box.SIMPLE)
     for k, column in enumerate(columns):
         left = k == 0 or words

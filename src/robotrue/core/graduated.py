@@ -38,9 +38,9 @@ def agreeing(residual: Callable[[Array], Array], n: int, bound: float) -> BoolAr
         bound: m; longer residuals count as wrong.
 
     Raises:
-        ConvergenceError: See ``graduated``.
+        ConvergenceError: See ``weigh_touches``.
     """
-    first = _grow_set(residual, graduated(residual, n, bound) > 0.5, bound)
+    first = _grow_set(residual, weigh_touches(residual, n, bound) > 0.5, bound)
     if first.all():
         return first
     second = _grow_set(residual, _drop_worst(residual, n, bound), bound)
@@ -71,7 +71,7 @@ def _grow_set(residual: Callable[[Array], Array], keep: BoolArray, bound: float)
     return keep
 
 
-def graduated(residual: Callable[[Array], Array], n: int, bound: float) -> Array:
+def weigh_touches(residual: Callable[[Array], Array], n: int, bound: float) -> Array:
     """Returns weights (n,), each 0 or 1, of truncated least squares.
 
     Args:

@@ -125,7 +125,7 @@ def mark_sentence(provenance: Provenance | bool | None) -> str:
     return simulation_mark(provenance, f"{MARK}: no real robot was measured for this result")
 
 
-def marked(title: str, provenance: Provenance | None) -> str:
+def mark_title(title: str, provenance: Provenance | None) -> str:
     """Returns a title with the mark in front, ``"SIMULATED: ..."``, or as it is."""
     mark = simulation_mark(provenance)
     return f"{mark}: {title}" if mark and mark not in title else title

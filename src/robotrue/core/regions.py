@@ -151,20 +151,14 @@ def random_coordinates(region: Region, n: int, rng: np.random.Generator) -> Arra
     return np.asarray(rng.uniform(low, high, (n, 3)))
 
 
-def random_points(region: Region, n: int, rng: np.random.Generator) -> Array:
-    """Returns n points (n, 3) m in base, uniform in the region's own coordinates.
-
-    Near the axis of a cylinder they lie closer together than further out.
-    """
-    return points_at(region, random_coordinates(region, n, rng))
-
-
 def corners(region: Region) -> Array:
     """Returns the eight corner points (8, 3) m in base, the last coordinate changing fastest."""
     return grid_points(region, (2, 2, 2))
 
 
-def divided(region: _Either, parts: int, *, axis: int = 0, gap: float = 0.0) -> tuple[_Either, ...]:
+def divide_region(
+    region: _Either, parts: int, *, axis: int = 0, gap: float = 0.0
+) -> tuple[_Either, ...]:
     """Returns equal parts of the region along one coordinate, in rising order.
 
     Args:
@@ -189,7 +183,7 @@ def divided(region: _Either, parts: int, *, axis: int = 0, gap: float = 0.0) -> 
     return tuple(replace(region, **{names[axis]: (float(s), float(s + width))}) for s in starts)
 
 
-def turned(region: CylinderRegion, angle: float) -> CylinderRegion:
+def turn_region(region: CylinderRegion, angle: float) -> CylinderRegion:
     """Returns the region turned about the base's z axis by an angle in rad."""
     low, high = region.angle
     return replace(region, angle=(low + angle, high + angle))

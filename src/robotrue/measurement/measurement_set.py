@@ -87,6 +87,11 @@ class MeasurementSet(Columns):
         """(n,) True where the full pose was measured."""
         return np.asarray(np.isfinite(self.rotation).all(axis=(1, 2)))
 
+    def file_of(self, row: int) -> str:
+        """Returns the name of the file a row was read from; empty if it was made in code."""
+        group = int(self.group[row])
+        return self.sources[group].split(" sha256:")[0] if group < len(self.sources) else ""
+
     def subset(self, rows: npt.ArrayLike) -> MeasurementSet:
         """Returns the chosen rows (indices or a mask), in that order."""
         return self.take(np.asarray(rows))

@@ -22,6 +22,8 @@ from robotrue.errors import ImplausibleDataError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.measurement.screening import duplicate_rows
 
+FEWEST_POSES: Final = 6
+"""Poses that a set needs, unless an operation asks for less."""
 MISFIT: Final = 0.05
 """Part of the reach: more than this is left by another robot (UR5 for UR10: 0.06 to 0.1 on measured
 data), not by a reflector of 100 mm that nobody stated (0.01)."""
@@ -57,7 +59,7 @@ def check_plausible(
     reach: float,
     *,
     forward: Callable[[Array], Array] | None = None,
-    minimum: int = 6,
+    minimum: int = FEWEST_POSES,
 ) -> tuple[str, ...]:
     """Returns what is odd but harmless, one sentence each; anything else raises.
 
@@ -206,9 +208,7 @@ def _stray_rows(measurements: MeasurementSet, commanded: Array, reach: float) ->
     raise ImplausibleDataError(
         f"a point {_mm(distance[row])} from {origin}, the arm reaches {_mm(reach)} "
         f"({far.size} such row{'s' if far.size > 1 else ''}: line {lines}).",
-        source=measurements.sources[int(measurements.group[row])].split(" sha256:")[0]
-        if measurements.sources
-        else None,
+        source=measurements.file_of(row) or None,
         line=int(measurements.source_row[row]),
         hint="correct or delete these rows.",
     )

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array, IntArray, frozen
 from robotrue.core.units import MM
 from robotrue.errors import ImplausibleDataError, ShapeError
 from robotrue.measurement.measurement_set import MeasurementSet
@@ -119,10 +119,16 @@ def duplicate_rows(measurements: MeasurementSet) -> list[tuple[int, int]]:
     table = np.column_stack(
         [measurements.joints, measurements.position, measurements.wrench, measurements.target]
     )
+    first, later = _find_repeats(table)
+    return list(zip(first.tolist(), later.tolist(), strict=True))
+
+
+def _find_repeats(table: Array) -> tuple[IntArray, IntArray]:
+    """Rows equal to an earlier one: the first of them, and each later."""
     _, first, inverse = np.unique(table, axis=0, return_index=True, return_inverse=True)
     origin = first[inverse.reshape(-1)]
     later = np.flatnonzero(origin != np.arange(len(table)))
-    return [(int(origin[row]), int(row)) for row in later]
+    return origin[later], later
 
 
 def _distances(white: Array, group: npt.NDArray[np.int64]) -> tuple[Array, Array]:
@@ -157,28 +163,24 @@ def _unlike_repeats(
             measurements.group,
         ]
     )
-    _, first, inverse = np.unique(pose, axis=0, return_index=True, return_inverse=True)
-    origin = first[inverse.reshape(-1)]
-    later = np.flatnonzero(origin != np.arange(len(pose)))
-    gap = measurements.position[later] - measurements.position[origin[later]]
-    joint = covariance[later] + covariance[origin[later]]
+    first, later = _find_repeats(pose)
+    gap = measurements.position[later] - measurements.position[first]
+    joint = covariance[later] + covariance[first]
     sigma = np.sqrt(np.einsum("ni,ni->n", gap, np.linalg.solve(joint, gap[:, :, None])[:, :, 0]))
     out = []
     for k in np.flatnonzero(sigma > limit):
         apart = np.linalg.norm(gap[k]) / MM
-        line = int(measurements.source_row[origin[later[k]]])
+        line = int(measurements.source_row[first[k]])
         reason = f"the pose of line {line} again, {apart:.3f} mm apart ({sigma[k]:.1f} sigma)"
         out.append((int(later[k]), reason))
     return out
 
 
 def _finding(measurements: MeasurementSet, row: int, reason: str, *, dropped: bool) -> Finding:
-    group = int(measurements.group[row])
-    source = measurements.sources[group] if group < len(measurements.sources) else ""
     return Finding(
         row=row,
-        group=measurements.group_names[group],
-        source=source.split(" sha256:")[0],
+        group=measurements.group_names[int(measurements.group[row])],
+        source=measurements.file_of(row),
         line=int(measurements.source_row[row]),
         reason=reason,
         dropped=dropped,

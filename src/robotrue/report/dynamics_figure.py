@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from robotrue.core.arrays import Array
-from robotrue.core.provenance import marked, merge, simulation_mark
+from robotrue.core.provenance import mark_title, merge, simulation_mark
 from robotrue.core.units import UM
 from robotrue.dynamics.frf import AXES, FrequencyResponse
 from robotrue.dynamics.interpolation import ResponseCurve
@@ -42,7 +42,7 @@ def response_figure(
     _response(frf, axes[0], axes[1], None if rows == 2 else axes[2], curve)
     axes[-1].set_xlabel("frequency, Hz")
     title = f"Receptance of the tool ({frf.source.rsplit('/', 1)[-1]})"
-    figure.suptitle(marked(title, frf.provenance), x=0.01, ha="left")
+    figure.suptitle(mark_title(title, frf.provenance), x=0.01, ha="left")
     return _picture(figure, suffix)
 
 

@@ -23,7 +23,7 @@ from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel
-from robotrue.robot.statics import NO_LOAD, Load, deflected
+from robotrue.robot.statics import NO_LOAD, Load, deflect_arm
 from robotrue.validation.error_map import known_places
 
 
@@ -189,7 +189,7 @@ def mean_position(tables: MeanTables, joints: Array, load: Load) -> Array:
     """Returns the tool point (n, 3) m of the tables; joints approached from below (sign +1)."""
     phase = joints[:, :, None] * tables.harmonics
     ripple = np.sum(np.sin(phase) * tables.ripple_sin + np.cos(phase) * tables.ripple_cos, axis=2)
-    position = deflected(tables.robot, joints, load, ripple + tables.backlash)[0].position
+    position = deflect_arm(tables.robot, joints, load, ripple + tables.backlash)[0].position
     if len(tables.centres):
         features = tables.scale * np.concatenate([np.sin(joints), np.cos(joints)], axis=1)
         away = np.sum((features[:, None, :] - tables.centres[None]) ** 2, axis=2)

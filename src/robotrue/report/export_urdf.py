@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from robotrue.core.arrays import Array
-from robotrue.core.provenance import marked
+from robotrue.core.provenance import mark_title
 from robotrue.errors import ConfigurationError
 from robotrue.report.export_losses import (
     ExportableModel,
@@ -63,7 +63,7 @@ def export_urdf(found: ExportableModel, *, lossy: Sequence[str] = ()) -> UrdfExp
     total = measure_loss(found, robot)
     head, _, rest = to_urdf(robot).partition("\n")
     said = [
-        marked("Calibrated by robotrue", found.provenance)
+        mark_title("Calibrated by robotrue", found.provenance)
         + ": lengths m, angles rad, joints in the sense of the robot model.",
         f"Model sha256 {found.digest}.",
         *loss_sentences(lost, total),

@@ -138,7 +138,7 @@ def walk(robot: RobotModel, joints: Array, shift: Array | None = None) -> ChainS
         robot: The arm; its ``errors`` are used (call on ``robot.nominal()`` for the controller's).
         joints: (n, dof) rad.
         shift: (n, dof) rad, see :func:`joint_angles`; compliance is *not* added here
-            (see :func:`robotrue.robot.statics.deflected`).
+            (see :func:`robotrue.robot.statics.deflect_arm`).
     """
     theta = joint_angles(robot, joints, shift)
     dof = robot.dof
@@ -250,7 +250,7 @@ def parameter_jacobian(
 
     Args:
         robot: The arm.
-        state: From :func:`walk` (or ``deflected``) at the same joints.
+        state: From :func:`walk` (or ``deflect_arm``) at the same joints.
         joints: (n, dof) rad, for the gear columns.
         torque: (n, dof) N m on the drives, for the compliance columns; zero if not given.
     """

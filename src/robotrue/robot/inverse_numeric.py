@@ -21,10 +21,12 @@ from robotrue.core.rotations import rotation_vector_from_matrix, wrap
 from robotrue.errors import ShapeError
 from robotrue.robot.forward import ChainState, joint_jacobian
 from robotrue.robot.model import RobotModel
-from robotrue.robot.statics import NO_LOAD, Load, deflected
+from robotrue.robot.statics import NO_LOAD, Load, deflect_arm
 
 TOLERANCE: Final = 1e-10
 """m and rad; the residual at which a pose counts as reached, far below any robot or tracker."""
+SEEDS: Final = 64
+"""Postures that a search without a seed starts from."""
 _DAMPING: Final = 1e-2  # damping over squared residual at the start
 _FLOOR: Final = 1e-14  # keeps J J^T regular where the arm is singular to the last digit
 _DISTINCT: Final = 1e-4  # rad by which two solutions differ
@@ -66,7 +68,7 @@ def solve(
         T_base_tool: (n, 4, 4).
         seed: (n, dof) or (dof,) rad.
         load: Payload and wrench, one row or n rows, as for
-            :func:`robotrue.robot.statics.deflected`.
+            :func:`robotrue.robot.statics.deflect_arm`.
         tolerance: m and rad, on the length of the position and of the rotation residual.
         max_iterations: Steps tried before a pose is given up.
 
@@ -115,7 +117,7 @@ def solve(
 def _residual(
     robot: RobotModel, target: Array, joints: Array, load: Load
 ) -> tuple[ChainState, Array]:
-    state, _ = deflected(robot, joints, load)
+    state, _ = deflect_arm(robot, joints, load)
     turn = target[:, :3, :3] @ np.swapaxes(state.rotation, 1, 2)
     twist = [target[:, :3, 3] - state.position, rotation_vector_from_matrix(turn)]
     return state, np.concatenate(twist, axis=1)
@@ -133,7 +135,7 @@ def solve_global(
     *,
     near: Array | None = None,
     load: Load = NO_LOAD,
-    seeds: int = 64,
+    seeds: int = SEEDS,
     tolerance: float = TOLERANCE,
 ) -> NumericSolution:
     """Returns joints inside the limits for each pose, without a seed: for arms like the UR.
@@ -177,7 +179,7 @@ def all_solutions(
     T_base_tool: Array,
     *,
     load: Load = NO_LOAD,
-    seeds: int = 64,
+    seeds: int = SEEDS,
     tolerance: float = TOLERANCE,
 ) -> list[Array]:
     """Returns for each pose the distinct solutions found (m, dof) rad, in (-180, 180] deg.

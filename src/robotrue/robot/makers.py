@@ -38,7 +38,7 @@ _SAME: Final = 1e-4  # rad; a zero that is printed with four digits in deg is me
 def count_axes(
     maker: str, dof: int, *, sign: Array | None = None, offset: Array | None = None
 ) -> Configuration:
-    """Returns how a maker's controller counts the axes of an arm; arguments as :func:`made_by`."""
+    """Returns how a maker counts the axes of an arm; arguments as :func:`apply_maker`."""
     return Configuration(
         sign=np.ones(dof) if sign is None else sign,
         offset=np.zeros(dof) if offset is None else offset,
@@ -46,7 +46,7 @@ def count_axes(
     )
 
 
-def made_by(
+def apply_maker(
     robot: RobotModel, maker: str, *, sign: Array | None = None, offset: Array | None = None
 ) -> RobotModel:
     """Returns the arm with its maker and the way the controller counts its axes.

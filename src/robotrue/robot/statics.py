@@ -95,7 +95,7 @@ def torque_at(robot: RobotModel, state: ChainState, load: Load) -> Array:
     return drives
 
 
-def deflected(
+def deflect_arm(
     robot: RobotModel, joints: Array, load: Load = NO_LOAD, shift: Array | None = None
 ) -> tuple[ChainState, Array]:
     """Returns the chain of the actual, loaded arm and the drive torques (n, dof) N m.

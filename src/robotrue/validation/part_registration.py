@@ -19,6 +19,7 @@ from robotrue.cell.registration.fit import Noise
 from robotrue.core.mesh import TriangleMesh
 from robotrue.core.provenance import merge
 from robotrue.errors import ModelMismatchError, ShapeError
+from robotrue.measurement.formats.part_points import ONE_PART
 from robotrue.measurement.probing_set import NO_SURFACE, ProbingSet
 from robotrue.validation.registered_part import FoundFrame, RegisteredPart
 from robotrue.validation.registration_frame import (
@@ -60,7 +61,7 @@ def register(
     arm: ErrorModel,
     touches: ProbingSet,
     *,
-    parts: Sequence[str] = ("part",),
+    parts: Sequence[str] = ONE_PART,
     settings: RegistrationSettings | None = None,
 ) -> RegisteredPart:
     """Returns where the parts stand, with covariance, verdict and the model they belong to.

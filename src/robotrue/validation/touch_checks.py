@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from robotrue.cell.registration.correspondence import check_names
-from robotrue.cell.registration.points import check_pattern
+from robotrue.cell.registration.fit import check_pattern
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.graduated import GAUSS_POINT, agreeing
 from robotrue.core.mesh import TriangleMesh

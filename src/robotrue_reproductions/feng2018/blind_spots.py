@@ -8,8 +8,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.calibration.model import ErrorModel
-from robotrue.cell.registration.fit import Noise, Registration
-from robotrue.cell.registration.points import fit_points
+from robotrue.cell.registration.fit import Noise, Registration, fit_points
 from robotrue.core.poses import pose, pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
 from robotrue.robot.model import RobotModel

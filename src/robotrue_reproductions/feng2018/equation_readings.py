@@ -11,8 +11,8 @@ from typing import Final, Literal, TypeAlias, get_args
 
 import numpy as np
 
-from robotrue.cell.registration.feature_frame import feature_frame
-from robotrue.cell.registration.points import check_pattern
+from robotrue.cell.registration.baselines import feature_frame
+from robotrue.cell.registration.fit import check_pattern
 from robotrue.core.arrays import Array
 from robotrue.core.rotations import abc_from_matrix, matrix_from_abc
 from robotrue.errors import ConfigurationError

@@ -17,7 +17,7 @@ from typing import Final, Literal, TypeAlias
 import numpy as np
 from scipy.stats import chi2
 
-from robotrue.cell.registration.feature_frame import check_corner, feature_frame, fit_feature_frame
+from robotrue.cell.registration.baselines import check_corner, feature_frame, fit_feature_frame
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.poses import apply, pose
 from robotrue.core.rotations import (

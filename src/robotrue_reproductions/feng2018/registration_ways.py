@@ -23,7 +23,7 @@ from robotrue.calibration.probing import (
     model_of_estimate,
 )
 from robotrue.calibration.settings import RP_PER_SIGMA, FitSettings
-from robotrue.cell.registration.feature_frame import fit_feature_frame
+from robotrue.cell.registration.baselines import fit_feature_frame
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, displacement_columns, fit_rigid, pose
 from robotrue.core.provenance import Provenance

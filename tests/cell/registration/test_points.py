@@ -6,9 +6,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from robotrue.cell.registration.feature_frame import feature_frame, fit_feature_frame
-from robotrue.cell.registration.fit import Registration, displace_frame, point_covariance
-from robotrue.cell.registration.points import fit_points, frame_gain
+from robotrue.cell.registration.baselines import feature_frame, fit_feature_frame
+from robotrue.cell.registration.fit import (
+    Registration,
+    displace_frame,
+    fit_points,
+    frame_gain,
+    point_covariance,
+)
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, inverse, pose_from_xyz_abc
 from robotrue.core.rotations import rotation_vector_from_matrix

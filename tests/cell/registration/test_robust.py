@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robotrue.cell.registration.fit import Noise, Registration
-from robotrue.cell.registration.points import fit_points
+from robotrue.cell.registration.fit import Noise, Registration, fit_points
 from robotrue.cell.registration.touches import fit_touches
 from robotrue.core.arrays import Array
-from robotrue.core.graduated import graduated
+from robotrue.core.graduated import weigh_touches
 from robotrue.core.poses import apply, fit_rigid, pose_from_xyz_abc
 from robotrue.core.surfaces import Plane
 from robotrue.core.units import DEG, MM
@@ -135,7 +134,7 @@ def test_weights_of_one_dimension_end_at_zero_or_one() -> None:
     def residual(weights: Array) -> Array:
         return np.abs(values - (weights @ values) / weights.sum())
 
-    np.testing.assert_array_equal(graduated(residual, 6, 0.5), [1, 1, 1, 1, 0, 0])
+    np.testing.assert_array_equal(weigh_touches(residual, 6, 0.5), [1, 1, 1, 1, 0, 0])
 
 
 def test_noise_needs_both_shares() -> None:

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from robotrue.cell.registration.fit import Noise, displace_frame
-from robotrue.cell.registration.points import fit_points
+from robotrue.cell.registration.fit import Noise, displace_frame, fit_points
 from robotrue.cell.registration.touches import fit_touches, touch_gain
 from robotrue.core.poses import apply, pose_from_xyz_abc
 from robotrue.core.rotations import rotation_vector_from_matrix

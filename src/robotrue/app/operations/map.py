@@ -12,7 +12,7 @@ from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Note, Table
 from robotrue.app.request import Item, Option, Output, Reference, Request
-from robotrue.core.provenance import Provenance, mark_line, marked
+from robotrue.core.provenance import Provenance, mark_line, mark_title
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 
@@ -212,7 +212,7 @@ def _write(result: Mapped, model: ErrorModel, path: Path) -> None:
 
     suffix, error_map = result.output.suffix.lower(), result.error_map
     if suffix == ".png":
-        title = marked(result.title, result.provenance)
+        title = mark_title(result.title, result.provenance)
         data = map_slices(error_map, title=title).png()
     elif suffix == ".csv":
         data = (mark_line(result.provenance) + map_table(error_map)).encode()

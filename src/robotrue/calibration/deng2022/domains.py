@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from robotrue.calibration.deng2022.readings import AttitudeReading
 from robotrue.core.arrays import Array, BoolArray, IntArray
-from robotrue.core.regions import CylinderRegion, contains, divided, turned
+from robotrue.core.regions import CylinderRegion, contains, divide_region, turn_region
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ObservabilityError
@@ -142,9 +142,9 @@ def divide_target(source: CylinderRegion, target: CylinderRegion, count: int) ->
     if count == 1:
         low = 0.5 * (target.angle[0] + target.angle[1] - width)
         return Domains(
-            source=source, target=target, sub_spaces=(turned(source, low - source.angle[0]),)
+            source=source, target=target, sub_spaces=(turn_region(source, low - source.angle[0]),)
         )
-    return Domains(source=source, target=target, sub_spaces=divided(target, count, gap=gap))
+    return Domains(source=source, target=target, sub_spaces=divide_region(target, count, gap=gap))
 
 
 def members(domains: Domains, points: Array) -> BoolArray:

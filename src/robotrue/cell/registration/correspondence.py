@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.cell.registration.points import check_pattern, check_points
+from robotrue.cell.registration.fit import check_pattern, check_points
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.poses import apply, fit_rigid
 from robotrue.core.units import MM

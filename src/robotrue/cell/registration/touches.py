@@ -11,8 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.cell.registration.fit import Noise, Registration
-from robotrue.cell.registration.points import check_pattern
+from robotrue.cell.registration.fit import Noise, Registration, check_pattern
 from robotrue.cell.registration.surface_distances import (
     SurfaceDistances,
     linearise_distances,

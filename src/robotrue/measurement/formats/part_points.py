@@ -34,6 +34,8 @@ POINT: Final = ("px_mm", "py_mm", "pz_mm")
 NAMED: Final = ("name", *POINT)
 NORMAL: Final = ("nx", "ny", "nz")
 ACCESS: Final = ("ax", "ay", "az")
+ONE_PART: Final = ("part",)
+"""Names of the parts where a file names none."""
 UNIT: Final = (0.5, 2.0)
 """Lengths a direction may have; outside it is a coordinate."""
 FEATURES_EXAMPLE: Final = "name,px_mm,py_mm,pz_mm and, where needed, nx,ny,nz,ax,ay,az,part."
@@ -63,7 +65,7 @@ class Features(Columns):
     normal: Annotated[Array, Column("n 3", nan=True)]
     access: Annotated[Array, Column("n 3", nan=True)]
     part: Annotated[IntArray, Column("n")]
-    parts: tuple[str, ...] = ("part",)
+    parts: tuple[str, ...] = ONE_PART
     digest: str = ""
 
     def _check_rules(self) -> None:
@@ -164,7 +166,7 @@ def read_points(path: str | Path) -> PointsFile:
 def _read_parts(sheet: Sheet) -> tuple[tuple[str, ...], IntArray]:
     """Names of the parts in the order they first appear, and each row's number."""
     if not sheet.has("part"):
-        return ("part",), np.zeros(len(sheet), dtype=np.int64)
+        return ONE_PART, np.zeros(len(sheet), dtype=np.int64)
     words = sheet.words("part")
     parts = tuple(dict.fromkeys(words))
     return parts, np.array([parts.index(word) for word in words], dtype=np.int64)

@@ -17,7 +17,7 @@ from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.measurement.formats.mapping import ColumnMapping, build_mapping
 from robotrue.measurement.formats.measured_files import read_measurements
 from robotrue.measurement.measurement_set import MeasurementSet, concatenate
-from robotrue.measurement.plausibility import check_plausible
+from robotrue.measurement.plausibility import FEWEST_POSES, check_plausible
 from robotrue.measurement.tracker import point_covariance
 from robotrue.robot.forward import forward
 from robotrue.store import cells, items, measurements, programs
@@ -98,7 +98,7 @@ def cell_of(workspace: Workspace, record: CellRecord) -> Cell:
 
 
 def read_sets(
-    cell: Cell, paths: list[Path], layout: ColumnMapping | None, *, minimum: int = 6
+    cell: Cell, paths: list[Path], layout: ColumnMapping | None, *, minimum: int = FEWEST_POSES
 ) -> tuple[MeasurementSet, list[str]]:
     """Returns all files as one set, and what is odd about it but harmless.
 
