@@ -33,11 +33,7 @@ LONGEST = 1.5
 """s from the first answer, or the first program made, after a kill to the next, at most."""
 PATIENCE = 240.0
 CLIENTS = 3
-START = (
-    "import sys; from robotrue.web.starting import lightly\n"
-    "with lightly(): import kill_serve\n"
-    "kill_serve.serve(sys.argv[1], int(sys.argv[2]))"
-)
+START = "import sys; import kill_serve\nkill_serve.serve(sys.argv[1], int(sys.argv[2]))"
 
 
 def serve(folder: str, port: int) -> None:

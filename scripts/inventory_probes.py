@@ -102,14 +102,14 @@ def _application() -> Any:
     """The application of ``robotrue serve`` on a new workspace; nothing is started."""
     if not _APPLICATIONS:
         from robotrue.app.job_kinds import job_kinds
-        from robotrue.web.server import core_app, house_of, open_workspace, with_pages
+        from robotrue.web.server import core_app, open_workspace, server_context
         from robotrue.web.settings import ServeSettings
 
         around = tempfile.TemporaryDirectory(prefix="robotrue-inventory-")
         folder = Path(around.name) / "workspace"
         settings = ServeSettings(workspace=folder, port=0, kinds=job_kinds())
-        house = house_of(settings, open_workspace(folder))
-        _APPLICATIONS.extend((with_pages(core_app(house), house), around))
+        context = server_context(settings, open_workspace(folder))
+        _APPLICATIONS.extend((core_app(context), around))
     return _APPLICATIONS[0]
 
 

@@ -63,9 +63,9 @@ def client(filled: Shop, monkeypatch: pytest.MonkeyPatch) -> Iterator[Client]:
             monkeypatch.setattr(server, "Workers", InProcess)
             workspace = (shop or filled).workspace
             wanted = ServeSettings(workspace=workspace.folder, host=host, **settings)
-            house = server.house_of(wanted, workspace)
+            context = server.server_context(wanted, workspace)
             base = "http://127.0.0.1" if host == "127.0.0.1" else "http://cell.example"
-            made = TestClient(server.core_app(house), base_url=base)
+            made = TestClient(server.core_app(context), base_url=base)
             return stack.enter_context(made)
 
         yield make

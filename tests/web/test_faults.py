@@ -14,9 +14,8 @@ from robotrue.errors import FormatError, RobotrueError
 from robotrue.measurement.formats.sheet_file import read_sheet
 from robotrue.report.words import in_chinese
 from robotrue.validation.splits import SplitKind
+from robotrue.web.faults import KINDS, refusal, stated
 from robotrue.web.language import Wording
-from robotrue.web.parts.faults import KINDS, refusal, stated
-from robotrue.web.parts.job import STEPS
 from robotrue.web.problems import MissingError, title_of
 from robotrue.web.workers import Unanswered
 
@@ -54,7 +53,8 @@ def test_what_is_to_be_typed_as_a_command_is_no_help_on_a_page() -> None:
 
 
 def test_what_a_calibration_is_at_is_told_in_the_reader_s_words() -> None:
-    assert {*METHODS, *get_args(SplitKind), "chosen"} <= set(STEPS)
+    for step in (*METHODS, *get_args(SplitKind), "chosen"):
+        assert Wording("zh").known(f"step.{step}"), step
 
 
 def test_history_names_every_kind_of_job_and_what_happens_to_one() -> None:
@@ -79,7 +79,7 @@ def test_history_names_every_kind_of_job_and_what_happens_to_one() -> None:
 
 def test_no_page_opens_a_window_of_the_browser_to_say_something() -> None:
     room = Path(web.__file__).parent
-    for path in (*room.rglob("*.js"), *room.rglob("*.py")):
+    for path in (*room.rglob("*.js"), *room.rglob("*.py"), *room.rglob("*.html")):
         assert "alert(" not in path.read_text(), path.name
 
 

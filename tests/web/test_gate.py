@@ -13,7 +13,7 @@ from web_shop import Client, Shop
 from robotrue.errors import ConfigurationError
 from robotrue.store.workspace import Workspace
 from robotrue.web.gate import COOKIE
-from robotrue.web.pages import PAGES
+from robotrue.web.pages import SCREENS
 from robotrue.web.sessions import LIFETIME, TRIES, WINDOW, Sessions, Tries
 from robotrue.web.settings import ServeSettings
 
@@ -79,11 +79,11 @@ def test_sockets_pass_the_same_gate(client: Client) -> None:
     for headers in ({"origin": "http://evil.example"}, {"host": "evil.example"}):
         with (
             pytest.raises(WebSocketDisconnect),
-            here.websocket_connect("/_nicegui_ws/", headers=headers),
+            here.websocket_connect("/api/live/sources/a/frames", headers=headers),
         ):
             pass
     guarded = client(password=PASSWORD)
-    with pytest.raises(WebSocketDisconnect), guarded.websocket_connect("/_nicegui_ws/"):
+    with pytest.raises(WebSocketDisconnect), guarded.websocket_connect("/a"):
         pass
 
 
@@ -110,11 +110,11 @@ def test_no_route_whatever_answers_a_stranger(client: Client) -> None:
     document = far.app.openapi()
     routes = [(m, path) for path, each in document["paths"].items() for m in each]
     assert len(routes) > 25
-    routes += [(m, page.path) for page in PAGES for m in ("get", "post")]
+    routes += [(m, page.path) for page in SCREENS for m in ("get", "post")]
     routes += [
-        ("get", "/_nicegui/3.18.0/static/vue.global.js"),
-        ("get", "/_nicegui_ws/socket.io/?EIO=4&transport=polling"),
-        ("post", "/_nicegui_ws/socket.io/?EIO=4&transport=polling"),
+        ("get", "/vendor/vue/vue.esm-browser.prod.js"),
+        ("get", "/vendor/three/index.js"),
+        ("get", "/programs?id=a&part=judged"),
         ("get", "/reports/model/a/" + "0" * 64),
         ("get", "//api/items/cell"),
         ("get", "/login/../api/items/cell"),
@@ -128,7 +128,7 @@ def test_no_route_whatever_answers_a_stranger(client: Client) -> None:
             sent_away = answer.status_code == 303 and answer.headers["location"] == "/login"
             assert answer.status_code == 401 or sent_away, (method, asked, answer.status_code)
             assert far.cookies.get(COOKIE) is None
-    for path in ("/_nicegui_ws/socket.io/?EIO=4&transport=websocket", "/api/live/sources/a/frames"):
+    for path in ("/", "/api/live/sources/a/frames"):
         with pytest.raises(WebSocketDisconnect), far.websocket_connect(path):
             pass
 

@@ -20,7 +20,7 @@ from robotrue.web.parts.request_form import RequestForm
 
 @dataclass(frozen=True)
 class Reader:
-    """What a form needs of a bench."""
+    """What a form needs of a page."""
 
     say: Any
 
@@ -39,16 +39,16 @@ class Reader:
 def test_every_field_of_a_form_has_its_default_and_its_words(
     language: str, request_type: type[Request], group: str, without: set[str]
 ) -> None:
-    bench: Any = Reader(say=Wording(language))
+    context: Any = Reader(say=Wording(language))
     form = RequestForm(
-        bench=bench,
+        context=context,
         request=request_type,
         group=group,
         records={},
         without=frozenset(without),
     )
     shown = form.fields(advanced=False) + form.fields(advanced=True)
-    if bench.say.known(f"{group}.name"):
+    if context.say.known(f"{group}.name"):
         shown += form.name_field()
     for field in fields_of(request_type):
         if not field.is_in(FORM) or field.name in form.without or field.many:

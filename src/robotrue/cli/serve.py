@@ -44,12 +44,9 @@ def run(
 
 
 def _server() -> tuple[ModuleType, ModuleType]:
-    """The server and its settings, imported without what only clients need."""
-    from robotrue.web.starting import lightly
-
+    """The server and its settings."""
     try:
-        with lightly():
-            from robotrue.web import server, settings
+        from robotrue.web import server, settings
     except ModuleNotFoundError as cause:
         if (cause.name or "").startswith("robotrue"):
             raise

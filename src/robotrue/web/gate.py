@@ -39,7 +39,7 @@ OPEN_BODY_LIMIT: Final = 16 * 1024
 """Bytes of a request that is answered before anybody has logged in."""
 # Vue compiles its templates in the browser, hence unsafe-eval; nothing comes from another host.
 POLICY: Final = (
-    "default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; "
+    "default-src 'self'; script-src 'self' 'unsafe-eval'; "
     "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; font-src 'self' data:; "
     "connect-src 'self'; worker-src 'self' blob:; object-src 'none'; base-uri 'self'; "
     "form-action 'self'; frame-ancestors 'none'"

@@ -47,6 +47,16 @@ class Wording:
             raise ConfigurationError(f"no text {key!r} in languages/{self.language}.") from None
         return text.format(**values) if values else text
 
+    def word(self, group: str, name: str) -> str:
+        """Returns the text of a name in a group; a name that is not known as it is."""
+        key = f"{group}_{name.replace(' ', '_').replace('-', '_')}"
+        return self._words.get(key, name)
+
+    def group(self, name: str) -> dict[str, str]:
+        """Returns all texts of a group by the rest of their keys, for scripts."""
+        start = f"{name}."
+        return {k.removeprefix(start): v for k, v in self._words.items() if k.startswith(start)}
+
     def known(self, key: str) -> bool:
         """Returns whether there is such a text."""
         return key in self._words

@@ -1,32 +1,18 @@
-"""The login page: a plain form that needs no script."""
+"""Pages for who is not there yet: a plain login form that needs no script, and the missing page."""
 
 from __future__ import annotations
 
-from html import escape
 from urllib.parse import parse_qs
 
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, RedirectResponse, Response
 
-from robotrue.report.theme import STYLE
 from robotrue.web.gate import COOKIE, session_name
 from robotrue.web.language import Wording
 from robotrue.web.preferences import preferences_from
 from robotrue.web.sessions import LIFETIME, Sessions, Tries, client_group, same_secret
 from robotrue.web.settings import ServeSettings
-
-LOOK = """
-main{max-width:420px;padding-top:16vh}
-form{background:var(--card);border:1px solid var(--rule);border-radius:12px;padding:28px}
-h1{font-size:22px;margin:0 0 18px}
-label{display:block;font-size:14px;color:var(--muted);margin-bottom:6px}
-input{width:100%;font:inherit;padding:12px 14px;border:1px solid var(--rule);border-radius:8px;
- background:var(--page);color:var(--ink)}
-button{width:100%;min-height:48px;margin-top:18px;border:0;border-radius:8px;font:inherit;
- font-weight:600;background:var(--after);color:var(--card);cursor:pointer}
-input:focus-visible,button:focus-visible{outline:3px solid var(--after);outline-offset:2px}
-.fault{color:var(--bad);margin:14px 0 0}
-"""
+from robotrue.web.templating import render
 
 
 def login_router(settings: ServeSettings, sessions: Sessions, tries: Tries) -> APIRouter:
@@ -42,7 +28,7 @@ def login_router(settings: ServeSettings, sessions: Sessions, tries: Tries) -> A
     @router.post("/login")
     async def enter(request: Request) -> Response:
         say, address = (
-            _wording(request),
+            reader_words(request),
             client_group(request.client.host if request.client else ""),
         )
         body = await request.body()
@@ -81,26 +67,26 @@ def login_router(settings: ServeSettings, sessions: Sessions, tries: Tries) -> A
     return router
 
 
-def _wording(request: Request) -> Wording:
+def reader_words(request: Request) -> Wording:
+    """Returns the words of who asks, who may not have logged in."""
     chosen = preferences_from(request.cookies, request.headers.get("accept-language", ""))
     return Wording(chosen.language)
+
+
+def missing_page(request: Request) -> HTMLResponse:
+    """Returns what an address says at which there is no page: so much, and the way back."""
+    page = render("missing_page.html", say=reader_words(request))
+    return HTMLResponse(page, status_code=404)
+
+
+def is_page(request: Request) -> bool:
+    """Returns whether a person's browser asked for a page, and not a script for a file."""
+    wants = "text/html" in request.headers.get("accept", "")
+    return wants and not request.url.path.startswith(("/api", "/static", "/vendor"))
 
 
 def _page(
     request: Request, fault: str = "", *, status: int = 200, headers: dict[str, str] | None = None
 ) -> HTMLResponse:
-    say = _wording(request)
-    remark = f'<p class="fault" role="alert" data-testid="login-fault">{escape(fault)}</p>'
-    return HTMLResponse(
-        f'<!doctype html><html lang="{say.language}"><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width,initial-scale=1">'
-        f"<title>robotrue</title><style>{STYLE}{LOOK}</style>"
-        f'<main><form method="post" action="/login"><h1>{escape(say("login.title"))}</h1>'
-        f'<label for="secret">{escape(say("login.secret"))}</label>'
-        '<input id="secret" name="secret" type="password" autocomplete="current-password" '
-        'autofocus required data-testid="login-secret">'
-        f'<button data-testid="login-enter">{escape(say("login.enter"))}</button>'
-        f"{remark if fault else ''}</form></main></html>",
-        status_code=status,
-        headers=headers,
-    )
+    page = render("login.html", say=reader_words(request), fault=fault)
+    return HTMLResponse(page, status_code=status, headers=headers)

@@ -41,9 +41,9 @@ class Preferences:
     unit: str = "mm"
 
     @property
-    def dark(self) -> bool | None:
-        """True or False, or None for what the system says."""
-        return {"dark": True, "light": False}.get(self.theme)
+    def letters(self) -> str:
+        """What the numbers of an orientation are called."""
+        return ", ".join(ANGLE_NAMES[self.angles])
 
     @property
     def scale(self) -> float:

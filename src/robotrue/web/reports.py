@@ -9,7 +9,7 @@ from fastapi import APIRouter, Path, Query
 from fastapi.responses import FileResponse, Response
 
 from robotrue.web.api.items import found
-from robotrue.web.bench import House
+from robotrue.web.page_context import ServerContext
 from robotrue.web.problems import MissingError
 
 SHUT: Final = "sandbox; default-src 'none'; style-src 'unsafe-inline'; img-src data:"
@@ -17,7 +17,7 @@ SHUT: Final = "sandbox; default-src 'none'; style-src 'unsafe-inline'; img-src d
 ROLES: Final = frozenset({"report", "file"})
 
 
-def reports_router(house: House) -> APIRouter:
+def reports_router(server: ServerContext) -> APIRouter:
     """Returns the route ``/reports``."""
     router = APIRouter(include_in_schema=False)
 
@@ -28,11 +28,11 @@ def reports_router(house: House) -> APIRouter:
         sha256: Annotated[str, Path(pattern="^[0-9a-f]{64}$")],
         version: Annotated[int | None, Query(ge=1, le=1_000_000)] = None,
     ) -> Response:
-        record = await asyncio.to_thread(found, house.workspace, noun, id, version)
+        record = await asyncio.to_thread(found, server.workspace, noun, id, version)
         for each in record.attachments:
             page = each.name.lower().endswith((".html", ".htm"))
             if each.sha256 == sha256 and each.role in ROLES and page:
-                path = await asyncio.to_thread(house.workspace.path_of, sha256)
+                path = await asyncio.to_thread(server.workspace.path_of, sha256)
                 headers = {"Content-Security-Policy": SHUT}
                 return FileResponse(path, media_type="text/html; charset=utf-8", headers=headers)
         raise MissingError(f"{noun} {record.name!r} has no report {sha256[:12]}.")

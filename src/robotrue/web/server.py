@@ -4,37 +4,34 @@ from __future__ import annotations
 
 import asyncio
 import gc
-import logging
 import socket
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import uvicorn
 from fastapi import FastAPI, Request, Response
-from nicegui import Client, ui
-from nicegui import app as pages
+from fastapi.responses import HTMLResponse
+from starlette.exceptions import HTTPException
 from starlette.staticfiles import StaticFiles
 
 from robotrue import __version__
-from robotrue.errors import ConfigurationError
-from robotrue.report.theme import DARK, LIGHT
+from robotrue.errors import ConfigurationError, RobotrueError
 from robotrue.store.workspace import Workspace
 from robotrue.web.answers import Answers
 from robotrue.web.api import api_router
-from robotrue.web.bench import Bench, House, Page
+from robotrue.web.faults import refusal
 from robotrue.web.front import FrontServer, front, with_descriptors
 from robotrue.web.gate import Gate
 from robotrue.web.job_process import JobProcess
 from robotrue.web.language import Wording
 from robotrue.web.live_relay import Relays
-from robotrue.web.login import login_router
-from robotrue.web.missing_page import is_page, missing_page
+from robotrue.web.login import is_page, login_router, missing_page
 from robotrue.web.models import shown_model
-from robotrue.web.pages import PAGES
-from robotrue.web.parts.frame import frame
-from robotrue.web.parts.live import FILES as LIVE_FILES
+from robotrue.web.page_context import Build, PageContext, Screen, ServerContext
+from robotrue.web.pages import SCREENS
+from robotrue.web.pages.live import FILES as LIVE_FILES
 from robotrue.web.preferences import preferences_from
 from robotrue.web.problems import DOCUMENTED, answer_with_problems
 from robotrue.web.reports import reports_router
@@ -44,8 +41,8 @@ from robotrue.web.uploads import forget_old
 from robotrue.web.workers import Workers
 
 STATIC: Final = Path(__file__).parent / "static"
-FEWEST_SECONDS: Final = 10.0
-"""Time a page may take to be built before the browser is told so."""
+VENDORED: Final = {"vue": "static", "three": "elements/scene/dist"}
+"""Folders of the wheel of NiceGUI, of which nothing else is used: it brings Vue and Three.js."""
 
 
 def serve(settings: ServeSettings, *, ready: Callable[[str], None]) -> None:
@@ -62,8 +59,8 @@ def serve(settings: ServeSettings, *, ready: Callable[[str], None]) -> None:
     bound = listening(settings)
     port = bound.getsockname()[1]
     with open_workspace(settings.workspace) as workspace:
-        house = house_of(settings, workspace)
-        app = with_pages(core_app(house), house)
+        server = server_context(settings, workspace)
+        app = core_app(server)
         config = uvicorn.Config(
             app,
             http=front(limits),
@@ -83,10 +80,10 @@ def serve(settings: ServeSettings, *, ready: Callable[[str], None]) -> None:
         FrontServer(config, limits).run(sockets=[bound])
 
 
-def house_of(settings: ServeSettings, workspace: Workspace) -> House:
+def server_context(settings: ServeSettings, workspace: Workspace) -> ServerContext:
     """Returns what pages and interface share, with nothing started yet."""
     workers = Workers()
-    return House(
+    return ServerContext(
         settings=settings,
         workspace=workspace,
         workers=workers,
@@ -128,19 +125,21 @@ def listening(settings: ServeSettings) -> socket.socket:
     return bound
 
 
-def core_app(house: House) -> FastAPI:
-    """Returns the application without its pages: login, HTTP interface, static files."""
+def core_app(server: ServerContext) -> FastAPI:
+    """Returns the application: login, HTTP interface, static files, pages."""
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        await asyncio.to_thread(forget_old, house.workspace)
-        watching = [asyncio.create_task(each.watch()) for each in (house.job_process, house.relays)]
+        await asyncio.to_thread(forget_old, server.workspace)
+        watching = [
+            asyncio.create_task(each.watch()) for each in (server.job_process, server.relays)
+        ]
         yield
         for each in watching:
             each.cancel()
         await asyncio.gather(*watching, return_exceptions=True)
-        house.job_process.stop()
-        house.workers.stop()
+        server.job_process.stop()
+        server.workers.stop()
 
     app = FastAPI(
         title="robotrue",
@@ -153,54 +152,43 @@ def core_app(house: House) -> FastAPI:
     )
     sessions = Sessions()
     answer_with_problems(app)
-    app.include_router(login_router(house.settings, sessions, Tries()))
-    app.include_router(reports_router(house))
-    app.include_router(api_router(house), prefix="/api", responses=DOCUMENTED)
+    app.include_router(login_router(server.settings, sessions, Tries()))
+    app.include_router(reports_router(server))
+    app.include_router(api_router(server), prefix="/api", responses=DOCUMENTED)
     app.mount(LIVE_FILES, StaticFiles(packages=[("robotrue.online", "live")]))
     app.mount("/static", StaticFiles(directory=STATIC), name="static")
-    app.add_middleware(Gate, settings=house.settings, sessions=sessions)
+    for name, folder in VENDORED.items():
+        app.mount(f"/vendor/{name}", CachedFiles(packages=[("nicegui", folder)]))
+    _add_pages(app, server)
+    app.add_middleware(Gate, settings=server.settings, sessions=sessions)
     return app
 
 
-def with_pages(app: FastAPI, house: House) -> FastAPI:
-    """Returns the application with its pages; once per process, NiceGUI knows only one."""
-    logging.getLogger("nicegui").setLevel(logging.ERROR)
-    Client.shared_head_html += (
-        f"<style>{_palette()}</style>"
-        f'<link rel="stylesheet" href="/static/bench.css?v={__version__}">'
-        f'<script src="/static/bench.js?v={__version__}"></script>'
-    )
-    for page in PAGES:
-        _register(page, house)
-    ui.run_with(
-        app,
-        title="robotrue",
-        favicon=STATIC / "icon.svg",
-        tailwind=False,
-        show_welcome_message=False,
-        binding_refresh_interval=None,
-        reconnect_timeout=10.0,
-    )
-    usual = pages.exception_handlers[404]
+def _add_pages(app: FastAPI, server: ServerContext) -> None:
+    """Adds the pages, and the page of an address that has none."""
+    for screen in SCREENS:
+        _add_page(app, server, screen)
+    usual = app.exception_handlers[HTTPException]
 
-    @pages.exception_handler(404)
+    @app.exception_handler(404)
     async def missing(request: Request, error: Exception) -> Response:
         if is_page(request):
             return missing_page(request)
         answer: Response = await usual(request, error)  # type: ignore[misc]
         return answer
 
-    return app
 
-
-def _register(page: Page, house: House) -> None:
-    @ui.page(page.path, response_timeout=FEWEST_SECONDS)
-    async def show(request: Request) -> None:
+def _add_page(app: FastAPI, server: ServerContext, screen: Screen) -> None:
+    @app.get(screen.path, include_in_schema=False)
+    async def show(request: Request) -> HTMLResponse:
         view = preferences_from(request.cookies, request.headers.get("accept-language", ""))
         query = dict(request.query_params)
-        shown = await shown_model(house.workspace, query.get("model"))
-        bench = Bench(
-            house=house,
+        part = screen.parts.get(query.pop("part", ""))
+        shown = await shown_model(server.workspace, query.get("model"))
+        context = PageContext(
+            server=server,
+            screen=screen,
+            screens=SCREENS,
             view=view,
             say=Wording(view.language),
             query=query,
@@ -208,18 +196,25 @@ def _register(page: Page, house: House) -> None:
             chosen=shown.chosen,
             models=shown.offered,
         )
-        ui.page_title(f"{bench.say(f'nav.{page.name}')} · robotrue")
-        with frame(bench, page, PAGES):
-            await page.build(bench)
+        return HTMLResponse(await _built(context, part))
 
 
-def _palette() -> str:
-    """The reports' colours, for the light or dark that was chosen."""
+async def _built(context: PageContext, part: Build | None) -> str:
+    """A page or a part of it; where what it is about is not there, a card that says so."""
+    try:
+        return await (context.screen.build if part is None else part)(context)
+    except RobotrueError as error:
+        if part is not None:
+            return refusal(context.say, error)
+        title = context.say("frame.not_found") if isinstance(error, ConfigurationError) else ""
+        return context.render("refused.html", card=refusal(context.say, error, title=title))
 
-    def variables(colours: dict[str, str]) -> str:
-        return "".join(f"--{name}:{value};" for name, value in colours.items())
 
-    return (
-        f":root{{color-scheme:light;{variables(LIGHT)}}}"
-        f":root[data-theme=dark]{{color-scheme:dark;{variables(DARK)}}}"
-    )
+class CachedFiles(StaticFiles):
+    """Files of other projects, which a browser may keep for a while."""
+
+    def file_response(self, *args: Any, **facts: Any) -> Response:
+        """Returns a file, or that it has not changed."""
+        answer = super().file_response(*args, **facts)
+        answer.headers["Cache-Control"] = "public, max-age=3600"
+        return answer

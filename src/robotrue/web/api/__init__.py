@@ -18,15 +18,15 @@ from robotrue.web.api import (
     scene,
     touching,
 )
-from robotrue.web.bench import House
+from robotrue.web.page_context import ServerContext
 
 
-def api_router(house: House) -> APIRouter:
+def api_router(server: ServerContext) -> APIRouter:
     """Returns all routes of the HTTP interface."""
     router = APIRouter()
     for part in (
         cells, items, chosen_model, files, intake, jobs, live, scene, plan, drift, drilling,
         touching,
     ):  # fmt: skip
-        router.include_router(part.router(house))
+        router.include_router(part.router(server))
     return router

@@ -12,7 +12,7 @@ from pydantic import BaseModel, Field
 
 from robotrue.store.nouns import CELL
 from robotrue.web.api.items import found
-from robotrue.web.bench import House
+from robotrue.web.page_context import ServerContext
 
 Id = Annotated[str, Path(max_length=40)]
 Typed = Annotated[str, Field(max_length=40)] | float | int | None
@@ -41,28 +41,28 @@ class Text(BaseModel):
     version: Annotated[int, Field(ge=1, le=1_000_000)] | None = None
 
 
-def router(house: House) -> APIRouter:
+def router(server: ServerContext) -> APIRouter:
     """Returns the routes of cells that are made here."""
     routes = APIRouter(tags=["items"])
-    workspace, folder = house.workspace, str(house.workspace.folder)
+    workspace, folder = server.workspace, str(server.workspace.folder)
 
     @routes.get("/presets")
     async def list_presets() -> Response:
         """Every robot a cell can be made with, and the numbers a form asks for."""
-        return Response(await house.answers.once("cell_form.presets"), media_type=JSON)
+        return Response(await server.answers.once("cell_form.presets"), media_type=JSON)
 
     @routes.post("/cells/form")
     async def describe_cell(form: Form) -> Response:
         """The cell.toml of a form, or what is wrong with which field; nothing is kept."""
         stated = {**form.numbers, "robot": form.robot, "frame": form.frame}
-        answer = await house.workers.ask("cell_form.described", json.dumps(stated))
+        answer = await server.workers.ask("cell_form.described", json.dumps(stated))
         return Response(answer, media_type=JSON)
 
     @routes.post("/cells/text", status_code=201)
     async def keep_cell(stated: Text) -> Response:
         """A new cell from the text of a cell.toml."""
         facts = (folder, stated.text, stated.name or "cell", "", 0)
-        answer = await house.workers.ask("cell_form.kept", *facts)
+        answer = await server.workers.ask("cell_form.kept", *facts)
         return Response(answer, status_code=201, media_type=JSON)
 
     @routes.post("/cells/{id}/text", status_code=201)
@@ -71,7 +71,7 @@ def router(house: House) -> APIRouter:
         record = await asyncio.to_thread(found, workspace, CELL.name, id)
         version = record.version if stated.version is None else stated.version
         facts = (folder, stated.text, "", id, version)
-        answer = await house.workers.ask("cell_form.kept", *facts)
+        answer = await server.workers.ask("cell_form.kept", *facts)
         return Response(answer, status_code=201, media_type=JSON)
 
     @routes.get("/cells/{id}/text", response_class=PlainTextResponse)
@@ -80,7 +80,7 @@ def router(house: House) -> APIRouter:
     ) -> Response:
         """The text of a cell's file."""
         record = await asyncio.to_thread(found, workspace, CELL.name, id, version)
-        answer = await house.workers.ask("cell_form.text_of", folder, id, record.version)
+        answer = await server.workers.ask("cell_form.text_of", folder, id, record.version)
         return PlainTextResponse(answer)
 
     return routes

@@ -12,7 +12,7 @@ from robotrue.store.nouns import MODEL
 from robotrue.web import models
 from robotrue.web.api.documents import record_document
 from robotrue.web.api.items import found
-from robotrue.web.bench import House
+from robotrue.web.page_context import ServerContext
 
 
 class ChosenModel(BaseModel, extra="forbid"):
@@ -25,10 +25,10 @@ class ChosenModel(BaseModel, extra="forbid"):
     model: Annotated[str, Field(min_length=1, max_length=40)]
 
 
-def router(house: House) -> APIRouter:
+def router(server: ServerContext) -> APIRouter:
     """Returns the routes of the choice."""
     routes = APIRouter(tags=["items"])
-    workspace = house.workspace
+    workspace = server.workspace
 
     @routes.put("/chosen-model")
     async def choose_model(asked: ChosenModel) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from robotrue.store import jobs
 from robotrue.store.nouns import MODEL
 from robotrue.web.api.items import found
 from robotrue.web.api.jobs import job_document
-from robotrue.web.bench import House
+from robotrue.web.page_context import ServerContext
 from robotrue.web.uploads import forget, uploaded
 
 UploadId = Annotated[str, Field(pattern="^[0-9a-f]{32}$")]
@@ -33,10 +33,10 @@ class CheckPoses(BaseModel):
     name: Annotated[str, Field(max_length=200)] = ""
 
 
-def router(house: House) -> APIRouter:
+def router(server: ServerContext) -> APIRouter:
     """Returns the routes of drift checks."""
     routes = APIRouter(tags=["drift checks"])
-    workspace = house.workspace
+    workspace = server.workspace
 
     @routes.post("/drift-checks", status_code=202)
     async def check_drift(asked: CheckPoses) -> dict[str, Any]:
@@ -44,7 +44,7 @@ def router(house: House) -> APIRouter:
         paths = json.dumps([str(uploaded(workspace, each)) for each in asked.uploads])
         await asyncio.to_thread(found, workspace, MODEL.name, asked.model)
         made = json.loads(
-            await house.workers.ask(
+            await server.workers.ask(
                 "drift.add_poses", str(workspace.folder), paths, asked.name, asked.model
             )
         )
@@ -52,7 +52,7 @@ def router(house: House) -> APIRouter:
             await asyncio.to_thread(forget, workspace, each)
         stated = {"model": asked.model, "measurements": [made["id"]]}
         id = await asyncio.to_thread(jobs.submit, workspace, "drift", stated)
-        house.job_process.wake()
+        server.job_process.wake()
         return job_document(await asyncio.to_thread(jobs.status, workspace, id))
 
     return routes

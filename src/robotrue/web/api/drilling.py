@@ -15,7 +15,7 @@ from robotrue.store.nouns import DOCUMENT
 from robotrue.web import drill_journals
 from robotrue.web.api.intake import FromFiles
 from robotrue.web.api.items import found
-from robotrue.web.bench import House
+from robotrue.web.page_context import ServerContext
 from robotrue.web.problems import MissingError
 from robotrue.web.uploads import forget, uploaded
 
@@ -39,16 +39,16 @@ class Entries(BaseModel):
 After = Annotated[int, Query(ge=0, le=1 << 40)]
 
 
-def router(house: House) -> APIRouter:
+def router(server: ServerContext) -> APIRouter:
     """Returns the routes of drilling."""
     routes = APIRouter(tags=["drilling"])
-    workspace = house.workspace
+    workspace = server.workspace
 
     @routes.post("/drilling", status_code=201)
     async def add_drilling(asked: FromFiles) -> Response:
         """A campaign with its foot.toml, a model of robotrue drill, or a journal."""
         paths = json.dumps([str(uploaded(workspace, each)) for each in asked.uploads])
-        record = await house.workers.ask("drilling.add", str(workspace.folder), paths, asked.name)
+        record = await server.workers.ask("drilling.add", str(workspace.folder), paths, asked.name)
         for each in asked.uploads:
             await asyncio.to_thread(forget, workspace, each)
         return Response(record, status_code=201, media_type="application/json")

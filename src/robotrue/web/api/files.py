@@ -7,7 +7,7 @@ from typing import Annotated
 from fastapi import APIRouter, Path, Query, Request
 from pydantic import BaseModel
 
-from robotrue.web.bench import House
+from robotrue.web.page_context import ServerContext
 from robotrue.web.uploads import Quota, forget, take_in, uploaded
 
 
@@ -20,10 +20,10 @@ class Uploaded(BaseModel):
     sha256: str
 
 
-def router(house: House) -> APIRouter:
+def router(server: ServerContext) -> APIRouter:
     """Returns the routes of files."""
     routes = APIRouter(tags=["files"])
-    quota = Quota(house.workspace, house.settings.upload_total)
+    quota = Quota(server.workspace, server.settings.upload_total)
 
     @routes.post(
         "/files",
@@ -41,13 +41,13 @@ def router(house: House) -> APIRouter:
         request: Request, name: Annotated[str, Query(min_length=1, max_length=255)]
     ) -> Uploaded:
         """Keeps the body of the request as a file, for a day unless something is made of it."""
-        found = await take_in(house.workspace, name, request.stream(), quota)
+        found = await take_in(server.workspace, name, request.stream(), quota)
         return Uploaded(id=found.id, name=found.name, size=found.size, sha256=found.sha256)
 
     @routes.delete("/files/{id}", status_code=204)
     def drop_file(id: Annotated[str, Path(max_length=40)]) -> None:
         """Removes a file of which nothing is to be made."""
-        uploaded(house.workspace, id)
-        forget(house.workspace, id)
+        uploaded(server.workspace, id)
+        forget(server.workspace, id)
 
     return routes

@@ -10,7 +10,7 @@ from fastapi import APIRouter
 from fastapi.responses import Response
 from pydantic import BaseModel, Field
 
-from robotrue.web.bench import House
+from robotrue.web.page_context import ServerContext
 from robotrue.web.uploads import forget, uploaded
 from robotrue.web.workers import Fact
 
@@ -41,15 +41,15 @@ class Measured(FromFiles):
     mapping: dict[str, str | float | bool | list[str | float] | None] | None = None
 
 
-def router(house: House) -> APIRouter:
+def router(server: ServerContext) -> APIRouter:
     """Returns the routes that make items of uploads."""
     routes = APIRouter(tags=["items"])
-    workspace = house.workspace
+    workspace = server.workspace
 
     async def made(question: str, asked: FromFiles, *facts: Fact) -> Response:
         paths = json.dumps([str(uploaded(workspace, each)) for each in asked.uploads])
         folder = str(workspace.folder)
-        record = await house.workers.ask(question, folder, paths, asked.name, *facts)
+        record = await server.workers.ask(question, folder, paths, asked.name, *facts)
         for each in asked.uploads:  # only what became something: after a refusal one tries again
             await asyncio.to_thread(forget, workspace, each)
         return Response(record, status_code=201, media_type="application/json")

@@ -15,7 +15,7 @@ from robotrue.store.records import ItemQuery as Asked
 from robotrue.store.records import ItemRecord
 from robotrue.store.workspace import Workspace
 from robotrue.web.api.documents import record_document
-from robotrue.web.bench import House
+from robotrue.web.page_context import ServerContext
 from robotrue.web.problems import MissingError
 
 NounName = Annotated[str, Path(description=f"One of {', '.join(NOUNS)}.", max_length=40)]
@@ -39,10 +39,10 @@ class Change(BaseModel, extra="forbid"):
     note: str | None = None
 
 
-def router(house: House) -> APIRouter:
+def router(server: ServerContext) -> APIRouter:
     """Returns the routes of items."""
     routes = APIRouter(tags=["items"])
-    workspace = house.workspace
+    workspace = server.workspace
 
     @routes.get("/items/{noun}")
     def list_items(

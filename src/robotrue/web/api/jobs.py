@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from robotrue.app.job_parameters import check_parameters, parameter_schemas
 from robotrue.errors import ConfigurationError
 from robotrue.store import jobs
-from robotrue.web.bench import House
+from robotrue.web.page_context import ServerContext
 from robotrue.web.problems import MissingError
 
 Id = Annotated[str, Path(max_length=40)]
@@ -46,11 +46,11 @@ class Jobs(BaseModel):
     offset: int
 
 
-def router(house: House) -> APIRouter:
+def router(server: ServerContext) -> APIRouter:
     """Returns the routes of jobs."""
     routes = APIRouter(tags=["jobs"])
-    workspace = house.workspace
-    known = sorted(house.settings.kinds)
+    workspace = server.workspace
+    known = sorted(server.settings.kinds)
 
     def found(id: str) -> jobs.Job:
         try:
@@ -67,7 +67,7 @@ def router(house: House) -> APIRouter:
             )
         check_parameters(asked.kind, asked.parameters)
         id = await asyncio.to_thread(jobs.submit, workspace, asked.kind, asked.parameters)
-        house.job_process.wake()
+        server.job_process.wake()
         return job_document(await asyncio.to_thread(jobs.status, workspace, id))
 
     @routes.get("/jobs")

@@ -13,9 +13,9 @@ from pydantic import BaseModel, Field
 from robotrue.errors import ConfigurationError
 from robotrue.web import live_sources
 from robotrue.web.api.documents import record_document
-from robotrue.web.bench import House
 from robotrue.web.live_relay import Viewer
 from robotrue.web.live_sources import LiveSource
+from robotrue.web.page_context import ServerContext
 from robotrue.web.problems import MissingError
 
 Id = Annotated[str, Path(max_length=40)]
@@ -50,10 +50,10 @@ class Alarms(BaseModel):
     items: list[dict[str, Any]]
 
 
-def router(house: House) -> APIRouter:
+def router(server: ServerContext) -> APIRouter:
     """Returns the routes of live data."""
     routes = APIRouter(tags=["live"])
-    workspace = house.workspace
+    workspace = server.workspace
 
     def found(id: str) -> LiveSource:
         try:
@@ -65,9 +65,9 @@ def router(house: House) -> APIRouter:
     async def add_source(asked: NewSource) -> dict[str, Any]:
         """A sensing service that is listened to from now on."""
         record = await asyncio.to_thread(
-            live_sources.add_source, workspace, asked.address, asked.name, house.settings.sense
+            live_sources.add_source, workspace, asked.address, asked.name, server.settings.sense
         )
-        house.relays.wake()
+        server.relays.wake()
         return record_document(record, "document")
 
     @routes.put("/live/sources/{id}/limits")
@@ -76,7 +76,7 @@ def router(house: House) -> APIRouter:
         await asyncio.to_thread(found, id)
         limits = (asked.x_um, asked.y_um, asked.z_um)
         record = await asyncio.to_thread(live_sources.set_limits, workspace, id, limits)
-        house.relays.wake()
+        server.relays.wake()
         return record_document(record, "document")
 
     @routes.get("/live/sources/{id}/alarms")
@@ -97,7 +97,7 @@ def router(house: House) -> APIRouter:
 
     @routes.websocket("/live/sources/{id}/frames")
     async def frames(socket: WebSocket, id: str) -> None:
-        relay = house.relays.of(id)
+        relay = server.relays.of(id)
         viewer = None if relay is None else relay.join()
         if relay is None or viewer is None:
             await socket.close(1013)  # try again later: it is not yet listened to, or too many look

@@ -10,22 +10,22 @@ from fastapi.responses import Response
 
 from robotrue.store.nouns import DOCUMENT
 from robotrue.web.api.items import found
-from robotrue.web.bench import House
+from robotrue.web.page_context import ServerContext
 
 Id = Annotated[str, Path(max_length=40)]
 Version = Annotated[int | None, Query(ge=1, le=1_000_000)]
 
 
-def router(house: House) -> APIRouter:
+def router(server: ServerContext) -> APIRouter:
     """Returns the routes of plans."""
     routes = APIRouter(tags=["plans"])
-    workspace, folder = house.workspace, str(house.workspace.folder)
+    workspace, folder = server.workspace, str(server.workspace.folder)
 
     @routes.get("/plans/{id}")
     async def show_plan(id: Id, version: Version = None) -> Response:
         """Poses, what to expect of them, how the instrument sees them, and their scene."""
         record = await asyncio.to_thread(found, workspace, DOCUMENT.name, id, version)
-        answer = await house.answers.once("plan.shown", folder, id, record.version)
+        answer = await server.answers.once("plan.shown", folder, id, record.version)
         return Response(answer, media_type="application/json")
 
     return routes

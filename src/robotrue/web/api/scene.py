@@ -10,30 +10,30 @@ from fastapi.responses import Response
 
 from robotrue.store.nouns import CELL, MEASUREMENT, MODEL, PROGRAM
 from robotrue.web.api.items import found
-from robotrue.web.bench import House
+from robotrue.web.page_context import ServerContext
 
 Id = Annotated[str, Path(max_length=40)]
 Version = Annotated[int | None, Query(ge=1, le=1_000_000)]
 JSON = "application/json"
 
 
-def router(house: House) -> APIRouter:
+def router(server: ServerContext) -> APIRouter:
     """Returns the routes of scenes."""
     routes = APIRouter(tags=["scenes"])
-    workspace, folder = house.workspace, str(house.workspace.folder)
+    workspace, folder = server.workspace, str(server.workspace.folder)
 
     @routes.get("/scenes/cell/{id}")
     async def show_cell(id: Id) -> Response:
         """Arm and frames of a cell."""
         record = await asyncio.to_thread(found, workspace, CELL.name, id)
-        answer = await house.answers.once("scene.cell_scene", folder, id, record.version)
+        answer = await server.answers.once("scene.cell_scene", folder, id, record.version)
         return Response(answer, media_type=JSON)
 
     @routes.get("/scenes/model/{id}")
     async def show_model(id: Id, version: Version = None) -> Response:
         """Arm and frames of a model's cell, measured errors before and after, predicted field."""
         record = await asyncio.to_thread(found, workspace, MODEL.name, id, version)
-        answer = await house.answers.once("scene.model_scene", folder, id, record.version)
+        answer = await server.answers.once("scene.model_scene", folder, id, record.version)
         return Response(answer, media_type=JSON)
 
     @routes.get("/scenes/measurement/{id}")
@@ -43,7 +43,7 @@ def router(house: House) -> APIRouter:
         """Measured errors of a set before and after, by a model that need not have seen it."""
         record = await asyncio.to_thread(found, workspace, MEASUREMENT.name, id, version)
         judge = await asyncio.to_thread(found, workspace, MODEL.name, model)
-        answer = await house.answers.once(
+        answer = await server.answers.once(
             "scene.set_scene", folder, id, record.version, model, judge.version
         )
         return Response(answer, media_type=JSON)
@@ -64,7 +64,7 @@ def router(house: House) -> APIRouter:
         """
         program = await asyncio.to_thread(found, workspace, PROGRAM.name, id, version)
         judge = await asyncio.to_thread(found, workspace, MODEL.name, model)
-        answer = await house.answers.once(
+        answer = await server.answers.once(
             "program.judged",
             folder,
             id,

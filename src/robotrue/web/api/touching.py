@@ -14,7 +14,7 @@ from robotrue.store.nouns import DOCUMENT
 from robotrue.store.workspace import Workspace
 from robotrue.web.api.intake import UploadId
 from robotrue.web.api.items import found
-from robotrue.web.bench import House
+from robotrue.web.page_context import ServerContext
 from robotrue.web.uploads import forget, uploaded
 from robotrue.web.workers import Fact
 
@@ -96,14 +96,14 @@ class Latest(BaseModel):
     version: int
 
 
-def router(house: House) -> APIRouter:
+def router(server: ServerContext) -> APIRouter:
     """Returns the routes of sessions at the part."""
     routes = APIRouter(tags=["touching"])
-    workspace, folder = house.workspace, str(house.workspace.folder)
+    workspace, folder = server.workspace, str(server.workspace.folder)
 
     async def asked(question: str, id: str, *facts: Fact) -> Response:
         await asyncio.to_thread(found, workspace, DOCUMENT.name, id)
-        answer = await house.workers.ask(question, folder, id, *facts)
+        answer = await server.workers.ask(question, folder, id, *facts)
         return Response(answer, status_code=201, media_type=JSON)
 
     @routes.post("/touching", status_code=201)
@@ -111,7 +111,7 @@ def router(house: House) -> APIRouter:
         """A session: features, where the part is roughly, and postures to touch them with."""
         paths = [str(uploaded(workspace, each)) for each in asked_for.uploads]
         stated = {**asked_for.model_dump(exclude={"uploads"}), "paths": paths}
-        answer = await house.workers.ask("touch_begin.begun", folder, json.dumps(stated))
+        answer = await server.workers.ask("touch_begin.begun", folder, json.dumps(stated))
         await asyncio.to_thread(_forget, workspace, asked_for.uploads)
         return Response(answer, status_code=201, media_type=JSON)
 
@@ -122,7 +122,7 @@ def router(house: House) -> APIRouter:
     ) -> Response:
         """What to touch next, what it should read, and where the part stands as far as is known."""
         record = await asyncio.to_thread(found, workspace, DOCUMENT.name, id)
-        answer = await house.answers.once("touch_view.shown", folder, id, record.version, feature)
+        answer = await server.answers.once("touch_view.shown", folder, id, record.version, feature)
         return Response(answer, media_type=JSON)
 
     @routes.get("/touching/{id}/version")
@@ -163,7 +163,7 @@ def router(house: House) -> APIRouter:
     async def download_readings(id: Id) -> Response:
         """The readings that count, as ``robotrue register`` reads them."""
         record = await asyncio.to_thread(found, workspace, DOCUMENT.name, id)
-        data = await house.workers.ask("touch_finish.readings_csv", folder, id)
+        data = await server.workers.ask("touch_finish.readings_csv", folder, id)
         mark = " simulated" if record.detail["session"]["simulated"] else ""
         headers = {"Content-Disposition": f'attachment; filename="readings{mark}.csv"'}
         return Response(data, media_type="text/csv; charset=utf-8", headers=headers)

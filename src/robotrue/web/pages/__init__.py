@@ -1,14 +1,15 @@
 """The screens of the workbench: one file each, listed here in the order of the navigation.
 
-A new one is a file with a ``PAGE``, its name in :data:`PAGES`, its texts in every language
-(``nav.<name>`` in ``shell.toml`` and a file ``<name>.toml``) and its icon in ``parts/icons.py``.
+A new one is a file with a ``PAGE`` and its templates, its name in :data:`SCREENS`, its texts in
+every language (``nav.<name>`` in ``shell.toml`` and a file ``<name>.toml``) and its icon in
+``icons.py``.
 """
 
 from __future__ import annotations
 
 from typing import Final
 
-from robotrue.web.bench import Page
+from robotrue.web.page_context import Screen
 from robotrue.web.pages import (
     calibration,
     cell,
@@ -22,7 +23,7 @@ from robotrue.web.pages import (
     registration,
 )
 
-PAGES: Final[tuple[Page, ...]] = (
+SCREENS: Final[tuple[Screen, ...]] = (
     cell.PAGE,
     plan.PAGE,
     measurements.PAGE,

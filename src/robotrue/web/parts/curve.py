@@ -5,8 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from html import escape
 from typing import Final, Literal
+
+from markupsafe import Markup
+
+from robotrue.web.templating import render
 
 WIDTH: Final = 760
 HEIGHT: Final = 300
@@ -47,14 +50,33 @@ class _Paper:
     low: float
     high: float
 
+    left: int = LEFT
+    right: int = WIDTH - RIGHT
+    width: int = WIDTH
+    height: int = HEIGHT
+    bottom: int = HEIGHT - BOTTOM
+
     def x(self, count: float) -> float:
+        """Returns where a count lies."""
         share = (count - self.first) / max(self.last - self.first, 1e-9)
         return LEFT + share * (WIDTH - LEFT - RIGHT)
 
     def y(self, value: float) -> float:
+        """Returns where a value lies."""
         inside = min(max(value, self.low), self.high)
         share = math.log(inside / self.low) / math.log(self.high / self.low)
         return HEIGHT - BOTTOM - share * (HEIGHT - TOP - BOTTOM)
+
+    def ticks(self) -> list[float]:
+        """Returns the round values within the paper."""
+        low, high = self.low, self.high
+        powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+        return [s * 10.0**p for p in powers for s in STEPS if low <= s * 10.0**p <= high]
+
+    def points(self, counts: Sequence[float], values: Sequence[float]) -> list[str]:
+        """Returns where values lie, as SVG states points."""
+        pairs = zip(counts, values, strict=True)
+        return [f"{self.x(count):.1f},{self.y(value):.1f}" for count, value in pairs]
 
 
 def curve(
@@ -65,7 +87,7 @@ def curve(
     across: str,
     up: str,
     floor: tuple[float, str] | None = None,
-) -> str:
+) -> Markup:
     """Returns curves over a common axis of counts, values on a logarithmic scale.
 
     Args:
@@ -79,66 +101,15 @@ def curve(
     every = [v for line in lines for v in (*line.values, *line.low, *line.high) if v > 0.0]
     every += [floor[0]] if floor is not None and floor[0] > 0.0 else []
     paper = _Paper(first=counts[0], last=counts[-1], low=0.85 * min(every), high=1.15 * max(every))
-    body = _grid(paper, counts, across, up)
-    body += "".join(_band(paper, counts, line) for line in lines if line.low)
-    if floor is not None:
-        y = paper.y(floor[0])
-        body += (
-            f'<line class="floor" x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{y:.1f}" y2="{y:.1f}"/>'
-            f'<text x="{WIDTH - RIGHT}" y="{y - 5:.1f}" text-anchor="end">{escape(floor[1])}</text>'
-        )
-    body += "".join(_drawn(paper, counts, line) for line in reversed(lines))
-    return (
-        f'<svg class="chart curve" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" '
-        f'aria-label="{escape(title)}">{body}</svg>{_legend(lines)}'
-    )
-
-
-def _grid(paper: _Paper, counts: Sequence[float], across: str, up: str) -> str:
-    out = f'<text x="{LEFT}" y="14">{escape(up)}</text>'
-    for value in _ticks(paper.low, paper.high):
-        y = paper.y(value)
-        out += (
-            f'<line class="rule" x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{y:.1f}" y2="{y:.1f}"/>'
-            f'<text x="{LEFT - 8}" y="{y + 4:.1f}" text-anchor="end">{value:g}</text>'
-        )
     step = max(1, -(-len(counts) // MOST_COUNTS))
-    for count in [*counts[: -step // 2 or None : step], counts[-1]]:
-        out += (
-            f'<text x="{paper.x(count):.1f}" y="{HEIGHT - BOTTOM + 18}" '
-            f'text-anchor="middle">{count:g}</text>'
-        )
-    return out + (
-        f'<text x="{(LEFT + WIDTH - RIGHT) / 2}" y="{HEIGHT - 6}" text-anchor="middle">'
-        f"{escape(across)}</text>"
+    return render(
+        "curve.html",
+        paper=paper,
+        counts=counts,
+        lines=lines,
+        marked=[*counts[: -step // 2 or None : step], counts[-1]],
+        title=title,
+        across=across,
+        up=up,
+        floor=floor,
     )
-
-
-def _ticks(low: float, high: float) -> list[float]:
-    powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
-    return [s * 10.0**p for p in powers for s in STEPS if low <= s * 10.0**p <= high]
-
-
-def _band(paper: _Paper, counts: Sequence[float], line: Line) -> str:
-    there = [f"{paper.x(c):.1f},{paper.y(v):.1f}" for c, v in zip(counts, line.high, strict=True)]
-    back = [f"{paper.x(c):.1f},{paper.y(v):.1f}" for c, v in zip(counts, line.low, strict=True)]
-    return f'<polygon class="{line.look}" points="{" ".join([*there, *reversed(back)])}"/>'
-
-
-def _drawn(paper: _Paper, counts: Sequence[float], line: Line) -> str:
-    at = [(paper.x(c), paper.y(v), c, v) for c, v in zip(counts, line.values, strict=True)]
-    points = " ".join(f"{x:.1f},{y:.1f}" for x, y, _, _ in at)
-    dots = "".join(
-        f'<circle class="{line.look}" cx="{x:.1f}" cy="{y:.1f}" r="3">'
-        f"<title>{escape(line.label)}: {c:g}, {v:.3g}</title></circle>"
-        for x, y, c, v in at
-        if line.look == "ours"
-    )
-    return f'<polyline class="{line.look}" points="{points}"/>{dots}'
-
-
-def _legend(lines: Sequence[Line]) -> str:
-    entries = "".join(
-        f'<span><i class="{line.look}"></i>{escape(line.label)}</span>' for line in lines
-    )
-    return f'<div class="curve-legend note">{entries}</div>'

@@ -6,18 +6,19 @@ text of an item that may be left out ``<group>.<field>_none``, a hint ``<group>.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from html import escape
 from typing import Any
 
 from annotated_types import Ge, Le
+from markupsafe import Markup
 
 from robotrue.app.request import FORM, JOB, Item, Output, Request, RequestField, fields_of
 from robotrue.store.records import ItemRecord
-from robotrue.web.bench import Bench
+from robotrue.web.page_context import PageContext
+from robotrue.web.templating import macro
 
-LONGEST_NAME = 200
+TEMPLATE = "request_form.html"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,7 +26,7 @@ class RequestForm:
     """What the fields of a request look like for one reader.
 
     Attributes:
-        bench: Who looks at it.
+        context: Of the page.
         request: Type of the request.
         group: Of the texts.
         records: Items to choose from, by noun.
@@ -34,7 +35,7 @@ class RequestForm:
         values: What stands in a field at first in place of its default; it cannot be emptied.
     """
 
-    bench: Bench
+    context: PageContext
     request: type[Request]
     group: str
     records: Mapping[str, Sequence[ItemRecord]] = field(default_factory=dict)
@@ -42,9 +43,9 @@ class RequestForm:
     without: frozenset[str] = frozenset()
     values: Mapping[str, Any] = field(default_factory=dict)
 
-    def fields(self, *, advanced: bool) -> str:
+    def fields(self, *, advanced: bool) -> Markup:
         """Returns the HTML of the fields in sight, or of those behind "more"."""
-        return "".join(
+        return Markup().join(
             self.control(each)
             for each in fields_of(self.request)
             if each.is_in(FORM)
@@ -52,90 +53,56 @@ class RequestForm:
             and each.name not in self.without
         )
 
-    def name_field(self) -> str:
+    def name_field(self) -> Markup:
         """Returns the HTML of the field that names the result."""
-        return self._labelled(
-            "name",
-            f'<input type="text" name="name" maxlength="{LONGEST_NAME}"{self._mark("name")}>',
-        )
+        return macro(TEMPLATE, "name_field", self)
 
-    def control(self, each: RequestField) -> str:
+    def control(self, each: RequestField) -> Markup:
         """Returns the HTML of one field with its label."""
+        return macro(TEMPLATE, self._kind(each), self, each)
+
+    def _kind(self, each: RequestField) -> str:
+        """The macro that writes a field."""
         if each.kind is bool or isinstance(each.entry, Output):
-            checked = " checked" if each.default is True else ""
-            return (
-                f"<label class='tick'><input type='checkbox' name='{each.name}'{checked}"
-                f"{self._mark(each.name)}>{escape(self._text(each.name))}</label>"
-            )
+            return "tick"
         if isinstance(each.entry, Item):
-            return self._items(each, each.entry)
+            return "picks" if each.many and each.is_required(JOB) else "items"
         if each.choices:
-            return self._labelled(each.name, self._choices(each))
-        if each.kind in (int, float):
-            return self._labelled(each.name, self._number(each))
-        one = (
-            f'<input type="text" name="{each.name}{"[]" if each.many else ""}" '
-            f'placeholder="{escape(each.entry.example)}" maxlength="{LONGEST_NAME}"'
-            f"{self._mark(each.name)}>"
-        )
-        return self._labelled(each.name, one * 2 if each.many else one)
+            return "choices"
+        return "number" if each.kind in (int, float) else "text"
 
-    def _items(self, each: RequestField, entry: Item) -> str:
-        records = self.records.get(entry.noun, ())
-        if each.many and each.is_required(JOB):
-            return "".join(
-                f'<label><input type="checkbox" name="{each.name}[]" value="{record.id}"'
-                f"{self._mark(each.name)}>{escape(record.name)}{_size(record)}</label>"
-                for record in records
-            )
-        listed = "".join(
-            f'<option value="{r.id}">{escape(r.name)}{_size(r, " · {:,}")}</option>'
-            for r in records
-        )
-        if each.optional or each.many:
-            none = escape(self._text(f"{each.name}_none"))
-            listed = f'<option value="">{none}</option>{listed}'
-        control = f'<select name="{each.name}"{self._mark(each.name)}>{listed}</select>'
-        return self._labelled(each.name, control)
+    def choose_from(self, each: RequestField) -> Sequence[ItemRecord]:
+        """Returns the items that a field refers to one of."""
+        return self.records.get(each.entry.noun, ()) if isinstance(each.entry, Item) else ()
 
-    def _choices(self, each: RequestField) -> str:
-        listed = ""
-        for choice in each.choices:
-            text = self._text(f"{each.name}_{choice.lower().replace('-', '_')}")
-            selected = " selected" if choice == each.default else ""
-            listed += f'<option value="{choice}"{selected}>{escape(text)}</option>'
-        return f'<select name="{each.name}"{self._mark(each.name)}>{listed}</select>'
+    def words(self, name: str) -> str:
+        """Returns the label of a field, or one of its choices."""
+        return self.context.say(f"{self.group}.{name}")
 
-    def _number(self, each: RequestField) -> str:
-        low, high = each.entry.offered or _limits(each)
+    def hint(self, name: str) -> str:
+        """Returns what stands below a field; empty: nothing."""
+        key = f"{self.group}.{name}_hint"
+        return self.context.say(key) if self.context.say.known(key) else ""
+
+    def first_value(self, each: RequestField) -> str:
+        """Returns the number that stands in a field at first."""
         stated = self.values.get(each.name, each.default)
-        value = "" if stated is None else f"{stated:g}"
-        ends = (("min", low), ("max", high))
-        bounds = "".join(f' {name}="{end:g}"' for name, end in ends if end is not None)
-        step = "1" if each.kind is int else "any"
+        return "" if stated is None else f"{stated:g}"
+
+    def is_needed(self, each: RequestField) -> bool:
+        """Returns whether a number cannot be left out."""
         free = each.optional and each.name not in self.values
-        needed = "" if each.entry.advanced or free else " required"
-        return (
-            f'<input type="number" name="{each.name}" value="{value}"{bounds} step="{step}"'
-            f"{needed}{self._mark(each.name)}>"
-        )
+        return not (each.entry.advanced or free)
 
-    def _labelled(self, name: str, control: str) -> str:
-        hint = f"{self.group}.{name}_hint"
-        say = self.bench.say
-        below = f"<span>{escape(say(hint))}</span>" if say.known(hint) else ""
-        return f"<label class='field'>{escape(self._text(name))}{control}{below}</label>"
+    def step(self, each: RequestField) -> str:
+        """Returns by what a number is stepped."""
+        return "1" if each.kind is int else "any"
 
-    def _text(self, name: str) -> str:
-        return self.bench.say(f"{self.group}.{name}")
-
-    def _mark(self, name: str) -> str:
-        return f" data-testid='{self.marks[name]}'" if name in self.marks else ""
-
-
-def _size(record: ItemRecord, form: str = '<span class="note">{:,}</span>') -> str:
-    poses = getattr(record, "poses", None)
-    return "" if poses is None else form.format(poses)
+    def bounds(self, each: RequestField) -> Iterator[tuple[str, str]]:
+        """Yields the attributes ``min`` and ``max`` of a number."""
+        for name, end in zip(("min", "max"), each.entry.offered or _limits(each), strict=True):
+            if end is not None:
+                yield name, f"{end:g}"
 
 
 def _limits(each: RequestField) -> tuple[float | None, float | None]:

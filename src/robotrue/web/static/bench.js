@@ -78,9 +78,9 @@
     if (e.key === "Enter" && e.target.matches?.("tr[data-href], tr[data-point]")) follow(e.target);
   });
   const plain = (text) => String(text ?? "").replace(/[&<>"']/g, (c) => `&#${c.charCodeAt(0)};`);
-  // A refusal as HTML: its kind and what helps in the reader's language, the detail as it came (parts/faults.py).
+  // A refusal as HTML: its kind and what helps in the reader's language, the detail as it came (faults.py).
   const fault = (found) => {
-    const words = window.benchFaults ?? { kinds: {}, plain: true };
+    const words = JSON.parse(document.getElementById("fault-words").textContent);
     const away = found instanceof Error;
     const kind = away ? "no connection" : found.title ?? (found.kind ?? "").replace(/(?!^)([A-Z])/g, " $1").toLowerCase();
     const known = words.kinds[kind] ?? words.kinds.other;
@@ -143,7 +143,6 @@
       else parameters[name] = type === "number" ? Number(value) : type === "checkbox" ? true : value;
     }
     job(kind, parameters, form.querySelector("button"));
-    return false;
   };
   // Makes something of what is on the page, then opens it.
   const make = (url, body, go, button) =>
@@ -205,5 +204,40 @@
     document.body.append(dialog);
     dialog.showModal();
   };
-  window.bench = { ask, chooseModel, fault, job, jobForm, make, own, plain, rename, undo, remove, prefer, send, read, theme };
+  // A part of this page that comes later, as HTML.
+  const part = async (address) => {
+    try {
+      const answer = await fetch(address);
+      if (answer.redirected) location.reload(); // logged out meanwhile
+      if (answer.ok) return await answer.text();
+      throw await answer.json();
+    } catch (cause) { return `<div class="card fault" role="alert" data-testid="fault">${fault(cause)}</div>`; }
+  };
+  // What a press does: data-act of a button; data-job and data-make of a form; data-prefer and data-submit of a choice.
+  const ACTS = {
+    theme: () => prefer("theme", document.documentElement.dataset.theme === "dark" ? "light" : "dark"),
+    shortcuts: () => document.getElementById("shortcuts").showModal(),
+    "choose-model": (b) => chooseModel(b.dataset.id ?? null, b),
+    undo: (b) => undo(b.dataset.noun, b.dataset.id, b, b.dataset.version),
+    remove: (b) => remove(b.dataset.noun, b.dataset.id, b.dataset.go, b),
+    rename: (b) => rename(JSON.parse(b.dataset.item)),
+    job: (b) => job(b.dataset.kind, JSON.parse(b.dataset.parameters), b),
+    make: (b) => make(b.dataset.url, JSON.parse(b.dataset.body), b.dataset.go, b),
+  };
+  addEventListener("click", (e) => {
+    const button = e.target.closest("[data-act]");
+    if (button) ACTS[button.dataset.act](button);
+  });
+  addEventListener("submit", (e) => {
+    const { job: kind, make: url, go } = e.target.dataset;
+    if (!kind && !url) return;
+    e.preventDefault();
+    if (kind) jobForm(kind, e.target);
+    else make(url, Object.fromEntries(new FormData(e.target)), go, e.target.querySelector("button"));
+  });
+  addEventListener("change", (e) => {
+    if (e.target.dataset.prefer) prefer(e.target.dataset.prefer, e.target.value);
+    else if ("submit" in e.target.dataset) e.target.form.requestSubmit();
+  });
+  window.bench = { ask, fault, job, own, part, plain, read, send };
 })();

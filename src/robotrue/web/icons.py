@@ -1,0 +1,28 @@
+"""Line icons, 24 by 24, drawn in the colour of the text."""
+
+from __future__ import annotations
+
+from typing import Final
+
+PATHS: Final = {
+    "cell": "M5 20v-6l5-7 6 4M3 20h8M16 11l3 2M16 11l2-3",
+    "measurements": "M4 20l5-5M9 15a3 3 0 1 0 4-4 3 3 0 0 0-4 4M14 10l3-3M17 3v4h4M4 4h5M4 8h3",
+    "calibration": "M12 3v3M12 18v3M3 12h3M18 12h3M12 12m-5 0a5 5 0 1 0 10 0 5 5 0 1 0-10 0M12 12h.01",  # noqa: E501
+    "programs": "M5 3h10l4 4v14H5zM15 3v4h4M8.5 12l-2 2.5 2 2.5M15.5 12l2 2.5-2 2.5M13 11l-2 7",
+    "history": "M4 12a8 8 0 1 0 3-6.2M4 4v4h4M12 8v4l3 2",
+    "plan": "M4 6h4M4 12h4M4 18h4M12 6h8M12 12h8M12 18h5",
+    "registration": "M12 21s7-6 7-11a7 7 0 1 0-14 0c0 5 7 11 7 11M12 10h.01",
+    "drilling": "M12 3v12M9 6l6 2M9 10l6 2M12 15l-1 4 1 2 1-2zM4 21h5M15 21h5",
+    "live": "M3 12h4l3-8 4 16 3-8h4",
+    "drift": "M12 4v16M4 12h16M12 12l5-5M13 7h4v4",
+    "moon": "M20 14A8 8 0 1 1 10 4a6.5 6.5 0 0 0 10 10",
+    "settings": (
+        "M4 7h10M18 7h2M4 17h2M10 17h10M14 7a2 2 0 1 0 4 0 2 2 0 1 0-4 "
+        "0M6 17a2 2 0 1 0 4 0 2 2 0 1 0-4 0"
+    ),
+    "keyboard": "M3 7h18v10H3zM7 11h.01M11 11h.01M15 11h.01M8 14h8",
+    "leave": "M14 4h5v16h-5M10 8l-4 4 4 4M6 12h9",
+    "download": "M12 4v11M7 11l5 5 5-5M4 20h16",
+    "pen": "M4 20l1-4L16 5l3 3L8 19zM14 7l3 3",
+    "upload": "M12 16V5M7 9l5-5 5 5M4 20h16",
+}

@@ -1,0 +1,176 @@
+"""What pages and the HTTP interface are given: the workspace, the user's choices, the words."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Awaitable, Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import datetime
+from typing import Any, ParamSpec, TypeAlias, TypeVar
+from urllib.parse import urlencode
+
+from markupsafe import Markup
+
+from robotrue.store import items, jobs
+from robotrue.store.nouns import ModelRecord, Noun
+from robotrue.store.records import ItemQuery, ItemRecord
+from robotrue.store.workspace import Workspace
+from robotrue.web.answers import Answers
+from robotrue.web.faults import fault_words
+from robotrue.web.job_cards import shown_jobs
+from robotrue.web.job_process import JobProcess
+from robotrue.web.language import Wording
+from robotrue.web.live_relay import Relays
+from robotrue.web.preferences import CHOICES, Preferences
+from robotrue.web.settings import ServeSettings
+from robotrue.web.templating import render
+from robotrue.web.workers import Fact, Workers
+
+P = ParamSpec("P")
+R = TypeVar("R")
+Item = TypeVar("Item", bound=ItemRecord)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ServerContext:
+    """What all pages and the HTTP interface share while the server runs.
+
+    Attributes:
+        settings: What was asked for at the start.
+        workspace: Open.
+        workers: Processes for what takes longer than a blink.
+        answers: Of those processes, kept for a while.
+        job_process: The process that does jobs.
+        relays: Of live data.
+    """
+
+    settings: ServeSettings
+    workspace: Workspace
+    workers: Workers
+    answers: Answers
+    job_process: JobProcess
+    relays: Relays
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PageContext:
+    """One person looking at one page.
+
+    Attributes:
+        server: What everybody shares.
+        screen: The one that is shown.
+        view: How this person wants to see things.
+        say: The words of their language.
+        query: What stands after ``?`` in the address.
+        model: The model shown; None if there is none.
+        chosen: Id of the model chosen for all pages; empty: the newest.
+        models: To choose from.
+        screens: All, in the order of the navigation.
+    """
+
+    server: ServerContext
+    screen: Screen
+    screens: tuple[Screen, ...]
+    view: Preferences
+    say: Wording
+    query: Mapping[str, str]
+    model: ModelRecord | None
+    chosen: str
+    models: tuple[ModelRecord, ...]
+
+    @property
+    def workspace(self) -> Workspace:
+        """The workspace that is served."""
+        return self.server.workspace
+
+    @property
+    def folder(self) -> str:
+        """Of the workspace, as queries take it."""
+        return str(self.server.workspace.folder)
+
+    def keep_model(self, address: str) -> str:
+        """Returns an address of the same page, with the model that was named in this one's."""
+        named = self.query.get("model")
+        if not named or self.model is None or named != self.model.id:
+            return address
+        return f"{address}{'&' if '?' in address else '?'}model={self.model.id}"
+
+    def address_with(self, **named: str) -> str:
+        """Returns this page's address with other values in it."""
+        return f"{self.screen.path}?{urlencode({**self.query, **named})}"
+
+    def number(self, name: str, usual: float, *, most: float) -> float:
+        """Returns a number above zero from the address; the usual one where none is stated."""
+        try:
+            stated = float(self.query.get(name, usual))
+        except ValueError:
+            return usual
+        return stated if 0.0 < stated <= most else usual
+
+    def offset(self) -> int:
+        """Returns from which row on the address wants a long table."""
+        stated = self.query.get("offset", "0")
+        return int(stated) if stated.isdigit() and len(stated) < 10 else 0
+
+    async def ask(self, question: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
+        """Returns the answer of the store, asked in a thread so that other pages go on."""
+        return await asyncio.to_thread(question, *args, **kwargs)
+
+    async def items(self, noun: Noun[Item], query: ItemQuery) -> tuple[Item, ...]:
+        """Returns the items of a noun that a query wants."""
+        return (await self.ask(items.search, self.workspace, noun, query)).items
+
+    async def item(self, noun: Noun[Item], id: str, version: int | None = None) -> Item:
+        """Returns an item by its id.
+
+        Raises:
+            ConfigurationError: There is none.
+        """
+        return await self.ask(items.get, self.workspace, noun, id, version=version)
+
+    async def creation_times(self, records: Sequence[ItemRecord]) -> Mapping[str, datetime]:
+        """Returns when the first version of each item was made, by id."""
+        ids = [each.id for each in records]
+        return await self.ask(items.read_creation_times, self.workspace, ids)
+
+    async def jobs(self, kind: str, **wanted: str) -> list[jobs.Job]:
+        """Returns the jobs of a kind to show, those whose parameters are as wanted."""
+        found = await self.ask(shown_jobs, self.workspace, kind)
+        return [job for job in found if all(job.parameters.get(k) == v for k, v in wanted.items())]
+
+    async def answer(self, question: str, *facts: Fact) -> Any:
+        """Returns the answer of a process beside the server, as JSON values.
+
+        Raises:
+            RobotrueError: What the question raised.
+        """
+        return json.loads(await self.server.answers.once(question, self.folder, *facts))
+
+    def render(self, template: str, **values: object) -> Markup:
+        """Returns a template with the person who looks, and their words, besides its values."""
+        own = {"context": self, "say": self.say, "view": self.view, "choices": CHOICES}
+        about = {"screens": self.screens, "fault_words": fault_words(self.say)}
+        return render(template, **own, **about, **values)
+
+
+Build: TypeAlias = Callable[[PageContext], Awaitable[str]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Screen:
+    """One screen.
+
+    Attributes:
+        name: Also the key of its texts and of its icon.
+        path: Address.
+        build: Returns the page.
+        parts: What comes later, by name: each fills a place that the page leaves for it.
+        styles: Addresses of its own style sheets.
+    """
+
+    name: str
+    path: str
+    build: Build
+    parts: Mapping[str, Build] = field(default_factory=dict)
+    styles: tuple[str, ...] = ()

@@ -1,0 +1,51 @@
+"""Every page and every part of one in both languages without a browser, and what they may run."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from web_shop import Client, Shop
+
+from robotrue.web.language import LANGUAGES
+from robotrue.web.pages import SCREENS
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_every_page_and_part_is_built(client: Client, filled: Shop, language: str) -> None:
+    here = client()
+    addresses = {screen.path for screen in SCREENS}
+    addresses |= {f"/?cell={filled.cell.id}", f"/?cell={filled.cell.id}&edit=1", "/?new=1"}
+    addresses |= {"/drilling?view=model", "/drilling?view=monitor", "/history?offset=1"}
+    for path, id, parts in (
+        ("/measurements", filled.measured.id, ("", "judged", "rows")),
+        ("/programs", filled.program.id, ("", "judged")),
+    ):
+        addresses |= {f"{path}?id={id}&part={part}" for part in parts}
+    addresses.add(f"/calibration?model={filled.model.id}&part=learned")
+    for address in sorted(addresses):
+        answer = here.get(address, headers={"accept-language": language})
+        assert answer.status_code == 200, address
+        assert 'data-testid="fault"' not in answer.text, address
+        if "part=" not in address or address.endswith("part="):
+            assert f'<html lang="{language}">' in answer.text, address
+        assert not re.search(r"<script(?! src=| type=)|\son\w+=", answer.text), address
+
+
+def test_what_is_not_there_is_said_on_the_page(client: Client) -> None:
+    here = client()
+    for path in ("/measurements?id=nothing", "/programs?id=nothing", "/drift?id=nothing"):
+        answer = here.get(path, headers={"accept-language": "en"})
+        assert "Not here." in answer.text
+        assert "nothing" in answer.text
+    missing = here.get("/nowhere", headers={"accept": "text/html"})
+    assert missing.status_code == 404
+    assert missing.headers["content-type"].startswith("text/html")
+    assert here.get("/nowhere").json()["status"] == 404
+    assert "part=nothing" not in here.get("/programs?part=nothing").text
+
+
+def test_pages_run_no_script_but_their_own_files(client: Client) -> None:
+    policy = client().get("/programs").headers["content-security-policy"]
+    (scripts,) = [each for each in policy.split("; ") if each.startswith("script-src")]
+    assert scripts == "script-src 'self' 'unsafe-eval'"
