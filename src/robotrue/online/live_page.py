@@ -69,13 +69,6 @@ def page_files() -> dict[str, PageFile]:
     return {"/": found["/live.html"], **found}
 
 
-def view_markup() -> str:
-    """Returns the view alone as HTML, for a page that has its own things around it."""
-    page = (_folder() / "live.html").read_text(encoding="utf-8")
-    view = page.partition('<div class="live">')[2].partition("</footer>")[0]
-    return f"{view}</footer>"
-
-
 def _folder() -> Traversable:
     return resources.files("robotrue.online") / "live"
 

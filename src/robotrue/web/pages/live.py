@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from importlib import resources
 from typing import Final
 
-from robotrue.online.live_page import view_markup
 from robotrue.web.live_sources import is_allowed, sources
 from robotrue.web.page_context import PageContext, Screen
 from robotrue.web.settings import SENSE_PORT
@@ -25,11 +25,18 @@ async def _build(context: PageContext) -> str:
         sources=found,
         shown=shown,
         allowed=shown is not None and is_allowed(shown.address, context.server.settings.sense),
-        markup=view_markup(),
+        markup=_view_markup(),
         files=FILES,
         address=ADDRESS,
         command=COMMAND,
     )
+
+
+def _view_markup() -> str:
+    """The view alone out of the sensing service's own page, whose scripts draw it here, too."""
+    file = resources.files("robotrue.online") / "live" / "live.html"
+    page = file.read_text(encoding="utf-8")
+    return page.partition('<div class="live">')[2].partition("</footer>")[0] + "</footer>"
 
 
 PAGE: Final = Screen(
