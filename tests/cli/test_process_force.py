@@ -78,11 +78,11 @@ def test_a_table(cli, work: Path) -> None:
 def test_the_force_of_milling(cli, work: Path) -> None:
     force = described(work, f"[[force]]\nname = 'side'\n{MILLING}\nlines = [[7, 7]]\n")
     got = compensated(cli, work, "held.src", "--force", force, "--cutter", "z")
-    from robotrue.dynamics.cutter import Cutter, CutterEngagement, CuttingCoefficients
+    from robotrue.dynamics.cutter import CutterEngagement, CuttingCoefficients, EndMill
     from robotrue.dynamics.milling_force import mean_force
 
     want = mean_force(
-        Cutter(kind="flat", diameter=0.01, teeth=3),
+        EndMill(kind="flat", diameter=0.01, teeth=3),
         CutterEngagement(mode="down", depth=0.004, width=0.002, feed_per_tooth=5e-5, spindle=150.0),
         CuttingCoefficients(tangential=8e8, radial=2.4e8, axial=8e7, tangential_edge=1e4),
     )

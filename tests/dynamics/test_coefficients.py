@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robotrue.dynamics.coefficients import CuttingTest, check_axes_agree, identify_coefficients
-from robotrue.dynamics.cutter import Cutter, CutterEngagement, CuttingCoefficients
+from robotrue.dynamics.cutter import CutterEngagement, CuttingCoefficients, EndMill
 from robotrue.dynamics.milling_force import mean_force
 from robotrue.errors import ImplausibleDataError, ObservabilityError
 
@@ -15,7 +15,7 @@ TRUE = CuttingCoefficients(
     tangential_edge=2.77e4, radial_edge=3.08e4, axial_edge=1.4e3,
 )  # fmt: skip
 VALUES = np.array([7.96e8, 1.69e8, 2.22e8, 2.77e4, 3.08e4, 1.4e3])
-FLAT = Cutter(kind="flat", diameter=0.016, teeth=2, helix=0.5)
+FLAT = EndMill(kind="flat", diameter=0.016, teeth=2, helix=0.5)
 SLOT = CutterEngagement(mode="slot", depth=1e-3, width=0.016, feed_per_tooth=5e-5, spindle=60.0)
 FEEDS = (3e-5, 5e-5, 7e-5, 1e-4, 1.4e-4)
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robotrue.dynamics.cutter import Cutter, CutterEngagement, CuttingCoefficients, engagement
+from robotrue.dynamics.cutter import CutterEngagement, CuttingCoefficients, EndMill, engagement
 from robotrue.dynamics.milling_force import force_over_time, mean_force, milling_force
 from robotrue.errors import ConfigurationError
 
@@ -14,8 +14,8 @@ STEEL = CuttingCoefficients(
     tangential=8e8, radial=1.7e8, axial=2.2e8,
     tangential_edge=2.8e4, radial_edge=3.1e4, axial_edge=1.4e3,
 )  # fmt: skip
-FLAT = Cutter(kind="flat", diameter=0.016, teeth=2, helix=np.deg2rad(30.0))
-BALL = Cutter(kind="ball", diameter=0.016, teeth=2, helix=np.deg2rad(30.0))
+FLAT = EndMill(kind="flat", diameter=0.016, teeth=2, helix=np.deg2rad(30.0))
+BALL = EndMill(kind="ball", diameter=0.016, teeth=2, helix=np.deg2rad(30.0))
 CUT = CutterEngagement(mode="up", depth=1e-3, width=6e-3, feed_per_tooth=5e-5, spindle=60.0)
 
 

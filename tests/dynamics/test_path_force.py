@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from robotrue.dynamics.cutter import Cutter, CutterEngagement, CuttingCoefficients
+from robotrue.dynamics.cutter import CutterEngagement, CuttingCoefficients, EndMill
 from robotrue.dynamics.milling_force import MillingAlongPath, mean_force
 from robotrue.errors import ConfigurationError
 from robotrue.program.cut_path import CutPath
 from robotrue.program.program import Motion
 
 STEEL = CuttingCoefficients(tangential=8e8, radial=1.7e8, axial=2.2e8)
-FLAT = Cutter(kind="flat", diameter=0.016, teeth=2)
+FLAT = EndMill(kind="flat", diameter=0.016, teeth=2)
 CUT = CutterEngagement(mode="up", depth=1e-3, width=6e-3, feed_per_tooth=5e-5, spindle=60.0)
 
 

@@ -8,7 +8,7 @@ from frf_cases import measured, modal, robot_with_tool, single
 from scipy.linalg import expm
 
 from robotrue.core.units import UM
-from robotrue.dynamics.cutter import Cutter, CutterEngagement, CuttingCoefficients
+from robotrue.dynamics.cutter import CutterEngagement, CuttingCoefficients, EndMill
 from robotrue.dynamics.force import ForceRecord
 from robotrue.dynamics.frf import with_static
 from robotrue.dynamics.interpolation import response_curve
@@ -86,7 +86,7 @@ def test_circular_error_is_that_of_the_record_s_end():
 def test_entry_costs_tens_of_micrometres_in_a_whole_record():
     """The order of note and paper: some 3 um rms and 20 um at most, in the first part of 5 s."""
     truth = robot_with_tool()
-    cutter = Cutter(kind="flat", diameter=0.016, teeth=2, helix=np.deg2rad(30.0), runout=8e-6)
+    cutter = EndMill(kind="flat", diameter=0.016, teeth=2, helix=np.deg2rad(30.0), runout=8e-6)
     material = CuttingCoefficients(
         tangential=1.07e9, radial=2.3e8, axial=3.0e8,
         tangential_edge=3.7e4, radial_edge=4.2e4, axial_edge=1.9e3,

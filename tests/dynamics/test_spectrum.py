@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robotrue.dynamics.cutter import Cutter, CutterEngagement, CuttingCoefficients
+from robotrue.dynamics.cutter import CutterEngagement, CuttingCoefficients, EndMill
 from robotrue.dynamics.force import ForceRecord, spindle_lines
 from robotrue.dynamics.milling_force import force_over_time
 from robotrue.errors import ConfigurationError
@@ -13,7 +13,7 @@ CUT = CutterEngagement(mode="up", depth=1e-3, width=6e-3, feed_per_tooth=5e-5, s
 
 
 def cutting(runout):
-    cutter = Cutter(kind="flat", diameter=0.016, teeth=3, helix=0.5, runout=runout)
+    cutter = EndMill(kind="flat", diameter=0.016, teeth=3, helix=0.5, runout=runout)
     return force_over_time(cutter, CUT, STEEL, rate=18000.0, duration=2.0)
 
 

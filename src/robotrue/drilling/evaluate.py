@@ -13,7 +13,7 @@ from robotrue.core.provenance import marked_document
 from robotrue.core.units import DEG, MM, UM
 from robotrue.drilling.campaign import Campaign, conditions, reading_errors, tilt_seen
 from robotrue.drilling.correction import Trial, residual_tilt, squared_distance
-from robotrue.drilling.foot_model import NormalModel, estimate_tilt
+from robotrue.drilling.foot_model import NormalModel, Residuals, estimate_tilt
 from robotrue.drilling.head import normal_from_tilt, tilt_between
 from robotrue.drilling.regression import LinearCorrection, fit_linear, significance
 from robotrue.errors import ConfigurationError
@@ -24,15 +24,6 @@ ENOUGH: Final = 16
 """Clamps above which eight terms with interactions are shown beside another kind than patent."""
 CLEAR: Final = 3.0
 """|t| from which a term is called significant."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Residuals:
-    """Tilt left, rad: mean, 95th percentile and largest."""
-
-    mean: float
-    p95: float
-    largest: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -51,24 +51,27 @@ class Envelope(Columns):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Frozen:
-    """What a model was frozen as.
+class Residuals:
+    """Tilt left, rad: mean, 95th percentile and largest."""
+
+    mean: float
+    p95: float
+    largest: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Frozen(Residuals):
+    """What a model was frozen as, and what it left on the test.
 
     Attributes:
         version: Counts the freezes, from 1.
         tested_on: SHA-256 of the test campaign.
         clamps: How many it held.
-        mean: rad, tilt left there; and ``p95`` and ``largest``.
-        p95: rad.
-        largest: rad.
     """
 
     version: int
     tested_on: str
     clamps: int
-    mean: float
-    p95: float
-    largest: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

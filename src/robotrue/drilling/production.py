@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
@@ -146,9 +146,7 @@ def freeze_model(
             version=count,
             tested_on=digest,
             clamps=result.clamps,
-            mean=result.ours.mean,
-            p95=result.ours.p95,
-            largest=result.ours.largest,
+            **asdict(result.ours),
         ),
         version=model.version + 1,
         monitor=Watch(),

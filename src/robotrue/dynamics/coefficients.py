@@ -20,7 +20,7 @@ import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.core.columns import Column, Columns
-from robotrue.dynamics.cutter import Cutter, CutterEngagement, CuttingCoefficients
+from robotrue.dynamics.cutter import CutterEngagement, CuttingCoefficients, EndMill
 from robotrue.dynamics.milling_force import mean_force
 from robotrue.errors import ImplausibleDataError, ObservabilityError
 
@@ -71,7 +71,7 @@ class IdentifiedCoefficients:
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
 
-def identify_coefficients(cutter: Cutter, tests: Sequence[CuttingTest]) -> IdentifiedCoefficients:
+def identify_coefficients(cutter: EndMill, tests: Sequence[CuttingTest]) -> IdentifiedCoefficients:
     """Returns the coefficients that least squares finds in cutting tests.
 
     Args:
@@ -144,7 +144,7 @@ def check_axes_agree(measured: Array, expected: Array, source: str) -> None:
         )
 
 
-def _design(cutter: Cutter, cut: CutterEngagement) -> Array:
+def _design(cutter: EndMill, cut: CutterEngagement) -> Array:
     """(3, 6) N per Pa and N/m: the mean force is linear in the coefficients."""
     base = CuttingCoefficients(tangential=_SIZE[0], radial=0.0, axial=0.0)
     first = mean_force(cutter, cut, base)

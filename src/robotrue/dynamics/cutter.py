@@ -21,7 +21,7 @@ MODES: Final = ("up", "down", "slot")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Cutter:
+class EndMill:
     """An end mill.
 
     Attributes:
@@ -141,7 +141,7 @@ class CutterEngagement:
         return self.spindle * teeth * self.feed_per_tooth
 
 
-def engagement(cutter: Cutter, cut: CutterEngagement, height: Array) -> tuple[Array, Array]:
+def engagement(cutter: EndMill, cut: CutterEngagement, height: Array) -> tuple[Array, Array]:
     """Returns angles of entry and exit (k,) rad at heights (k,) m; equal where nothing is cut.
 
     The wall of the material is a plane along the feed, ``width`` inside the tool's outline.

@@ -12,7 +12,7 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM, UM
 from robotrue.dynamics.coefficients import NAMES, CuttingTest
-from robotrue.dynamics.cutter import Cutter, CutterEngagement, CuttingCoefficients
+from robotrue.dynamics.cutter import CutterEngagement, CuttingCoefficients, EndMill
 from robotrue.dynamics.formats.column_table import read_column_table
 from robotrue.errors import ConfigurationError
 
@@ -33,7 +33,7 @@ _OPTIONAL: Final = ("helix_deg", "runout_um", "runout_angle_deg", *_EDGE)
 
 def cutting_data(
     stated: Mapping[str, Any], *, where: str, slots: bool = False
-) -> tuple[Cutter, CutterEngagement, CuttingCoefficients]:
+) -> tuple[EndMill, CutterEngagement, CuttingCoefficients]:
     """Returns cutter, cut and coefficients of a table of keys.
 
     Args:
@@ -63,7 +63,7 @@ def cutting_data(
         )
     absent = {"feed_per_tooth_mm": 1, _SHEAR[0]: 1} if slots else {}
     si = {key: stated.get(key, absent.get(key, 0)) * factor for key, factor in _SCALE.items()}
-    cutter = Cutter(
+    cutter = EndMill(
         kind=str(stated["kind"]),
         diameter=si["diameter_mm"],
         teeth=stated["teeth"],

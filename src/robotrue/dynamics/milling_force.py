@@ -20,7 +20,7 @@ from robotrue.core.arrays import Array
 from robotrue.core.columns import Column, Columns
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import MM
-from robotrue.dynamics.cutter import Cutter, CutterEngagement, CuttingCoefficients, engagement
+from robotrue.dynamics.cutter import CutterEngagement, CuttingCoefficients, EndMill, engagement
 from robotrue.dynamics.force import ForceRecord
 from robotrue.errors import ConfigurationError
 from robotrue.program.cut_path import CutPath
@@ -33,7 +33,7 @@ _TURN: Final = 2.0 * np.pi
 
 
 def milling_force(
-    cutter: Cutter,
+    cutter: EndMill,
     cut: CutterEngagement,
     coefficients: CuttingCoefficients,
     angle: Array,
@@ -75,7 +75,7 @@ def milling_force(
 
 
 def force_over_time(
-    cutter: Cutter,
+    cutter: EndMill,
     cut: CutterEngagement,
     coefficients: CuttingCoefficients,
     *,
@@ -115,7 +115,7 @@ def force_over_time(
     )
 
 
-def mean_force(cutter: Cutter, cut: CutterEngagement, coefficients: CuttingCoefficients) -> Array:
+def mean_force(cutter: EndMill, cut: CutterEngagement, coefficients: CuttingCoefficients) -> Array:
     """Returns the mean force over a turn (3,) N, axes as ``milling_force``.
 
     In closed form for a flat end mill whose teeth all cut (Altintas 2012, eq. 2.17-2.19; neither
@@ -156,7 +156,7 @@ class MillingAlongPath(Columns):
         width: (k,) m, radial; zero where it does not cut.
     """
 
-    cutter: Cutter
+    cutter: EndMill
     coefficients: CuttingCoefficients
     cut: CutterEngagement
     along: Annotated[Array, Column("n", unit="m")]
@@ -207,7 +207,7 @@ class MillingAlongPath(Columns):
 
 
 def _edge(
-    cutter: Cutter, cut: CutterEngagement, slices: int | None
+    cutter: EndMill, cut: CutterEngagement, slices: int | None
 ) -> tuple[Array, Array, Array, Array]:
     """Middle height m, length m, sine and cosine of the surface's tilt, each (k,), tip first."""
     if slices is not None and slices < 1:
@@ -232,12 +232,12 @@ def _edge(
     return height, length, sine, cosine
 
 
-def _count(cutter: Cutter, depth: float, kind: str) -> int:
+def _count(cutter: EndMill, depth: float, kind: str) -> int:
     lag = abs(float(cutter.lag(np.array(depth))))
     return max(_FEWEST[kind], int(np.ceil(lag / _SLICE_LAG)))
 
 
-def _runout(cutter: Cutter, lag: float) -> Array:
+def _runout(cutter: EndMill, lag: float) -> Array:
     """Deviation of each tooth's radius (teeth,) m at one height."""
     place = _TURN * np.arange(cutter.teeth) / cutter.teeth - lag
     return np.asarray(cutter.runout * np.cos(place - cutter.runout_angle))

@@ -7,8 +7,8 @@ import numpy as np
 from robotrue.core.provenance import merge
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.campaign import Campaign
-from robotrue.drilling.evaluate import Residuals, TiltEvaluation
-from robotrue.drilling.foot_model import NormalModel
+from robotrue.drilling.evaluate import TiltEvaluation
+from robotrue.drilling.foot_model import NormalModel, Residuals
 from robotrue.report.content import (
     Conclusion,
     Fact,

@@ -94,7 +94,7 @@ def mean_force(cut: EndMillPass) -> Array:
     Material stands to the right of the feed (climb milling) where the cut is narrower than the
     tool.
     """
-    tool = cutters.Cutter(kind="flat", diameter=cut.diameter, teeth=cut.teeth)
+    tool = cutters.EndMill(kind="flat", diameter=cut.diameter, teeth=cut.teeth)
     climb = cutters.CutterEngagement(
         mode="down",
         depth=cut.depth,

@@ -16,7 +16,7 @@ from scipy.signal import lfilter
 
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM, UM
-from robotrue.dynamics.cutter import Cutter, CutterEngagement, CuttingCoefficients
+from robotrue.dynamics.cutter import CutterEngagement, CuttingCoefficients, EndMill
 from robotrue.dynamics.milling_force import milling_force
 from robotrue.simulation.milling_arm import FEED
 
@@ -86,8 +86,8 @@ def milling_table(seed: int, finer: int) -> Array:
     return _table(_cutter(np.random.default_rng([seed, 102])), 1.0, finer)
 
 
-def _cutter(rng: np.random.Generator) -> Cutter:
-    return Cutter(
+def _cutter(rng: np.random.Generator) -> EndMill:
+    return EndMill(
         kind="flat",
         diameter=16 * MM,
         teeth=TEETH,
@@ -97,7 +97,7 @@ def _cutter(rng: np.random.Generator) -> Cutter:
     )
 
 
-def _table(cutter: Cutter, part: float, finer: int) -> Array:
+def _table(cutter: EndMill, part: float, finer: int) -> Array:
     count = round(_TURNS * TURN * finer)
     angle = np.asarray(2.0 * np.pi * np.arange(count) / (TURN * finer), dtype=np.float64)
     cut = CutterEngagement(

@@ -125,7 +125,7 @@ def _refine(
 
 def _document(model: NormalModel) -> dict[str, Any]:
     """Version, refinement and what it was frozen by, as JSON values."""
-    from robotrue.drilling.evaluate import Residuals, residuals_document
+    from robotrue.drilling.evaluate import residuals_document
 
     kept, learned = model.frozen, model.refinement
     return {
@@ -141,7 +141,7 @@ def _document(model: NormalModel) -> dict[str, Any]:
             "version": kept.version,
             "tested_on_sha256": kept.tested_on,
             "clamps": kept.clamps,
-            **residuals_document(Residuals(mean=kept.mean, p95=kept.p95, largest=kept.largest)),
+            **residuals_document(kept),
         },
     }
 

@@ -19,7 +19,7 @@ from robotrue.errors import ConfigurationError
 if TYPE_CHECKING:
     from robotrue.core.arrays import Array
     from robotrue.dynamics.coefficients import IdentifiedCoefficients
-    from robotrue.dynamics.cutter import Cutter, CutterEngagement, CuttingCoefficients
+    from robotrue.dynamics.cutter import CutterEngagement, CuttingCoefficients, EndMill
     from robotrue.dynamics.force import ForceRecord
 
 EXAMPLE: Final = "docs/howto/predict-the-dynamic-error.md"
@@ -96,7 +96,7 @@ def run(request: DynamicsForceRequest, context: Context) -> PlainResult:
 
 def _predict(
     request: DynamicsForceRequest,
-    cutter: Cutter,
+    cutter: EndMill,
     cut: CutterEngagement,
     coefficients: CuttingCoefficients,
     output: Path | None,
@@ -133,7 +133,7 @@ def _extremes(record: ForceRecord, mean: Array) -> dict[str, Any]:
     return {"mean_N": mean, "min_N": least, "max_N": largest}
 
 
-def _lines(record: ForceRecord, cut: CutterEngagement, cutter: Cutter) -> dict[str, Any]:
+def _lines(record: ForceRecord, cut: CutterEngagement, cutter: EndMill) -> dict[str, Any]:
     import numpy as np
 
     from robotrue.dynamics.force import spindle_lines
@@ -153,7 +153,7 @@ def _lines(record: ForceRecord, cut: CutterEngagement, cutter: Cutter) -> dict[s
 
 def _identify(
     slots: Path,
-    cutter: Cutter,
+    cutter: EndMill,
     cut: CutterEngagement,
     stated: Mapping[str, Any],
     output: Path | None,
@@ -189,7 +189,7 @@ def _deviations(found: IdentifiedCoefficients) -> dict[str, float]:
 
 def _along(
     along: Path,
-    cutter: Cutter,
+    cutter: EndMill,
     cut: CutterEngagement,
     coefficients: CuttingCoefficients,
     output: Path | None,

@@ -118,6 +118,22 @@ def read_column_table(path: str | Path) -> ColumnTable:
     )
 
 
+def check_suffix(path: str | Path, known: Sequence[str]) -> str:
+    """Returns the suffix of a file in lower case.
+
+    Raises:
+        FormatError: It is not a known one.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix not in known:
+        raise FormatError(
+            f"suffix {Path(path).suffix!r} is not known.",
+            source=path,
+            hint=f"one of {', '.join(known)}.",
+        )
+    return suffix
+
+
 def table_bytes(names: list[str], values: Array) -> bytes:
     """Returns a CSV of named columns; NaN becomes a blank cell."""
     rows = np.char.mod("%.9g", values)

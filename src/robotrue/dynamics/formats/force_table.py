@@ -21,6 +21,7 @@ from robotrue.core.files import read_bytes, write_atomic
 from robotrue.core.provenance import Provenance, mark_line, read_provenance
 from robotrue.dynamics.force import ForceRecord, check_force
 from robotrue.dynamics.formats.column_table import (
+    check_suffix,
     even_rate,
     finite_samples,
     mat_column,
@@ -57,13 +58,7 @@ def read_force(path: str | Path) -> tuple[ForceRecord, tuple[str, ...]]:
         ImplausibleDataError: An uneven clock or a sensor that cannot be right.
         MissingExtraError: TDMS without npTDMS.
     """
-    suffix = Path(path).suffix.lower()
-    if suffix not in FORCE_SUFFIXES:
-        raise FormatError(
-            f"suffix {Path(path).suffix!r} is not known.",
-            source=path,
-            hint=f"one of {', '.join(FORCE_SUFFIXES)}.",
-        )
+    suffix = check_suffix(path, FORCE_SUFFIXES)
     return {".tdms": _read_tdms, ".mat": _read_mat}.get(suffix, _read_csv)(path)
 
 

@@ -23,6 +23,7 @@ from robotrue.core.provenance import Provenance, mark_line, read_provenance
 from robotrue.core.units import MM, UM
 from robotrue.dynamics.formats.column_table import (
     ColumnTable,
+    check_suffix,
     finite_samples,
     mat_column,
     read_column_table,
@@ -58,13 +59,7 @@ def read_frf(path: str | Path) -> FrequencyResponse:
             ``frf_checks.check_response``).
         MissingExtraError: UFF58 without pyuff.
     """
-    suffix = Path(path).suffix.lower()
-    if suffix not in FRF_SUFFIXES:
-        raise FormatError(
-            f"suffix {Path(path).suffix!r} is not known.",
-            source=path,
-            hint=f"one of {', '.join(FRF_SUFFIXES)}.",
-        )
+    suffix = check_suffix(path, FRF_SUFFIXES)
     if suffix == ".mat":
         return _read_mat(path)
     if suffix in (".csv", ".txt"):

@@ -119,36 +119,25 @@ def write_uff(path: str | Path, frf: FrequencyResponse) -> None:
 
 
 def _set(frf: FrequencyResponse, pair: str, values: ComplexArray | Array, kind: int) -> _Set:
+    """What pyuff does not fill in by itself."""
     step = np.diff(frf.frequency)
-    even = bool(np.allclose(step, step[0], rtol=1e-9))
-    numerator, label = (8, "m") if kind == _RESPONSE else (0, "NONE")
+    is_response = kind == _RESPONSE
     return {
         "type": 58,
-        "binary": 0,
         "func_type": kind,
-        "ver_num": 0,
-        "load_case_id": 0,
-        "rsp_ent_name": "NONE",
         "rsp_node": 1,
         "rsp_dir": AXES.index(pair[0]) + 1,
-        "ref_ent_name": "NONE",
         "ref_node": 1,
         "ref_dir": AXES.index(pair[1]) + 1,
-        "id1": f"{'FRF' if kind == _RESPONSE else 'coherence'} {pair}",
+        "id1": f"{'FRF' if is_response else 'coherence'} {pair}",
         "id5": mark_line(frf.provenance).strip("# \n")[:_ID] or "NONE",
-        "ord_data_type": 6 if kind == _RESPONSE else 4,
-        "num_pts": len(frf.frequency),
-        "abscissa_spacing": int(even),
-        "abscissa_min": float(frf.frequency[0]),
-        "abscissa_inc": float(step[0]) if even else 0.0,
-        "z_axis_value": 0.0,
+        "abscissa_spacing": int(np.allclose(step, step[0], rtol=1e-9)),
         "abscissa_spec_data_type": 18,
         "abscissa_axis_units_lab": "Hz",
-        "ordinate_spec_data_type": numerator,
-        "ordinate_axis_units_lab": label,
-        "orddenom_spec_data_type": 13 if kind == _RESPONSE else 0,
-        "orddenom_axis_units_lab": "N" if kind == _RESPONSE else "NONE",
-        "z_axis_spec_data_type": 0,
+        "ordinate_spec_data_type": 8 if is_response else 0,
+        "ordinate_axis_units_lab": "m" if is_response else "NONE",
+        "orddenom_spec_data_type": 13 if is_response else 0,
+        "orddenom_axis_units_lab": "N" if is_response else "NONE",
         "x": frf.frequency,
         "data": values,
     }
