@@ -34,7 +34,6 @@ from robotrue.core.units import MM
 from robotrue.errors import RobotrueError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.planning.criteria import exchange_poses, greedy
-from robotrue.planning.expectation import work_of
 from robotrue.planning.information import Postures, before_measuring
 from robotrue.planning.pose_plan import PlanSettings, PosePlan, plan_poses
 from robotrue.robot.forward import forward
@@ -159,7 +158,7 @@ def speed(base: Ground) -> None:
     """Prints the CPU time of choosing 30 of the pool, exchange included."""
     model = before_measuring(base.cell, settings=base.settings)
     rows = model.rows(Postures(joints=base.pool, load=base.cell.payload))
-    weight = work_of(model, base.work).weight
+    weight = model.work_errors(base.work).weight
     begin = time.process_time()
     exchange_poses(rows, weight, greedy(rows, weight, 30).chosen, criterion="I")
     seconds = time.process_time() - begin

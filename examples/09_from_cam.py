@@ -16,8 +16,7 @@ from robotrue.core.files import write_atomic
 from robotrue.core.mesh import read_mesh
 from robotrue.core.poses import apply, pose
 from robotrue.core.units import MM
-from robotrue.planning.lifts import Side
-from robotrue.planning.machining import MachiningSettings, job_program, plan_machining
+from robotrue.planning.machining import MachiningSettings, Side, job_program, plan_machining
 from robotrue.program.contour import contour_of, keep_inside, side_direction
 from robotrue.program.formats.krl_machining import Speeds
 from robotrue.program.formats.toolpaths import read_toolpath

@@ -15,7 +15,7 @@ from robotrue.cell.cell import Cell, tracker_covariance
 from robotrue.errors import ModelMismatchError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.planning.criteria import covariance_after
-from robotrue.planning.expectation import mean_length, work_of
+from robotrue.planning.expectation import mean_length
 from robotrue.planning.information import (
     Postures,
     UnmodelledErrors,
@@ -46,7 +46,7 @@ def test_what_is_left_is_what_the_fit_states() -> None:
     joints, work = postures(40, 1), postures(25, 2)
     model = before_measuring(cell, unmodelled=NOTHING)
     rows = model.rows(Postures(joints=joints, load=PAYLOAD))
-    columns, _, _ = model.errors(Postures(joints=work, load=PAYLOAD))
+    columns = model.work_errors(Postures(joints=work, load=PAYLOAD)).columns
     left = np.einsum("nik,kl,njl->nij", columns, covariance_after(rows), columns)
     measured = exact(joints)
     instrument = replace(measured, covariance=_instrument(measured))
@@ -74,7 +74,7 @@ def test_planning_goes_on_from_a_fit() -> None:
     start = before.rows(Postures(joints=joints, load=PAYLOAD))
     gains = []
     for model, known in ((before, start), (after, after.rows(Postures(joints=joints[:0])))):
-        work = work_of(model, Postures(joints=postures(20, 7), load=PAYLOAD))
+        work = model.work_errors(Postures(joints=postures(20, 7), load=PAYLOAD))
         rows = model.rows(Postures(joints=more, load=PAYLOAD))
         now = covariance_after(rows, covariance_after(known))
         gains.append(np.trace(now @ work.weight))
@@ -92,7 +92,7 @@ def test_a_learned_model_keeps_its_drives() -> None:
     after = after_fit(fitted, cell, settings=settings)
     before = before_measuring(cell, settings=settings)
     where = Postures(joints=postures(30, 9), load=PAYLOAD)
-    left, first = (work_of(m, where).weight.trace() for m in (after, before))
+    left, first = (m.work_errors(where).weight.trace() for m in (after, before))
     assert 0.0 < left < 1e-4 * first
 
 
@@ -100,7 +100,7 @@ def test_unknown_tracker_frame_frees_the_base() -> None:
     known = before_measuring(shop())
     free = before_measuring(shop(frame="tracker", tracker_position=None))
     where = Postures(joints=postures(5, 1))
-    assert work_of(free, where).weight.trace() > work_of(known, where).weight.trace()
+    assert free.work_errors(where).weight.trace() > known.work_errors(where).weight.trace()
 
 
 def test_a_second_load_shows_compliance() -> None:
@@ -109,7 +109,7 @@ def test_a_second_load_shows_compliance() -> None:
     joints = postures(30, 3)
     heavy = Load(mass=np.array([150.0]), com=np.array([[0.2, 0.0, 0.2]]))
     light = model.rows(Postures(joints=joints, load=PAYLOAD))
-    work = work_of(model, Postures(joints=postures(20, 4), load=heavy))
+    work = model.work_errors(Postures(joints=postures(20, 4), load=heavy))
     both = np.concatenate([light[:15], model.rows(Postures(joints=joints[15:], load=heavy))])
     one, two = (np.trace(covariance_after(r) @ work.weight) for r in (light, both))
     assert two < 0.7 * one
@@ -118,8 +118,8 @@ def test_a_second_load_shows_compliance() -> None:
 def test_what_is_not_modelled_is_expected_to_stay() -> None:
     rough = UnmodelledErrors(fast=2e-4, white=1e-4)
     where = Postures(joints=postures(5, 1))
-    smooth = work_of(before_measuring(shop()), where)
-    coarse = work_of(before_measuring(shop(), unmodelled=rough), where)
+    smooth = before_measuring(shop()).work_errors(where)
+    coarse = before_measuring(shop(), unmodelled=rough).work_errors(where)
     assert (np.trace(coarse.rest - smooth.rest, axis1=1, axis2=2) > 3e-8 * 0.9).all()
 
 

@@ -14,9 +14,8 @@ from robotrue.core.poses import apply, inverse, pose
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ConfigurationError, FormatError, ReachError
-from robotrue.planning.distances import to_obstacle
-from robotrue.planning.lifts import Side
-from robotrue.planning.machining import MachiningSettings, job_program, plan_machining
+from robotrue.planning.arm_scene import to_obstacle
+from robotrue.planning.machining import MachiningSettings, Side, job_program, plan_machining
 from robotrue.planning.transit import scene_without_reflector, transit
 from robotrue.program.formats import dialect
 from robotrue.program.formats.krl_machining import Speeds, machining_program

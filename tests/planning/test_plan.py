@@ -18,7 +18,7 @@ from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.planning import candidates
 from robotrue.planning.arm_scene import scene_of
 from robotrue.planning.criteria import greedy
-from robotrue.planning.expectation import predict_accuracy, work_of
+from robotrue.planning.expectation import predict_accuracy
 from robotrue.planning.information import Postures, before_measuring, settings_of
 from robotrue.planning.next_measurement import next_visit
 from robotrue.planning.order import short_order, travel
@@ -240,7 +240,7 @@ def test_the_next_pose_while_measuring() -> None:
     cell = shop()
     model = before_measuring(cell)
     pool = Postures(joints=postures(80, 3), load=PAYLOAD)
-    work = work_of(model, Postures(joints=postures(30, 4), load=PAYLOAD))
+    work = model.work_errors(Postures(joints=postures(30, 4), load=PAYLOAD))
     whole = greedy(model.rows(pool), work.weight, 8)
     promised = predict_accuracy(work, model.rows(pool), whole.chosen, seed=1).mean
     taken: list[int] = []

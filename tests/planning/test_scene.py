@@ -9,9 +9,15 @@ from planning_cases import postures, shop
 from robotrue.cell.obstacles import Box, HalfSpace, Sphere
 from robotrue.errors import ConfigurationError, ReachError
 from robotrue.planning import candidates
-from robotrue.planning.arm_scene import collisions, hidden, scene_of
+from robotrue.planning.arm_scene import (
+    between_segments,
+    collisions,
+    hidden,
+    scene_of,
+    to_obstacle,
+    to_point,
+)
 from robotrue.planning.candidates import draw_candidates, draw_postures, usable
-from robotrue.planning.distances import between_segments, to_obstacle, to_point
 
 UP = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 HOME = np.deg2rad([[0.0, 0.0, 0.0, 0.0, -60.0, 0.0]])

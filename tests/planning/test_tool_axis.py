@@ -12,8 +12,7 @@ from robotrue.core.poses import apply, pose
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ReachError, ShapeError
-from robotrue.planning.dense_path import dense_path
-from robotrue.planning.tool_axis import resolve_spin
+from robotrue.planning.tool_axis import dense_path, resolve_spin
 from robotrue.program.toolpath import Toolpath
 from robotrue.robot.forward import forward
 from robotrue.robot.inverse import branch_of, branches_of, inverse_branches, require_opw

@@ -13,8 +13,7 @@ from robotrue.core.files import read_bytes, sha256
 from robotrue.core.mesh import TriangleMesh
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
-from robotrue.planning.lifts import Side
-from robotrue.planning.machining import MachiningJob
+from robotrue.planning.machining import MachiningJob, Side
 from robotrue.planning.tool_axis import Posed
 from robotrue.program.contour import contour_of, keep_inside, side_direction
 from robotrue.program.formats.krl_machining import Speeds

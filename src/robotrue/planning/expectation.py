@@ -11,31 +11,10 @@ from scipy.special import gammaln
 
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.columns import Column, Columns
-from robotrue.planning.information import LinearModel, Postures
+from robotrue.planning.information import WorkErrorPrior
 
 RANDOM: Final = 20
 """Random plans beside the chosen one."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WorkErrorPrior(Columns):
-    """The error where the arm will work, before measuring.
-
-    Attributes:
-        columns: (m, 3, k) m, G: what calibration learns, in the coordinates of the linear model.
-        rest: (m, 3, 3) m^2, what it does not: fast ripple, smooth rest, repeatability, approach.
-        instrument: (m, 3, 3) m^2, what checking it adds.
-    """
-
-    columns: Annotated[Array, Column("_ 3 _")]
-    rest: Annotated[Array, Column("_ 3 _")]
-    instrument: Annotated[Array, Column("_ 3 _")]
-
-    @property
-    def weight(self) -> Array:
-        """(k, k) m^2, mean of G' G."""
-        flat = self.columns.reshape(-1, self.columns.shape[2])
-        return np.asarray(flat.T @ flat / len(self.columns))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,20 +36,6 @@ class ExpectedAccuracy(Columns):
     random_low: Annotated[Array, Column("_", unit="m")]
     random_high: Annotated[Array, Column("_", unit="m")]
     floor_mean: float
-
-
-def work_of(
-    model: LinearModel, postures: Postures, T_flange_tool: Array | None = None
-) -> WorkErrorPrior:
-    """Returns the error at the postures where the arm will work.
-
-    Args:
-        model: What is believed of the arm.
-        postures: Where it will work.
-        T_flange_tool: (4, 4) the point asked about; None is the reflector.
-    """
-    columns, rest, instrument = model.errors(postures, T_flange_tool)
-    return WorkErrorPrior(columns=columns, rest=rest, instrument=instrument)
 
 
 def mean_length(covariance: Array) -> Array:

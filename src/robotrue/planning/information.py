@@ -99,6 +99,27 @@ class Postures(Columns):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class WorkErrorPrior(Columns):
+    """The error where the arm will work, before measuring.
+
+    Attributes:
+        columns: (m, 3, k) m, G: what calibration learns, in the coordinates of the linear model.
+        rest: (m, 3, 3) m^2, what it does not: fast ripple, smooth rest, repeatability, approach.
+        instrument: (m, 3, 3) m^2, what checking it adds.
+    """
+
+    columns: Annotated[Array, Column("_ 3 _")]
+    rest: Annotated[Array, Column("_ 3 _")]
+    instrument: Annotated[Array, Column("_ 3 _")]
+
+    @property
+    def weight(self) -> Array:
+        """(k, k) m^2, mean of G' G."""
+        flat = self.columns.reshape(-1, self.columns.shape[2])
+        return np.asarray(flat.T @ flat / len(self.columns))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LinearModel(Columns):
     """The linear model of a calibration that has not been made, or not been finished.
 
@@ -134,14 +155,8 @@ class LinearModel(Columns):
             out[part] = whiten @ (jacobian @ self.root)
         return out
 
-    def errors(
-        self, postures: Postures, T_flange_tool: Array | None = None
-    ) -> tuple[Array, Array, Array]:
-        """Returns what the error at some postures is made of, base frame: G, rest, instrument.
-
-        G (n, 3, k) m is the part that calibration learns; its covariance now is G G'. The rest
-        (n, 3, 3) m^2, at one visit, is what no pose teaches. The instrument's covariance (n, 3, 3)
-        m^2 is what checking adds.
+    def work_errors(self, postures: Postures, T_flange_tool: Array | None = None) -> WorkErrorPrior:
+        """Returns what the error at the postures where the arm will work is made of, base frame.
 
         Args:
             postures: Where the arm will work.
@@ -163,7 +178,7 @@ class LinearModel(Columns):
             back = drive * unknown[:, None, :]
             rest[part] = self._rest(drive) + repeat + back @ np.swapaxes(back, 1, 2)
             seen[part] = instrument - repeat
-        return columns, rest, seen
+        return WorkErrorPrior(columns=columns, rest=rest, instrument=seen)
 
     def _blocks(
         self, postures: Postures, robot: RobotModel

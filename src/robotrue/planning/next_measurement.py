@@ -9,8 +9,8 @@ import numpy as np
 from robotrue.core.arrays import BoolArray
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.planning.criteria import Criterion, covariance_after, next_pose
-from robotrue.planning.expectation import WorkErrorPrior, mean_error
-from robotrue.planning.information import LinearModel, Postures
+from robotrue.planning.expectation import mean_error
+from robotrue.planning.information import LinearModel, Postures, WorkErrorPrior
 from robotrue.planning.probing import ProbingTask, linear_task
 
 

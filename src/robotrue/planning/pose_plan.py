@@ -23,14 +23,13 @@ from robotrue.planning.criteria import CRITERIA, Choice, Criterion, exchange_pos
 from robotrue.planning.expectation import (
     RANDOM,
     ExpectedAccuracy,
-    WorkErrorPrior,
     predict_accuracy,
-    work_of,
 )
 from robotrue.planning.information import (
     LinearModel,
     Postures,
     UnmodelledErrors,
+    WorkErrorPrior,
     after_fit,
     before_measuring,
 )
@@ -176,41 +175,30 @@ def plan_poses(
         ModelMismatchError: A model of another arm.
     """
     settings = PlanSettings() if settings is None else settings
-    if n < LEAST and model is None:
-        raise ConfigurationError(
-            f"{n} poses, expected at least {LEAST}: even base and tool need as many.",
-            hint="10 poses give a first model, 30 a good one.",
-        )
+    _require_poses(n, model)
     meter = _Meter(progress, n)
     meter.at("drawing postures", 0)
     scene = scene_of(cell, clearance=settings.clearance)
     joints, index, drawn, rejected = _choices(scene, n, settings, candidates)
-    known = (
-        before_measuring(cell, settings=settings.fit, unmodelled=settings.unmodelled)
-        if model is None
-        else after_fit(model, cell, settings=settings.fit, unmodelled=settings.unmodelled)
-    )
+    known = _linearise(cell, settings, model)
     loads = settings.loads or (known.settings.payload,)
-    if n > len(joints) * len(loads):
-        raise ReachError(
-            f"{n} poses are asked for, {len(joints)} postures can be measured.",
-            hint="more candidates, a larger region, or fewer poses.",
-        )
+    _require_candidates(n, len(joints), len(loads))
     rows = np.concatenate([known.rows(_visits(joints, load, settings)) for load in loads])
-    wanted = work_of(known, _where(known, joints, settings, work, loads[0]), T_flange_tool)
+    place = _where(known, joints, settings, work, loads[0])
+    wanted = known.work_errors(place, T_flange_tool)
     choice, stopped = _choose_poses(rows, wanted, n, settings, meter)
     posture, load = choice.chosen % len(joints), choice.chosen // len(joints)
     order = _visiting_order(joints[posture], load, len(loads))
-    taken = joints[posture]
-    pre, approach = _plan_entries(taken[order], settings)
+    ordered = joints[posture[order]]
+    pre, approach = _plan_entries(ordered, settings)
     return PosePlan(
-        joints=taken[order],
+        joints=ordered,
         pre=pre,
         approach=approach,
         row=index[posture[order]],
         load=load[order],
         loads=loads,
-        position=scene.tubes(taken[order])[1],
+        position=scene.tubes(ordered)[1],
         rank=order,
         expected=predict_accuracy(
             wanted, rows, choice.chosen, seed=settings.seed, told=meter.phase("comparing plans", 4)
@@ -219,12 +207,34 @@ def plan_poses(
         candidates=len(joints),
         drawn=drawn,
         rejected=rejected,
-        travel=travel(taken[order]),
-        travel_as_chosen=travel(taken),
+        travel=travel(ordered),
+        travel_as_chosen=travel(joints[posture]),
         stopped=stopped,
         seed=settings.seed,
         notes=_notes(cell, settings),
     )
+
+
+def _require_poses(n: int, model: ErrorModel | None) -> None:
+    if n < LEAST and model is None:
+        raise ConfigurationError(
+            f"{n} poses, expected at least {LEAST}: even base and tool need as many.",
+            hint="10 poses give a first model, 30 a good one.",
+        )
+
+
+def _require_candidates(n: int, postures: int, loads: int) -> None:
+    if n > postures * loads:
+        raise ReachError(
+            f"{n} poses are asked for, {postures} postures can be measured.",
+            hint="more candidates, a larger region, or fewer poses.",
+        )
+
+
+def _linearise(cell: Cell, settings: PlanSettings, model: ErrorModel | None) -> LinearModel:
+    if model is None:
+        return before_measuring(cell, settings=settings.fit, unmodelled=settings.unmodelled)
+    return after_fit(model, cell, settings=settings.fit, unmodelled=settings.unmodelled)
 
 
 def _choices(

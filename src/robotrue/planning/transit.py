@@ -26,8 +26,7 @@ from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.poses import apply, inverse
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ReachError
-from robotrue.planning.arm_scene import Scene, collisions, scene_of
-from robotrue.planning.distances import to_obstacle
+from robotrue.planning.arm_scene import Scene, collisions, scene_of, to_obstacle
 
 FINE: Final = 2.0 * DEG
 CLEARANCE: Final = 10.0 * MM

@@ -12,8 +12,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 from robotrue.calibration.deng2022.transfer_gpr import fit_boosted_poses
 from robotrue.calibration.drift_prior import DriftScales
@@ -202,19 +203,18 @@ def _transfers(
         return {}
     ready = [TransferSource(model=m, relation=s.relation, name=s.name) for s, m in known]
     measured = [s for s, _ in known if s.measurements is not None]
+    sets = [s.measurements for s in measured if s.measurements is not None]
 
     def transfer(rows: MeasurementSet | None) -> ErrorModel:
         return fit_transfer(robot, rows, ready, settings, scales=drift)
 
     def pool(rows: MeasurementSet | None) -> ErrorModel:
-        sets = [s.measurements for s in measured if s.measurements is not None]
         together = _together(sets, rows, [s.relation == "region" for s in measured])
         return _richest(robot, together, settings, method)
 
     def learn(rows: MeasurementSet | None) -> ErrorModel:
         if rows is None:
             raise ObservabilityError("no target pose to learn from.")
-        sets = [s.measurements for s in measured if s.measurements is not None]
         return fit_boosted_poses(robot, rows, sets, settings)
 
     out: dict[str, Candidate] = {"transfer": transfer}
@@ -224,19 +224,18 @@ def _transfers(
             out["learned"] = learn
     for source, model in known:
         name = "source-only" if len(known) == 1 else f"source-only {source.name}"
-        out[name] = _as_it_is(source, model)
+        out[name] = partial(_keep_as_it_is, source, model)
     return out
 
 
-def _as_it_is(source: TransferSource, model: ErrorModel) -> Candidate:
-    def as_it_is(rows: MeasurementSet | None) -> ErrorModel:
-        if rows is not None and _elsewhere(source, rows):
-            raise ObservabilityError(
-                f"source {source.name} does not know where the tracker of the target stands."
-            )
-        return model
-
-    return as_it_is
+def _keep_as_it_is(
+    source: TransferSource, model: ErrorModel, rows: MeasurementSet | None
+) -> ErrorModel:
+    if rows is not None and _elsewhere(source, rows):
+        raise ObservabilityError(
+            f"source {source.name} does not know where the tracker of the target stands."
+        )
+    return model
 
 
 def _together(
@@ -259,16 +258,15 @@ def _together(
 
 
 def _alone(robot: RobotModel, settings: FitSettings, richest: str) -> dict[str, Candidate]:
-    def by(method: str) -> Callable[[MeasurementSet | None], ErrorModel]:
-        def alone(rows: MeasurementSet | None) -> ErrorModel:
-            if rows is None or not len(rows):
-                raise ObservabilityError("no target row to fit.")
-            leaning = replace(settings, lean_on_prior=True)
-            return fit(robot, rows, method=method, settings=leaning)
-
-        return alone
-
-    out: dict[str, Candidate] = {"target-only": by("elastic")}
+    out: dict[str, Candidate] = {"target-only": partial(_fit_alone, robot, settings, "elastic")}
     if richest != "elastic":
-        out[f"target-only {richest}"] = by(richest)
+        out[f"target-only {richest}"] = partial(_fit_alone, robot, settings, richest)
     return out
+
+
+def _fit_alone(
+    robot: RobotModel, settings: FitSettings, method: str, rows: MeasurementSet | None
+) -> ErrorModel:
+    if rows is None or not len(rows):
+        raise ObservabilityError("no target row to fit.")
+    return fit(robot, rows, method=method, settings=replace(settings, lean_on_prior=True))
