@@ -25,8 +25,7 @@ import cases
 
 from robotrue.calibration.mean_tables import rigid_tables
 from robotrue.compensation import CompensationSettings, Status, compensate
-from robotrue.compensation.split_deviation import job_deviation
-from robotrue.compensation.split_probe import measure_moves
+from robotrue.compensation.split_deviation import job_deviation, measure_moves
 from robotrue.compensation.split_shapes import JobMoves, job_moves
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM, UM

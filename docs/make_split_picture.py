@@ -22,8 +22,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 from split_moves import FORCE, TOLERANCE, Move, arm, fewest, job_of, targets
 
 from robotrue.compensation.arcs import circles, from_circles
-from robotrue.compensation.split_deviation import job_deviation
-from robotrue.compensation.split_probe import sample_moves
+from robotrue.compensation.split_deviation import job_deviation, sample_moves
 from robotrue.core.units import UM
 
 OUT: Final = Path(__file__).resolve().parent / "_static" / "split_moves.png"

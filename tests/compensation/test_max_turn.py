@@ -15,7 +15,7 @@ from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.mean_tables import rigid_tables
 from robotrue.compensation import CompensationSettings, Status, compensate
 from robotrue.compensation.compensate_file import compensate_file
-from robotrue.compensation.split_probe import measure_moves
+from robotrue.compensation.split_deviation import measure_moves
 from robotrue.compensation.split_shapes import job_moves
 from robotrue.core.units import DEG
 from robotrue.program.formats import read_job

@@ -13,8 +13,7 @@ import pytest
 from robotrue.compensation import CompensationSettings, Status, compensate
 from robotrue.compensation.split import plan_split
 from robotrue.compensation.split_apply import compensate_split, split_job
-from robotrue.compensation.split_deviation import job_deviation
-from robotrue.compensation.split_probe import measure_moves
+from robotrue.compensation.split_deviation import job_deviation, measure_moves
 from robotrue.compensation.split_shapes import job_moves
 from robotrue.core.arm_words import NO_WORD
 from robotrue.core.poses import inverse

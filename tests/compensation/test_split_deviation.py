@@ -14,8 +14,7 @@ from robotrue.compensation.arcs import (
     from_segments,
     on_circles,
 )
-from robotrue.compensation.split_deviation import job_deviation
-from robotrue.compensation.split_probe import measure_moves
+from robotrue.compensation.split_deviation import job_deviation, measure_moves
 from robotrue.compensation.split_shapes import JobMoves, along, job_moves, loads
 from robotrue.core.poses import pose
 from robotrue.core.rotations import matrix_from_rotation_vector

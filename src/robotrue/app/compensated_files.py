@@ -20,13 +20,17 @@ from robotrue.cell.cutter_axis import cutter_axis
 from robotrue.cell.part import PartFrame
 from robotrue.compensation.between_targets import Between, look_between, require_no_spin
 from robotrue.compensation.compensate_file import CompensatedFile, compensate_file
-from robotrue.compensation.process_force import DescribedForce
+from robotrue.compensation.process_force import (
+    DescribedForce,
+    StatedForce,
+    note_rigid_model,
+    state_forces,
+)
 from robotrue.compensation.redundancy import compensate_with_spins, require_free_spin
 from robotrue.compensation.redundancy_result import spin_sentences
 from robotrue.compensation.result import Compensation, zero_correction
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.compensation.stance import sentence
-from robotrue.compensation.stated_force import StatedForce, note_rigid_model, state_forces
 from robotrue.compensation.steps import (
     NO_STEPS,
     Steps,

@@ -14,8 +14,12 @@ from robotrue.compensation.result import Compensation
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.compensation.split import SplitPlan, plan_split
 from robotrue.compensation.split_apply import Reread, compensate_split, split_job
-from robotrue.compensation.split_deviation import RESOLUTION, job_deviation
-from robotrue.compensation.split_probe import MoveDeviations, measure_moves
+from robotrue.compensation.split_deviation import (
+    RESOLUTION,
+    MoveDeviations,
+    job_deviation,
+    measure_moves,
+)
 from robotrue.compensation.split_shapes import JobMoves, job_moves
 from robotrue.compensation.status import Status
 from robotrue.core.arrays import Array, IntArray

@@ -15,13 +15,14 @@ from typing import Any
 
 from robotrue.calibration.archive import open_model
 from robotrue.calibration.model import ErrorModel
-from robotrue.compensation.chunk_task import (
+from robotrue.compensation.chunk_workers import (
     ChunkJob,
     ChunkTask,
+    ChunkWorkers,
     CompensatedChunk,
+    Pending,
     compensate_chunk,
 )
-from robotrue.compensation.chunk_workers import ChunkWorkers, Pending
 from robotrue.core.archive import archive_from
 from robotrue.errors import ConfigurationError, MissingExtraError
 

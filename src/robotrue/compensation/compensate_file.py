@@ -22,12 +22,18 @@ import numpy as np
 
 from robotrue.calibration.model import ErrorModel
 from robotrue.compensation.arm_state import ArmState
-from robotrue.compensation.chunk_task import ChunkJob, ChunkTask, CompensatedChunk, drive_through
-from robotrue.compensation.chunk_workers import ChunkProcesses, ChunkWorkers, ThisProcess
+from robotrue.compensation.chunk_workers import (
+    ChunkJob,
+    ChunkProcesses,
+    ChunkTask,
+    ChunkWorkers,
+    CompensatedChunk,
+    ThisProcess,
+    drive_through,
+)
 from robotrue.compensation.compensate import load_about_part_origin
 from robotrue.compensation.result import Compensation, Tally, sum_tallies
-from robotrue.compensation.settings import CompensationSettings
-from robotrue.compensation.setup import compensation_setup
+from robotrue.compensation.settings import CompensationSettings, compensation_setup
 from robotrue.core.archive import archive_bytes
 from robotrue.core.progress import Progress, unheard
 from robotrue.errors import ConfigurationError, FormatError

@@ -18,9 +18,8 @@ import numpy as np
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell, frame_table
 from robotrue.compensation.compensate import compensate
-from robotrue.compensation.process_force import DescribedForce
+from robotrue.compensation.process_force import DescribedForce, state_forces
 from robotrue.compensation.settings import CompensationSettings
-from robotrue.compensation.stated_force import state_forces
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.columns import Column, Columns
 from robotrue.core.poses import pose

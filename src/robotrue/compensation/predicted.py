@@ -15,7 +15,7 @@ import numpy as np
 from robotrue.calibration.model import Query
 from robotrue.compensation.calibrated_arm import Chunk, InversionLimits, Outcome
 from robotrue.compensation.inversion_kernels import write_predicted
-from robotrue.compensation.setup import CompensationSetup
+from robotrue.compensation.settings import CompensationSetup
 from robotrue.compensation.status import Status
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.rotations import matrix_from_rotation_vector, rotation_vector_from_matrix

@@ -28,8 +28,7 @@ from robotrue.compensation.predicted import (
     predicted_error,
     write_covariances,
 )
-from robotrue.compensation.settings import CompensationSettings
-from robotrue.compensation.setup import CompensationSetup
+from robotrue.compensation.settings import CompensationSettings, CompensationSetup
 from robotrue.compensation.status import Route, Status
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.poses import pose

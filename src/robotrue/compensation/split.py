@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.compensation.result import zero_correction
-from robotrue.compensation.split_probe import MoveDeviations, measure_moves, sample_moves
+from robotrue.compensation.split_deviation import MoveDeviations, measure_moves, sample_moves
 from robotrue.compensation.split_shapes import JobMoves, along
 from robotrue.core.arm_words import NO_WORD, WORDS
 from robotrue.core.arrays import Array, BoolArray, IntArray

@@ -13,6 +13,12 @@ Array: TypeAlias = npt.NDArray[np.float64]
 """float64 array; shape, frame and unit are in the docstring of whoever names it."""
 IntArray: TypeAlias = npt.NDArray[np.int64]
 BoolArray: TypeAlias = npt.NDArray[np.bool_]
+Bytes: TypeAlias = npt.NDArray[np.uint8]
+"""Bytes of a text."""
+Ints: TypeAlias = npt.NDArray[np.int32]
+"""Places in a text below 2 GiB."""
+Integers: TypeAlias = npt.NDArray[np.integer[Any]]
+"""Integers of any width."""
 
 
 def frozen(

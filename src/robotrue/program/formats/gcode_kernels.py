@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 import numba
 import numpy as np
 
+from robotrue.core.arrays import Array, Bytes, Integers
 from robotrue.core.compiled import cached
 
 EMPTY: Final = 0
@@ -23,7 +24,7 @@ INDICES: Final = 14
 
 @cached
 @numba.njit
-def count_letters(buf: Any) -> Any:
+def count_letters(buf: Bytes) -> int:
     """Returns the letters of a file: no file has more words."""
     count = 0
     for c in buf:
@@ -34,22 +35,22 @@ def count_letters(buf: Any) -> Any:
 @cached
 @numba.njit
 def read_blocks(
-    buf: Any,
-    first: Any,
-    last: Any,
-    column: Any,
-    group: Any,
-    setting: Any,
-    signs: Any,
-    status: Any,
-    code_end: Any,
-    state: Any,
-    block: Any,
-    where: Any,
-    start: Any,
-    length: Any,
-    value: Any,
-) -> Any:
+    buf: Bytes,
+    first: Integers,
+    last: Integers,
+    column: Integers,
+    group: Integers,
+    setting: Integers,
+    signs: Integers,
+    status: Integers,
+    code_end: Integers,
+    state: Integers,
+    block: Integers,
+    where: Integers,
+    start: Integers,
+    length: Integers,
+    value: Array,
+) -> int:
     """Reads all blocks; returns the number of words found.
 
     Args:
@@ -171,7 +172,7 @@ def read_blocks(
 
 @cached
 @numba.njit
-def _goes_on(buf: Any, i: Any, end: Any, equal: Any) -> Any:
+def _goes_on(buf: Bytes, i: int, end: int, equal: bool) -> bool:
     """Returns whether what follows a number makes it part of something larger."""
     while i < end and (buf[i] == 32 or buf[i] == 9):
         i += 1

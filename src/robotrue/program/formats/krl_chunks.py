@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.core.arrays import BoolArray, IntArray
+from robotrue.core.arrays import BoolArray, Bytes, IntArray, Ints
 from robotrue.core.compiled import PLAIN, compiled
 from robotrue.program.formats.file_survey import Survey, WindowLines
 from robotrue.program.formats.krl_build import Builder
@@ -27,8 +27,6 @@ from robotrue.program.formats.krl_scan import (
     INLINE_SPLINE,
     NOT_CONSTANT,
     STATEMENT,
-    Bytes,
-    Ints,
     Scan,
     scan,
 )

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.arrays import Array, BoolArray, IntArray, Integers
 from robotrue.core.compiled import PLAIN, compiled
 from robotrue.core.units import DEG, MM
 from robotrue.program.euler import matrices_from_abc
@@ -53,15 +51,15 @@ def si_columns(values: Array, axis: BoolArray) -> tuple[Array, Array, Array]:
 
 @compiled(PLAIN)
 def _gather(
-    token: Any,
-    end: Any,
-    component: Any,
-    value: Any,
-    values: Any,
-    external: Any,
-    words: Any,
-    pose: Any,
-    axis: Any,
+    token: Integers,
+    end: Integers,
+    component: Integers,
+    value: Array,
+    values: Array,
+    external: Array,
+    words: Integers,
+    pose: BoolArray,
+    axis: BoolArray,
 ) -> None:
     """Fills the dense columns of every row from its tokens."""
     for row in range(token.size):

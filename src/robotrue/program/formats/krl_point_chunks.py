@@ -17,7 +17,7 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.core.arrays import BoolArray, IntArray
+from robotrue.core.arrays import BoolArray, Bytes, IntArray, Ints
 from robotrue.core.compiled import PLAIN, compiled
 from robotrue.program.formats.file_survey import WindowLines, reason_column
 from robotrue.program.formats.krl_scan import (
@@ -27,8 +27,6 @@ from robotrue.program.formats.krl_scan import (
     INLINE_LIN,
     NOT_CONSTANT,
     STATEMENT,
-    Bytes,
-    Ints,
     Scan,
 )
 from robotrue.program.formats.krl_survey import KrlSurvey, line_edges

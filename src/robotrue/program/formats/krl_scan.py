@@ -9,12 +9,12 @@ read in ``krl_walk``.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
-from robotrue.core.arrays import Array
+from robotrue.core.arrays import Array, Bytes, Integers, Ints
 from robotrue.core.compiled import PLAIN, compiled
 from robotrue.errors import FormatError
 from robotrue.program.formats.krl_tokens import aggregate, blank, find, plain_number, word
@@ -65,9 +65,6 @@ _ERRORS: Final = {
 }
 _PIECE: Final = 1 << 18
 """Bytes counted at a time: what is compared then stays in the nearer caches."""
-
-Ints = npt.NDArray[np.int32]
-Bytes = npt.NDArray[np.uint8]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -202,7 +199,7 @@ def _room(data: bytes) -> tuple[int, int, int]:
 
 
 @compiled(PLAIN)
-def _line_ends(buf: Any, i: Any) -> Any:
+def _line_ends(buf: Bytes, i: int) -> tuple[int, int]:
     """Returns (end of code, end of line) of the line that starts at ``i``."""
     n = buf.size
     code, string, j = -1, False, i
@@ -217,16 +214,16 @@ def _line_ends(buf: Any, i: Any) -> Any:
 
 @compiled(PLAIN, inline=True)
 def _repeats(
-    buf: Any,
-    i: Any,
-    before: Any,
-    token: Any,
-    n_tok: Any,
-    tok_component: Any,
-    tok_start: Any,
-    tok_length: Any,
-    tok_value: Any,
-) -> Any:
+    buf: Bytes,
+    i: int,
+    before: int,
+    token: int,
+    n_tok: int,
+    tok_component: Integers,
+    tok_start: Integers,
+    tok_length: Integers,
+    tok_value: Array,
+) -> int:
     """Reads the line at ``i`` if it differs in its numbers alone from the line at ``before``.
 
     That one ends where this begins; its tokens are those from ``token`` to ``n_tok``. Blanks before
@@ -268,26 +265,26 @@ def _repeats(
 
 @compiled(PLAIN)
 def _scan(
-    buf: Any,
-    i: Any,
-    repeats: Any,
-    motion_keys: Any,
-    motion_kinds: Any,
-    type_keys: Any,
-    component_keys: Any,
-    line_start: Any,
-    line_end: Any,
-    line_kind: Any,
-    agg_line: Any,
-    agg_open: Any,
-    agg_close: Any,
-    agg_flag: Any,
-    agg_token: Any,
-    tok_component: Any,
-    tok_start: Any,
-    tok_length: Any,
-    tok_value: Any,
-) -> Any:
+    buf: Bytes,
+    i: int,
+    repeats: bool,
+    motion_keys: Integers,
+    motion_kinds: Integers,
+    type_keys: Integers,
+    component_keys: Integers,
+    line_start: Integers,
+    line_end: Integers,
+    line_kind: Integers,
+    agg_line: Integers,
+    agg_open: Integers,
+    agg_close: Integers,
+    agg_flag: Integers,
+    agg_token: Integers,
+    tok_component: Integers,
+    tok_start: Integers,
+    tok_length: Integers,
+    tok_value: Array,
+) -> tuple[int, int, int, int, int]:
     """Fills the columns; returns (lines, aggregates, tokens, error, place of the error)."""
     n = buf.size
     n_line, n_agg, n_tok = 0, 0, 0

@@ -6,11 +6,11 @@ from abc import abstractmethod
 
 import numpy as np
 
-from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.arrays import Array, BoolArray, Bytes, IntArray, Ints
 from robotrue.core.compiled import PLAIN, compiled
 from robotrue.errors import FormatError
 from robotrue.program.formats.file_survey import Survey, WindowLines
-from robotrue.program.formats.krl_scan import EXTERNAL, STATUS, Bytes, Ints, Scan, scan
+from robotrue.program.formats.krl_scan import EXTERNAL, STATUS, Scan, scan
 from robotrue.program.program_chunk import Whole
 
 

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
+from robotrue.core.arrays import Array, Bytes, Integers
 from robotrue.core.compiled import PLAIN, compiled
 
 _POW10: Final = np.array([10.0**k for k in range(23)])
 
 
 @compiled(PLAIN)
-def blank(buf: Any, i: Any, end: Any) -> Any:
+def blank(buf: Bytes, i: int, end: int) -> int:
     """Returns the first place from ``i`` that is not a blank or tab."""
     while i < end and (buf[i] == 32 or buf[i] == 9):
         i += 1
@@ -20,7 +21,7 @@ def blank(buf: Any, i: Any, end: Any) -> Any:
 
 
 @compiled(PLAIN)
-def word(buf: Any, i: Any, end: Any) -> Any:
+def word(buf: Bytes, i: int, end: int) -> tuple[int, int]:
     """Returns (key, end) of the word at ``i``; key 0 if none, -1 if longer than ten letters."""
     key, j = 0, i
     while j < end:
@@ -37,7 +38,7 @@ def word(buf: Any, i: Any, end: Any) -> Any:
 
 
 @compiled(PLAIN)
-def find(keys: Any, key: Any) -> Any:
+def find(keys: Integers, key: int) -> int:
     """Returns the place of a key, -1 if it is not there."""
     for k in range(keys.size):
         if keys[k] == key:
@@ -46,7 +47,7 @@ def find(keys: Any, key: Any) -> Any:
 
 
 @compiled(PLAIN)
-def read_number(buf: Any, i: Any, end: Any) -> Any:
+def read_number(buf: Bytes, i: int, end: int) -> tuple[float, int]:
     """Returns (value, end) of ``[+-]?digits[.digits][ E[+-]digits]`` at ``i``; end = i if none."""
     j, negative = i, False
     if j < end and (buf[j] == 43 or buf[j] == 45):
@@ -96,7 +97,7 @@ def read_number(buf: Any, i: Any, end: Any) -> Any:
 
 
 @compiled(PLAIN)
-def _based(buf: Any, i: Any, end: Any) -> Any:
+def _based(buf: Bytes, i: int, end: int) -> tuple[float, int]:
     """Returns (value, end) of ``'B0110'``, ``'B 110'`` or ``'H1F'`` at ``i``; else end = i."""
     if i + 3 >= end:
         return 0.0, i
@@ -122,7 +123,7 @@ def _based(buf: Any, i: Any, end: Any) -> Any:
 
 
 @compiled(PLAIN)
-def _skip_value(buf: Any, i: Any, end: Any) -> Any:
+def _skip_value(buf: Bytes, i: int, end: int) -> int:
     """Returns the ``,`` or ``}`` that ends an expression at ``i``, or ``end``."""
     depth = 0
     while i < end:
@@ -139,17 +140,17 @@ def _skip_value(buf: Any, i: Any, end: Any) -> Any:
 
 @compiled(PLAIN)
 def aggregate(
-    buf: Any,
-    i: Any,
-    end: Any,
-    type_keys: Any,
-    component_keys: Any,
-    n_tok: Any,
-    tok_component: Any,
-    tok_start: Any,
-    tok_length: Any,
-    tok_value: Any,
-) -> Any:
+    buf: Bytes,
+    i: int,
+    end: int,
+    type_keys: Integers,
+    component_keys: Integers,
+    n_tok: int,
+    tok_component: Integers,
+    tok_start: Integers,
+    tok_length: Integers,
+    tok_value: Array,
+) -> tuple[int, int, int, int, int]:
     """Reads the braces opening at ``i``.
 
     Returns (closing brace or -1 if it is no aggregate of components, tokens, flag, error, place).
@@ -204,7 +205,7 @@ def aggregate(
 
 
 @compiled(PLAIN, inline=True)
-def plain_number(buf: Any, i: Any) -> Any:
+def plain_number(buf: Bytes, i: int) -> tuple[float, int]:
     """Returns (value, end) of ``-?digits[.digits]`` of at most 18 digits; end = i for all else.
 
     What it reads it reads as :func:`read_number` does; a line end must follow somewhere.

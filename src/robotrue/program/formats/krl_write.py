@@ -17,12 +17,11 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.arrays import Array, BoolArray, Bytes, IntArray, Ints
 from robotrue.core.compiled import PLAIN, compiled
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ShapeError
 from robotrue.program.euler import renew_abc
-from robotrue.program.formats.krl_scan import Bytes, Ints
 from robotrue.program.formats.number_kernels import (
     SLACK,
     copy_bytes,
