@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -64,8 +64,8 @@ def portable_text(cell: Cell) -> tuple[str, dict[str, bytes]]:
     return text, files
 
 
-def _cell_tables(cell: Cell) -> dict[str, Any]:
-    tables: dict[str, Any] = {
+def _cell_tables(cell: Cell) -> dict[str, object]:
+    tables: dict[str, object] = {
         "schema": 1,
         "robot": robot_table(cell.robot, cell.compliance_prior, cell.link_radius),
         "tool": _pose_table(cell.robot.T_flange_tool),
@@ -91,14 +91,14 @@ def _cell_tables(cell: Cell) -> dict[str, Any]:
     return tables
 
 
-def _pose_table(T: Array) -> dict[str, Any]:
+def _pose_table(T: Array) -> dict[str, object]:
     return {
         "xyz_mm": round_digits(T[:3, 3] / MM),
         "abc_deg": round_digits(abc_from_matrix(T[:3, :3]) / DEG),
     }
 
 
-def _target_table(cell: Cell) -> dict[str, Any]:
+def _target_table(cell: Cell) -> dict[str, object]:
     table = {
         "xyz_mm": round_digits(cell.T_flange_target[:3, 3] / MM),
         "sigma_mm": round_digits(cell.target_sigma / MM),
@@ -110,9 +110,9 @@ def _target_table(cell: Cell) -> dict[str, Any]:
     return table
 
 
-def _tracker_table(cell: Cell) -> dict[str, Any]:
+def _tracker_table(cell: Cell) -> dict[str, object]:
     position, place = cell.tracker_position, cell.tracker_place
-    table: dict[str, Any] = {"frame": "base" if cell.frame == "base" else "unknown"}
+    table: dict[str, object] = {"frame": "base" if cell.frame == "base" else "unknown"}
     if position is not None and (cell.frame == "base" or np.any(position != 0.0)):
         table["xyz_mm"] = round_digits(position / MM)
     implied = cell.frame == "base" and position is not None
@@ -121,7 +121,7 @@ def _tracker_table(cell: Cell) -> dict[str, Any]:
     return table | _sigma_keys(cell.tracker)
 
 
-def _sigma_keys(tracker: TrackerSpecification) -> dict[str, Any]:
+def _sigma_keys(tracker: TrackerSpecification) -> dict[str, object]:
     if tracker == DEFAULT_SPECIFICATION:
         return {}
     along = (tracker.range_bound, tracker.range_bound_per_m)
@@ -136,7 +136,7 @@ def _sigma_keys(tracker: TrackerSpecification) -> dict[str, Any]:
     return keys | ({} if tracker.name == one_sigma(1.0).name else {"name": tracker.name})
 
 
-def _obstacle_table(body: Obstacle) -> dict[str, Any]:
+def _obstacle_table(body: Obstacle) -> dict[str, object]:
     if isinstance(body, Box):
         shape = {"box_mm": round_digits(np.array([body.low, body.high]) / MM)}
     elif isinstance(body, Sphere):

@@ -73,7 +73,7 @@ def parse_cell(data: bytes, path: str | Path, *, files: Mapping[str, bytes] | No
     try:
         file = CellFile.model_validate(tables)
     except ValidationError as cause:
-        raise configuration_error(cause, tables, path=path, text=text) from None
+        raise configuration_error(cause, path=path, text=text) from None
     try:
         return _build_cell(file, _Source(path=Path(path), text=text, data=data, files=files))
     except (ConfigurationError, ShapeError) as cause:

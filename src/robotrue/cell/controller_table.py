@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import PurePosixPath
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -177,9 +177,9 @@ def _read_axis(table: ExternalTable, number: int) -> ExternalAxis:
     )
 
 
-def controller_table(stated: FrameTable) -> dict[str, Any]:
+def controller_table(stated: FrameTable) -> dict[str, object]:
     """Returns the table that says the same, every frame by one number or name, without files."""
-    table: dict[str, Any] = {}
+    table: dict[str, object] = {}
     if stated.pulses_per_degree is not None:
         table["pulses_per_degree"] = round_digits(stated.pulses_per_degree)
     if stated.external_axes_at_rest:
@@ -199,8 +199,8 @@ def controller_table(stated: FrameTable) -> dict[str, Any]:
     return table
 
 
-def _orientation_keys(rule: OrientationRule) -> dict[str, Any]:
-    keys: dict[str, Any] = {"angles": rule.angles} if rule.angles else {}
+def _orientation_keys(rule: OrientationRule) -> dict[str, object]:
+    keys: dict[str, object] = {"angles": rule.angles} if rule.angles else {}
     axis = int(np.argmax(np.abs(rule.cutter)))
     name = ("-" if rule.cutter[axis] < 0.0 else "") + "xyz"[axis]
     if name != "z":
@@ -210,7 +210,7 @@ def _orientation_keys(rule: OrientationRule) -> dict[str, Any]:
     return keys
 
 
-def _frame_table(key: str, T: Array) -> dict[str, Any]:
+def _frame_table(key: str, T: Array) -> dict[str, object]:
     return {
         **({"number": int(key)} if key.isascii() and key.isdigit() else {"name": key}),
         "xyz_mm": round_digits(T[:3, 3] / MM),
@@ -218,9 +218,9 @@ def _frame_table(key: str, T: Array) -> dict[str, Any]:
     }
 
 
-def _axis_table(axis: ExternalAxis) -> dict[str, Any]:
+def _axis_table(axis: ExternalAxis) -> dict[str, object]:
     turns = axis.point is not None
-    table: dict[str, Any] = {"axis": axis.number}
+    table: dict[str, object] = {"axis": axis.number}
     table["about" if turns else "along"] = round_digits(axis.direction)
     if axis.name:
         table["name"] = axis.name

@@ -107,7 +107,7 @@ class PartTable:
         )
 
 
-def part_tables(part: PartTable) -> dict[str, Any]:
+def part_tables(part: PartTable) -> dict[str, object]:
     """Returns the tables; every digit of poses, covariances and residuals is kept."""
     origin = part.provenance
     return {
@@ -123,7 +123,7 @@ def part_tables(part: PartTable) -> dict[str, Any]:
     }
 
 
-def _frame_table(frame: PartFrame) -> dict[str, Any]:
+def _frame_table(frame: PartFrame) -> dict[str, object]:
     T = frame.T_base_part
     return {
         "name": frame.name,

@@ -9,14 +9,14 @@ from typing import Any, Final
 
 import numpy as np
 
-from robotrue.cell.schema import DhRow, RobotTable
+from robotrue.cell.schema import RobotTable
 from robotrue.cell.toml_edit import round_digits
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 from robotrue.robot.makers import MAKERS, apply_maker
 from robotrue.robot.model import Configuration, RobotModel, nominal_identity
-from robotrue.robot.presets import preset, preset_names
+from robotrue.robot.presets import preset, preset_names, read_dh
 
 _REACH: Final = (0.05, 20.0)
 """m; a DH table outside is in another unit."""
@@ -75,14 +75,14 @@ def _count_axes(robot: RobotModel, table: RobotTable) -> RobotModel:
 
 
 def _from_dh(table: RobotTable, path: Path) -> RobotModel:
-    rows: list[DhRow] = table.dh or []
+    theta, alpha, d, a = read_dh([row.model_dump() for row in table.dh or []])
     robot = RobotModel(
         name=path.stem,
         convention=table.convention or "dh",
-        theta=np.array([row.theta_deg for row in rows]) * DEG,
-        alpha=np.array([row.alpha_deg for row in rows]) * DEG,
-        d=np.array([row.d_mm for row in rows]) * MM,
-        a=np.array([row.a_mm for row in rows]) * MM,
+        theta=theta,
+        alpha=alpha,
+        d=d,
+        a=a,
         joint_map=np.empty((0, 0)) if table.joint_map is None else np.array(table.joint_map),
     )
     low, high = _REACH
@@ -143,7 +143,9 @@ def read_compliance(table: RobotTable, dof: int) -> Array:
     return 1.0 / np.array(table.stiffness_Nm_per_rad)
 
 
-def robot_table(robot: RobotModel, compliance: Array, link_radius: Array | None) -> dict[str, Any]:
+def robot_table(
+    robot: RobotModel, compliance: Array, link_radius: Array | None
+) -> dict[str, object]:
     """Returns the table that describes a nominal arm: its preset, or its DH table.
 
     Args:
@@ -152,7 +154,7 @@ def robot_table(robot: RobotModel, compliance: Array, link_radius: Array | None)
         link_radius: (dof,) m, or not known.
     """
     base = _like_preset(robot)
-    table: dict[str, Any] = _geometry(robot) if base is None else {"preset": base.name}
+    table: dict[str, object] = _geometry(robot) if base is None else {"preset": base.name}
     for key, values, known, unit in (
         ("limits_deg", robot.limits, None if base is None else base.limits, DEG),
         ("mass_kg", robot.link_mass, None if base is None else base.link_mass, 1.0),
@@ -183,7 +185,7 @@ def _counting(robot: RobotModel) -> tuple[list[float], list[float]]:
     return own.sign.tolist(), own.offset.tolist()
 
 
-def _geometry(robot: RobotModel) -> dict[str, Any]:
+def _geometry(robot: RobotModel) -> dict[str, object]:
     columns = (
         ("theta_deg", robot.theta / DEG),
         ("alpha_deg", robot.alpha / DEG),
@@ -191,7 +193,7 @@ def _geometry(robot: RobotModel) -> dict[str, Any]:
         ("a_mm", robot.a / MM),
     )
     rows = [{key: round_digits(values[i]) for key, values in columns} for i in range(robot.dof)]
-    table: dict[str, Any] = {"convention": robot.convention, "dh": rows}
+    table: dict[str, object] = {"convention": robot.convention, "dh": rows}
     if not np.array_equal(robot.joint_map, np.eye(robot.dof)):
         table["joint_map"] = round_digits(robot.joint_map)
     named = robot.maker in MAKERS

@@ -18,7 +18,6 @@ _HEADER: Final = re.compile(r"\s*+(\[\[?)([^\[\]]++)\]\]?\s*+(?:#.*)?")
 
 def configuration_error(
     cause: ValidationError,
-    tables: Mapping[str, Any],
     *,
     path: str | Path,
     text: str,
@@ -48,7 +47,7 @@ def _message(
     kind: str,
     where: Sequence[str | int],
     facts: Mapping[str, Any],
-    value: Any,
+    value: object,
 ) -> tuple[str, str | None]:
     key = _join_key(where)
     shown = repr(value) if len(repr(value)) <= 60 else repr(value)[:57] + "..."
@@ -95,7 +94,7 @@ def _known_keys(schema: type[BaseModel], where: Sequence[str | int]) -> list[str
     return [field.alias or name for name, field in model.model_fields.items()]
 
 
-def _table_type(annotation: Any) -> type[BaseModel] | None:
+def _table_type(annotation: object) -> type[BaseModel] | None:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
     for inner in get_args(annotation):

@@ -36,7 +36,7 @@ def round_digits(values: Any) -> Any:
     return round_value(plain)
 
 
-def write_toml(tables: Mapping[str, Any]) -> str:
+def write_toml(tables: Mapping[str, object]) -> str:
     """Returns tables as TOML; equal tables give equal text."""
     document = tomlkit.document()
     for key, value in tables.items():
@@ -44,7 +44,7 @@ def write_toml(tables: Mapping[str, Any]) -> str:
     return tomlkit.dumps(document)
 
 
-def _item(value: Any, path: str) -> Item:
+def _item(value: object, path: str) -> Item:
     if isinstance(value, Mapping):
         table = tomlkit.table()
         for key, entry in value.items():
@@ -62,14 +62,14 @@ def _item(value: Any, path: str) -> Item:
     return made
 
 
-def _tables(values: list[Any], path: str) -> Item:
+def _tables(values: list[Mapping[str, object]], path: str) -> Item:
     tables = tomlkit.aot()
     for value in values:
         tables.append(_item(value, path))
     return tables
 
 
-def _rows(values: list[Any]) -> Item:
+def _rows(values: list[Mapping[str, object]]) -> Item:
     rows = tomlkit.array().multiline(True)
     for value in values:
         row = tomlkit.inline_table()
@@ -87,7 +87,7 @@ def without_part(text: str) -> str:
     return tomlkit.dumps(document).replace(PART_HEADING, "").rstrip() + "\n"
 
 
-def with_part(text: str, tables: Mapping[str, Any]) -> str:
+def with_part(text: str, tables: Mapping[str, object]) -> str:
     """Returns a cell.toml's text with ``[registration]`` and ``[[part]]`` in place of any it had.
 
     Args:
@@ -97,14 +97,14 @@ def with_part(text: str, tables: Mapping[str, Any]) -> str:
     return f"{without_part(text)}\n{PART_HEADING}{write_toml(tables)}"
 
 
-def with_table(text: str, key: str, table: Mapping[str, Any]) -> str:
+def with_table(text: str, key: str, table: Mapping[str, object]) -> str:
     """Returns a cell.toml's text with another table of a key; it need not have had one."""
     document = tomlkit.parse(text)
     document[key] = _item(table, key)
     return tomlkit.dumps(document)
 
 
-def named_files(tables: Mapping[str, Any]) -> tuple[str, ...]:
+def named_files(tables: Mapping[str, object]) -> tuple[str, ...]:
     """Returns the files a cell.toml names: URDF, files of the controller, model of its parts.
 
     Args:
@@ -119,7 +119,7 @@ def named_files(tables: Mapping[str, Any]) -> tuple[str, ...]:
     return tuple(name for name in names if isinstance(name, str) and name)
 
 
-def _table(tables: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+def _table(tables: Mapping[str, object], name: str) -> Mapping[str, object]:
     table = tables.get(name)
     return table if isinstance(table, Mapping) else {}
 

@@ -39,7 +39,7 @@ from robotrue.robot.forward import forward, walk
 from robotrue.robot.inverse import branches_of, inverse_branches, require_opw
 from robotrue.robot.model import RobotModel
 from robotrue.robot.opw import OpwGeometry
-from robotrue.robot.spin import SpinSettings, Way, limit_cost, refined_way, singular_cost
+from robotrue.robot.spin import SpinPath, SpinSettings, limit_cost, refined_way, singular_cost
 
 GAIN: Final = 0.05
 """Share of the cost that must be won, else a run stays as it is written."""
@@ -282,7 +282,7 @@ def _spin_run(task: _Task, run: SpinRun) -> _Found | str:
     return why
 
 
-def _way(scene: _Scene, stations: IntArray) -> Way:
+def _way(scene: _Scene, stations: IntArray) -> SpinPath:
     """The cheapest way of spins over the stations."""
     free, near = scene.task.free, scene.task.joints[scene.run.rows[0]]
     attitude = scene.dense.attitudes(scene.rotation)[stations]
@@ -300,7 +300,7 @@ def _way(scene: _Scene, stations: IntArray) -> Way:
     return refined_way(scene.robot, scene.task.geometry, stand, length, free.spin, near=near)
 
 
-def _as_driven(scene: _Scene, stations: IntArray, way: Way) -> _Found | None:
+def _as_driven(scene: _Scene, stations: IntArray, way: SpinPath) -> _Found | None:
     """Spins and joints of the targets if the arm follows all the way; None if it does not."""
     dense, settings = scene.dense, scene.task.free.spin
     at = dense.along[stations]

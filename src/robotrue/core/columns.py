@@ -17,7 +17,7 @@ needs ``__len__``.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from types import NoneType, UnionType
 from typing import (
@@ -105,7 +105,7 @@ class Columns:
             ShapeError: A column of another shape, or a value that is not finite.
         """
         owner = type(self)
-        sizes: dict[Any, int] = self._known_sizes()
+        sizes: dict[Any, int] = {**self._known_sizes()}
         for field in _FIELDS.get(owner) or _read_fields(owner):
             value = getattr(self, field.name)
             if value is None:
@@ -115,7 +115,7 @@ class Columns:
                 object.__setattr__(self, field.name, checked)
         self._check_rules()
 
-    def _known_sizes(self) -> dict[Any, int]:
+    def _known_sizes(self) -> Mapping[str, int]:
         """Returns sizes that no column states, such as the joints of a robot; none by default."""
         return {}
 

@@ -23,7 +23,7 @@ def json_values(value: Any) -> Any:
     return value
 
 
-def plain_text(value: Any) -> bool:
+def plain_text(value: object) -> bool:
     """Returns whether any database and any file keeps the text in JSON values.
 
     None keeps a NUL, nor half a character (a surrogate without its pair).

@@ -108,7 +108,7 @@ def read_foot(path: str | Path) -> FootSetup:
     try:
         file = FootFile.model_validate(tables)
     except ValidationError as cause:
-        raise configuration_error(cause, tables, path=path, text=text, schema=FootFile) from None
+        raise configuration_error(cause, path=path, text=text, schema=FootFile) from None
     try:
         return _setup(file, path)
     except (ConfigurationError, ShapeError) as cause:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import numpy.typing as npt
@@ -92,7 +92,7 @@ class ProbingSet(Columns):
     lines: Annotated[IntArray, Column("n", fill=count_rows)] = EMPTY
     provenance: Provenance = MEASURED
 
-    def _known_sizes(self) -> dict[Any, int]:
+    def _known_sizes(self) -> dict[str, int]:
         return {"touched_by_arm": len(self.names) if np.size(self.joints) else 0}
 
     def _check_rules(self) -> None:

@@ -45,8 +45,8 @@ from robotrue.robot.inverse import (
 from robotrue.robot.model import RobotModel
 from robotrue.robot.opw import OpwGeometry
 from robotrue.robot.spin import (
+    SpinPath,
     SpinSettings,
-    Way,
     can_be_taken,
     refined_way,
     singular_cost,
@@ -250,7 +250,7 @@ class _SideTask:
         return np.asarray(self.T_base_part @ T_part_tool @ inverse_pose(self.robot.T_flange_tool))
 
 
-def _find_way(side: _SideTask, stations: IntArray, shape: int | None) -> Way:
+def _find_way(side: _SideTask, stations: IntArray, shape: int | None) -> SpinPath:
     """The way over all branches and spins of the stations."""
     along = side.dense.along[stations]
 
@@ -275,7 +275,7 @@ def _all_joints(side: _SideTask, stations: IntArray, spin: Array) -> Array:
     return np.moveaxis(joints.reshape(m, k, BRANCHES, 6), 2, 1)
 
 
-def _pose_targets(side: _SideTask, stations: IntArray, way: Way) -> Posed:
+def _pose_targets(side: _SideTask, stations: IntArray, way: SpinPath) -> Posed:
     """Spins and joints of the targets, checked at every dense point."""
     robot, geometry, dense, settings = side.robot, side.geometry, side.dense, side.settings
     at = dense.along[stations]
@@ -317,7 +317,7 @@ def _narrow(path: Toolpath, target: int) -> ReachError:
     )
 
 
-def _no_way(side: _SideTask, stations: IntArray, way: Way) -> ReachError:
+def _no_way(side: _SideTask, stations: IntArray, way: SpinPath) -> ReachError:
     """Says which point stops the arm, and whether it is out of reach or only of this way."""
     path, settings = side.path, side.settings
     at = stations[[way.reached]]

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, Final, Literal, TypeAlias
+from typing import Annotated, Final, Literal, TypeAlias
 
 import numpy as np
 
@@ -149,7 +149,7 @@ class RobotModel(Columns):
     controller: Configuration | None = None
     maker: str = "generic"
 
-    def _known_sizes(self) -> dict[Any, int]:
+    def _known_sizes(self) -> dict[str, int]:
         return {"n": len(self.d), "errors": len(PER_JOINT) * len(self.d) + 12}
 
     def _check_rules(self) -> None:

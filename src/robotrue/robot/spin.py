@@ -100,7 +100,7 @@ class Grid:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Way:
+class SpinPath:
     """The cheapest way, or how far any got.
 
     Attributes:
@@ -126,7 +126,7 @@ def best_way(
     *,
     shape: int | None = None,
     near: Array | None = None,
-) -> Way:
+) -> SpinPath:
     """Returns the cheapest way through a grid by the rule in the head of this module.
 
     Args:
@@ -148,7 +148,7 @@ def best_way(
     backs: list[IntArray] = []
     states = [joints]
     if not np.isfinite(cost).any():
-        return Way(branch=-1, spin=np.empty(0), joints=np.empty((0, 6)), cost=np.inf, reached=0)
+        return _no_path(0)
     for k in range(1, stations):
         # (b, ways in, spins, 6): every spin from each spin it may come from
         previous = states[-1][:, before]
@@ -161,7 +161,7 @@ def best_way(
         chosen = np.argmin(total, axis=1)
         cost = np.take_along_axis(total, chosen[:, None], axis=1)[:, 0]
         if not np.isfinite(cost).any():
-            return Way(branch=-1, spin=np.empty(0), joints=np.empty((0, 6)), cost=np.inf, reached=k)
+            return _no_path(k)
         pick = np.broadcast_to(chosen[:, None, :, None], (*cost.shape[:1], 1, spins, 6))
         states.append(np.take_along_axis(options, pick, axis=1)[:, 0])
         backs.append(before[chosen, np.arange(spins)])
@@ -171,13 +171,18 @@ def best_way(
     branch, last = np.unravel_index(int(np.argmin(cost)), cost.shape)
     taken = _trace(backs, int(branch), int(last))
     rows = np.arange(stations)
-    return Way(
+    return SpinPath(
         branch=int(branch),
         spin=np.unwrap(grid.spin[rows, taken]),
         joints=np.array([states[k][branch, taken[k]] for k in rows]),
         cost=float(cost[branch, last]),
         reached=stations,
     )
+
+
+def _no_path(reached: int) -> SpinPath:
+    joints = np.empty((0, 6))
+    return SpinPath(branch=-1, spin=np.empty(0), joints=joints, cost=np.inf, reached=reached)
 
 
 def refined_way(
@@ -189,7 +194,7 @@ def refined_way(
     *,
     shape: int | None = None,
     near: Array | None = None,
-) -> Way:
+) -> SpinPath:
     """Returns the cheapest way over the whole circle, refined twice in a finer window around it.
 
     Args:
@@ -204,7 +209,7 @@ def refined_way(
     count = max(round(2.0 * np.pi / settings.step), 4)
     step = 2.0 * np.pi / count
     spin = np.tile(np.arange(count) * step, (len(length), 1))
-    way: Way | None = None
+    way: SpinPath | None = None
     for finer in range(3):
         joints, extra = stand(spin)
         if way is not None:  # only the branch that was found

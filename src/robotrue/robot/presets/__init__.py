@@ -12,7 +12,7 @@ import difflib
 import re
 import tomllib
 import unicodedata
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any, Final
@@ -108,6 +108,7 @@ def preset(name: str) -> RobotModel:
 
 def _build_robot(table: Mapping[str, Any]) -> RobotModel:
     rows = table["dh"]
+    theta, alpha, d, a = read_dh(rows)
     counting = count_axes(
         table["maker"],
         len(rows),
@@ -117,10 +118,10 @@ def _build_robot(table: Mapping[str, Any]) -> RobotModel:
     return RobotModel(
         name=table["name"],
         convention=table["convention"],
-        theta=np.array([row["theta_deg"] for row in rows]) * DEG,
-        alpha=np.array([row["alpha_deg"] for row in rows]) * DEG,
-        d=np.array([row["d_mm"] for row in rows]) * MM,
-        a=np.array([row["a_mm"] for row in rows]) * MM,
+        theta=theta,
+        alpha=alpha,
+        d=d,
+        a=a,
         joint_map=np.array(table.get("joint_map", np.empty((0, 0)))),
         limits=_joint_limits(table, counting),
         link_mass=np.array(table.get("mass_kg", [])),
@@ -128,6 +129,13 @@ def _build_robot(table: Mapping[str, Any]) -> RobotModel:
         controller=counting,
         maker=table["maker"],
     )
+
+
+def read_dh(rows: Sequence[Mapping[str, float]]) -> tuple[Array, Array, Array, Array]:
+    """Returns theta, alpha (n,) rad, d, a (n,) m of rows in the keys of ``dh`` in cell.toml."""
+    keys = ("theta_deg", "alpha_deg", "d_mm", "a_mm")
+    theta_deg, alpha_deg, d_mm, a_mm = np.array([[row[key] for key in keys] for row in rows]).T
+    return theta_deg * DEG, alpha_deg * DEG, d_mm * MM, a_mm * MM
 
 
 def _joint_limits(table: Mapping[str, Any], counting: Configuration) -> Array:
