@@ -19,9 +19,8 @@ from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.report.export_controller import export_controller
-from robotrue.report.export_dh import export_dh
+from robotrue.report.export_description import export_dh, export_urdf
 from robotrue.report.export_losses import mean_position, prepare_export, without
-from robotrue.report.export_urdf import export_urdf
 from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel, parameter_slice
 from robotrue.robot.presets import preset

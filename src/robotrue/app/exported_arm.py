@@ -75,8 +75,7 @@ def _files(
 ) -> tuple[dict[Path, str], Loss]:
     """The text of each file, and what all of them miss of the model."""
     from robotrue.report.export_controller import export_controller
-    from robotrue.report.export_dh import export_dh
-    from robotrue.report.export_urdf import export_urdf
+    from robotrue.report.export_description import export_dh, export_urdf
 
     lossy = tuple(part.strip() for part in request.lossy.split(",") if part.strip())
     if request.form == "urdf":
