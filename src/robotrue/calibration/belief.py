@@ -106,6 +106,16 @@ class Belief:
         """(p,) variance of every column."""
         return np.asarray((self.root**2).sum(axis=0))
 
+    @property
+    def noise(self) -> Array:
+        """(2,) white variance of lengths (m^2); that of angles is zero."""
+        return np.array([self.white**2, 0.0])
+
+    @property
+    def visit(self) -> float:
+        """Variance per axis of one visit, m^2."""
+        return self.white**2 + self.repeatability**2
+
     def columns_by_carry(self, carry: Carry) -> IntArray:
         """Returns the columns (k,) of the terms that carry over in one way; see :data:`Carry`."""
         places = [self.place(t.name) for t in self.terms if t.carry == carry]
@@ -154,6 +164,12 @@ def with_nuisances(belief: Belief, sd: Array) -> Belief:
     root[r + np.arange(len(sd)), p + np.arange(len(sd))] = sd
     mean = np.concatenate([belief.mean, np.zeros(len(sd))])
     return replace(belief, mean=mean, root=root, nuisances=belief.nuisances + len(sd))
+
+
+def drop_nuisances(belief: Belief) -> Belief:
+    """Returns the belief without the columns at its end that rows brought."""
+    end = belief.end
+    return replace(belief, mean=belief.mean[:end], root=belief.root[:, :end], nuisances=0)
 
 
 def with_term(belief: Belief, term: Term, kept: IntArray) -> Belief:

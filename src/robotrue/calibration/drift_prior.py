@@ -259,7 +259,7 @@ def drift_of(
     fresh = np.arange(field_from, end) if field_from >= 0 else np.arange(0)
     amplitude = belief.smooth.amplitude
     fields = amplitude if amplitude > 0.0 else chosen.field
-    white = belief.inflation * (belief.white**2 + belief.repeatability**2)
+    white = belief.inflation * belief.visit
     rest = np.array(
         [
             np.sqrt(max(belief.inflation, 1.0)),

@@ -155,7 +155,7 @@ def compensated_covariance(
     """
     columns = tip_columns(belief, query, T_base_part=T_base_part, part=part, layout=layout)
     half = columns @ belief.root.T
-    rest = uncarried_variance(belief, query) + belief.white**2 + belief.repeatability**2
+    rest = uncarried_variance(belief, query) + belief.visit
     spread = half @ np.swapaxes(half, 1, 2)
     return np.asarray(belief.inflation * (spread + rest[:, None, None] * np.eye(3)))
 
@@ -178,7 +178,7 @@ def compensated_joint_covariance(
     left = smooth_rest(belief, query)
     # The uncarried residual is three alike processes along base axes: any rotation keeps them.
     rest = np.kron(left, np.eye(3))
-    rest += (belief.white**2 + belief.repeatability**2) * np.eye(len(rest))
+    rest += belief.visit * np.eye(len(rest))
     return np.asarray(belief.inflation * (half @ half.T + rest))
 
 
@@ -214,7 +214,7 @@ def unchanged_covariance(
     at_touch = (tip_columns(belief, touches) @ belief.root.T).reshape(3 * n, -1)
     at_work = tip_columns(belief, machined) @ belief.root.T
     seen = at_work - G @ (L @ at_touch)
-    visit = belief.inflation * (belief.white**2 + belief.repeatability**2)
+    visit = belief.inflation * belief.visit
     touch = np.broadcast_to(np.asarray(touch_sigma, dtype=np.float64), (n,))
     frame = (L * np.repeat(visit + touch**2, 3)) @ L.T
     both = belief.inflation * (seen @ np.swapaxes(seen, 1, 2))

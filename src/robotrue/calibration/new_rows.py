@@ -19,7 +19,7 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.calibration.belief import Belief, condition
+from robotrue.calibration.belief import Belief, condition, with_nuisances
 from robotrue.calibration.observations import (
     LinearRows,
     Visited,
@@ -65,6 +65,10 @@ class NewRows:
     def nuisances(self) -> int:
         """Number of nuisance columns."""
         return self.layout.size - self.layout.robot_size
+
+    def prior(self, belief: Belief) -> Belief:
+        """Returns a belief with the nuisances of the rows at its end, of which nothing is known."""
+        return with_nuisances(belief, np.full(self.nuisances, NUISANCE_SD))
 
     def move(self, step: Array) -> NewRows:
         """Returns the rows with their nuisances moved by ``step`` (nuisances,)."""

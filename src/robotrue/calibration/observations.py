@@ -257,11 +257,7 @@ def observations_of(
     loads = payload.fill_rows(
         measurements.payload_mass, measurements.wrench, measurements.payload_com
     )
-    station = (
-        measurements.station
-        if measurements.frame == "tracker"
-        else np.full(len(measurements), IN_BASE)
-    )
+    in_base = np.full(len(measurements), IN_BASE)
     covariance = measurements.covariance + repeatability**2 * np.eye(3)
     posed = measurements.has_rotation
     visits = ArmVisits(
@@ -270,7 +266,7 @@ def observations_of(
         approach=measurements.approach,
         temperature=measurements.temperature,
         target=measurements.target,
-        station=station,
+        station=measurements.station if measurements.frame == "tracker" else in_base,
     )
     points, poses = np.flatnonzero(~posed), np.flatnonzero(posed)
     out: list[PositionObservation | PoseObservation] = []

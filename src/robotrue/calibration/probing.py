@@ -18,12 +18,11 @@ from robotrue.calibration.belief import (
     Belief,
     add_variance,
     with_amplitude,
-    with_nuisances,
 )
 from robotrue.calibration.drift_scales import Stack, stack_rows
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel, require_belief
-from robotrue.calibration.new_rows import NUISANCE_SD, NewRows, condition_on_rows
+from robotrue.calibration.new_rows import NewRows, condition_on_rows
 from robotrue.calibration.parameters import ParameterLayout, State
 from robotrue.calibration.priors import build_prior, free_groups, prior_belief
 from robotrue.calibration.probing_estimate import (
@@ -119,11 +118,11 @@ def estimate_probing(
     rows = touch_rows(
         before, touches, frames, touch_sigma=settings.touch_sigma, payload=settings.payload
     )
-    prior = with_nuisances(before, np.full(rows.nuisances, NUISANCE_SD))
+    prior = rows.prior(before)
     stated = _sigma(prior, settings)
     after, rows, keep = _condition_on_agreeing(prior, rows, touches, settings)
     stack = stack_rows(rows.pieces(after, keep))
-    _check_plausible(surprise(stack, prior, _noise(prior)), touches)
+    _check_plausible(surprise(stack, prior, prior.noise), touches)
     if settings.learn and len(stack.values) - rows.nuisances >= FEWEST_LEARNING:
         prior = _scale_prior(model, prior, stack, settings)
         after, rows, keep = _condition_on_agreeing(prior, rows, touches, settings)
@@ -197,8 +196,7 @@ def before_touching(model: ErrorModel, settings: ProbingSettings) -> Belief:
 def _work_in_inflation(belief: Belief) -> Belief:
     """The same predictions with the factor on their covariance worked into its parts."""
     root = float(np.sqrt(belief.inflation))
-    visit = belief.repeatability**2
-    white = belief.inflation * (belief.white**2 + visit) - visit
+    white = belief.inflation * belief.visit - belief.repeatability**2
     return replace(
         with_amplitude(belief, root * belief.smooth.amplitude),
         root=root * belief.root,
@@ -207,19 +205,15 @@ def _work_in_inflation(belief: Belief) -> Belief:
     )
 
 
-def _noise(belief: Belief) -> Array:
-    return np.array([belief.white**2, 0.0])
-
-
 def _sigma(belief: Belief, settings: ProbingSettings) -> float:
     """Noise of one touch, m per axis."""
-    return float(np.sqrt(settings.touch_sigma**2 + belief.repeatability**2 + belief.white**2))
+    return float(np.sqrt(settings.touch_sigma**2 + belief.visit))
 
 
 def _condition(prior: Belief, rows: NewRows, keep: BoolArray) -> tuple[Belief, NewRows]:
     """The posterior of the trusted rows, linearised where it stands, and the rows moved there."""
     trusted = keep.astype(np.float64)
-    return condition_on_rows(prior, rows, _noise(prior), trusted, steps=STEPS, still=STILL)
+    return condition_on_rows(prior, rows, prior.noise, trusted, steps=STEPS, still=STILL)
 
 
 def _condition_on_agreeing(
@@ -245,7 +239,7 @@ def _find_agreeing(
 ) -> BoolArray:
     """Which touches agree; with noise above the stated one where that is what the crowd says."""
     n = len(touches)
-    stack, noise = stack_rows(rows.pieces(at)), _noise(prior)
+    stack, noise = stack_rows(rows.pieces(at)), prior.noise
     found = find_agreeing_touches(stack, prior, noise, n)
     if not settings.learn or (~found).sum() <= CROWD * n or 3 * n < FEWEST_LEARNING:
         return found
@@ -310,9 +304,9 @@ def _scale_prior(
             free_groups=free_groups("elastic"),
             stiffness=settings.priors.stiffness,
         )
-        prior, factor = learn_scales(prior, stack, _noise(prior), physical)
+        prior, factor = learn_scales(prior, stack, prior.noise, physical)
     else:
-        factor = noise_factor(prior, stack, _noise(prior))
+        factor = noise_factor(prior, stack, prior.noise)
     more = (factor - 1.0) * _sigma(prior, settings) ** 2
     return replace(prior, white=float(np.sqrt(prior.white**2 + more)))
 

@@ -6,12 +6,12 @@ Arm and frames are known together; so are their uncertainties.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
 
-from robotrue.calibration.belief import Belief
+from robotrue.calibration.belief import Belief, drop_nuisances
 from robotrue.calibration.calibrated_model import CalibratedModel, model_of
 from robotrue.calibration.identifiability import visibility
 from robotrue.calibration.lineage import history, merged_document, record_step
@@ -160,14 +160,7 @@ class ProbingEstimate:
 
 def model_of_estimate(estimate: ProbingEstimate) -> CalibratedModel:
     """Returns the arm as the estimate knows it, the frames left out, with its lineage."""
-    end = estimate.belief.end
-    arm = replace(
-        estimate.belief,
-        mean=estimate.belief.mean[:end],
-        root=estimate.belief.root[:, :end],
-        nuisances=0,
-    )
-    return model_of(arm, estimate.summary)
+    return model_of(drop_nuisances(estimate.belief), estimate.summary)
 
 
 NOISY: Final = 1.5

@@ -16,7 +16,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from robotrue.calibration.belief import Belief, with_centres, with_nuisances
+from robotrue.calibration.belief import Belief, with_centres
 from robotrue.calibration.calibrated_model import CalibratedModel, model_of
 from robotrue.calibration.drift_prior import DriftScales, Relation, SourceDrift, drift_of, prior_of
 from robotrue.calibration.drift_scales import (
@@ -30,7 +30,6 @@ from robotrue.calibration.lineage import history, merged_document, record_step
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel, require_belief
 from robotrue.calibration.new_rows import (
-    NUISANCE_SD,
     NewRows,
     condition_on_rows,
     new_rows,
@@ -168,7 +167,7 @@ def _add_target_rows(
     chosen = np.zeros(rows.count, dtype=bool)
     chosen[rng.choice(rows.count, min(LEARNING_ROWS, rows.count), replace=False)] = True
     u = np.ones(rows.count)
-    at = _prior(drift, rows)
+    at = rows.prior(prior_of(drift))
     for step in range(ROUNDS):
         stack = stack_rows(rows.pieces(at, chosen))
         problem = DriftEvidence(drift, stack)
@@ -178,15 +177,14 @@ def _add_target_rows(
             drift = learn_drift(drift, problem)
         at = replace(at, mean=problem.mean(drift.log_scale))
         rows = rows.move(at.mean[at.end :])
+    prior = rows.prior(prior_of(drift))
     if not chosen.all():
-        some, _ = condition_on_rows(
-            _prior(drift, rows), rows, _noise(drift), np.where(chosen, u, 0.0)
-        )
+        some, _ = condition_on_rows(prior, rows, prior.noise, np.where(chosen, u, 0.0))
         others = weigh_innovations(
-            some, rows.pieces(some, ~chosen), _noise(drift), rows.count, settings.solver.loss
+            some, rows.pieces(some, ~chosen), prior.noise, rows.count, settings.solver.loss
         )
         u = np.where(chosen, u, others)
-    at, rows = condition_on_rows(_prior(drift, rows), rows, _noise(drift), u, start=at)
+    at, rows = condition_on_rows(prior, rows, prior.noise, u, start=at)
     if learn:
         at = _unsure(at, drift, problem)
     return _Landing(belief=at, rows=rows, drift=drift, weights=u)
@@ -210,14 +208,6 @@ def _weights(
         mine = sizes == size
         out[rows[mine]] = weights(lengths[mine] / unit, int(size), loss)
     return out
-
-
-def _prior(drift: SourceDrift, rows: NewRows) -> Belief:
-    return with_nuisances(prior_of(drift), np.full(rows.nuisances, NUISANCE_SD))
-
-
-def _noise(drift: SourceDrift) -> Array:
-    return np.array([drift.white**2, 0.0])
 
 
 def _without_base(belief: Belief) -> Belief:

@@ -16,14 +16,13 @@ import numpy as np
 from robotrue.calibration.belief import (
     Belief,
     add_variance,
+    drop_nuisances,
     with_centres,
-    with_nuisances,
 )
 from robotrue.calibration.calibrated_model import CalibratedModel, model_of
 from robotrue.calibration.lineage import history, merged_document, record_step
 from robotrue.calibration.model import ErrorModel, require_belief
 from robotrue.calibration.new_rows import (
-    NUISANCE_SD,
     NewRows,
     condition_on_rows,
     new_rows,
@@ -70,7 +69,7 @@ def update_model(
     if angular is None:
         measurements = points_only(measurements)
     rows = new_rows(belief, measurements, settings, fresh=False)
-    prior = with_nuisances(belief, np.full(rows.nuisances, NUISANCE_SD))
+    prior = rows.prior(belief)
     noise = np.array([belief.white**2, (angular or 0.0) ** 2])
     u = weigh_innovations(
         prior, rows.pieces(prior), noise, rows.count, settings.solver.loss, belief.inflation
@@ -127,17 +126,13 @@ def carry_residual(belief: Belief, joints: Array) -> Belief:
 
 def without_nuisances(belief: Belief, rows: NewRows) -> Belief:
     """Returns the belief of the arm; set-ups and reflectors that were estimated stay as poses."""
-    end = belief.end
-    before = end - rows.layout.robot_size
+    before = belief.end - rows.layout.robot_size
     reflectors = {}
     for k, T in rows.T_flange_target.items():
         first = before + rows.layout.blocks[f"target/{k}"].start
         reflectors[k] = (T, belief.root[:, first : first + 3] @ T[:3, :3])
     return replace(
-        belief,
-        mean=belief.mean[:end],
-        root=belief.root[:, :end],
-        nuisances=0,
+        drop_nuisances(belief),
         T_tracker_base={**belief.T_tracker_base, **rows.T_tracker_base},
         reflectors=reflectors,
     )
