@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
 import numpy as np
 
@@ -84,7 +84,7 @@ class CalibratedModel(Columns):
     white: float
     T_tracker_base: Mapping[int, Array] = field(default_factory=dict)
     reflectors: Mapping[int, Reflector] = field(default_factory=dict)
-    summary: Mapping[str, Any] = field(default_factory=dict)
+    summary: Mapping[str, object] = field(default_factory=dict)
     terms: tuple[Term, ...] = ()
     values: Annotated[Array, Column("k")] = EMPTY
     columns: Annotated[Array, Column("c")] = EMPTY
@@ -256,7 +256,7 @@ class CalibratedModel(Columns):
             "summary": dict(self.summary),
         }
         arrays = {f"physics/{name}": array for name, array in arrays.items()}
-        further: dict[str, Any] = {}
+        further: dict[str, object] = {}
         for term, part in parts_of(self.terms, self.values):
             if term.name in STANDARD:
                 document |= term.document()
@@ -273,7 +273,7 @@ class CalibratedModel(Columns):
                 arrays[f"reflector{k}_root"] = reflector.root
         return Archive(kind=LEARNED, schema=SCHEMA, document=document, arrays=arrays)
 
-    def _archived_errors(self) -> tuple[dict[str, Any], dict[str, Array]]:
+    def _archived_errors(self) -> tuple[dict[str, object], dict[str, Array]]:
         """Document and arrays of the error vector, its covariance, stations and reflectors."""
         stations, reflectors = sorted(self.T_tracker_base), sorted(self.reflectors)
         document = {
@@ -296,7 +296,7 @@ class CalibratedModel(Columns):
         return document, arrays
 
 
-def model_of(belief: Belief, summary: Mapping[str, Any]) -> CalibratedModel:
+def model_of(belief: Belief, summary: Mapping[str, object]) -> CalibratedModel:
     """Returns the error model of a belief without nuisances."""
     end = belief.end
     places = [place for _, place in belief.reflectors.values()]

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -117,7 +117,7 @@ def fit_learned(
     for steps in ROUNDS:
         at = renew_linearisation(at, steps=steps)
     found = _predict_blocks(at, settings)
-    notes: dict[str, Any] = {"smooth": "not tried"}
+    notes: dict[str, object] = {"smooth": "not tried"}
     if parts.smooth and len(measurements) >= FEWEST_SMOOTH:
         at, found, notes = _with_smooth(at, found, measurements, settings)
     found = temper_factor(found, _freedom(at))
@@ -301,14 +301,14 @@ def _within(rows: int) -> float:
 
 def _with_smooth(
     at: LinearFit, found: HeldOutRows, measurements: MeasurementSet, settings: FitSettings
-) -> tuple[LinearFit, HeldOutRows, dict[str, Any]]:
+) -> tuple[LinearFit, HeldOutRows, dict[str, object]]:
     """Adds the smooth residual where it earns its place."""
     residual = _in_base(at, found.error, measurements)
     counted = np.flatnonzero(at.design.weights > 0.0)
     rng = np.random.default_rng(SEED)
     sample = np.sort(rng.choice(counted, min(SAMPLE, len(counted)), replace=False))
     scales = learn_smooth(measurements.joints[sample], residual[sample])
-    notes: dict[str, Any] = {
+    notes: dict[str, object] = {
         "smooth_sample_rows": len(sample),
         "smooth_sample_gain": scales.gain,
         "smooth_sample_amplitude_m": scales.amplitude,

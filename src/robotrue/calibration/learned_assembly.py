@@ -8,7 +8,6 @@ which no row of one campaign can show.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -47,7 +46,7 @@ def assemble_model(
     at: LinearFit,
     held_out: HeldOutRows,
     settings: FitSettings,
-    notes: dict[str, Any],
+    notes: dict[str, object],
 ) -> CalibratedModel:
     """Returns the error model of a joint posterior.
 
@@ -131,8 +130,8 @@ def _summary(
     at: LinearFit,
     held_out: HeldOutRows,
     white: float,
-    notes: dict[str, Any],
-) -> dict[str, Any]:
+    notes: dict[str, object],
+) -> dict[str, object]:
     fit = at.weights
     screened = np.flatnonzero(at.design.weights == 0.0)
     doubts = list(physical.verdict.doubts)

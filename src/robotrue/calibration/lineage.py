@@ -24,7 +24,7 @@ def data_hash(measurements: MeasurementSet) -> str:
     return sha256(measurements.joints.tobytes() + measurements.position.tobytes())
 
 
-def describe_rows(measurements: MeasurementSet) -> dict[str, Any]:
+def describe_rows(measurements: MeasurementSet) -> dict[str, object]:
     """Returns how many rows a fit had, from where, and the ranges they cover; JSON values, SI."""
     joints, position = measurements.joints, measurements.position
     return {
@@ -47,7 +47,7 @@ def provenance_of(model: ErrorModel) -> Provenance:
     return provenance_from(model.training_summary().provenance, before=recorded)
 
 
-def merged_document(models: Sequence[ErrorModel], *data: Provenance) -> dict[str, Any]:
+def merged_document(models: Sequence[ErrorModel], *data: Provenance) -> dict[str, object]:
     """Returns the JSON values of the provenance of a model made of other models and of data."""
     return merge([*map(provenance_of, models), *data]).to_document()
 
@@ -72,9 +72,9 @@ def record_step(
     step: str,
     parents: Sequence[ErrorModel],
     measurements: MeasurementSet | None,
-    settings: Mapping[str, Any],
+    settings: Mapping[str, object],
     screened: Sequence[int],
-) -> dict[str, Any]:
+) -> dict[str, object]:
     """Returns the step that adds measurements to its parents.
 
     Args:

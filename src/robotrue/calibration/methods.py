@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any, Final, TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
 
@@ -104,7 +104,7 @@ def model_of(result: Estimate, settings: FitSettings, method: str) -> Calibrated
     )
 
 
-def _summary(result: Estimate, method: str) -> dict[str, Any]:
+def _summary(result: Estimate, method: str) -> dict[str, object]:
     """JSON values; lengths of this block are SI like everything in an archive."""
     posterior, seen = result.posterior, result.identifiability
     classes = seen.classes

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -107,7 +107,7 @@ class ProbingEstimate:
     sigma: float
     misfit: float
     parents: tuple[ErrorModel, ...]
-    summary: Mapping[str, Any]
+    summary: Mapping[str, object]
 
     @property
     def distances(self) -> Array:
@@ -178,10 +178,10 @@ def probing_summary(
     touches: ProbingSet,
     outliers: Sequence[str],
     parents: Sequence[ErrorModel],
-    settings: Mapping[str, Any],
+    settings: Mapping[str, object],
     rms: float,
     scatter: float,
-) -> dict[str, Any]:
+) -> dict[str, object]:
     """Returns the summary of the refined model, JSON values.
 
     Args:
@@ -235,8 +235,8 @@ def _probing_step(
     touches: ProbingSet,
     outliers: Sequence[str],
     parents: Sequence[ErrorModel],
-    settings: Mapping[str, Any],
-) -> dict[str, Any]:
+    settings: Mapping[str, object],
+) -> dict[str, object]:
     return {
         **record_step("probing", parents, None, settings, ()),
         "rows": len(touches),
@@ -247,7 +247,7 @@ def _probing_step(
     }
 
 
-def _parameters(before: Belief, after: Belief) -> dict[str, dict[str, Any]]:
+def _parameters(before: Belief, after: Belief) -> dict[str, dict[str, object]]:
     size = len(after.errors)
     sd = np.sqrt(after.inflation * after.variance[:size])
     known = np.sqrt(before.inflation * before.variance[:size])

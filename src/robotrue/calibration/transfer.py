@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -266,7 +266,7 @@ def _summary(
     target: MeasurementSet | None,
     screened: IntArray,
     settings: FitSettings,
-) -> dict[str, Any]:
+) -> dict[str, object]:
     """JSON values of the transfer; the leading source's summary below them."""
     data = [] if target is None else [target.provenance]
     lead = {**models[0].training_summary(), "provenance": merged_document(models, *data)}

@@ -140,7 +140,7 @@ def without_nuisances(belief: Belief, rows: NewRows) -> Belief:
 
 def renew_summary(
     summary: dict[str, Any], lineage: list[dict[str, Any]], belief: Belief
-) -> dict[str, Any]:
+) -> dict[str, object]:
     """Returns the summary after a step: rows, parameters and lineage are new."""
     known = dict(summary.get("parameters", {}))
     size = len(known)

@@ -73,7 +73,7 @@ class Committee(Columns):
         apart = np.mean((each - centre) ** 2, axis=2)
         return combined * MM, np.tensordot(share, variance + apart, axes=1) * MM**2
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> dict[str, object]:
         """Returns the JSON part of an archive."""
         names = ("amplitude", "noise", "kernel", "mean", "combination")
         return {name: getattr(self, name) for name in names}

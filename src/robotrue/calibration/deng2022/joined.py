@@ -72,7 +72,7 @@ class PoseModel:
     experts: tuple[Expert, ...]
     reference: Array
     outside: Outside = "raise"
-    summary: Mapping[str, Any] = field(default_factory=dict)
+    summary: Mapping[str, object] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Freezes."""

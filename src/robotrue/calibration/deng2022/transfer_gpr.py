@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
 import numpy as np
 
@@ -238,7 +238,7 @@ def _enough(measurements: MeasurementSet, name: str) -> None:
 
 def pose_summary(
     rows: MeasurementSet, method: str, *, inside: str = ", and only inside its domains"
-) -> dict[str, Any]:
+) -> dict[str, object]:
     """Returns the JSON values of a model of poses; lengths are SI like everything in an archive.
 
     Args:
