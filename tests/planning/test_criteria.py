@@ -10,13 +10,13 @@ from planning_cases import covariance, information
 
 from robotrue.errors import ConfigurationError
 from robotrue.planning.criteria import (
-    Criterion,
     covariance_after,
     exchange_poses,
     follow,
     greedy,
     next_pose,
 )
+from robotrue.planning.plan_defaults import Criterion
 
 
 def figure(rows: np.ndarray, weight: np.ndarray, chosen: list[int], criterion: str) -> float:

@@ -16,14 +16,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, Literal, TypeAlias
+from typing import Final
 
 import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.errors import ConfigurationError
+from robotrue.planning.plan_defaults import CRITERION, Criterion
 
-Criterion: TypeAlias = Literal["I", "D"]
 CRITERIA: Final = ("I", "D")
 EXCHANGES: Final = 30
 """Poses taken out and put back by the exchange at most, one whole pass at least."""
@@ -102,7 +102,7 @@ def greedy(
     weight: Array,
     n: int,
     *,
-    criterion: Criterion = "I",
+    criterion: Criterion = CRITERION,
     covariance: Array | None = None,
     allowed: BoolArray | None = None,
     enough: float = 0.0,
@@ -158,7 +158,7 @@ def exchange_poses(
     weight: Array,
     start: IntArray,
     *,
-    criterion: Criterion = "D",
+    criterion: Criterion = CRITERION,
     covariance: Array | None = None,
     allowed: BoolArray | None = None,
     sweeps: int | None = None,
@@ -239,7 +239,7 @@ def next_pose(
     rows: Array,
     weight: Array,
     *,
-    criterion: Criterion = "I",
+    criterion: Criterion = CRITERION,
     allowed: BoolArray | None = None,
 ) -> tuple[int, float]:
     """Returns the best candidate to measure next, and by how much it lowers the mean variance, m^2.

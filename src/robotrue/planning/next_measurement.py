@@ -8,9 +8,10 @@ import numpy as np
 
 from robotrue.core.arrays import BoolArray
 from robotrue.measurement.probing_set import ProbingSet
-from robotrue.planning.criteria import Criterion, covariance_after, next_pose
+from robotrue.planning.criteria import covariance_after, next_pose
 from robotrue.planning.expectation import mean_error
 from robotrue.planning.information import LinearModel, Postures, WorkErrorPrior
+from robotrue.planning.plan_defaults import CRITERION, Criterion
 from robotrue.planning.probing import ProbingTask, linear_task
 
 
@@ -40,7 +41,7 @@ def next_visit(
     candidates: Postures,
     work: WorkErrorPrior,
     *,
-    criterion: Criterion = "I",
+    criterion: Criterion = CRITERION,
     enough: float = 0.0,
     allowed: BoolArray | None = None,
 ) -> NextVisit | None:
@@ -112,7 +113,6 @@ def next_touch(
         linear.rows[done],
         linear.rows[:count],
         linear.weight(np.ones(len(linear.columns))),
-        criterion="I",
         allowed=allowed,
     )
     return NextTouch(

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, Literal, TypeAlias
+
+Criterion: TypeAlias = Literal["I", "D"]
+"""What a plan makes small: the variance where the arm will work, or that of its parameters."""
+CRITERION: Final = "I"
 
 POSES: Final = 30
 """A good model needs about as many."""

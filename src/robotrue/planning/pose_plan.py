@@ -19,7 +19,7 @@ from robotrue.core.units import DEG
 from robotrue.errors import ConfigurationError, ReachError
 from robotrue.planning.arm_scene import Scene, scene_of
 from robotrue.planning.candidates import draw_candidates, nothing_left, reachable_in, usable
-from robotrue.planning.criteria import CRITERIA, Choice, Criterion, exchange_poses, greedy, passes
+from robotrue.planning.criteria import CRITERIA, Choice, exchange_poses, greedy, passes
 from robotrue.planning.expectation import (
     RANDOM,
     ExpectedAccuracy,
@@ -34,7 +34,7 @@ from robotrue.planning.information import (
     before_measuring,
 )
 from robotrue.planning.order import short_order, travel
-from robotrue.planning.plan_defaults import CANDIDATES, SEED
+from robotrue.planning.plan_defaults import CANDIDATES, CRITERION, SEED, Criterion
 from robotrue.robot.statics import Load
 
 Approach: TypeAlias = Literal["one side", "as it comes"]
@@ -67,7 +67,7 @@ class PlanSettings:
         unmodelled: Sizes of what the linear model leaves out.
     """
 
-    criterion: Criterion = "I"
+    criterion: Criterion = CRITERION
     candidates: int = CANDIDATES
     within: Region | None = None
     work: Region | None = None

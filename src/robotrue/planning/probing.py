@@ -206,7 +206,7 @@ class LinearTask(TouchPosterior):
         directions, spread = self.weight(weight), spread_touches(self.candidates, n)
         starts = [greedy(self.rows, directions, n).chosen, spread]
         trials = [spread] + [
-            exchange_poses(self.rows, directions, start, criterion="I").chosen for start in starts
+            exchange_poses(self.rows, directions, start).chosen for start in starts
         ]
         return min(trials, key=lambda trial: float(weight @ self.squares(trial)))
 

@@ -1,21 +1,43 @@
-"""The paper's tool: its route gives it, its printed parameters set as they are do not."""
+"""The paper's tool: its route gives it, its printed parameters set as they are do not.
+
+Feng, Liang, Xi 2018 print a tool by eq. 3 and 6: angles first, then shifts.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from robotrue.cell.registration.tool import tool_from_table
-from robotrue.core.arrays import Array
+from robotrue.core.arrays import Array, frozen
 from robotrue.core.poses import inverse, pose, pose_from_xyz_abc
-from robotrue.core.rotations import matrix_from_abc
+from robotrue.core.rotations import abc_from_matrix, matrix_from_abc
 from robotrue.core.units import DEG, MM
-from robotrue_reproductions.feng2018.printed_tool import (
-    printed_parameters,
-    touched_point,
-    turned_then_shifted,
-)
 
 TIP = np.array([12.0, -7.0, 310.0]) * MM
+
+
+def printed_parameters(T_flange_tool: Array) -> tuple[Array, Array]:
+    """Returns eq. 6's angles (3,) rad about z, y, x and shifts (3,) m along the turned axes.
+
+    They describe the inverse, flange in tool: J3^-1 = Rz Ry Rx T(px, py, pz). Set on a tool model
+    as they are they place the wrong tool; see ``turned_then_shifted``.
+    """
+    T_tool_flange = inverse(frozen(T_flange_tool, (4, 4), "T_flange_tool"))
+    return turned_then_shifted(T_tool_flange)
+
+
+def turned_then_shifted(transform: Array) -> tuple[Array, Array]:
+    """Returns angles (3,) rad about z, y, x, then shifts (3,) m along the turned axes, of a pose.
+
+    Eq. 3's order: turn first, then shift, so the shifts are R^T p.
+    """
+    R = transform[:3, :3]
+    return abc_from_matrix(R), np.asarray(R.T @ transform[:3, 3])
+
+
+def touched_point(T_base_flange: Array, T_flange_tool: Array) -> Array:
+    """Returns the touched point(s) (..., 3) m in base, eq. 8: the tool's origin."""
+    return np.asarray((T_base_flange @ T_flange_tool)[..., :3, 3])
 
 
 def test_the_paper_s_route_gives_the_tool_and_its_printed_parameters_do_not() -> None:

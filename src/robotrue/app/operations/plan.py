@@ -16,7 +16,7 @@ from robotrue.app.request import ALL, Item, Option, Output, Reference, Request
 from robotrue.app.request_fields import SavedPage
 from robotrue.core.provenance import Provenance, marked_document
 from robotrue.core.units import MM
-from robotrue.planning.plan_defaults import CANDIDATES, POSES, SEED
+from robotrue.planning.plan_defaults import CANDIDATES, CRITERION, POSES, SEED, Criterion
 from robotrue.program.measuring_defaults import TRIGGER_OUTPUT
 
 if TYPE_CHECKING:
@@ -80,9 +80,9 @@ class PlanRequest(Request):
         Option(advanced=True, help="one-side or as-it-comes."),
     ] = "one-side"
     criterion: Annotated[
-        Literal["I", "D"],
+        Criterion,
         Option(advanced=True, help="I: accuracy where the arm will work. D: parameters."),
-    ] = "I"
+    ] = CRITERION
     tolerance_um: Annotated[
         float,
         Field(ge=0.0),
