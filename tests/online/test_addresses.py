@@ -6,7 +6,7 @@ import pytest
 from online_cases import CONFIG, NETFT
 
 from robotrue.errors import ConfigurationError, RobotrueError
-from robotrue.online.addresses import EXAMPLES, OPTIONS, SourceSettings, open_source, open_stream
+from robotrue.online.addresses import EXAMPLES, OPTIONS, SourceSettings, open_stream
 from robotrue.online.answering_link import AVAILABLE, AnsweringLink
 from robotrue.online.rdt import RdtDevice
 from robotrue.online.rdt_link import RdtSource
@@ -16,7 +16,6 @@ from robotrue.online.rsi_link import RsiSource
 from robotrue.online.rtde_link import RtdeForce, RtdeSource
 
 PROCESS = pytest.mark.skipif(not AVAILABLE, reason="answering processes: Linux")
-FORCE = SourceSettings(role="force")
 
 
 def _closed(source):
@@ -28,17 +27,17 @@ def _closed(source):
 def test_rsi(tmp_path):
     config = tmp_path / "EthernetConfig.xml"
     config.write_bytes(CONFIG)
-    found = _closed(open_source(f"rsi://127.0.0.1:0?config={config}&cycle=12ms&mode=relative"))
+    found = _closed(open_stream(f"rsi://127.0.0.1:0?config={config}&cycle=12ms&mode=relative"))
     assert isinstance(found, AnsweringLink)
     assert (found.settings.cycle_ms, found.settings.mode) == (12, CorrectionMode.RELATIVE)
     assert found.settings.config.sen_type == "ImFree"
     with pytest.raises(ConfigurationError, match="port 5000, but the controller sends to 49152"):
-        open_source(f"rsi://127.0.0.1:5000?config={config}")
+        open_stream(f"rsi://127.0.0.1:5000?config={config}")
 
 
 def test_rsi_without_a_configuration_takes_the_usual_one():
     here = SourceSettings(own_process=False)
-    found = _closed(open_source("rsi://127.0.0.1:0?mode=relative", here))
+    found = _closed(open_stream("rsi://127.0.0.1:0?mode=relative", "robot", here))
     assert isinstance(found, RsiSource)
     assert found.settings.config.receives("RKorr.X").hold is False
     assert found.settings.cycle_ms == 4
@@ -48,19 +47,19 @@ def test_rsi_without_a_configuration_takes_the_usual_one():
 def test_egm_and_its_force():
     robot = open_stream("egm://127.0.0.1:0?robotware=7&frame=tool", "robot")
     assert isinstance(robot, AnsweringLink)
-    force = open_source("egm://127.0.0.1:0", SourceSettings(role="force", robot=robot))
+    force = open_stream("egm://127.0.0.1:0", "force", SourceSettings(robot=robot))
     assert force is robot.force()
     with pytest.raises(ConfigurationError, match="the robot is egm://127"):
-        open_source("egm://127.0.0.1:9", SourceSettings(role="force", robot=robot))
+        open_stream("egm://127.0.0.1:9", "force", SourceSettings(robot=robot))
     _closed(robot)
     with pytest.raises(ConfigurationError, match="the robot's source is another"):
-        open_source("egm://127.0.0.1:0", FORCE)
+        open_stream("egm://127.0.0.1:0", "force")
 
 
 def test_rtde():
-    joints = open_source("rtde://192.0.2.7?rate=125Hz")
+    joints = open_stream("rtde://192.0.2.7?rate=125Hz")
     assert isinstance(joints, RtdeSource)
-    assert isinstance(open_source("RTDE://192.0.2.7?rate=125", FORCE), RtdeForce)
+    assert isinstance(open_stream("RTDE://192.0.2.7?rate=125", "force"), RtdeForce)
     assert joints.health().name == "rtde://192.0.2.7:30004"
     assert not joints.health().connected
 
@@ -68,26 +67,28 @@ def test_rtde():
 def test_rdt(tmp_path):
     page = tmp_path / "netftapi2.xml"
     page.write_bytes(NETFT.replace(b"</netft>", b"<comrdtrate>7000</comrdtrate></netft>"))
-    found = open_source(f"rdt://192.0.2.1?scale={page}&device=axia&frame=tool", FORCE)
+    found = open_stream(f"rdt://192.0.2.1?scale={page}&device=axia&frame=tool", "force")
     assert isinstance(found, RdtSource)
     made = found._settings
     assert (made.rate, made.device, made.frame) == (7000.0, RdtDevice.AXIA, "tool")
     assert made.scale.newton == pytest.approx(1e-6)
-    made = open_source(f"rdt://192.0.2.1?scale={page}&rate=1000 Hz", FORCE)._settings
+    made = open_stream(f"rdt://192.0.2.1?scale={page}&rate=1000 Hz", "force")._settings
     assert made.rate == 1000.0
-    made = open_source("rdt://192.0.2.1?scale=http", FORCE)._settings
+    made = open_stream("rdt://192.0.2.1?scale=http", "force")._settings
     assert (made.page, made.scale) == ("http://192.0.2.1/netftapi2.xml", None)
 
 
 def test_replay(tmp_path):
     path = tmp_path / "two words.csv"
     path.write_text("t_s,fx_N,fy_N,fz_N\n0,1,2,3\n")
-    settings = SourceSettings(role="force", start_row=5)
-    found = open_source(f"replay://{path}?speed=1&from=3&repeat=forever&period=60s", settings)
+    settings = SourceSettings(start_row=5)
+    found = open_stream(
+        f"replay://{path}?speed=1&from=3&repeat=forever&period=60s", "force", settings
+    )
     assert isinstance(found, ReplayForce)
     made = found._settings
     assert (made.speed, made.start, made.repeats.times, made.repeats.period) == (1, 8, None, 60)
-    assert isinstance(open_source(f"replay://{path}"), ReplayJoints)
+    assert isinstance(open_stream(f"replay://{path}"), ReplayJoints)
 
 
 @pytest.mark.parametrize(
@@ -122,7 +123,7 @@ def test_replay(tmp_path):
 )
 def test_refused(address, role, message):
     with pytest.raises(RobotrueError, match=message) as raised:
-        open_source(address, SourceSettings(role=role))
+        open_stream(address, role)
     assert "secret" not in str(raised.value)
 
 
@@ -133,7 +134,7 @@ def test_only_robots_with_a_way_to_take_them_are_sent_corrections(address):
             raise AssertionError
 
     with pytest.raises(ConfigurationError, match="only rsi:// and egm:// robots take them"):
-        open_source(address, SourceSettings(corrector=Never()))
+        open_stream(address, "robot", SourceSettings(corrector=Never()))
 
 
 def test_every_scheme_has_an_example_with_options_it_takes():

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from robotrue.errors import ConfigurationError
-from robotrue.online.addresses import SourceSettings, open_source
+from robotrue.online.addresses import SourceSettings, open_stream
 from robotrue.online.egm import GuidanceState
 from robotrue.online.guard import CorrectionGuard
 from robotrue.online.robot_correction import Correction
@@ -186,7 +186,7 @@ def test_a_guidance_that_stopped_begins_from_zero(state):
 def test_rtde_takes_no_corrections():
     guard = CorrectionGuard(adversary.limits(1.0, 12, 0.0), ABSOLUTE)
     with pytest.raises(ConfigurationError, match="only rsi:// and egm:// robots take them"):
-        open_source("rtde://127.0.0.1", SourceSettings(corrector=guard))
+        open_stream("rtde://127.0.0.1", "robot", SourceSettings(corrector=guard))
 
 
 def test_a_process_that_goes_on_counts_on_answers_that_nobody_told():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal, cast, overload
 
@@ -69,7 +69,6 @@ class SourceSettings:
     """What the service knows beyond the address.
 
     Attributes:
-        role: Whether joints or forces are wanted.
         corrector: Asked by a robot's link for each of its answers; None corrects nothing. A
             :class:`~robotrue.online.answering_wire.RemoteGuard` stands in the answering process.
         start_row: Samples a record of the service holds already; only a replay can leave them out.
@@ -80,7 +79,6 @@ class SourceSettings:
         trust_restart: RSI: whether a Delay near zero after a pause is a session without correction.
     """
 
-    role: Role = "robot"
     corrector: Corrector | RemoteGuard | None = None
     start_row: int = 0
     robot: StreamSource[JointBlock] | None = None
@@ -89,12 +87,23 @@ class SourceSettings:
     trust_restart: bool = False
 
 
-def open_source(address: str, settings: SourceSettings | None = None) -> StreamSource[Block]:
+@overload
+def open_stream(
+    address: str, role: Literal["robot"] = "robot", settings: SourceSettings | None = None
+) -> StreamSource[JointBlock]: ...
+@overload
+def open_stream(
+    address: str, role: Literal["force"], settings: SourceSettings | None = None
+) -> StreamSource[ForceBlock]: ...
+def open_stream(
+    address: str, role: Role = "robot", settings: SourceSettings | None = None
+) -> StreamSource[JointBlock] | StreamSource[ForceBlock]:
     """Returns the source of an address; robots' links listen from now on, the rest waits.
 
     Args:
         address: As in :data:`EXAMPLES`, with :data:`OPTIONS`.
-        settings: Of the service; without them the robot's joints are wanted.
+        role: Whether joints or forces are wanted.
+        settings: Of the service.
 
     Raises:
         ConfigurationError: An unknown scheme or option, a value that is none, a stream that the
@@ -114,41 +123,24 @@ def open_source(address: str, settings: SourceSettings | None = None) -> StreamS
         raise ConfigurationError(
             f"source {(scheme + '://') if mark else address!r}, expected one of "
             f"{', '.join(name + '://' for name in _MAKERS)}.",
-            hint=EXAMPLES[0] if settings.role == "robot" else EXAMPLES[3],
+            hint=EXAMPLES[0] if role == "robot" else EXAMPLES[3],
         )
-    if settings.corrector is not None and (
-        scheme not in ("rsi", "egm") or settings.role == "force"
-    ):
+    if settings.corrector is not None and (scheme not in ("rsi", "egm") or role == "force"):
         raise ConfigurationError(
             f"corrections to {scheme}://: only rsi:// and egm:// robots take them.",
             source=address,
             hint="leave --correct out.",
         )
-    return maker(address, settings)
-
-
-@overload
-def open_stream(
-    address: str, role: Literal["robot"], settings: SourceSettings | None = None
-) -> StreamSource[JointBlock]: ...
-@overload
-def open_stream(
-    address: str, role: Literal["force"], settings: SourceSettings | None = None
-) -> StreamSource[ForceBlock]: ...
-def open_stream(
-    address: str, role: Role, settings: SourceSettings | None = None
-) -> StreamSource[JointBlock] | StreamSource[ForceBlock]:
-    """Returns :func:`open_source` of one role, with the type of its blocks."""
-    found = open_source(address, replace(settings or SourceSettings(), role=role))
+    found = maker(address, role, settings)
     return cast("StreamSource[JointBlock] | StreamSource[ForceBlock]", found)
 
 
-def _rsi(address: str, settings: SourceSettings) -> StreamSource[Block]:
+def _rsi(address: str, role: Role, settings: SourceSettings) -> StreamSource[Block]:
     from robotrue.online.rsi_config import read_rsi_config, usual_rsi_config
     from robotrue.online.rsi_link import RsiSettings
 
     where, options = _listening(address, _RSI_PORT)
-    _only("robot", settings, address, "a KUKA controller sends no force by RSI alone")
+    _only("robot", role, address, "a KUKA controller sends no force by RSI alone")
     mode = options.word("mode", _MODES)
     path = options.text("config")
     config = usual_rsi_config(where.host, where.port, hold=mode != "relative")
@@ -176,12 +168,12 @@ def _rsi(address: str, settings: SourceSettings) -> StreamSource[Block]:
     )
 
 
-def _egm(address: str, settings: SourceSettings) -> StreamSource[Block]:
+def _egm(address: str, role: Role, settings: SourceSettings) -> StreamSource[Block]:
     from robotrue.online.answering_link import AnsweringLink
     from robotrue.online.egm_link import PORT, EgmSettings, EgmSource
 
     where, options = _listening(address, PORT)
-    if settings.role == "force":
+    if role == "force":
         link = settings.robot
         if not (
             isinstance(link, EgmSource)
@@ -241,7 +233,7 @@ def _build_answering_source(
     return EgmSource(link, corrector)
 
 
-def _rtde(address: str, settings: SourceSettings) -> StreamSource[Block]:
+def _rtde(address: str, role: Role, settings: SourceSettings) -> StreamSource[Block]:
     from robotrue.online.rtde import PORT
     from robotrue.online.rtde_link import RtdeForce, RtdeSettings, RtdeSource
 
@@ -253,14 +245,14 @@ def _rtde(address: str, settings: SourceSettings) -> StreamSource[Block]:
         rate=options.number("rate", "Hz", default=500.0),
         silence=options.number("silence", "s", default=1.0),
     )
-    return RtdeSource(made) if settings.role == "robot" else RtdeForce(made)
+    return RtdeSource(made) if role == "robot" else RtdeForce(made)
 
 
-def _rdt(address: str, settings: SourceSettings) -> StreamSource[Block]:
+def _rdt(address: str, role: Role, settings: SourceSettings) -> StreamSource[Block]:
     from robotrue.online.rdt import PORT
     from robotrue.online.rdt_link import RdtSettings, RdtSource
 
-    _only("force", settings, address, "a force sensor knows no joints")
+    _only("force", role, address, "a force sensor knows no joints")
     where, options = _calling(address, PORT)
     stated = options.text("scale")
     page, scale, rate = "", None, None
@@ -286,7 +278,7 @@ def _rdt(address: str, settings: SourceSettings) -> StreamSource[Block]:
     )
 
 
-def _replay(address: str, settings: SourceSettings) -> StreamSource[Block]:
+def _replay(address: str, role: Role, settings: SourceSettings) -> StreamSource[Block]:
     from robotrue.online.replay_blocks import Repeats
     from robotrue.online.replay_link import ReplayForce, ReplayJoints, ReplaySettings
 
@@ -307,7 +299,7 @@ def _replay(address: str, settings: SourceSettings) -> StreamSource[Block]:
         ),
         frame=options.word("frame", _FRAMES) or "sensor",
     )
-    return ReplayJoints(made) if settings.role == "robot" else ReplayForce(made)
+    return ReplayJoints(made) if role == "robot" else ReplayForce(made)
 
 
 def _listening(address: str, port: int) -> tuple[NetAddress, AddressOptions]:
@@ -329,16 +321,16 @@ def _calling(address: str, port: int) -> tuple[NetAddress, AddressOptions]:
     return where, where.read_options(OPTIONS[where.scheme])
 
 
-def _only(role: Role, settings: SourceSettings, address: str, why: str) -> None:
-    if settings.role != role:
+def _only(wanted: Role, role: Role, address: str, why: str) -> None:
+    if role != wanted:
         raise ConfigurationError(
             f"{why}.",
             source=address,
-            hint=EXAMPLES[3] if settings.role == "force" else EXAMPLES[0],
+            hint=EXAMPLES[3] if role == "force" else EXAMPLES[0],
         )
 
 
-_MAKERS: Final[Mapping[str, Callable[[str, SourceSettings], StreamSource[Any]]]] = {
+_MAKERS: Final[Mapping[str, Callable[[str, Role, SourceSettings], StreamSource[Any]]]] = {
     "rsi": _rsi,
     "egm": _egm,
     "rtde": _rtde,

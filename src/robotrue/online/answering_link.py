@@ -16,9 +16,9 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import replace
-from typing import Final
+from typing import Final, Generic, TypeVar
 
 from robotrue.errors import ConfigurationError, RobotrueError
 from robotrue.online.answering_wire import (
@@ -43,6 +43,7 @@ from robotrue.online.robot_link import LinkState, Turnaround
 from robotrue.online.sequence import SequenceState
 from robotrue.online.udp import Address, Inbox
 
+B = TypeVar("B", JointBlock, ForceBlock)
 AVAILABLE: Final = sys.platform == "linux" and bool(sys.executable)
 """Whether this computer can have an answering process; else a thread answers."""
 _START: Final = 30.0
@@ -59,6 +60,60 @@ def answering_guard(
 ) -> RemoteGuard | CorrectionGuard:
     """Returns the guard for a live robot: in its answering process, or here where there is none."""
     return RemoteGuard(limits, mode) if AVAILABLE else CorrectionGuard(limits, mode)
+
+
+class RemoteStream(Generic[B]):
+    """A stream that the answering process reads, as a source of blocks; ends with the link.
+
+    Args:
+        name: What health calls it.
+        waiting: Samples that may wait for their reader before the health says so.
+        restart: Awaited first of all: starts a process that has ended by itself anew.
+    """
+
+    def __init__(self, name: str, waiting: int, restart: Callable[[], Awaitable[None]]) -> None:
+        self._waiting, self._restart = waiting, restart
+        self._health = Health(name=name, connected=False)
+        self.begin()
+
+    def begin(self) -> None:
+        """Begins, the first time or after a process that has ended."""
+        self._inbox: Inbox[B] = Inbox(self._waiting, len)
+        self._fault = ""
+
+    def put(self, block: B) -> None:
+        """Keeps what came."""
+        self._inbox.put(block)
+
+    def take_health(self, health: Health) -> None:
+        """Takes note of the counters."""
+        self._health = health
+
+    def end(self, fault: RobotrueError | None) -> None:
+        """Says that no more will come."""
+        self._health = replace(self._health, connected=False)
+        self._fault = "" if fault is None else fault.message
+        self._inbox.close(fault)
+
+    async def blocks(self) -> AsyncIterator[B]:
+        """Gives samples as they come; ends when the link is closed.
+
+        Raises:
+            RobotrueError: A correction that this controller cannot take, or a process that ended.
+        """
+        await self._restart()
+        while found := await self._inbox.take():
+            for block in join_blocks(found):
+                yield block
+
+    async def close(self) -> None:
+        """Gives no more; the link itself stays open."""
+        self._inbox.close()
+
+    def health(self) -> Health:
+        """Returns the counters as they stood when they were last told."""
+        fault = self._inbox.crowding or self._fault
+        return replace(self._health, last_fault=fault) if fault else self._health
 
 
 class AnsweringLink:
@@ -90,9 +145,11 @@ class AnsweringLink:
         self._link = LinkState(watch=SequenceState())
         self._before: GuardState | None = None
         self.address: Address = (settings.host, 0)
-        self._health = Health(name=settings.name, connected=False)
+        self._joints: RemoteStream[JointBlock] = RemoteStream(
+            settings.name, settings.waiting, self._restart_process
+        )
+        self._force: RemoteStream[ForceBlock] | None = None
         self.preferred = False
-        self._view: AnsweringForce | None = None
         self._closing = False
         self._died = ""
         self._again = asyncio.Lock()
@@ -108,18 +165,11 @@ class AnsweringLink:
         """Of the process that answers now."""
         return self._process.pid
 
-    async def blocks(self) -> AsyncIterator[JointBlock]:
-        """Gives samples as they come; ends when closed.
+    def blocks(self) -> AsyncIterator[JointBlock]:
+        """Gives samples as they come; ends when closed. As :meth:`RemoteStream.blocks`."""
+        return self._joints.blocks()
 
-        Raises:
-            RobotrueError: A correction that this controller cannot take, or a process that ended.
-        """
-        await self._restart_process()
-        while found := await self._inbox.take():
-            for block in join_blocks(found):
-                yield block
-
-    def force(self) -> AnsweringForce:
+    def force(self) -> RemoteStream[ForceBlock]:
         """Returns the measured force of the same messages as a source of its own; always one.
 
         Raises:
@@ -127,10 +177,12 @@ class AnsweringLink:
         """
         if not isinstance(self.settings, EgmSettings):
             raise ConfigurationError("force of a KUKA controller, which sends none by RSI alone.")
-        if self._view is None:
-            self._view = AnsweringForce(self, self.settings.waiting)
+        if self._force is None:
+            self._force = RemoteStream(
+                f"{self.settings.name} force", self.settings.waiting, self._restart_process
+            )
             self._tell(Request(do="force"))
-        return self._view
+        return self._force
 
     async def close(self) -> None:
         """Has the correction brought to zero at its rate, and the process ended."""
@@ -146,10 +198,7 @@ class AnsweringLink:
 
     def health(self) -> Health:
         """Returns the counters as they stood when they were last told."""
-        health, fault = self._health, self._inbox.crowding or self._died
-        if not fault:
-            return health
-        return replace(health, connected=health.connected and not self._died, last_fault=fault)
+        return self._joints.health()
 
     def _start(self, before: EndedLink | None) -> None:
         """Starts a process, and waits until it listens."""
@@ -181,15 +230,15 @@ class AnsweringLink:
             self._process.kill()
             self._process.wait()
             raise
-        self._inbox: Inbox[JointBlock] = Inbox(settings.waiting, len)
+        self._joints.begin()
         self._died = ""
         self._take_report(report)
         self._thread = threading.Thread(
             target=self._listen, name=f"answers {settings.name}", daemon=True
         )
         self._thread.start()
-        if self._view is not None:
-            self._view.begin(settings.waiting)
+        if self._force is not None:
+            self._force.begin()
             self._tell(Request(do="force"))
 
     def _open_process(self, opening: Opening) -> tuple[Address, Report]:
@@ -266,18 +315,18 @@ class AnsweringLink:
     def _take(self, frame: bytes) -> None:
         block = decode_block(frame)
         if isinstance(block, JointBlock):
-            self._inbox.put(block)
-        elif self._view is not None:
-            self._view.put(block)
+            self._joints.put(block)
+        elif self._force is not None:
+            self._force.put(block)
 
     def _take_report(self, report: Report) -> None:
         if self._guard is not None and report.guard is not None:
             self._guard.take_state(report.guard)
         if report.link is not None and report.health is not None:
-            self._link, self._health = report.link, report.health
-            self.preferred = report.preferred
-            if self._view is not None and report.force is not None:
-                self._view.take_health(report.force)
+            self._link, self.preferred = report.link, report.preferred
+            self._joints.take_health(report.health)
+            if self._force is not None and report.force is not None:
+                self._force.take_health(report.force)
         elif report.watch is not None:
             self._link = replace(self._link, watch=report.watch, peer=report.peer)
 
@@ -292,61 +341,10 @@ class AnsweringLink:
                 f"the process that answers {self.settings.name} has ended ({how}): "
                 "the controller is without answers until another has begun."
             )
-        self._health = replace(self._health, connected=False)
         if fault is not None:
             if self._guard is not None:
                 self._before = self._guard.mark_ended(fault.message)
             self._died = fault.message
-        self._inbox.close(fault)
-        if self._view is not None:
-            self._view.end(fault)
-
-
-class AnsweringForce:
-    """The measured force of an EGM link as a source of its own; ends with the link."""
-
-    def __init__(self, link: AnsweringLink, waiting: int) -> None:
-        self._link = link
-        self._health = Health(name=f"{link.settings.name} force", connected=False)
-        self.begin(waiting)
-
-    async def blocks(self) -> AsyncIterator[ForceBlock]:
-        """Gives samples as they come; ends when the link is closed.
-
-        Raises:
-            RobotrueError: The process that answers has ended.
-        """
-        await self._link._restart_process()
-        while found := await self._inbox.take():
-            for block in join_blocks(found):
-                yield block
-
-    async def close(self) -> None:
-        """Gives no more; the link itself stays open."""
-        self._inbox.close()
-
-    def health(self) -> Health:
-        """Returns the counters as they stood when they were last told."""
-        fault = self._inbox.crowding or self._fault
-        if not fault:
-            return self._health
-        there = self._health.connected and not self._fault
-        return replace(self._health, connected=there, last_fault=fault)
-
-    def begin(self, waiting: int) -> None:
-        """Begins a stream, the first or after a process that has ended."""
-        self._inbox: Inbox[ForceBlock] = Inbox(waiting, len)
-        self._fault = ""
-
-    def put(self, block: ForceBlock) -> None:
-        """Keeps what came."""
-        self._inbox.put(block)
-
-    def take_health(self, health: Health) -> None:
-        """Takes note of the counters."""
-        self._health = health
-
-    def end(self, fault: RobotrueError | None) -> None:
-        """Says that no more will come."""
-        self._fault = "" if fault is None else fault.message
-        self._inbox.close(fault)
+        for stream in (self._joints, self._force):
+            if stream is not None:
+                stream.end(fault)

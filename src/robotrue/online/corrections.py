@@ -9,14 +9,15 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable
-from typing import Final, Protocol
+from typing import Final
 
 import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.errors import ConfigurationError
+from robotrue.online.answering_wire import RemoteGuard
 from robotrue.online.estimates import EstimateBlock, doubt_words
-from robotrue.online.guard import GuardState
+from robotrue.online.guard import CorrectionGuard
 from robotrue.online.robot_correction import Correction, CorrectionMode
 
 CUTOFF: Final = 2.0
@@ -24,20 +25,8 @@ CUTOFF: Final = 2.0
 come out of step and make the error larger. The static part of a cut is slower than this."""
 
 
-class Guard(Protocol):
-    """What corrections are handed to (:class:`robotrue.online.guard.CorrectionGuard`)."""
-
-    def want(self, correction: Correction, host_time: float) -> None:
-        """Takes the whole correction to be reached."""
-
-    def fault(self, why: str) -> None:
-        """Goes to zero."""
-
-    def release(self) -> None:
-        """Goes to zero for good."""
-
-    def state(self) -> GuardState:
-        """Returns how it stands."""
+Guard = CorrectionGuard | RemoteGuard
+"""What corrections are handed to, here or in the answering process."""
 
 
 class Corrections:

@@ -37,6 +37,12 @@ _PER_SECOND: Final = 10.0
 _STALE_BEATS: Final = 10
 _BEAT: Final = 0.2
 _HEALTH_BEATS: Final = 5
+_KINDS: Final = {
+    bool: ua.VariantType.Boolean,
+    int: ua.VariantType.Int64,
+    float: ua.VariantType.Double,
+    str: ua.VariantType.String,
+}
 
 
 @dataclass(slots=True)
@@ -215,22 +221,19 @@ class OpcUaSink:
             if reading.folder == "Joints" and self._tree.positions:
                 position = self._tree.positions[reading.column - 15]
                 await self._put(position, value, "Good" if known else "BadNoData", at)
-        valid = bool(math.isfinite(b.last[0]))
         marks = self._tree.marks
-        await self._put(marks["Valid"], valid, "Good", at, ua.VariantType.Boolean)
+        await self._put(marks["Valid"], bool(math.isfinite(b.last[0])), "Good", at)
         await self._put(marks["Doubt"], b.doubt, "Good", at, ua.VariantType.UInt32)
-        text = doubt_words(b.doubt)
-        await self._put(marks["DoubtText"], text, "Good", at, ua.VariantType.String)
-        await self._put(marks["Sequence"], b.sequence, "Good", at, ua.VariantType.Int64)
+        await self._put(marks["DoubtText"], doubt_words(b.doubt), "Good", at)
+        await self._put(marks["Sequence"], b.sequence, "Good", at)
 
     async def _show_nothing(self) -> None:
         now = datetime.now(UTC)
         numbers = [node for _, node in self._tree.numbers] + self._tree.positions
         for node in numbers:
             await self._put(node, float("nan"), "BadNoCommunication", now)
-        await self._put(self._tree.marks["Valid"], False, "Good", now, ua.VariantType.Boolean)
-        text = "no estimates come"
-        await self._put(self._tree.marks["DoubtText"], text, "Good", now, ua.VariantType.String)
+        await self._put(self._tree.marks["Valid"], False, "Good", now)
+        await self._put(self._tree.marks["DoubtText"], "no estimates come", "Good", now)
 
     async def _put(
         self,
@@ -238,17 +241,18 @@ class OpcUaSink:
         value: float | bool | str,
         status: str,
         at: datetime,
-        kind: ua.VariantType = ua.VariantType.Double,
+        kind: ua.VariantType | None = None,
     ) -> None:
         await node.write_value(
             ua.DataValue(
-                ua.Variant(value, kind),
+                ua.Variant(value, kind or _KINDS[type(value)]),
                 ua.StatusCode(ua.UInt32(getattr(ua.StatusCodes, status))),
                 SourceTimestamp=at,
             )
         )
 
     async def _show_health(self) -> None:
+        now = datetime.now(UTC)
         for health in self._settings.healths():
             values = health_document(health)
             found = self._tree.links.get(health.name)
@@ -257,16 +261,8 @@ class OpcUaSink:
                 self._tree.links[health.name] = found
             for key, node in found.items():
                 value = values[key]
-                if isinstance(value, bool):
-                    await node.write_value(value, ua.VariantType.Boolean)
-                elif key in nodes.COUNTERS:
-                    await node.write_value(value, ua.VariantType.Int64)
-                elif isinstance(value, str):
-                    await node.write_value(value, ua.VariantType.String)
-                else:
-                    status = "BadNoData" if value is None else "Good"
-                    number = math.nan if value is None else value
-                    await self._put(node, number, status, datetime.now(UTC))
+                status = "BadNoData" if value is None else "Good"
+                await self._put(node, math.nan if value is None else value, status, now)
 
     async def _new_link(self, name: str) -> dict[str, Node]:
         folder = self._tree.health

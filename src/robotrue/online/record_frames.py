@@ -18,7 +18,7 @@ import json
 import struct
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -167,13 +167,10 @@ def frame_from(head: bytes, payload: bytes) -> RecordFrame:
 
 def content_size(content: Content | Arrays) -> int:
     """Returns about how many bytes a content takes in memory."""
-    if isinstance(content, JointBlock):
-        return len(content) * (8 * (4 + 16) + content.joints.nbytes // max(len(content), 1)) + 1000
-    if isinstance(content, ForceBlock):
-        return len(content) * 8 * 11 + 1000
-    if isinstance(content, EstimateBlock):
-        return len(content) * 8 * 18 + content.joints.nbytes + 1000
-    return 1000 + sum(v.nbytes if isinstance(v, np.ndarray) else 200 for v in content.values())
+    if not isinstance(content, Mapping):
+        content = {field.name: getattr(content, field.name) for field in fields(content)}
+    values = content.values()
+    return 1000 + sum(v.nbytes if isinstance(v, np.ndarray) else 200 for v in values)
 
 
 def _block_bytes(kind: Kind, block: JointBlock | ForceBlock | EstimateBlock) -> bytes:

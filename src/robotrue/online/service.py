@@ -10,7 +10,7 @@ import asyncio
 import contextlib
 import time
 from collections.abc import AsyncIterator, Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Final
 
 from robotrue.errors import ConfigurationError, RobotrueError
@@ -172,31 +172,21 @@ class _Served:
     def __init__(self, plan: SinkPlan, settings: ServiceSettings) -> None:
         self.plan, self.fault, self.failed = plan, "", 0
         self.line: str | None = None
-        self.latest: LatestQueue[EstimateBlock] | None = None
-        self.whole: LosslessQueue[EstimateBlock] | None = None
-        if plan.whole and settings.patient:
-            self.whole = LosslessQueue(plan.blocks)
-        else:
-            self.latest = LatestQueue(plan.blocks)
+        kind = LosslessQueue if plan.whole and settings.patient else LatestQueue
+        self.queue: LatestQueue[EstimateBlock] | LosslessQueue[EstimateBlock] = kind(plan.blocks)
 
     async def put(self, block: EstimateBlock) -> None:
-        if self.latest is not None:
-            self.latest.put(block)
-        elif self.whole is not None:
-            await self.whole.put(block)
-
-    def close(self) -> None:
-        for queue in (self.latest, self.whole):
-            if queue is not None:
-                queue.close()
+        if isinstance(self.queue, LatestQueue):
+            self.queue.put(block)
+        else:
+            await self.queue.put(block)
 
     async def serve(self) -> None:
         """Gives the sink what waits until the queue is closed; its faults stay its own."""
-        queue = self.whole if self.latest is None else self.latest
         self.line = self.plan.after()
         for block in self.plan.before():
             await self._write(block)
-        while queue is not None and (item := await queue.take()) is not None:
+        while (item := await self.queue.take()) is not None:
             await self._write(item)
 
     async def _write(self, estimates: EstimateBlock) -> None:
@@ -211,14 +201,12 @@ class _Served:
 
     def health(self) -> Health:
         own = self.plan.sink.health()
-        dropped = own.dropped + (self.latest.dropped if self.latest is not None else 0)
-        return Health(
-            **{
-                **asdict(own),
-                "dropped": dropped,
-                "refused": own.refused + self.failed,
-                "last_fault": self.fault or own.last_fault,
-            }
+        dropped = self.queue.dropped if isinstance(self.queue, LatestQueue) else 0
+        return replace(
+            own,
+            dropped=own.dropped + dropped,
+            refused=own.refused + self.failed,
+            last_fault=self.fault or own.last_fault,
         )
 
 
@@ -316,7 +304,7 @@ class _Service:
             task.cancel()
         await asyncio.gather(*reading, *waiting, return_exceptions=True)
         for served in self.sinks:
-            served.close()
+            served.queue.close()
         await asyncio.gather(*serving, return_exceptions=True)
         await self._close_sinks()
         with contextlib.suppress(RobotrueError):  # a record that is broken has said so

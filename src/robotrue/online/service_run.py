@@ -21,11 +21,9 @@ from robotrue.core.files import sha256_of_file
 from robotrue.core.provenance import Provenance, merge, simulation_mark
 from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.online.addresses import SourceSettings, open_stream
-from robotrue.online.answering_wire import RemoteGuard
 from robotrue.online.blocks import ForceBlock, JointBlock
 from robotrue.online.clock_file import read_clock
 from robotrue.online.corrections import Corrections
-from robotrue.online.guard import CorrectionGuard
 from robotrue.online.held_note import begin_note, end_note
 from robotrue.online.link import Health
 from robotrue.online.record import RecordHeader, StreamRecord, segments
@@ -170,10 +168,9 @@ async def _serve(
     latest: list[Snapshot] = []
     origin = merge(origins.values())
     plans = _sinks(settings, cell, writer, resumed, lambda: _all_healths(latest), origin)
-    guard = None if corrections is None else corrections.guard
     correction = settings.correction
     source = SourceSettings(
-        corrector=guard if isinstance(guard, CorrectionGuard | RemoteGuard) else None,
+        corrector=None if corrections is None else corrections.guard,
         peer=settings.peer,
         trust_restart=correction is not None and correction.trust_restart,
     )
