@@ -37,6 +37,10 @@ import numpy as np
 from answer_times import AnswerTimes, Tap
 from machine_stalls import Probe, Stalls
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "online"))
+
+from rsi_samples import write_rsi_config
+
 from robotrue.core.units import MM
 from robotrue.online.answering_link import AnsweringLink
 from robotrue.online.answering_wire import RemoteGuard
@@ -44,7 +48,7 @@ from robotrue.online.guard import CorrectionGuard, CorrectionLimits
 from robotrue.online.rdt import parse_netftapi
 from robotrue.online.rdt_link import RdtSettings, RdtSource
 from robotrue.online.robot_correction import Correction, CorrectionMode
-from robotrue.online.rsi_config import RsiConfig, usual_rsi_config, write_rsi_config
+from robotrue.online.rsi_config import RsiConfig, usual_rsi_config
 from robotrue.online.rsi_link import RsiSettings, RsiSource
 from robotrue.online.sensing import Sensing
 from robotrue.online.sensing_chain import SensingChain

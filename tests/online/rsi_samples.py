@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from xml.sax.saxutils import escape
+
 import numpy as np
 from single_samples import JointSample, unknown_pose
 
@@ -10,6 +12,7 @@ from robotrue.core.units import DEG, MM
 from robotrue.errors import FormatError
 from robotrue.online.blocks import Flag
 from robotrue.online.rsi import RobPacket
+from robotrue.online.rsi_config import RsiConfig
 
 
 def joint_sample(packet: RobPacket, host_time: float, flags: Flag = Flag.NONE) -> JointSample:
@@ -38,3 +41,25 @@ def joint_sample(packet: RobPacket, host_time: float, flags: Flag = Flag.NONE) -
         sequence=packet.ipoc,
         flags=flags,
     )
+
+
+def write_rsi_config(config: RsiConfig) -> bytes:
+    """Returns the EthernetConfig.xml of a configuration, for the controller's own folder."""
+    only_send = str(config.only_send).upper()
+    lines = ["<ROOT>", "  <CONFIG>"]
+    for name, value in (
+        ("IP_NUMBER", config.host),
+        ("PORT", str(config.port)),
+        ("SENTYPE", config.sen_type),
+        ("ONLYSEND", only_send),
+    ):
+        lines.append(f"    <{name}>{escape(value)}</{name}>")
+    lines.append("  </CONFIG>")
+    for side, elements in (("SEND", config.send), ("RECEIVE", config.receive)):
+        lines += [f"  <{side}>", "    <ELEMENTS>"]
+        for e in elements:
+            tag, place = (f"DEF_{e.tag}", "INTERNAL") if e.index is None else (e.tag, e.index)
+            hold = "" if e.hold is None else f' HOLDON="{int(e.hold)}"'
+            lines.append(f'      <ELEMENT TAG="{tag}" TYPE="{e.kind}" INDX="{place}"{hold} />')
+        lines += ["    </ELEMENTS>", f"  </{side}>"]
+    return ("\n".join(lines) + "\n</ROOT>\n").encode()

@@ -12,8 +12,7 @@ from jog_cases import Jog, jog
 from robotrue.app.operations.sense_align import OPERATION, SenseAlignRequest
 from robotrue.cli.terminal import run_operation
 from robotrue.errors import ConfigurationError, ImplausibleDataError, ObservabilityError
-from robotrue.online.clock_alignment import ClockAlignment, align_streams
-from robotrue.online.clock_file import read_clock
+from robotrue.online.clock_alignment import ClockAlignment, align_streams, read_clock
 
 
 def aligned(case: Jog, **options: float) -> ClockAlignment:

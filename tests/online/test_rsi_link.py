@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from online_cases import flipped
 from robots import Robot, collected, ipoc_of, rob, until
+from rsi_samples import write_rsi_config
 
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
@@ -16,7 +17,7 @@ from robotrue.online.guard import CorrectionGuard, CorrectionLimits
 from robotrue.online.robot_correction import Correction, CorrectionMode
 from robotrue.online.robot_link import Turnaround
 from robotrue.online.rsi_answer import SenWriter, write_sen
-from robotrue.online.rsi_config import parse_rsi_config, usual_rsi_config, write_rsi_config
+from robotrue.online.rsi_config import parse_rsi_config, usual_rsi_config
 from robotrue.online.rsi_link import RsiSettings, RsiSource
 from robotrue.robot.presets import preset
 from robotrue.simulation.joint_motion import Jog

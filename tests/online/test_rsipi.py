@@ -9,11 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rsi_samples import write_rsi_config
 
 from robotrue.core.units import MM
 from robotrue.online.guard import CorrectionGuard, CorrectionLimits
 from robotrue.online.robot_correction import Correction, CorrectionMode
-from robotrue.online.rsi_config import usual_rsi_config, write_rsi_config
+from robotrue.online.rsi_config import usual_rsi_config
 from robotrue.online.rsi_link import RsiSettings, RsiSource
 
 pytestmark = [

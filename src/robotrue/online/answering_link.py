@@ -29,7 +29,6 @@ from robotrue.online.answering_wire import (
     RemoteGuard,
     Report,
     Request,
-    decode_block,
     join_blocks,
     read_message,
     write_message,
@@ -38,6 +37,7 @@ from robotrue.online.blocks import ForceBlock, JointBlock
 from robotrue.online.egm_link import EgmSettings
 from robotrue.online.guard import CorrectionGuard, CorrectionLimits, GuardState
 from robotrue.online.link import Health
+from robotrue.online.record_frames import frame_content
 from robotrue.online.robot_correction import CorrectionMode
 from robotrue.online.robot_link import LinkState, Turnaround
 from robotrue.online.sequence import SequenceState
@@ -313,7 +313,7 @@ class AnsweringLink:
         self._handle_end(fault)
 
     def _take(self, frame: bytes) -> None:
-        block = decode_block(frame)
+        block = frame_content(frame)
         if isinstance(block, JointBlock):
             self._joints.put(block)
         elif self._force is not None:

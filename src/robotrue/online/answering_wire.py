@@ -22,7 +22,7 @@ from robotrue.online.blocks import Block, ForceBlock, JointBlock
 from robotrue.online.egm_link import EgmSettings
 from robotrue.online.guard import CorrectionLimits, GuardState, check_whole
 from robotrue.online.link import Health
-from robotrue.online.record_frames import HEAD, Kind, frame_bytes, frame_from
+from robotrue.online.record_frames import Kind, frame_bytes
 from robotrue.online.robot_correction import Correction, CorrectionMode
 from robotrue.online.robot_link import LinkState
 from robotrue.online.rsi_link import RsiSettings
@@ -172,11 +172,6 @@ def frames(block: Block) -> Iterator[bytes]:
         return
     for start in range(0, len(block), _ROWS):
         yield frame_bytes(kind, 0, block.take(slice(start, start + _ROWS)))
-
-
-def decode_block(frame: bytes) -> Any:
-    """Returns the block of a frame."""
-    return frame_from(frame[: HEAD.size], frame[HEAD.size :]).content
 
 
 def join_blocks(blocks: list[B]) -> list[B]:

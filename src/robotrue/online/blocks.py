@@ -55,22 +55,18 @@ class Flag(enum.IntFlag):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class JointBlock(Columns):
-    """Joint samples in the order they came.
+class SampleBlock(Columns):
+    """What samples of all streams have, in the order they came.
 
     Attributes:
-        controller_time: (n,) s on the controller's clock; NaN where it sends none.
+        controller_time: (n,) s on the sender's clock; NaN where it sends none.
         host_time: (n,) s on the receiving computer's monotonic clock.
-        joints: (n, dof) rad as the controller displays them.
-        T_frame_tool: (n, 4, 4) m, the tool point in the controller's frame; NaN where not known.
         sequence: (n,) the sender's numbers.
         flags: (n,) :class:`Flag` values.
     """
 
     controller_time: Annotated[Array, Column("n", unit="s", nan=True)]
     host_time: Annotated[Array, Column("n", unit="s", nan=True)]
-    joints: Annotated[Array, Column("n dof", unit="rad", nan=True)]
-    T_frame_tool: Annotated[Array, Column("n 4 4", nan=True)]
     sequence: Annotated[IntArray, Column("n")]
     flags: Annotated[IntArray, Column("n")]
 
@@ -84,34 +80,31 @@ class JointBlock(Columns):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ForceBlock(Columns):
-    """Force samples in the order they came.
+class JointBlock(SampleBlock):
+    """Joint samples.
 
     Attributes:
-        controller_time: (n,) s on the sensor's clock; NaN where it sends none.
-        host_time: (n,) s on the receiving computer's monotonic clock.
-        wrench: (n, 6) N and N m, force first; torques NaN where only forces are measured.
-        frame: Frame of its axes: "sensor", "tool", "base".
-        sequence: (n,) the sender's numbers.
-        status: (n,) status words; 0 where it sends none.
-        flags: (n,) :class:`Flag` values.
+        joints: (n, dof) rad as the controller displays them.
+        T_frame_tool: (n, 4, 4) m, the tool point in the controller's frame; NaN where not known.
     """
 
-    controller_time: Annotated[Array, Column("n", unit="s", nan=True)]
-    host_time: Annotated[Array, Column("n", unit="s", nan=True)]
+    joints: Annotated[Array, Column("n dof", unit="rad", nan=True)]
+    T_frame_tool: Annotated[Array, Column("n 4 4", nan=True)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ForceBlock(SampleBlock):
+    """Force samples.
+
+    Attributes:
+        wrench: (n, 6) N and N m, force first; torques NaN where only forces are measured.
+        frame: Frame of its axes: "sensor", "tool", "base".
+        status: (n,) status words; 0 where it sends none.
+    """
+
     wrench: Annotated[Array, Column("n 6", nan=True)]
     frame: str
-    sequence: Annotated[IntArray, Column("n")]
     status: Annotated[IntArray, Column("n")]
-    flags: Annotated[IntArray, Column("n")]
-
-    def __len__(self) -> int:
-        return len(self.host_time)
-
-    @property
-    def valid(self) -> BoolArray:
-        """(n,), whether an estimate may use each."""
-        return np.asarray((self.flags & int(Flag.INVALID)) == 0)
 
 
 Block = JointBlock | ForceBlock

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import AsyncIterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Protocol, TypeVar
 
 from robotrue.online.blocks import Block
@@ -128,19 +128,13 @@ HealthDocument = dict[str, str | bool | int | float | None]
 
 def health_document(health: Health) -> HealthDocument:
     """Returns the counters; a turnaround that is not measured is None."""
-    return {
-        "name": health.name,
-        "connected": health.connected,
-        "received": health.received,
-        "lost": health.lost,
-        "late": health.late,
-        "refused": health.refused,
-        "dropped": health.dropped,
-        "reconnects": health.reconnects,
-        "turnaround_p50_ms": _ms(health.turnaround_p50),
-        "turnaround_p99_ms": _ms(health.turnaround_p99),
-        "last_fault": health.last_fault,
-    }
+    document: HealthDocument = {}
+    for name, value in asdict(health).items():
+        if name.startswith("turnaround"):
+            document[f"{name}_ms"] = _ms(value)
+        else:
+            document[name] = value
+    return document
 
 
 def _ms(seconds: float) -> float | None:

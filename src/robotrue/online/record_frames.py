@@ -165,6 +165,15 @@ def frame_from(head: bytes, payload: bytes) -> RecordFrame:
     return RecordFrame(number=number, kind=kind, content=content)
 
 
+def frame_content(data: bytes) -> Any:
+    """Returns the content of the bytes of one sound frame.
+
+    Raises:
+        FormatError: The payload is not of its kind.
+    """
+    return frame_from(data[: HEAD.size], data[HEAD.size :]).content
+
+
 def content_size(content: Content | Arrays) -> int:
     """Returns about how many bytes a content takes in memory."""
     if not isinstance(content, Mapping):

@@ -14,7 +14,7 @@ from typing import Final, TypeVar
 
 import numpy as np
 
-from robotrue.core.arrays import Array, IntArray
+from robotrue.core.arrays import Array
 from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, FormatError
@@ -22,6 +22,7 @@ from robotrue.online.blocks import (
     Flag,
     ForceBlock,
     JointBlock,
+    SampleBlock,
     check_joints,
     check_poses,
     check_wrenches,
@@ -108,20 +109,10 @@ def force_blocks(
             return read_tdms_table(path)
         return read_columns(path, (*TIME, *FORCE), (TORQUE,), (*CLOCKS, "status"))
 
-    def block(names: tuple[str, ...], table: Array, clock: _Clock) -> ForceBlock:
+    def block(names: tuple[str, ...], table: Array, clock: SampleBlock) -> ForceBlock:
         return _force(names, table, clock, frame)
 
     return _play(tables, repeats or Repeats(), block, path)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Clock:
-    """Times (n,) s and counts (n,) of a table after its repetitions, and their flags."""
-
-    time: Array
-    host_time: Array
-    sequence: IntArray
-    flags: IntArray
 
 
 class _Watch:
@@ -137,8 +128,8 @@ class _Watch:
         self._lowest, self._highest = math.inf, -math.inf
         self._passed = 0
 
-    def clock(self, names: tuple[str, ...], table: Array) -> _Clock:
-        """Returns the clock of the next rows."""
+    def clock(self, names: tuple[str, ...], table: Array) -> SampleBlock:
+        """Returns clocks and flags of the next rows, after the repetitions before them."""
         printed = table[:, names.index("t_s")]
         time = printed + self._shift
         host = time
@@ -162,7 +153,7 @@ class _Watch:
             self._first = min(self._first, float(printed[known].min()))
             self._last = max(self._last, float(printed[known].max()))
         self._rows += len(table)
-        return _Clock(time=time, host_time=host, sequence=sequence, flags=flags)
+        return SampleBlock(controller_time=time, host_time=host, sequence=sequence, flags=flags)
 
     def again(self, period: float | None, path: str | Path) -> None:
         """Goes back to the beginning of the record: what follows is later by its length."""
@@ -185,7 +176,7 @@ class _Watch:
 def _play(
     tables: Callable[[], Iterator[Table]],
     repeats: Repeats,
-    block: Callable[[tuple[str, ...], Array, _Clock], B],
+    block: Callable[[tuple[str, ...], Array, SampleBlock], B],
     path: str | Path,
 ) -> Iterator[B]:
     watch = _Watch()
@@ -203,7 +194,7 @@ def _play(
             yield block(names, table, watch.clock(names, table))
 
 
-def _joints(names: tuple[str, ...], table: Array, clock: _Clock) -> JointBlock:
+def _joints(names: tuple[str, ...], table: Array, clock: SampleBlock) -> JointBlock:
     joints, flags = check_joints(_pick_columns(names, table, JOINTS) * DEG, clock.flags)
     poses = np.full((len(table), 4, 4), np.nan)
     if POSE[0] in names:
@@ -214,7 +205,7 @@ def _joints(names: tuple[str, ...], table: Array, clock: _Clock) -> JointBlock:
         flags = flags | np.where(known, 0, int(Flag.NOT_FINITE))
         poses, flags = check_poses(poses, flags)
     return JointBlock(
-        controller_time=clock.time,
+        controller_time=clock.controller_time,
         host_time=clock.host_time,
         joints=joints,
         T_frame_tool=poses,
@@ -223,7 +214,7 @@ def _joints(names: tuple[str, ...], table: Array, clock: _Clock) -> JointBlock:
     )
 
 
-def _force(names: tuple[str, ...], table: Array, clock: _Clock, frame: str) -> ForceBlock:
+def _force(names: tuple[str, ...], table: Array, clock: SampleBlock, frame: str) -> ForceBlock:
     wrench = np.full((len(table), 6), np.nan)
     wrench[:, :3] = _pick_columns(names, table, FORCE)
     flags = clock.flags
@@ -239,7 +230,7 @@ def _force(names: tuple[str, ...], table: Array, clock: _Clock, frame: str) -> F
     flags = flags | np.where(status & ~LATCHED, int(Flag.SENSOR_FAULT), 0)
     wrench, flags = check_wrenches(wrench, flags)
     return ForceBlock(
-        controller_time=clock.time,
+        controller_time=clock.controller_time,
         host_time=clock.host_time,
         wrench=wrench,
         frame=frame,

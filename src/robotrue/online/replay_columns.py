@@ -178,8 +178,12 @@ def _by_line(
             if not text:
                 continue
             cells = _line_numbers(text, names, path, number)
-            if "sequence" in names:
-                _sequence_number(cells[names.index("sequence")], path, number)
+            if "sequence" in names and not _whole(np.array(cells[names.index("sequence")])):
+                raise ImplausibleDataError(
+                    f"sequence {cells[names.index('sequence')]:g}, expected a whole number from 0.",
+                    source=path,
+                    line=number,
+                )
         except RobotrueError as cause:
             fault = cause
             break
@@ -255,16 +259,3 @@ def _line_numbers(text: str, names: tuple[str, ...], path: str | Path, line: int
         return [float(cell) if cell.strip() else math.nan for cell in cells]
     except ValueError as cause:
         raise FormatError(f"no number: {cause}.", source=path, line=line) from cause
-
-
-def _sequence_number(value: float, path: str | Path, line: int) -> int:
-    """Returns a sequence number.
-
-    Raises:
-        ImplausibleDataError: Not a whole number from 0.
-    """
-    if not (0.0 <= value < 2.0**53 and value == int(value)):
-        raise ImplausibleDataError(
-            f"sequence {value:g}, expected a whole number from 0.", source=path, line=line
-        )
-    return int(value)

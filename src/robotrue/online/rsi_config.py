@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 from xml.etree.ElementTree import Element
-from xml.sax.saxutils import escape
 
 from robotrue.core.files import read_bytes
 from robotrue.errors import FormatError
@@ -171,25 +170,3 @@ def usual_rsi_config(host: str, port: int, *, hold: bool = True) -> RsiConfig:
             for i, axis in enumerate("XYZABC")
         ),
     )
-
-
-def write_rsi_config(config: RsiConfig) -> bytes:
-    """Returns the EthernetConfig.xml of a configuration, for the controller's own folder."""
-    only_send = str(config.only_send).upper()
-    lines = ["<ROOT>", "  <CONFIG>"]
-    for name, value in (
-        ("IP_NUMBER", config.host),
-        ("PORT", str(config.port)),
-        ("SENTYPE", config.sen_type),
-        ("ONLYSEND", only_send),
-    ):
-        lines.append(f"    <{name}>{escape(value)}</{name}>")
-    lines.append("  </CONFIG>")
-    for side, elements in (("SEND", config.send), ("RECEIVE", config.receive)):
-        lines += [f"  <{side}>", "    <ELEMENTS>"]
-        for e in elements:
-            tag, place = (f"DEF_{e.tag}", "INTERNAL") if e.index is None else (e.tag, e.index)
-            hold = "" if e.hold is None else f' HOLDON="{int(e.hold)}"'
-            lines.append(f'      <ELEMENT TAG="{tag}" TYPE="{e.kind}" INDX="{place}"{hold} />')
-        lines += ["    </ELEMENTS>", f"  </{side}>"]
-    return ("\n".join(lines) + "\n</ROOT>\n").encode()

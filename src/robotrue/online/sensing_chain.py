@@ -17,7 +17,7 @@ from robotrue.errors import ModelMismatchError
 from robotrue.online.blocks import Flag, ForceBlock, JointBlock
 from robotrue.online.clocks import ClockFix, StreamClock
 from robotrue.online.estimates import EstimateBlock
-from robotrue.online.record_frames import HEAD, Kind, frame_bytes, frame_from
+from robotrue.online.record_frames import Kind, frame_bytes, frame_content
 
 Stream: TypeAlias = Literal["joints", "force"]
 STREAMS: Final[tuple[Stream, Stream]] = ("joints", "force")
@@ -185,7 +185,7 @@ def _part(state: dict[str, npt.NDArray[Any]], prefix: str) -> dict[str, npt.NDAr
 
 
 def _force(data: bytes) -> ForceBlock:
-    content = frame_from(data[: HEAD.size], data[HEAD.size :]).content
+    content = frame_content(data)
     if not isinstance(content, ForceBlock):
         raise ModelMismatchError("a checkpoint whose waiting forces are none.")
     return content

@@ -23,11 +23,7 @@ from robotrue.online.queues import LatestQueue, LosslessQueue
 from robotrue.online.record_frames import Kind
 from robotrue.online.record_writer import RecordWriter
 from robotrue.online.resume import later_than
-from robotrue.online.sensing_chain import (
-    STREAMS,
-    SensingChain,
-    Stream,
-)
+from robotrue.online.sensing_chain import STREAMS, SensingChain, Stream
 
 _RETRY: Final = (0.5, 5.0)
 """s before a source that failed is opened again: the first time, and the longest."""

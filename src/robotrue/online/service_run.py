@@ -22,7 +22,7 @@ from robotrue.core.provenance import Provenance, merge, simulation_mark
 from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.online.addresses import SourceSettings, open_stream
 from robotrue.online.blocks import ForceBlock, JointBlock
-from robotrue.online.clock_file import read_clock
+from robotrue.online.clock_alignment import read_clock
 from robotrue.online.corrections import Corrections
 from robotrue.online.held_note import begin_note, end_note
 from robotrue.online.link import Health
@@ -41,12 +41,7 @@ from robotrue.online.sense_settings import (
 from robotrue.online.sensing import Sensing
 from robotrue.online.sensing_chain import SensingChain, StreamShift
 from robotrue.online.sensing_files import sensing_of
-from robotrue.online.service import (
-    ServiceSettings,
-    SinkPlan,
-    Snapshot,
-    sense,
-)
+from robotrue.online.service import ServiceSettings, SinkPlan, Snapshot, sense
 from robotrue.online.sink_addresses import open_sink
 from robotrue.online.sink_settings import SinkSettings
 from robotrue.online.udp import prompt_answers

@@ -45,7 +45,7 @@ def run(request: SenseAlignRequest, context: Context) -> PlainResult:
     """
     from robotrue.core.files import read_bytes, sha256
     from robotrue.core.provenance import marked_document, merge, read_provenance
-    from robotrue.online.clock_file import clock_document, write_clock
+    from robotrue.online.clock_alignment import clock_document, write_clock
 
     joints, force = request.joints, request.force
     alignment, by_host = _alignment(joints, force, request.most_s)
