@@ -194,10 +194,8 @@ def _products(joints: Array) -> Array:
     return np.hstack([*single, *pairs])
 
 
-def _search_shift(
-    grid: Array, seen: Array, track: _Track, most: float
-) -> tuple[float, float, float]:
-    """Returns the best shift on a coarse grid, what it explains, and what its best rival does."""
+def _search_shift(grid: Array, seen: Array, track: _Track, most: float) -> tuple[float, float]:
+    """Returns the best shift on a coarse grid, and what its best rival explains."""
     thin = slice(None, None, _COARSE)
     reach = int(np.floor(most * _GRID / _COARSE))
     shifts = np.arange(-reach, reach + 1.0) * _COARSE / _GRID
@@ -223,12 +221,11 @@ def _search_shift(
             f"({100 * share[best]:.1f} %) and {shifts[other]:+.3f} s ({100 * rival:.1f} %).",
             hint="jog unevenly: one swing long, one short, with a stop between.",
         )
-    return float(shifts[best]), float(share[best]), rival
+    return float(shifts[best]), rival
 
 
 def _refine_fit(
-    grid: Array, seen: Array, track: _Track, shift: float, _share: float, rival: float,
-    *, worst: float,
+    grid: Array, seen: Array, track: _Track, shift: float, rival: float, *, worst: float
 ) -> ClockAlignment:  # fmt: skip
     """Gauss-Newton on shift and drift, the way F follows q solved along with it."""
     speed = np.abs(np.diff(track.at(grid + shift)[0], axis=0, append=np.nan)).max(axis=1)

@@ -25,7 +25,7 @@ from robotrue.online.blocks import ForceBlock, JointBlock
 from robotrue.online.clock_alignment import read_clock
 from robotrue.online.corrections import Corrections
 from robotrue.online.held_note import begin_note, end_note
-from robotrue.online.link import Health
+from robotrue.online.link import Health, StreamSource
 from robotrue.online.record import RecordHeader, StreamRecord, segments
 from robotrue.online.record_frames import Kind
 from robotrue.online.record_writer import RecordWriter
@@ -163,21 +163,7 @@ async def _serve(
     latest: list[Snapshot] = []
     origin = merge(origins.values())
     plans = _sinks(settings, cell, writer, resumed, lambda: _all_healths(latest), origin)
-    correction = settings.correction
-    source = SourceSettings(
-        corrector=None if corrections is None else corrections.guard,
-        peer=settings.peer,
-        trust_restart=correction is not None and correction.trust_restart,
-    )
-    rows = {"joints": 0, "force": 0} if resumed is None else dict(resumed.rows)
-    robot = open_stream(settings.robot, "robot", replace(source, start_row=rows["joints"]))
-    try:
-        force = open_stream(
-            settings.force, "force", SourceSettings(start_row=rows["force"], robot=robot)
-        )
-    except BaseException:
-        await robot.close()
-        raise
+    robot, force = await _open_streams(settings, corrections, resumed)
     if writer is not None and resumed is not None:
         for block in resumed.missing:
             writer.put(Kind.ESTIMATES, block)
@@ -201,6 +187,30 @@ async def _serve(
         watch=keep_and_show,
         stop=stop,
     )
+
+
+async def _open_streams(
+    settings: SenseSettings, corrections: Corrections | None, resumed: Resumed | None
+) -> tuple[StreamSource[JointBlock], StreamSource[ForceBlock]]:
+    """Opens robot and force behind what a record holds already; both or none."""
+    rows = {"joints": 0, "force": 0} if resumed is None else resumed.rows
+    correction = settings.correction
+    robot = open_stream(
+        settings.robot,
+        "robot",
+        SourceSettings(
+            corrector=None if corrections is None else corrections.guard,
+            peer=settings.peer,
+            trust_restart=correction is not None and correction.trust_restart,
+            start_row=rows["joints"],
+        ),
+    )
+    try:
+        behind = SourceSettings(start_row=rows["force"], robot=robot)
+        return robot, open_stream(settings.force, "force", behind)
+    except BaseException:
+        await robot.close()
+        raise
 
 
 def _sinks(
