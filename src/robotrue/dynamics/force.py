@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Annotated, Final
 
 import numpy as np
-import scipy.fft
 
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.columns import Column, Columns
@@ -182,6 +181,8 @@ def spindle_lines(
     top = min(highest or np.inf, record.rate / 2.0)
     order = np.arange(1, int(np.floor(top / spindle)) + 1)
     order = order[order * spindle < record.rate / 2.0 * (1.0 - 1e-9)]
+    import scipy.fft  # here alone: the process that answers a robot reads this file, too
+
     lines = scipy.fft.rfft(force - mean, axis=0)[order * turns]
     amplitude = np.asarray(2.0 / count * lines, dtype=np.complex128)
     is_tooth = order % teeth == 0
