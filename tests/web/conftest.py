@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from web_shop import Client, Served, Shop, fill, write_files
 
 from robotrue.web import server
 from robotrue.web.settings import ServeSettings
-from robotrue.web.workers import Fact, Workers, answered
+from robotrue.web.workers import P, QueryWorkers, R
 
 with warnings.catch_warnings():  # Starlette would rather have a client that few have yet
     warnings.simplefilter("ignore", DeprecationWarning)
@@ -38,11 +38,11 @@ FLAGS = (
 )
 
 
-class InProcess(Workers):
+class InProcess(QueryWorkers):
     """Questions answered in this process: the tests would otherwise wait for imports."""
 
-    async def ask(self, question: str, *facts: Fact) -> bytes:
-        return answered(question, facts)
+    async def ask(self, call: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
+        return call(*args, **kwargs)
 
 
 @pytest.fixture(scope="session")
@@ -60,7 +60,7 @@ def client(filled: Shop, monkeypatch: pytest.MonkeyPatch) -> Iterator[Client]:
     with contextlib.ExitStack() as stack:
 
         def make(host: str = "127.0.0.1", shop: Shop | None = None, **settings: Any) -> TestClient:
-            monkeypatch.setattr(server, "Workers", InProcess)
+            monkeypatch.setattr(server, "QueryWorkers", InProcess)
             workspace = (shop or filled).workspace
             wanted = ServeSettings(workspace=workspace.folder, host=host, **settings)
             context = server.server_context(wanted, workspace)

@@ -13,9 +13,9 @@ import pytest
 import shop
 from web_shop import SEED, Client, Shop
 
+from robotrue.app.workbench.workbench_calls import save_cell_text
 from robotrue.errors import ConfigurationError
 from robotrue.store.verify import verify
-from robotrue.web.questions.cell_form import kept
 from robotrue.web.uploads import FOLDER
 
 HEADER = "j1_deg,j2_deg,j3_deg,j4_deg,j5_deg,j6_deg,x_mm,y_mm,z_mm\n"
@@ -166,9 +166,9 @@ def test_a_cell_names_no_file_of_the_server(
 def test_a_cell_that_is_typed_names_no_file_of_the_server_either(filled: Shop) -> None:
     text = shop.CELL + '[controller]\nfiles = ["/etc/hostname"]\n'
     with pytest.raises(ConfigurationError, match="did not come with it"):
-        kept(str(filled.workspace.folder), text, "typed", "", 0)
+        save_cell_text(str(filled.workspace.folder), text, "typed", "", 0)
     with pytest.raises(ConfigurationError, match="did not come with it"):
-        kept(str(filled.workspace.folder), text, "", filled.cell.id, filled.cell.version)
+        save_cell_text(str(filled.workspace.folder), text, "", filled.cell.id, filled.cell.version)
 
 
 def test_names_of_files_stay_text(client: Client, filled: Shop) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from web_shop import unpacked
 
+from robotrue.app.workbench.arm_body import orientations
 from robotrue.core.rotations import (
     matrix_from_abc,
     matrix_from_quat_wxyz,
@@ -21,7 +22,6 @@ from robotrue.web import pages
 from robotrue.web.icons import PATHS
 from robotrue.web.language import LANGUAGES, Wording, preferred, words
 from robotrue.web.preferences import ANGLE_NAMES, CHOICES, preferences_from
-from robotrue.web.questions.body import orientations
 
 ROOM = Path(pages.__file__).parents[1]
 USED = re.compile(r"""say\(\s*f?["']([a-z_]+\.[a-z_]+)["'](?!\s*~)""")

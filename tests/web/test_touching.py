@@ -13,11 +13,11 @@ from touch_shop import CELL, Bench, touch_bench, write_touch_files
 from typer.testing import CliRunner
 from web_shop import Client, Shop
 
+from robotrue.app.workbench.calibration_view import from_simulation
 from robotrue.cell.config import parse_cell
 from robotrue.cli.main import app
 from robotrue.store import items, models
 from robotrue.store.nouns import MODEL, REGISTRATION
-from robotrue.web.questions.marks import from_simulation
 
 
 def posted(made: Any, path: str, body: dict[str, Any], status: int = 201) -> Any:

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import importlib
+import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -13,21 +17,21 @@ from robotrue.store import jobs
 from robotrue.store.workspace import Workspace
 from robotrue.web.answers import KEPT, Answers
 from robotrue.web.job_process import JobProcess
-from robotrue.web.workers import GRACE, MOST, Fact, Workers, _Refusal
+from robotrue.web.workers import GRACE, MOST, QueryWorkers, _Refusal
 
 
 def test_an_answer_survives_the_death_of_its_process(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    workers = asked_in(tmp_path, monkeypatch)
+    workers, calls = QueryWorkers(), calls_in(tmp_path, monkeypatch)
 
     async def story() -> None:
-        assert await workers.ask("quick.known") == ANSWER
+        assert await workers.ask(calls.known) == ANSWER
         (pool,) = workers._running
         for process in pool._processes.values():
             process.kill()
             process.join(10.0)
-        assert await workers.ask("quick.known") == ANSWER
+        assert await workers.ask(calls.known) == ANSWER
 
     try:
         asyncio.run(asyncio.wait_for(story(), 60.0))
@@ -37,7 +41,9 @@ def test_an_answer_survives_the_death_of_its_process(
 
 BLOCKING = """
 import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 def wait():
     while not Path(__file__).with_name("go").exists():
@@ -54,31 +60,30 @@ def work(work):
 ANSWER = b"{}"
 
 
-def asked_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Workers:
-    """Workers that answer two questions; the slow one waits for a file."""
+def calls_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """A module with two functions that answer; one waits for a file."""
     monkeypatch.syspath_prepend(str(tmp_path))
-    questions = tmp_path / "shop_questions"
-    questions.mkdir()
-    (questions / "__init__.py").touch()
-    known = f"{BLOCKING}\ndef known():\n    return {ANSWER!r}\n"
-    (questions / "slow.py").write_text(f"{known}\nwait()\n")
-    (questions / "quick.py").write_text(known)
-    return Workers("shop_questions")
+    monkeypatch.delitem(sys.modules, "shop_calls", raising=False)
+    (tmp_path / "shop_calls.py").write_text(
+        f"{BLOCKING}\ndef known():\n    return {ANSWER!r}\n"
+        f"\ndef known_late():\n    wait()\n    return {ANSWER!r}\n"
+    )
+    return importlib.import_module("shop_calls")
 
 
 def test_a_slow_question_holds_up_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    workers = asked_in(tmp_path, monkeypatch)
+    workers, calls = QueryWorkers(), calls_in(tmp_path, monkeypatch)
 
     async def story() -> None:
-        slow = [asyncio.create_task(workers.ask("slow.known")) for _ in range(MOST - 1)]
+        slow = [asyncio.create_task(workers.ask(calls.known_late)) for _ in range(MOST - 1)]
         for _ in range(2):
-            assert await workers.ask("quick.known") == ANSWER
+            assert await workers.ask(calls.known) == ANSWER
         assert not any(each.done() for each in slow)
-        more = asyncio.create_task(workers.ask("slow.known"))
-        last = asyncio.create_task(workers.ask("quick.known"))
+        more = asyncio.create_task(workers.ask(calls.known_late))
+        last = asyncio.create_task(workers.ask(calls.known))
         await asyncio.sleep(3 * GRACE)
         assert len(workers._running) == MOST  # and the last one waits, or was first
-        (tmp_path / "shop_questions" / "go").touch()
+        (tmp_path / "go").touch()
         assert set(await asyncio.gather(*slow, more, last)) == {ANSWER}
         assert len(workers._running) == 1
 
@@ -122,17 +127,21 @@ def test_an_error_comes_back_with_all_its_words() -> None:
     assert str(error) == "a.csv:7: 2 mm. Try: 3 mm"
 
 
-class Counted(Workers):
+class Counted(QueryWorkers):
     def __init__(self) -> None:
         super().__init__()
-        self.asked: list[tuple[Fact, ...]] = []
+        self.asked: list[tuple[object, ...]] = []
 
-    async def ask(self, question: str, *facts: Fact) -> bytes:
-        self.asked.append(facts)
+    async def ask(self, call: Callable[..., Any], *args: object, **kwargs: object) -> Any:
+        self.asked.append(args)
         await asyncio.sleep(0)
-        if facts == (-1,):
-            raise RobotrueError("no.")
-        return str(facts).encode()
+        return call(*args)
+
+
+def spell(number: int) -> bytes:
+    if number < 0:
+        raise RobotrueError("no.")
+    return f"({number},)".encode()
 
 
 def test_a_question_is_asked_once_and_a_refusal_again() -> None:
@@ -140,17 +149,17 @@ def test_a_question_is_asked_once_and_a_refusal_again() -> None:
     answers = Answers(workers)
 
     async def story() -> None:
-        both = await asyncio.gather(answers.once("q", 1), answers.once("q", 1))
+        both = await asyncio.gather(answers.once(spell, 1), answers.once(spell, 1))
         assert both == [b"(1,)", b"(1,)"]
-        assert await answers.once("q", 1) == b"(1,)"
+        assert await answers.once(spell, 1) == b"(1,)"
         assert workers.asked == [(1,)]
         for _ in range(2):
             with pytest.raises(RobotrueError, match="no"):
-                await answers.once("q", -1)
+                await answers.once(spell, -1)
         assert workers.asked.count((-1,)) == 2
         for k in range(KEPT + 1):
-            await answers.once("q", k)
-        await answers.once("q", 0)
+            await answers.once(spell, k)
+        await answers.once(spell, 0)
         assert workers.asked.count((0,)) == 2  # the oldest one went
 
     asyncio.run(asyncio.wait_for(story(), 20.0))

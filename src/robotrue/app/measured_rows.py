@@ -95,7 +95,7 @@ def join_rows(
 
 
 def read_rows(
-    cell: Cell, path: Path, mapping: Path | None, *, reporter: Reporter
+    cell: Cell, path: Path, mapping: Path | ColumnMapping | None, *, reporter: Reporter
 ) -> MeasurementSet:
     """Returns the rows of one file as it stands, in the cell's frame, not yet checked.
 
@@ -104,7 +104,7 @@ def read_rows(
     Raises:
         FormatError: A file that cannot be read.
     """
-    layout: ColumnMapping | None = None if mapping is None else read_mapping(mapping)
+    layout = read_mapping(mapping) if isinstance(mapping, Path) else mapping
     rows = read_measurements(
         path,
         mapping=layout,

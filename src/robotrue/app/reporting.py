@@ -48,6 +48,25 @@ class Reporter(Protocol):
         ...
 
 
+class Notes:
+    """A reporter that keeps what deserves attention, for a result that shows it.
+
+    Attributes:
+        texts: Of the notes.
+    """
+
+    def __init__(self) -> None:
+        self.texts: list[str] = []
+
+    def report(self, message: Message) -> None:
+        """Keeps one line if it is a note."""
+        if message.label == "note":
+            self.texts.append(message.text)
+
+    def step(self, text: str, done: int, of: int) -> None:
+        """Drops the progress."""
+
+
 class Silent:
     """A reporter that drops everything."""
 

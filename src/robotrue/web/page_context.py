@@ -7,7 +7,7 @@ import json
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
-from typing import Any, ParamSpec, TypeAlias, TypeVar
+from typing import Any, Concatenate, ParamSpec, TypeAlias, TypeVar
 from urllib.parse import urlencode
 
 from markupsafe import Markup
@@ -25,7 +25,7 @@ from robotrue.web.live_relay import Relays
 from robotrue.web.preferences import CHOICES, Preferences
 from robotrue.web.settings import ServeSettings
 from robotrue.web.templating import render
-from robotrue.web.workers import Fact, Workers
+from robotrue.web.workers import QueryWorkers
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -47,7 +47,7 @@ class ServerContext:
 
     settings: ServeSettings
     workspace: Workspace
-    workers: Workers
+    workers: QueryWorkers
     answers: Answers
     job_process: JobProcess
     relays: Relays
@@ -139,13 +139,15 @@ class PageContext:
         found = await self.ask(shown_jobs, self.workspace, kind)
         return [job for job in found if all(job.parameters.get(k) == v for k, v in wanted.items())]
 
-    async def answer(self, question: str, *facts: Fact) -> Any:
-        """Returns the answer of a process beside the server, as JSON values.
+    async def answer(
+        self, call: Callable[Concatenate[str, P], bytes], *args: P.args, **kwargs: P.kwargs
+    ) -> Any:
+        """Returns what a function of the workspace's folder answers, as JSON values.
 
         Raises:
-            RobotrueError: What the question raised.
+            RobotrueError: What the function raised.
         """
-        return json.loads(await self.server.answers.once(question, self.folder, *facts))
+        return json.loads(await self.server.answers.once(call, self.folder, *args, **kwargs))
 
     def render(self, template: str, **values: object) -> Markup:
         """Returns a template with the person who looks, and their words, besides its values."""

@@ -99,8 +99,12 @@ def source_name(error: RobotrueError) -> str | None:
 
 def title_of(error: RobotrueError) -> str:
     """Returns the kind of an error in words, e.g. ``"format error"``."""
-    words = "".join(f" {c.lower()}" if c.isupper() else c for c in type(error).__name__)
-    return words.strip()
+    return kind_words(type(error).__name__)
+
+
+def kind_words(name: str) -> str:
+    """Returns the name of a type of error in words."""
+    return "".join(f" {c.lower()}" if c.isupper() else c for c in name).strip()
 
 
 def answer_with_problems(app: FastAPI) -> None:

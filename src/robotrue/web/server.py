@@ -38,7 +38,7 @@ from robotrue.web.reports import reports_router
 from robotrue.web.sessions import Sessions, Tries
 from robotrue.web.settings import ServeSettings
 from robotrue.web.uploads import forget_old
-from robotrue.web.workers import Workers
+from robotrue.web.workers import QueryWorkers
 
 STATIC: Final = Path(__file__).parent / "static"
 VENDORED: Final = {"vue": "static", "three": "elements/scene/dist"}
@@ -82,7 +82,7 @@ def serve(settings: ServeSettings, *, ready: Callable[[str], None]) -> None:
 
 def server_context(settings: ServeSettings, workspace: Workspace) -> ServerContext:
     """Returns what pages and interface share, with nothing started yet."""
-    workers = Workers()
+    workers = QueryWorkers()
     return ServerContext(
         settings=settings,
         workspace=workspace,

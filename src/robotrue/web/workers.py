@@ -12,51 +12,46 @@ import asyncio
 import multiprocessing
 import os
 import threading
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from importlib import import_module
-from typing import Final, TypeAlias
+from typing import Final, ParamSpec, TypeVar
 
 from robotrue.errors import RobotrueError
 
-Fact: TypeAlias = str | int | float | bool | None
+P = ParamSpec("P")
+R = TypeVar("R")
 PATIENCE: Final = 120.0
 """s until a question counts as one that will never be answered."""
 GRACE: Final = 2.0
 """s that a question waits for a busy process; loading the libraries in another takes as long."""
 MOST: Final = 4
 """Processes at a time."""
-QUESTIONS: Final = "robotrue.web.questions"
-"""A registry of leaf files: the server names their functions and does not import them."""
 
 
 class Unanswered(RobotrueError):
     """A question whose process died or took too long."""
 
 
-class Workers:
-    """Processes that answer one question each at a time.
+class QueryWorkers:
+    """Processes that answer one query each at a time.
 
     One is started by the first question and stays. Others are started while it is busy, at most
     :data:`MOST`, and end when they have answered.
     """
 
-    def __init__(self, questions: str = QUESTIONS) -> None:
-        """Makes it without any process yet.
-
-        Args:
-            questions: Package of the files whose functions answer.
-        """
-        self._questions = questions
+    def __init__(self) -> None:
         self._running: set[ProcessPoolExecutor] = set()
         self._idle: asyncio.LifoQueue[ProcessPoolExecutor] = asyncio.LifoQueue()
 
-    async def ask(self, question: str, *facts: Fact) -> bytes:
-        """Returns what a function of ``web/questions`` returns, called in another process.
+    async def ask(self, call: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
+        """Returns what a function returns, called in another process.
 
         Args:
-            question: ``file.function``; by its name, so that the server need not import it.
-            facts: Its arguments.
+            call: Of a file that imports what it needs when it is called, as
+                ``robotrue.app.workbench.workbench_calls``.
+            args: Its arguments.
+            kwargs: Likewise.
 
         Raises:
             Unanswered: It took more than two minutes, or its process died twice.
@@ -65,7 +60,7 @@ class Workers:
         for attempt in (1, 2):
             process = await self._process()
             try:
-                future = process.submit(_call, self._questions, question, facts)
+                future = process.submit(_call, call, args, kwargs)
                 answer = await asyncio.wait_for(asyncio.wrap_future(future), PATIENCE)
             except BrokenProcessPool:
                 self._end(process)
@@ -135,20 +130,11 @@ class _Refusal:
         return self.kind(message, source=source, line=line, hint=hint)
 
 
-def answered(question: str, facts: tuple[Fact, ...], questions: str = QUESTIONS) -> bytes:
-    """Returns what a function of ``web/questions`` returns, called here.
-
-    Raises:
-        RobotrueError: What it raised.
-    """
-    file, _, name = question.partition(".")
-    asked = getattr(import_module(f"{questions}.{file}"), name)
-    return bytes(asked(*facts))
-
-
-def _call(questions: str, question: str, facts: tuple[Fact, ...]) -> bytes | _Refusal:
+def _call(
+    call: Callable[..., R], args: tuple[object, ...], kwargs: dict[str, object]
+) -> R | _Refusal:
     try:
-        return answered(question, facts, questions)
+        return call(*args, **kwargs)
     except RobotrueError as error:
         return _Refusal(error)
 

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import asyncio
-import json
-from typing import Annotated
+from typing import Annotated, Any
 
 from fastapi import APIRouter, Path, Query
 from fastapi.responses import PlainTextResponse, Response
 from pydantic import BaseModel, Field
 
+from robotrue.app.workbench import workbench_calls as calls
 from robotrue.store.nouns import CELL
+from robotrue.web.api.documents import record_document
 from robotrue.web.api.items import found
 from robotrue.web.page_context import ServerContext
 
@@ -49,30 +50,30 @@ def router(server: ServerContext) -> APIRouter:
     @routes.get("/presets")
     async def list_presets() -> Response:
         """Every robot a cell can be made with, and the numbers a form asks for."""
-        return Response(await server.answers.once("cell_form.presets"), media_type=JSON)
+        return Response(await server.answers.once(calls.list_presets), media_type=JSON)
 
     @routes.post("/cells/form")
     async def describe_cell(form: Form) -> Response:
         """The cell.toml of a form, or what is wrong with which field; nothing is kept."""
         stated = {**form.numbers, "robot": form.robot, "frame": form.frame}
-        answer = await server.workers.ask("cell_form.described", json.dumps(stated))
+        answer = await server.workers.ask(calls.describe_cell, stated)
         return Response(answer, media_type=JSON)
 
     @routes.post("/cells/text", status_code=201)
-    async def keep_cell(stated: Text) -> Response:
+    async def keep_cell(stated: Text) -> dict[str, Any]:
         """A new cell from the text of a cell.toml."""
-        facts = (folder, stated.text, stated.name or "cell", "", 0)
-        answer = await server.workers.ask("cell_form.kept", *facts)
-        return Response(answer, status_code=201, media_type=JSON)
+        made = await server.workers.ask(
+            calls.save_cell_text, folder, stated.text, stated.name or "cell", "", 0
+        )
+        return record_document(made, CELL.name)
 
     @routes.post("/cells/{id}/text", status_code=201)
-    async def change_cell(id: Id, stated: Text) -> Response:
+    async def change_cell(id: Id, stated: Text) -> dict[str, Any]:
         """The new version of a cell with another text; the one before stays."""
         record = await asyncio.to_thread(found, workspace, CELL.name, id)
         version = record.version if stated.version is None else stated.version
-        facts = (folder, stated.text, "", id, version)
-        answer = await server.workers.ask("cell_form.kept", *facts)
-        return Response(answer, status_code=201, media_type=JSON)
+        made = await server.workers.ask(calls.save_cell_text, folder, stated.text, "", id, version)
+        return record_document(made, CELL.name)
 
     @routes.get("/cells/{id}/text", response_class=PlainTextResponse)
     async def read_cell(
@@ -80,7 +81,7 @@ def router(server: ServerContext) -> APIRouter:
     ) -> Response:
         """The text of a cell's file."""
         record = await asyncio.to_thread(found, workspace, CELL.name, id, version)
-        answer = await server.workers.ask("cell_form.text_of", folder, id, record.version)
+        answer = await server.workers.ask(calls.read_cell_text, folder, id, record.version)
         return PlainTextResponse(answer)
 
     return routes

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-import json
 from typing import Annotated, Any
 
 from fastapi import APIRouter
 from pydantic import BaseModel, Field
 
+from robotrue.app.workbench import workbench_calls as calls
 from robotrue.store import jobs
 from robotrue.store.nouns import MODEL
 from robotrue.web.api.items import found
@@ -41,16 +41,14 @@ def router(server: ServerContext) -> APIRouter:
     @routes.post("/drift-checks", status_code=202)
     async def check_drift(asked: CheckPoses) -> dict[str, Any]:
         """The job that judges the poses; they stand as a measurement set already."""
-        paths = json.dumps([str(uploaded(workspace, each)) for each in asked.uploads])
+        paths = [uploaded(workspace, each) for each in asked.uploads]
         await asyncio.to_thread(found, workspace, MODEL.name, asked.model)
-        made = json.loads(
-            await server.workers.ask(
-                "drift.add_poses", str(workspace.folder), paths, asked.name, asked.model
-            )
+        made = await server.workers.ask(
+            calls.import_check_poses, str(workspace.folder), paths, asked.name, asked.model
         )
         for each in asked.uploads:
             await asyncio.to_thread(forget, workspace, each)
-        stated = {"model": asked.model, "measurements": [made["id"]]}
+        stated = {"model": asked.model, "measurements": [made.id]}
         id = await asyncio.to_thread(jobs.submit, workspace, "drift", stated)
         server.job_process.wake()
         return job_document(await asyncio.to_thread(jobs.status, workspace, id))

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import asyncio
-import json
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Path, Query
-from fastapi.responses import Response
 from pydantic import BaseModel
 
+from robotrue.app.workbench import workbench_calls as calls
 from robotrue.drilling.drill_defaults import JOURNAL
 from robotrue.store.nouns import DOCUMENT
 from robotrue.web import drill_journals
-from robotrue.web.api.intake import FromFiles
+from robotrue.web.api.documents import record_document
+from robotrue.web.api.intake import FromFiles, import_files
 from robotrue.web.api.items import found
 from robotrue.web.page_context import ServerContext
 from robotrue.web.problems import MissingError
-from robotrue.web.uploads import forget, uploaded
 
 
 class Entries(BaseModel):
@@ -45,13 +43,10 @@ def router(server: ServerContext) -> APIRouter:
     workspace = server.workspace
 
     @routes.post("/drilling", status_code=201)
-    async def add_drilling(asked: FromFiles) -> Response:
+    async def add_drilling(asked: FromFiles) -> dict[str, Any]:
         """A campaign with its foot.toml, a model of robotrue drill, or a journal."""
-        paths = json.dumps([str(uploaded(workspace, each)) for each in asked.uploads])
-        record = await server.workers.ask("drilling.add", str(workspace.folder), paths, asked.name)
-        for each in asked.uploads:
-            await asyncio.to_thread(forget, workspace, each)
-        return Response(record, status_code=201, media_type="application/json")
+        made = await import_files(server, calls.import_drilling, asked)
+        return record_document(made, DOCUMENT.name)
 
     @routes.get("/drilling/journals/{name}")
     def follow_journal(name: Annotated[str, Path(max_length=120)], after: After = 0) -> Entries:

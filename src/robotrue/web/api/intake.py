@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import asyncio
-import json
-from typing import Annotated
+import functools
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
 
 from fastapi import APIRouter
-from fastapi.responses import Response
 from pydantic import BaseModel, Field
 
+from robotrue.app.workbench import workbench_calls as calls
+from robotrue.web.api.documents import record_document
 from robotrue.web.page_context import ServerContext
 from robotrue.web.uploads import forget, uploaded
-from robotrue.web.workers import Fact
 
+R = TypeVar("R")
 UploadId = Annotated[str, Field(pattern="^[0-9a-f]{32}$")]
 
 
@@ -44,30 +47,33 @@ class Measured(FromFiles):
 def router(server: ServerContext) -> APIRouter:
     """Returns the routes that make items of uploads."""
     routes = APIRouter(tags=["items"])
-    workspace = server.workspace
-
-    async def made(question: str, asked: FromFiles, *facts: Fact) -> Response:
-        paths = json.dumps([str(uploaded(workspace, each)) for each in asked.uploads])
-        folder = str(workspace.folder)
-        record = await server.workers.ask(question, folder, paths, asked.name, *facts)
-        for each in asked.uploads:  # only what became something: after a refusal one tries again
-            await asyncio.to_thread(forget, workspace, each)
-        return Response(record, status_code=201, media_type="application/json")
 
     @routes.post("/cells", status_code=201)
-    async def add_cell(asked: FromFiles) -> Response:
+    async def add_cell(asked: FromFiles) -> dict[str, Any]:
         """A cell of a cell.toml and the files it names."""
-        return await made("intake.add_cell", asked)
+        return record_document(await import_files(server, calls.import_cell, asked), "cell")
 
     @routes.post("/programs", status_code=201)
-    async def add_program(asked: FromFiles) -> Response:
+    async def add_program(asked: FromFiles) -> dict[str, Any]:
         """A program of one or more files, as they stand."""
-        return await made("intake.add_program", asked)
+        return record_document(await import_files(server, calls.import_program, asked), "program")
 
     @routes.post("/measurements", status_code=201)
-    async def add_measurements(asked: Measured) -> Response:
+    async def add_measurements(asked: Measured) -> dict[str, Any]:
         """Measured poses, read and checked for plausibility."""
-        mapping = "" if asked.mapping is None else json.dumps(asked.mapping)
-        return await made("intake.add_measurements", asked, asked.cell, mapping)
+        call = functools.partial(calls.import_measurements, cell=asked.cell, mapping=asked.mapping)
+        return record_document(await import_files(server, call, asked), "measurement")
 
     return routes
+
+
+async def import_files(
+    server: ServerContext, call: Callable[[str, Sequence[Path], str], R], asked: FromFiles
+) -> R:
+    """Returns what a call makes of uploads, which go once something is made of them."""
+    workspace = server.workspace
+    paths = [uploaded(workspace, each) for each in asked.uploads]
+    made = await server.workers.ask(call, str(workspace.folder), paths, asked.name)
+    for each in asked.uploads:  # only what became something: after a refusal one tries again
+        await asyncio.to_thread(forget, workspace, each)
+    return made

@@ -8,6 +8,7 @@ from typing import Annotated
 from fastapi import APIRouter, Path, Query
 from fastapi.responses import Response
 
+from robotrue.app.workbench import workbench_calls as calls
 from robotrue.store.nouns import DOCUMENT
 from robotrue.web.api.items import found
 from robotrue.web.page_context import ServerContext
@@ -25,7 +26,7 @@ def router(server: ServerContext) -> APIRouter:
     async def show_plan(id: Id, version: Version = None) -> Response:
         """Poses, what to expect of them, how the instrument sees them, and their scene."""
         record = await asyncio.to_thread(found, workspace, DOCUMENT.name, id, version)
-        answer = await server.answers.once("plan.shown", folder, id, record.version)
+        answer = await server.answers.once(calls.show_plan, folder, id, record.version)
         return Response(answer, media_type="application/json")
 
     return routes

@@ -8,6 +8,7 @@ from typing import Annotated
 from fastapi import APIRouter, Path, Query
 from fastapi.responses import Response
 
+from robotrue.app.workbench import workbench_calls as calls
 from robotrue.store.nouns import CELL, MEASUREMENT, MODEL, PROGRAM
 from robotrue.web.api.items import found
 from robotrue.web.page_context import ServerContext
@@ -26,14 +27,14 @@ def router(server: ServerContext) -> APIRouter:
     async def show_cell(id: Id) -> Response:
         """Arm and frames of a cell."""
         record = await asyncio.to_thread(found, workspace, CELL.name, id)
-        answer = await server.answers.once("scene.cell_scene", folder, id, record.version)
+        answer = await server.answers.once(calls.draw_cell, folder, id, record.version)
         return Response(answer, media_type=JSON)
 
     @routes.get("/scenes/model/{id}")
     async def show_model(id: Id, version: Version = None) -> Response:
         """Arm and frames of a model's cell, measured errors before and after, predicted field."""
         record = await asyncio.to_thread(found, workspace, MODEL.name, id, version)
-        answer = await server.answers.once("scene.model_scene", folder, id, record.version)
+        answer = await server.answers.once(calls.draw_model, folder, id, record.version)
         return Response(answer, media_type=JSON)
 
     @routes.get("/scenes/measurement/{id}")
@@ -44,7 +45,7 @@ def router(server: ServerContext) -> APIRouter:
         record = await asyncio.to_thread(found, workspace, MEASUREMENT.name, id, version)
         judge = await asyncio.to_thread(found, workspace, MODEL.name, model)
         answer = await server.answers.once(
-            "scene.set_scene", folder, id, record.version, model, judge.version
+            calls.draw_measurement, folder, id, record.version, model, judge.version
         )
         return Response(answer, media_type=JSON)
 
@@ -65,7 +66,7 @@ def router(server: ServerContext) -> APIRouter:
         program = await asyncio.to_thread(found, workspace, PROGRAM.name, id, version)
         judge = await asyncio.to_thread(found, workspace, MODEL.name, model)
         answer = await server.answers.once(
-            "program.judged",
+            calls.judge_program,
             folder,
             id,
             program.version,

@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import asyncio
-import json
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Path, Query
 from fastapi.responses import Response
 from pydantic import BaseModel, Field
 
-from robotrue.store.nouns import DOCUMENT
+from robotrue.app.workbench import workbench_calls as calls
+from robotrue.store.nouns import DOCUMENT, REGISTRATION
+from robotrue.store.records import ItemRecord
 from robotrue.store.workspace import Workspace
+from robotrue.web.api.documents import record_document
 from robotrue.web.api.intake import UploadId
 from robotrue.web.api.items import found
 from robotrue.web.page_context import ServerContext
 from robotrue.web.uploads import forget, uploaded
-from robotrue.web.workers import Fact
 
 Id = Annotated[str, Path(max_length=40)]
 Version = Annotated[int, Field(ge=1, le=1_000_000)]
@@ -101,19 +102,17 @@ def router(server: ServerContext) -> APIRouter:
     routes = APIRouter(tags=["touching"])
     workspace, folder = server.workspace, str(server.workspace.folder)
 
-    async def asked(question: str, id: str, *facts: Fact) -> Response:
-        await asyncio.to_thread(found, workspace, DOCUMENT.name, id)
-        answer = await server.workers.ask(question, folder, id, *facts)
-        return Response(answer, status_code=201, media_type=JSON)
+    async def session(id: str) -> ItemRecord:
+        return await asyncio.to_thread(found, workspace, DOCUMENT.name, id)
 
     @routes.post("/touching", status_code=201)
-    async def begin_session(asked_for: Begin) -> Response:
+    async def begin_session(asked_for: Begin) -> dict[str, Any]:
         """A session: features, where the part is roughly, and postures to touch them with."""
         paths = [str(uploaded(workspace, each)) for each in asked_for.uploads]
         stated = {**asked_for.model_dump(exclude={"uploads"}), "paths": paths}
-        answer = await server.workers.ask("touch_begin.begun", folder, json.dumps(stated))
+        made = await server.workers.ask(calls.begin_probing, folder, stated)
         await asyncio.to_thread(_forget, workspace, asked_for.uploads)
-        return Response(answer, status_code=201, media_type=JSON)
+        return record_document(made, DOCUMENT.name)
 
     @routes.get("/touching/{id}")
     async def show_session(
@@ -121,39 +120,51 @@ def router(server: ServerContext) -> APIRouter:
         feature: Annotated[int, Query(ge=-1, le=100_000)] = -1,
     ) -> Response:
         """What to touch next, what it should read, and where the part stands as far as is known."""
-        record = await asyncio.to_thread(found, workspace, DOCUMENT.name, id)
-        answer = await server.answers.once("touch_view.shown", folder, id, record.version, feature)
+        record = await session(id)
+        answer = await server.answers.once(calls.show_probing, folder, id, record.version, feature)
         return Response(answer, media_type=JSON)
 
     @routes.get("/touching/{id}/version")
     async def look_for_news(id: Id) -> Latest:
         """At which version the session is: whether somebody has entered something."""
-        record = await asyncio.to_thread(found, workspace, DOCUMENT.name, id)
+        record = await session(id)
         return Latest(version=record.version)
 
     @routes.post("/touching/{id}/readings", status_code=201)
-    async def enter_reading(id: Id, entered: Entered) -> Response:
+    async def enter_reading(id: Id, entered: Entered) -> dict[str, Any]:
         """The session with one more reading; held, if it is not as expected."""
-        facts = (entered.version, entered.feature, entered.text)
-        return await asked("touching.entered", id, *facts)
+        await session(id)
+        made = await server.workers.ask(
+            calls.enter_reading, folder, id, entered.version, entered.feature, entered.text
+        )
+        return record_document(made, DOCUMENT.name)
 
     @routes.post("/touching/{id}/decisions", status_code=201)
-    async def decide(id: Id, made: Decision) -> Response:
+    async def decide(id: Id, made: Decision) -> dict[str, Any]:
         """The session after keep, retake, skip or undo."""
-        return await asked("touching.decided", id, made.version, made.decision, made.feature)
+        await session(id)
+        changed = await server.workers.ask(
+            calls.decide_reading, folder, id, made.version, made.decision, made.feature
+        )
+        return record_document(changed, DOCUMENT.name)
 
     @routes.post("/touching/{id}/files", status_code=201)
-    async def take_readings(id: Id, taken: Taken) -> Response:
+    async def take_readings(id: Id, taken: Taken) -> dict[str, Any]:
         """The session with the readings of a file; those not as expected are set aside."""
-        path = str(uploaded(workspace, taken.uploads[0]))
-        out = await asked("touching.taken_in", id, taken.version, path)
+        await session(id)
+        path = uploaded(workspace, taken.uploads[0])
+        made = await server.workers.ask(calls.import_readings, folder, id, taken.version, path)
         await asyncio.to_thread(_forget, workspace, taken.uploads)
-        return out
+        return record_document(made, DOCUMENT.name)
 
     @routes.post("/touching/{id}/registration", status_code=201)
-    async def finish(id: Id, wanted: Finish) -> Response:
+    async def finish(id: Id, wanted: Finish) -> dict[str, Any]:
         """The registration that the readings give, and the refined model where there is one."""
-        return await asked("touch_finish.finished", id, wanted.version, wanted.name)
+        await session(id)
+        made = await server.workers.ask(
+            calls.finish_probing, folder, id, wanted.version, wanted.name
+        )
+        return record_document(made, REGISTRATION.name)
 
     @routes.get(
         "/touching/{id}/readings.csv",
@@ -162,8 +173,8 @@ def router(server: ServerContext) -> APIRouter:
     )
     async def download_readings(id: Id) -> Response:
         """The readings that count, as ``robotrue register`` reads them."""
-        record = await asyncio.to_thread(found, workspace, DOCUMENT.name, id)
-        data = await server.workers.ask("touch_finish.readings_csv", folder, id)
+        record = await session(id)
+        data = await server.workers.ask(calls.write_readings, folder, id)
         mark = " simulated" if record.detail["session"]["simulated"] else ""
         headers = {"Content-Disposition": f'attachment; filename="readings{mark}.csv"'}
         return Response(data, media_type="text/csv; charset=utf-8", headers=headers)

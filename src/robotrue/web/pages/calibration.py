@@ -9,6 +9,7 @@ from markupsafe import Markup, escape
 
 from robotrue.app.operations.calibrate import CalibrateRequest
 from robotrue.app.request import FORM, fields_of
+from robotrue.app.workbench import workbench_calls as calls
 from robotrue.report.words import ReportTexts
 from robotrue.store.nouns import CELL, MEASUREMENT, MODEL, ModelRecord
 from robotrue.store.records import ItemQuery
@@ -64,7 +65,7 @@ async def _learned(context: PageContext) -> str:
     model = context.model
     if model is None:
         return ""
-    found = await context.answer("calibration.shown", model.id, model.version)
+    found = await context.answer(calls.show_model, model.id, model.version)
     spans: dict[str, float] = {}
     for row in found["parameters"].values():
         size = abs(row["value"] or 0.0) + 2.0 * (row["sd"] or 0.0)

@@ -6,10 +6,12 @@ import json
 from collections.abc import Mapping
 from typing import Any, Final
 
+from robotrue.app.workbench import workbench_calls as calls
 from robotrue.store.nouns import CELL, MEASUREMENT, CellRecord, MeasurementRecord
 from robotrue.store.records import ItemQuery
 from robotrue.web.faults import stated
 from robotrue.web.page_context import PageContext, Screen
+from robotrue.web.problems import kind_words
 from robotrue.web.uploads import uploaded
 
 PAGE_ROWS: Final = 100
@@ -47,7 +49,7 @@ async def _judged(context: PageContext) -> str:
     if model is None:
         return ""
     found = await context.answer(
-        "measured.judged", record.id, record.version, model.id, model.version
+        calls.judge_measurement, record.id, record.version, model.id, model.version
     )
     source = f"/api/scenes/measurement/{record.id}?model={model.id}&version={record.version}"
     return context.render("measurement_judged.html", found=found, source=source)
@@ -59,7 +61,7 @@ async def _rows(context: PageContext) -> str:
     facts = (record.id, record.version, sort, context.offset(), PAGE_ROWS)
     return context.render(
         "measurement_rows.html",
-        found=await context.answer("measured.rows", *facts),
+        found=await context.answer(calls.list_rows, *facts),
         address=context.keep_model(f"/measurements?id={record.id}"),
         sort=sort,
         step=PAGE_ROWS,
@@ -82,18 +84,15 @@ async def _columns(context: PageContext) -> str:
     cells = await context.items(CELL, ItemQuery(limit=50))
     cell = _cell(context, cells)
     mapping = _chosen(context.query)
-    text = json.dumps(mapping) if mapping else ""
     found = json.loads(
-        await context.server.workers.ask(
-            "preview.previewed", context.folder, str(path), cell.id, text
-        )
+        await context.server.workers.ask(calls.preview_file, context.folder, path, cell.id, mapping)
     )
     wrong = found["fault"]
     fault = ""
     if wrong:
         place = f"{say('measurements.line')} {wrong['line']}: " if wrong.get("line") else ""
-        title = say("preview.refused")
-        fault = stated(say, wrong["kind"], place + wrong["message"], wrong["hint"], title=title)
+        kind, title = kind_words(wrong["kind"]), say("preview.refused")
+        fault = stated(say, kind, place + wrong["message"], wrong["hint"], title=title)
     guess = mapping or found["guess"]
     columns = [(f"j{k + 1}", name) for k, name in enumerate(guess["joints"])]
     return context.render(

@@ -8,6 +8,7 @@ from typing import Any, Final
 from markupsafe import Markup
 
 from robotrue.app.operations.plan import PlanRequest
+from robotrue.app.workbench import workbench_calls as calls
 from robotrue.report.words import ReportTexts
 from robotrue.store.nouns import CELL, DOCUMENT, MODEL, PROGRAM, DocumentRecord
 from robotrue.store.records import ItemQuery
@@ -63,7 +64,7 @@ async def _record(context: PageContext) -> DocumentRecord:
 async def _shown(context: PageContext) -> str:
     """What a plan promises, and how the instrument sees its poses."""
     record = await _record(context)
-    found = await context.answer("plan.shown", record.id, record.version)
+    found = await context.answer(calls.show_plan, record.id, record.version)
     words = ReportTexts(lang="zh" if context.say.language == "zh" else "en")
     return context.render(
         "plan_shown.html",

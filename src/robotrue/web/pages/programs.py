@@ -8,6 +8,7 @@ from markupsafe import Markup
 
 from robotrue.app.compensation_request import CompensateRequest
 from robotrue.app.request import fields_of
+from robotrue.app.workbench import workbench_calls as calls
 from robotrue.store.nouns import PROGRAM, ProgramRecord
 from robotrue.store.records import ItemQuery
 from robotrue.web.page_context import PageContext, Screen
@@ -79,7 +80,7 @@ async def _judged(context: PageContext) -> str:
         return ""
     tolerance, strict = _tolerance(context), _strict(context)
     versions = (record.id, record.version, model.id, model.version)
-    found = await context.answer("program.judged", *versions, tolerance, strict)
+    found = await context.answer(calls.judge_program, *versions, tolerance, strict)
     source = (
         f"/api/programs/{record.id}/judgement?model={model.id}&tolerance_mm={tolerance:g}"
         f"&version={record.version}{'&strict=true' if strict else ''}"

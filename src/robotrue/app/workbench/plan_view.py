@@ -6,6 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from robotrue.app.workbench.arm_body import answer, body_document, packed
+from robotrue.app.workbench.calibration_view import from_simulation
+from robotrue.app.workbench.cell_scene import frame_documents
+from robotrue.app.workbench.file_imports import cell_of
 from robotrue.cell.cell import Cell
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM
@@ -14,28 +18,21 @@ from robotrue.planning.arm_scene import scene_of
 from robotrue.store import items, models
 from robotrue.store.nouns import CELL, DOCUMENT, MODEL
 from robotrue.store.workspace import Workspace
-from robotrue.web.questions.body import body_document
-from robotrue.web.questions.intake import cell_of
-from robotrue.web.questions.marks import from_simulation
-from robotrue.web.questions.packing import answer, packed
-from robotrue.web.questions.scene import frame_documents
 
 KIND = "plan"
 
 
-def shown(folder: str, plan_id: str, version: int) -> bytes:
+def show_plan(workspace: Workspace, plan_id: str, version: int) -> bytes:
     """Returns a plan as it was made, its scene, and how the instrument sees each pose."""
-    with Workspace.open(folder) as workspace:
-        record = items.get(workspace, DOCUMENT, plan_id, version=version)
-        if record.kind != KIND:
-            raise ConfigurationError(f"{record.name!r} is a {record.kind}, not a plan.")
-        (to,) = record.refs("cell")
-        cell = cell_of(workspace, items.get(workspace, CELL, to.id, version=to.version))
-        used = [
-            items.get(workspace, MODEL, each.id, version=each.version)
-            for each in record.refs("model")
-        ]
-        simulated = any(from_simulation(models.model_of(workspace, each).model) for each in used)
+    record = items.get(workspace, DOCUMENT, plan_id, version=version)
+    if record.kind != KIND:
+        raise ConfigurationError(f"{record.name!r} is a {record.kind}, not a plan.")
+    (to,) = record.refs("cell")
+    cell = cell_of(workspace, items.get(workspace, CELL, to.id, version=to.version))
+    used = [
+        items.get(workspace, MODEL, each.id, version=each.version) for each in record.refs("model")
+    ]
+    simulated = any(from_simulation(models.model_of(workspace, each).model) for each in used)
     detail = dict(record.detail)
     joints = np.asarray(detail["joints_deg"], dtype=np.float64) * DEG
     return answer(

@@ -6,6 +6,8 @@ from typing import Any, Final
 
 import numpy as np
 
+from robotrue.app.workbench.arm_body import answer, body_document, packed
+from robotrue.app.workbench.calibration_view import from_simulation
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import parse_cell
@@ -20,9 +22,6 @@ from robotrue.store.nouns import CELL, MEASUREMENT, MODEL
 from robotrue.store.workspace import Workspace
 from robotrue.validation.error_map import error_map
 from robotrue.validation.evaluation import Evaluation, evaluate
-from robotrue.web.questions.body import body_document
-from robotrue.web.questions.marks import from_simulation
-from robotrue.web.questions.packing import answer, packed
 
 MOST_ARROWS: Final = 2000
 """Poses shown; of more, every so manieth."""
@@ -32,28 +31,26 @@ SLACK: Final = 0.02
 """m that the field goes beyond the measured poses."""
 
 
-def cell_scene(folder: str, cell_id: str, version: int) -> bytes:
+def draw_cell(workspace: Workspace, cell_id: str, version: int) -> bytes:
     """Returns a cell without a model: arm and frames."""
-    with Workspace.open(folder) as workspace:
-        record = items.get(workspace, CELL, cell_id, version=version)
-        (file,) = record.files("cell")
-        cell = parse_cell(workspace.content(file.sha256), workspace.path_of(file.sha256))
+    record = items.get(workspace, CELL, cell_id, version=version)
+    (file,) = record.files("cell")
+    cell = parse_cell(workspace.content(file.sha256), workspace.path_of(file.sha256))
     middle = cell.robot.limits.mean(axis=1) if np.isfinite(cell.robot.limits).all() else None
     joints = np.zeros(cell.robot.dof) if middle is None else middle
     return answer({"robot": body_document(cell, joints[None]), "frames": frame_documents(cell)})
 
 
-def model_scene(folder: str, model_id: str, version: int) -> bytes:
+def draw_model(workspace: Workspace, model_id: str, version: int) -> bytes:
     """Returns a model's cell, its measured errors before and after, and the predicted field."""
-    with Workspace.open(folder) as workspace:
-        record = items.get(workspace, MODEL, model_id, version=version)
-        held = models.model_of(workspace, record)
-        rows = [
-            measurements.rows_of(
-                workspace, items.get(workspace, MEASUREMENT, to.id, version=to.version)
-            )
-            for to in record.refs("data")
-        ]
+    record = items.get(workspace, MODEL, model_id, version=version)
+    held = models.model_of(workspace, record)
+    rows = [
+        measurements.rows_of(
+            workspace, items.get(workspace, MEASUREMENT, to.id, version=to.version)
+        )
+        for to in record.refs("data")
+    ]
     document = {
         "frames": frame_documents(held.cell),
         "simulated": from_simulation(held.model, rows),
@@ -66,15 +63,14 @@ def model_scene(folder: str, model_id: str, version: int) -> bytes:
     return answer({**document, **_points(held.cell, seen), "field": field})
 
 
-def set_scene(folder: str, set_id: str, version: int, model_id: str, model_version: int) -> bytes:
+def draw_measurement(
+    workspace: Workspace, set_id: str, version: int, model_id: str, model_version: int
+) -> bytes:
     """Returns measured errors of a set before and after, by a model that need not know the set."""
-    with Workspace.open(folder) as workspace:
-        held = models.model_of(
-            workspace, items.get(workspace, MODEL, model_id, version=model_version)
-        )
-        rows = measurements.rows_of(
-            workspace, items.get(workspace, MEASUREMENT, set_id, version=version)
-        )
+    held = models.model_of(workspace, items.get(workspace, MODEL, model_id, version=model_version))
+    rows = measurements.rows_of(
+        workspace, items.get(workspace, MEASUREMENT, set_id, version=version)
+    )
     seen = evaluate(held.model, rows, payload=held.cell.payload)
     simulated = from_simulation(held.model, [rows])
     frames = frame_documents(held.cell)

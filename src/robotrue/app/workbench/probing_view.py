@@ -6,13 +6,22 @@ from typing import Any, Final
 
 import numpy as np
 
+from robotrue.app.workbench.arm_body import answer, controller_angles
+from robotrue.app.workbench.probing_entry import worst_place
+from robotrue.app.workbench.probing_state import (
+    Opened,
+    belief_after,
+    fitted,
+    opened,
+    places,
+    touches_of,
+    trusted,
+)
 from robotrue.calibration.probing import ProbingSettings, before_touching
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.poses import pose
 from robotrue.core.rotations import (
     abc_from_matrix,
-    quat_wxyz_from_matrix,
-    rotation_vector_from_matrix,
 )
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, RobotrueError
@@ -27,33 +36,21 @@ from robotrue.store.workspace import Workspace
 from robotrue.validation.registered_part import FoundFrame, RegisteredPart
 from robotrue.validation.registration_frame import TOOL, same_tool, tips
 from robotrue.validation.touch_expectation import TouchBelief, expected_readings
-from robotrue.web.questions.packing import answer
-from robotrue.web.questions.touch_setup import (
-    Opened,
-    belief_after,
-    fitted,
-    opened,
-    places,
-    touches_of,
-    trusted,
-)
-from robotrue.web.questions.touching import worst_place
 
 PROPOSED: Final = -1
 """Asks for the feature that is best touched next."""
 
 
-def shown(folder: str, id: str, version: int, feature: int) -> bytes:
+def show_probing(workspace: Workspace, id: str, version: int, feature: int) -> bytes:
     """Returns the whole page of a session.
 
     Args:
-        folder: Of the workspace.
+        workspace: Where it is.
         id: Of the session.
         version: Of it.
         feature: That somebody wants to touch next; -1: the one proposed.
     """
-    with Workspace.open(folder) as workspace:
-        at = opened(workspace, id, version)
+    at = opened(workspace, id, version)
     session = at.session
     found, waiting = fitted(at, session.kept)
     believed = trusted(at, session.kept, found)
@@ -252,6 +249,7 @@ def _commanded(
     if at.session.settings["axes"] == "controller" and robot.controller is not None:
         axes = robot.controller.to_controller(joints)
     now = forward(robot, joints[None])[0]
+    printed = controller_angles(now[None, :3, :3])
     towards = known.T_base_part[part][:3, :3].T @ now[:3, :3] @ at.tip_axis
     main = int(np.argmax(np.abs(towards)))
     return {
@@ -259,23 +257,12 @@ def _commanded(
         "reached": bool(found.converged[0]),
         "pose": {
             "xyz_mm": now[:3, 3] / MM,
-            "orientation": _printed(now[:3, :3]),
+            "orientation": {name: rows[0] for name, rows in printed.items()},
         },
         "approach": {
             "axis": f"{'+' if towards[main] > 0 else '-'}{'xyz'[main]}",
             "off_deg": float(np.arccos(min(1.0, abs(float(towards[main])))) / DEG),
         },
-    }
-
-
-def _printed(rotation: Array) -> dict[str, list[float]]:
-    """An attitude as each controller prints it; see CONVENTIONS.md."""
-    abc = abc_from_matrix(rotation) / DEG
-    return {
-        "kuka": abc.tolist(),
-        "fanuc": abc[::-1].tolist(),
-        "abb": quat_wxyz_from_matrix(rotation).tolist(),
-        "ur": rotation_vector_from_matrix(rotation).tolist(),
     }
 
 

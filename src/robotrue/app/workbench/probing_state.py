@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from robotrue.app.workbench.file_imports import cell_of
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.nominal import NominalModel
 from robotrue.cell.cell import Cell
@@ -34,7 +35,6 @@ from robotrue.validation.part_registration import register
 from robotrue.validation.registered_part import RegisteredPart
 from robotrue.validation.registration_frame import RegistrationSettings
 from robotrue.validation.touch_expectation import TouchBelief, update_belief
-from robotrue.web.questions.intake import cell_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,12 +5,16 @@ Drawn, not computed with: collision and line of sight are the business of ``plan
 
 from __future__ import annotations
 
+import base64
+import json
+from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
 
 from robotrue.cell.cell import Cell
 from robotrue.core.arrays import Array
+from robotrue.core.json_values import json_values
 from robotrue.core.rotations import (
     abc_from_matrix,
     quat_wxyz_from_matrix,
@@ -18,7 +22,6 @@ from robotrue.core.rotations import (
 )
 from robotrue.planning.arm_scene import THICK, THIN
 from robotrue.robot.forward import ChainState, walk, wrist_reach
-from robotrue.web.questions.packing import packed
 
 POINT: Final = 1e-3
 """m; a shorter tube is none."""
@@ -63,13 +66,18 @@ def body_document(cell: Cell, joints: Array) -> dict[str, Any]:
 
 
 def orientations(rotation: Array) -> dict[str, Any]:
-    """Returns rotations (n, 3, 3) as each controller prints them; see CONVENTIONS.md."""
+    """Returns rotations (n, 3, 3) for a script, as each controller prints them."""
+    return {name: packed(numbers) for name, numbers in controller_angles(rotation).items()}
+
+
+def controller_angles(rotation: Array) -> dict[str, Array]:
+    """Returns rotations (n, 3, 3) as the numbers (n, 3 or 4) that each controller prints."""
     abc = np.degrees(abc_from_matrix(rotation))
     return {
-        "kuka": packed(abc),
-        "fanuc": packed(abc[:, ::-1]),
-        "abb": packed(quat_wxyz_from_matrix(rotation)),
-        "ur": packed(rotation_vector_from_matrix(rotation)),
+        "kuka": abc,
+        "fanuc": abc[:, ::-1],
+        "abb": quat_wxyz_from_matrix(rotation),
+        "ur": rotation_vector_from_matrix(rotation),
     }
 
 
@@ -87,3 +95,14 @@ def _radius(cell: Cell) -> Array:
     dof = cell.robot.dof
     share = np.where(np.arange(dof) < 3, THICK, THIN)
     return np.asarray(share * cell.robot.reach)
+
+
+def packed(values: Array) -> dict[str, Any]:
+    """Returns an array for :func:`answer`; NaN stays NaN."""
+    data = np.ascontiguousarray(values, dtype="<f4").tobytes()
+    return {"f32": base64.b64encode(data).decode("ascii"), "shape": list(np.shape(values))}
+
+
+def answer(document: Mapping[str, Any]) -> bytes:
+    """Returns a document as JSON; numbers that are not finite become null."""
+    return json.dumps(json_values(document), allow_nan=False, separators=(",", ":")).encode()

@@ -2,29 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
+from robotrue.app.workbench.arm_body import answer
+from robotrue.calibration.lineage import provenance_of
 from robotrue.calibration.model import ErrorModel
+from robotrue.core.provenance import merge
+from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.report.model_view import drive_errors, list_geometric_errors, stiffness
 from robotrue.store import items, measurements, models
 from robotrue.store.nouns import MEASUREMENT, MODEL
 from robotrue.store.workspace import Workspace
 from robotrue.validation.contest import Selection, selection_from_summary
-from robotrue.web.questions.marks import from_simulation
-from robotrue.web.questions.packing import answer
 
 
-def shown(folder: str, model_id: str, version: int) -> bytes:
+def show_model(workspace: Workspace, model_id: str, version: int) -> bytes:
     """Returns parameters with deviations, doubts, the contest of methods, and numbers held out."""
-    with Workspace.open(folder) as workspace:
-        record = items.get(workspace, MODEL, model_id, version=version)
-        held = models.model_of(workspace, record)
-        rows = [
-            measurements.rows_of(
-                workspace, items.get(workspace, MEASUREMENT, to.id, version=to.version)
-            )
-            for to in record.refs("data")
-        ]
+    record = items.get(workspace, MODEL, model_id, version=version)
+    held = models.model_of(workspace, record)
+    rows = [
+        measurements.rows_of(
+            workspace, items.get(workspace, MEASUREMENT, to.id, version=to.version)
+        )
+        for to in record.refs("data")
+    ]
     model, summary = held.model, held.model.training_summary()
     return answer(
         {
@@ -74,3 +76,9 @@ def _contest(model: ErrorModel) -> dict[str, Any] | None:
             for each in found.table
         ],
     }
+
+
+def from_simulation(model: ErrorModel | None, rows: Iterable[MeasurementSet] = ()) -> bool:
+    """Returns whether anything this rests on was simulated, as the data themselves say."""
+    origins = [] if model is None else [provenance_of(model)]
+    return merge([*origins, *(each.provenance for each in rows)]).simulated

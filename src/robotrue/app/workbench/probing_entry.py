@@ -9,6 +9,15 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
+from robotrue.app.workbench.probing_state import (
+    Opened,
+    belief_after,
+    fitted,
+    opened,
+    places,
+    touches_of,
+    trusted,
+)
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, FormatError
 from robotrue.measurement.formats.part_points import read_points
@@ -25,65 +34,51 @@ from robotrue.validation.touch_expectation import (
     find_suspicions,
     machined_radius,
 )
-from robotrue.web.api.documents import record_document
-from robotrue.web.questions.packing import answer
-from robotrue.web.questions.touch_setup import (
-    Opened,
-    belief_after,
-    fitted,
-    opened,
-    places,
-    touches_of,
-    trusted,
-)
 
 LONGEST_TEXT: Final = 500
 DECISIONS: Final = ("keep", "retake", "skip", "undo")
 
 
-def entered(folder: str, id: str, version: int, feature: int, text: str) -> bytes:
+def enter_reading(
+    workspace: Workspace, id: str, version: int, feature: int, text: str
+) -> DocumentRecord:
     """Returns the session with one more reading: kept, or held because it is not as expected."""
-    with Workspace.open(folder) as workspace:
-        at = opened(workspace, id, version)
-        if not 0 <= feature < len(at.session.features):
-            raise ConfigurationError(f"feature {feature + 1} of {len(at.session.features)}.")
-        values = reading_values(at, text)
-        session = _with(at, feature, values, text, hold=True)
-        return _told(save_session(workspace, id, version, session))
+    at = opened(workspace, id, version)
+    if not 0 <= feature < len(at.session.features):
+        raise ConfigurationError(f"feature {feature + 1} of {len(at.session.features)}.")
+    values = reading_values(at, text)
+    session = _with(at, feature, values, text, hold=True)
+    return save_session(workspace, id, version, session)
 
 
-def decided(folder: str, id: str, version: int, decision: str, feature: int) -> bytes:
+def decide_reading(
+    workspace: Workspace, id: str, version: int, decision: str, feature: int
+) -> DocumentRecord:
     """Returns the session after keep, retake, skip (of what waits, or of a feature) or undo."""
-    with Workspace.open(folder) as workspace:
-        at = opened(workspace, id, version)
-        session = at.session
-        if decision == "undo":
-            session = session.undo()
-        elif decision == "skip" and session.held is None:
-            session = session.with_reading(
-                TouchReading(feature=feature, state="skipped", at=_now())
-            )
-        elif decision in DECISIONS:
-            words: dict[str, Literal["kept", "dropped", "skipped"]] = {
-                "keep": "kept", "retake": "dropped", "skip": "skipped",
-            }  # fmt: skip
-            session = _with_radius(at, session.decide(words[decision]))
-        else:
-            raise ConfigurationError(
-                f"decision {decision!r}, expected one of {', '.join(DECISIONS)}."
-            )
-        return _told(save_session(workspace, id, version, session))
+    at = opened(workspace, id, version)
+    session = at.session
+    if decision == "undo":
+        session = session.undo()
+    elif decision == "skip" and session.held is None:
+        session = session.with_reading(TouchReading(feature=feature, state="skipped", at=_now()))
+    elif decision in DECISIONS:
+        words: dict[str, Literal["kept", "dropped", "skipped"]] = {
+            "keep": "kept", "retake": "dropped", "skip": "skipped",
+        }  # fmt: skip
+        session = _with_radius(at, session.decide(words[decision]))
+    else:
+        raise ConfigurationError(f"decision {decision!r}, expected one of {', '.join(DECISIONS)}.")
+    return save_session(workspace, id, version, session)
 
 
-def taken_in(folder: str, id: str, version: int, path: str) -> bytes:
+def import_readings(workspace: Workspace, id: str, version: int, path: Path) -> DocumentRecord:
     """Returns the session with the readings of a file; those not as expected are set aside."""
-    with Workspace.open(folder) as workspace:
-        at = opened(workspace, id, version)
-        at = replace(at, session=_with_file(at, Path(path)))
-        file = read_points(Path(path)).touches.provenance
-        simulated = at.session.simulated or file.simulated
-        session = replace(at.session, simulated=simulated)
-        return _told(save_session(workspace, id, version, session))
+    at = opened(workspace, id, version)
+    at = replace(at, session=_with_file(at, path))
+    file = read_points(path).touches.provenance
+    simulated = at.session.simulated or file.simulated
+    session = replace(at.session, simulated=simulated)
+    return save_session(workspace, id, version, session)
 
 
 def reading_values(at: Opened, text: str) -> tuple[float, ...]:
@@ -230,7 +225,3 @@ def _plain(each: Suspicion) -> dict[str, Any]:
 
 def _now() -> str:
     return datetime.now(UTC).isoformat(timespec="seconds")
-
-
-def _told(record: DocumentRecord) -> bytes:
-    return answer(record_document(record, "document"))

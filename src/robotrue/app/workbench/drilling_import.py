@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
@@ -20,18 +20,16 @@ from robotrue.drilling.journal_lines import whole_lines
 from robotrue.drilling.model_archive import read_model
 from robotrue.errors import ConfigurationError
 from robotrue.store import documents, items
-from robotrue.store.nouns import DOCUMENT
+from robotrue.store.nouns import DOCUMENT, DocumentRecord
 from robotrue.store.records import ItemQuery
 from robotrue.store.workspace import Workspace
-from robotrue.web.api.documents import record_document
-from robotrue.web.questions.packing import answer
 
 FOOT: Final = ".toml"
 MODELS: Final = (".robotrue", ".rtm")
 JOURNALS: Final = (".jsonl", ".ndjson")
 
 
-def add(folder: str, paths: str, name: str) -> bytes:
+def import_drilling(workspace: Workspace, paths: Sequence[Path], name: str) -> DocumentRecord:
     """Returns the record of what files turn out to be: a campaign, a model or a journal.
 
     Raises:
@@ -39,17 +37,16 @@ def add(folder: str, paths: str, name: str) -> bytes:
         FormatError: A file that cannot be read.
         ImplausibleDataError: Readings that cannot be this foot's.
     """
-    found = [Path(each) for each in json.loads(paths)]
-    feet = [path for path in found if path.suffix.lower() == FOOT]
-    others = [path for path in found if path not in feet]
+    feet = [path for path in paths if path.suffix.lower() == FOOT]
+    others = [path for path in paths if path not in feet]
     if len(others) != 1 or len(feet) > 1:
         raise ConfigurationError(
-            f"{len(found)} files, expected one campaign with its foot.toml, one model or one "
+            f"{len(paths)} files, expected one campaign with its foot.toml, one model or one "
             "journal.",
             hint="drop foot.toml and the campaign together.",
         )
     (main,) = others
-    with Workspace.open(folder) as workspace, TemporaryDirectory() as place:
+    with TemporaryDirectory() as place:
         if main.suffix.lower() in MODELS:
             kind, detail = MODEL, _model(main)
         elif main.suffix.lower() in JOURNALS:
@@ -58,8 +55,7 @@ def add(folder: str, paths: str, name: str) -> bytes:
             feet = feet or _known_foot(workspace, Path(place))
             kind, detail = CAMPAIGN, _campaign(main, feet[0])
         files = [*feet, main] if kind == CAMPAIGN else [main]
-        record = documents.add(workspace, kind, name=name or main.stem, files=files, detail=detail)
-        return answer(record_document(record, "document"))
+        return documents.add(workspace, kind, name=name or main.stem, files=files, detail=detail)
 
 
 def _known_foot(workspace: Workspace, place: Path) -> list[Path]:

@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
+from robotrue.app.workbench.arm_body import answer
+from robotrue.app.workbench.file_imports import cell_of, column_mapping, read_sets
+from robotrue.cell.cell import Cell
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError, FormatError, RobotrueError
+from robotrue.measurement.formats.mapping import ColumnMapping
 from robotrue.measurement.formats.measured_files import open_sheet
 from robotrue.measurement.formats.sheet import Sheet
 from robotrue.measurement.formats.sheet_file import read_sheet
 from robotrue.store import items
 from robotrue.store.nouns import CELL
 from robotrue.store.workspace import Workspace
-from robotrue.web.problems import title_of
-from robotrue.web.questions.intake import cell_of, column_mapping, read_sets
-from robotrue.web.questions.packing import answer
 
 SHOWN: Final = 8
 """Rows of the preview."""
@@ -28,14 +30,16 @@ JOINT: Final = re.compile(
 AXIS: Final = re.compile(r"(?:.*[ _])?([xyz])(?:[ _]*\[?(mm|m|um|µm)\]?)?", re.IGNORECASE)
 
 
-def previewed(folder: str, path: str, cell_id: str, mapping: str) -> bytes:
+def preview_file(
+    workspace: Workspace, path: Path, cell_id: str, mapping: Mapping[str, Any] | None
+) -> bytes:
     """Returns the columns of a file, how they would be read, and what is wrong with that.
 
     Args:
-        folder: Of the workspace.
+        workspace: Of the cell.
         path: The file.
         cell_id: It was measured in.
-        mapping: JSON of the fields of a column mapping; empty: the layout is found, or guessed.
+        mapping: Fields of a column mapping; None: the layout is found, or guessed.
     """
     layout, fault = column_mapping(mapping), None
     try:
@@ -54,18 +58,17 @@ def previewed(folder: str, path: str, cell_id: str, mapping: str) -> bytes:
         "fault": fault,
     }
     if layout is not None or layout_name:
-        document |= _read(folder, path, cell_id, mapping)
+        cell = cell_of(workspace, items.get(workspace, CELL, cell_id))
+        document |= _read(cell, path, layout)
     if document["fault"]:  # what was found by itself does not fit: let the user say
         document["layout"] = ""
     return answer(document)
 
 
-def _read(folder: str, path: str, cell_id: str, mapping: str) -> dict[str, Any]:
+def _read(cell: Cell, path: Path, layout: ColumnMapping | None) -> dict[str, Any]:
     """What the rows come to once they are read, or why they cannot be what they are said to be."""
-    with Workspace.open(folder) as workspace:
-        cell = cell_of(workspace, items.get(workspace, CELL, cell_id))
     try:
-        rows, remarks = read_sets(cell, [Path(path)], column_mapping(mapping))
+        rows, remarks = read_sets(cell, [path], layout)
     except ConfigurationError:
         raise
     except RobotrueError as error:
@@ -103,5 +106,5 @@ def _guess(sheet: Sheet) -> dict[str, Any]:
 
 
 def _told(error: RobotrueError) -> dict[str, Any]:
-    kind = title_of(error)
+    kind = type(error).__name__
     return {"kind": kind, "message": error.message, "hint": error.hint, "line": error.line}

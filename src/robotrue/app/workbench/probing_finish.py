@@ -6,6 +6,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
+from robotrue.app.workbench.probing_state import Opened, file_of, opened, readings_name
 from robotrue.cell.config import parse_cell
 from robotrue.cell.part import PartTable, part_tables
 from robotrue.cell.toml_edit import with_part
@@ -18,26 +19,24 @@ from robotrue.report.registration_report import registration_content
 from robotrue.report.words import Lang
 from robotrue.store import cells, models, registrations
 from robotrue.store.model_file import write_model
+from robotrue.store.nouns import RegistrationRecord
 from robotrue.store.records import Ref
 from robotrue.store.registrations import save_session
 from robotrue.store.workspace import Workspace, transaction
 from robotrue.validation.part_registration import register
-from robotrue.web.api.documents import record_document
-from robotrue.web.questions.packing import answer
-from robotrue.web.questions.touch_setup import Opened, file_of, opened, readings_name
 
 REGISTERED: Final = "registered.toml"
 REFINED: Final = "refined.robotrue"
 REPORTS: Final[tuple[tuple[Lang, str], ...]] = (("en", "report.html"), ("zh", "report_zh.html"))
 
 
-def finished(folder: str, id: str, version: int, name: str) -> bytes:
+def finish_probing(workspace: Workspace, id: str, version: int, name: str) -> RegistrationRecord:
     """Returns the record of the registration that a session's readings give.
 
     The same readings, written out and given to ``robotrue register``, give the same frames. Where
     touching refined the model of the arm, the refined one is kept, too: the frames belong to it.
     """
-    with Workspace.open(folder) as workspace, TemporaryDirectory() as scratch:
+    with TemporaryDirectory() as scratch:
         at = opened(workspace, id, version)
         if at.session.held is not None:
             raise ConfigurationError(
@@ -80,13 +79,12 @@ def finished(folder: str, id: str, version: int, name: str) -> bytes:
                 reports=pages,
             )
             save_session(into, id, version, at.session, result=made.id)
-        return answer(record_document(made, "registration"))
+        return made
 
 
-def readings_csv(folder: str, id: str) -> bytes:
+def write_readings(workspace: Workspace, id: str) -> bytes:
     """Returns the readings that count, as the file that ``robotrue register`` reads."""
-    with Workspace.open(folder) as workspace:
-        session = opened(workspace, id).session
+    session = opened(workspace, id).session
     return session_csv(session, session.kept)
 
 

@@ -10,6 +10,8 @@ from typing import Any, Final
 import numpy as np
 
 from robotrue.app.force_options import parse_wrench
+from robotrue.app.workbench.arm_body import answer, body_document, packed
+from robotrue.app.workbench.calibration_view import from_simulation
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell, frame_table
 from robotrue.cell.cell_overlay import overlay_cell
@@ -29,17 +31,14 @@ from robotrue.store.workspace import Workspace
 from robotrue.validation.conformity import Conformity, all_conform, conformity, to_judge
 from robotrue.validation.error_map import radius_95
 from robotrue.validation.metrics import error_statistics
-from robotrue.web.questions.body import body_document
-from robotrue.web.questions.marks import from_simulation
-from robotrue.web.questions.packing import answer, packed
 
 LARGEST: Final = 30_000_000
 """Bytes of a program that is judged while somebody waits."""
 WORST: Final = 25
 
 
-def judged(
-    folder: str,
+def judge_program(
+    workspace: Workspace,
     program: str,
     version: int,
     model: str,
@@ -50,7 +49,7 @@ def judged(
     """Returns path, predicted errors, worst targets and verdict of a program.
 
     Args:
-        folder: Of the workspace.
+        workspace: Of program and model.
         program: As the CAM made it, or compensated; the latter is compared with the former.
         version: Of it.
         model: Model that predicts, for a program as the CAM made it.
@@ -58,7 +57,7 @@ def judged(
         tolerance_mm: Largest distance of a target from where it should be.
         strict: Whether axis targets count as targets that are not proven.
     """
-    with Workspace.open(folder) as workspace, TemporaryDirectory() as scratch:
+    with TemporaryDirectory() as scratch:
         asked = items.get(workspace, PROGRAM, program, version=version)
         judge = items.get(workspace, MODEL, model, version=model_version)
         found = _found(workspace, asked, judge, Path(scratch))

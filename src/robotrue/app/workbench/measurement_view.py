@@ -6,6 +6,8 @@ from typing import Any, Final
 
 import numpy as np
 
+from robotrue.app.workbench.arm_body import answer
+from robotrue.app.workbench.calibration_view import from_simulation
 from robotrue.core.units import MM
 from robotrue.errors import ImplausibleDataError
 from robotrue.measurement.screening import screen
@@ -15,20 +17,19 @@ from robotrue.store.nouns import MEASUREMENT, MODEL
 from robotrue.store.workspace import Workspace
 from robotrue.validation.evaluation import Evaluation, evaluate
 from robotrue.validation.metrics import coverage, error_statistics
-from robotrue.web.questions.marks import from_simulation
-from robotrue.web.questions.packing import answer
 
 WORST: Final = 15
 
 
-def judged(folder: str, set_id: str, version: int, model_id: str, model_version: int) -> bytes:
+def judge_measurement(
+    workspace: Workspace, set_id: str, version: int, model_id: str, model_version: int
+) -> bytes:
     """Returns how well a model predicts a set, its worst poses and what screening finds."""
-    with Workspace.open(folder) as workspace:
-        record = items.get(workspace, MODEL, model_id, version=model_version)
-        held = models.model_of(workspace, record)
-        rows = measurements.rows_of(
-            workspace, items.get(workspace, MEASUREMENT, set_id, version=version)
-        )
+    record = items.get(workspace, MODEL, model_id, version=model_version)
+    held = models.model_of(workspace, record)
+    rows = measurements.rows_of(
+        workspace, items.get(workspace, MEASUREMENT, set_id, version=version)
+    )
     seen = evaluate(held.model, rows, payload=held.cell.payload)
     fitted = any(to.id == set_id for to in record.refs("data"))
     inside = coverage(seen.after, seen.covariance)
@@ -46,18 +47,19 @@ def judged(folder: str, set_id: str, version: int, model_id: str, model_version:
     )
 
 
-def rows(folder: str, set_id: str, version: int, sort: str, offset: int, limit: int) -> bytes:
+def list_rows(
+    workspace: Workspace, set_id: str, version: int, sort: str, offset: int, limit: int
+) -> bytes:
     """Returns a page of the rows of a set: line of the file, joints in deg, position in mm."""
-    with Workspace.open(folder) as workspace:
-        record = items.get(workspace, MEASUREMENT, set_id, version=version)
-        joints = tuple(f"joints_{k + 1}" for k in range(record.dof))
-        position = tuple(f"position_{axis}" for axis in "xyz")
-        columns = ("source_row", *joints, *position)
-        page = measurements.some_rows(
-            workspace,
-            record,
-            RowQuery(columns=columns, sort=sort, offset=offset, limit=limit),
-        )
+    record = items.get(workspace, MEASUREMENT, set_id, version=version)
+    joints = tuple(f"joints_{k + 1}" for k in range(record.dof))
+    position = tuple(f"position_{axis}" for axis in "xyz")
+    columns = ("source_row", *joints, *position)
+    page = measurements.some_rows(
+        workspace,
+        record,
+        RowQuery(columns=columns, sort=sort, offset=offset, limit=limit),
+    )
     values = np.stack(
         [
             page.columns["source_row"].astype(np.float64),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +10,9 @@ from typing import Any, Final
 
 import numpy as np
 
+from robotrue.app.workbench.calibration_view import from_simulation
+from robotrue.app.workbench.file_imports import cell_of
+from robotrue.app.workbench.probing_state import require_kind, require_same_arm, settings_from
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
 from robotrue.core.arrays import Array
@@ -33,15 +35,10 @@ from robotrue.robot.forward import forward
 from robotrue.robot.inverse import branches_of
 from robotrue.robot.opw import opw_geometry
 from robotrue.store import items, models
-from robotrue.store.nouns import CELL, MODEL
+from robotrue.store.nouns import CELL, MODEL, DocumentRecord
 from robotrue.store.registrations import add_session
 from robotrue.store.workspace import Workspace
 from robotrue.validation.registration_frame import TOUCH
-from robotrue.web.api.documents import record_document
-from robotrue.web.questions.intake import cell_of
-from robotrue.web.questions.marks import from_simulation
-from robotrue.web.questions.packing import answer
-from robotrue.web.questions.touch_setup import require_kind, require_same_arm, settings_from
 
 AXES: Final[Mapping[str, tuple[float, float, float]]] = {
     "+x": (1.0, 0.0, 0.0), "-x": (-1.0, 0.0, 0.0), "+y": (0.0, 1.0, 0.0),
@@ -59,33 +56,30 @@ POSTURES: Final = 20
 """Of a feature."""
 
 
-def begun(folder: str, asked: str) -> bytes:
+def begin_probing(workspace: Workspace, stated: Mapping[str, Any]) -> DocumentRecord:
     """Returns the record of a new session.
 
     Args:
-        folder: Of the workspace.
-        asked: JSON of ``cell``, ``model``, ``paths``, ``name``, ``reads``, ``axes``, ``frame``,
+        workspace: Where it is kept.
+        stated: ``cell``, ``model``, ``paths``, ``name``, ``reads``, ``axes``, ``frame``,
             ``tip_axis``, ``lean_deg``, ``rough_mm``, and the lengths in mm of the settings.
     """
-    stated: dict[str, Any] = json.loads(asked)
-    with Workspace.open(folder) as workspace:
-        cell_record = items.get(workspace, CELL, str(stated["cell"]))
-        cell = cell_of(workspace, cell_record)
-        model_record, model = None, None
-        if stated.get("model"):
-            model_record = items.get(workspace, MODEL, str(stated["model"]))
-            model = models.model_of(workspace, model_record).model
-        require_same_arm(cell, model)
-        paths = [Path(each) for each in stated["paths"]]
-        if len(paths) != 1:
-            raise ConfigurationError(f"{len(paths)} files, expected one table of features.")
-        session = _session(cell, model, paths[0], stated)
-        name = str(stated.get("name") or paths[0].stem)
-        record = add_session(
-            workspace, session, name=name, cell=cell_record.ref,
-            model=None if model_record is None else model_record.ref, files=paths,
-        )  # fmt: skip
-        return answer(record_document(record, "document"))
+    cell_record = items.get(workspace, CELL, str(stated["cell"]))
+    cell = cell_of(workspace, cell_record)
+    model_record, model = None, None
+    if stated.get("model"):
+        model_record = items.get(workspace, MODEL, str(stated["model"]))
+        model = models.model_of(workspace, model_record).model
+    require_same_arm(cell, model)
+    paths = [Path(each) for each in stated["paths"]]
+    if len(paths) != 1:
+        raise ConfigurationError(f"{len(paths)} files, expected one table of features.")
+    session = _session(cell, model, paths[0], stated)
+    name = str(stated.get("name") or paths[0].stem)
+    return add_session(
+        workspace, session, name=name, cell=cell_record.ref,
+        model=None if model_record is None else model_record.ref, files=paths,
+    )  # fmt: skip
 
 
 def _session(

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
+from robotrue.app.workbench.arm_body import answer
 from robotrue.cell.config import parse_cell
 from robotrue.cell.toml_edit import round_digits, write_toml
 from robotrue.core.json_values import plain_text
@@ -19,10 +19,8 @@ from robotrue.robot.forward import wrist_reach
 from robotrue.robot.presets import preset, preset_names, rated_payload
 from robotrue.store import cells, items
 from robotrue.store.layout import copy_files
-from robotrue.store.nouns import CELL
+from robotrue.store.nouns import CELL, CellRecord
 from robotrue.store.workspace import Workspace, transaction
-from robotrue.web.api.documents import record_document
-from robotrue.web.questions.packing import answer
 
 HEADING: Final = "# Made from a preset; change and extend it.\n"
 USUAL: Final[Mapping[str, float]] = {
@@ -55,7 +53,7 @@ LARGEST: Final = 200_000
 """Characters of a cell.toml."""
 
 
-def presets() -> bytes:
+def list_presets() -> bytes:
     """Returns every preset with reach and rated payload, and the fields of the form."""
     found = []
     for name in preset_names():
@@ -75,13 +73,12 @@ def presets() -> bytes:
     return answer({"presets": found, "fields": fields})
 
 
-def described(form: str) -> bytes:
+def describe_cell(stated: Mapping[str, Any]) -> bytes:
     """Returns the cell.toml of a form, or what is wrong with which field.
 
     Args:
-        form: JSON of ``robot``, ``frame`` and the fields, as typed.
+        stated: ``robot``, ``frame`` and the fields, as typed.
     """
-    stated: dict[str, Any] = json.loads(form)
     values, faults = _numbers(stated)
     robot = str(stated.get("robot", ""))
     if robot not in preset_names():
@@ -105,11 +102,11 @@ def described(form: str) -> bytes:
     return answer({"faults": {}, "text": text, "cautions": cautions})
 
 
-def kept(folder: str, text: str, name: str, id: str, version: int) -> bytes:
+def save_cell_text(workspace: Workspace, text: str, name: str, id: str, version: int) -> CellRecord:
     """Returns the record of a cell.toml's text: a new cell, or a new version of one.
 
     Args:
-        folder: Of the workspace.
+        workspace: Where it is.
         text: Of the cell.toml.
         name: Of a new cell.
         id: Of the cell that gets a new version; empty: none.
@@ -122,12 +119,12 @@ def kept(folder: str, text: str, name: str, id: str, version: int) -> bytes:
         raise ConfigurationError(f"a cell.toml of {len(text)} characters, expected {LARGEST:,}.")
     if not plain_text(text):
         raise ConfigurationError("the text holds a NUL or half a character.", hint="type it anew.")
-    with Workspace.open(folder) as workspace, TemporaryDirectory() as place:
+    with TemporaryDirectory() as place:
         path = Path(place) / "cell.toml"
         if not id:
             cells.require_beside(text, ())
             path.write_text(text, encoding="utf-8")
-            return answer(record_document(cells.add(workspace, path, name=name), "cell"))
+            return cells.add(workspace, path, name=name)
         before = items.get(workspace, CELL, id)
         copy_files(workspace, before, Path(place), cells.COMPANION)
         cells.require_beside(text, {each.name for each in before.files(cells.COMPANION)})
@@ -140,15 +137,14 @@ def kept(folder: str, text: str, name: str, id: str, version: int) -> bytes:
                     f"not {version}.",
                     hint="open it again; nothing of yours was written.",
                 )
-        return answer(record_document(record, "cell"))
+        return record
 
 
-def text_of(folder: str, id: str, version: int) -> bytes:
+def read_cell_text(workspace: Workspace, id: str, version: int) -> bytes:
     """Returns the text of a cell's file."""
-    with Workspace.open(folder) as workspace:
-        record = items.get(workspace, CELL, id, version=version)
-        (file,) = record.files(cells.FILE)
-        return workspace.content(file.sha256)
+    record = items.get(workspace, CELL, id, version=version)
+    (file,) = record.files(cells.FILE)
+    return workspace.content(file.sha256)
 
 
 def _numbers(stated: Mapping[str, Any]) -> tuple[dict[str, float], dict[str, dict[str, Any]]]:

@@ -1,0 +1,1 @@
+"""What the workbench in a browser asks and does, computed beside its server."""

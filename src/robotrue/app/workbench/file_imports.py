@@ -1,0 +1,124 @@
+"""Files that were sent become items of the workspace."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from robotrue.app.measured_rows import join_rows, read_rows
+from robotrue.app.reporting import Notes
+from robotrue.cell.cell import Cell
+from robotrue.cell.config import read_cell
+from robotrue.core.files import read_bytes
+from robotrue.errors import ConfigurationError
+from robotrue.measurement.formats.mapping import ColumnMapping, build_mapping
+from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.measurement.plausibility import FEWEST_POSES
+from robotrue.store import cells, items, measurements, models
+from robotrue.store.nouns import CELL, MODEL, CellRecord, MeasurementRecord
+from robotrue.store.workspace import Workspace
+from robotrue.validation.drift_defaults import FEWEST
+
+
+def import_cell(workspace: Workspace, paths: Sequence[Path], name: str) -> CellRecord:
+    """Returns the record of a cell.toml taken in with the files it names beside it."""
+    main = [path for path in paths if path.suffix.lower() == ".toml"]
+    if len(main) != 1:
+        raise ConfigurationError(
+            f"{len(main)} TOML files, expected one cell.toml and the files it names.",
+            hint="drop them together.",
+        )
+    with TemporaryDirectory() as together:
+        for path in paths:
+            (Path(together) / path.name).write_bytes(path.read_bytes())
+        cell = Path(together) / main[0].name
+        cells.require_beside(
+            read_bytes(cell).decode("utf-8-sig", "replace"), {p.name for p in paths}
+        )
+        return cells.add(workspace, cell, name=name or None)
+
+
+def import_measurements(
+    workspace: Workspace,
+    paths: Sequence[Path],
+    name: str,
+    cell_id: str,
+    mapping: Mapping[str, Any] | None,
+) -> MeasurementRecord:
+    """Returns the record of measured poses, read, checked for plausibility and taken in.
+
+    Args:
+        workspace: Where they go.
+        paths: Files.
+        name: In the workspace; empty: that of the first file.
+        cell_id: They were measured in.
+        mapping: Fields of a column mapping; None: the layout is found.
+    """
+    record = items.get(workspace, CELL, cell_id)
+    rows, remarks = read_sets(cell_of(workspace, record), paths, column_mapping(mapping))
+    return measurements.add(
+        workspace,
+        rows,
+        name=name or paths[0].stem,
+        raw=list(paths),
+        cell=record.ref,
+        detail={"remarks": remarks, "mapping": None if mapping is None else dict(mapping)},
+    )
+
+
+def import_check_poses(
+    workspace: Workspace, paths: Sequence[Path], name: str, model_id: str
+) -> MeasurementRecord:
+    """Returns the record of check poses; fewer are enough than for a calibration.
+
+    Args:
+        workspace: Where they go.
+        paths: Files.
+        name: In the workspace; empty: that of the first file.
+        model_id: Whose cell they were measured in.
+    """
+    record = items.get(workspace, MODEL, model_id)
+    cell = models.model_of(workspace, record).cell
+    rows, remarks = read_sets(cell, paths, None, minimum=FEWEST)
+    cells = record.refs("cell")
+    return measurements.add(
+        workspace,
+        rows,
+        name=name or paths[0].stem,
+        raw=list(paths),
+        cell=cells[0] if cells else None,
+        detail={"remarks": remarks, "mapping": None},
+    )
+
+
+def column_mapping(fields: Mapping[str, Any] | None) -> ColumnMapping | None:
+    """Returns a column mapping from its fields, or None.
+
+    Raises:
+        ConfigurationError: An unknown field or a value it cannot take.
+    """
+    return None if fields is None else build_mapping({"name": "as chosen", **fields})
+
+
+def cell_of(workspace: Workspace, record: CellRecord) -> Cell:
+    """Returns a cell of the workspace, read with the files it names."""
+    with TemporaryDirectory() as folder:
+        return read_cell(cells.copy_cell(workspace, record, Path(folder)))
+
+
+def read_sets(
+    cell: Cell, paths: Sequence[Path], layout: ColumnMapping | None, *, minimum: int = FEWEST_POSES
+) -> tuple[MeasurementSet, list[str]]:
+    """Returns all files as one set, and what is odd about it but harmless.
+
+    Raises:
+        FormatError: A file that cannot be read.
+        ImplausibleDataError: Numbers that cannot be this robot's.
+        ModelMismatchError: Another number of joints, or files in different frames.
+    """
+    notes = Notes()
+    sets = [read_rows(cell, path, layout, reporter=notes) for path in paths]
+    names = [path.name for path in paths]
+    return join_rows(cell, sets, names, reporter=notes, minimum=minimum), notes.texts

@@ -1,0 +1,239 @@
+"""What the workbench asks of the numeric libraries, called in a process beside its server.
+
+The server imports this file and none of what it calls: each function imports its own when it runs.
+Answers for a script of a page are JSON text, everything else is a record of the store. Nothing is
+computed that a command would not compute the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from robotrue.store.nouns import (
+    CellRecord,
+    DocumentRecord,
+    MeasurementRecord,
+    ProgramRecord,
+    RegistrationRecord,
+)
+from robotrue.store.workspace import Workspace
+
+
+def list_presets() -> bytes:
+    """Returns every robot a cell can be made with, and the fields of the form of a cell."""
+    from robotrue.app.workbench.cell_editor import list_presets as answer
+
+    return answer()
+
+
+def describe_cell(form: Mapping[str, Any]) -> bytes:
+    """Returns the cell.toml of a form, or what is wrong with which field."""
+    from robotrue.app.workbench.cell_editor import describe_cell as answer
+
+    return answer(form)
+
+
+def save_cell_text(folder: str, text: str, name: str, id: str, version: int) -> CellRecord:
+    """Returns the record of a cell.toml's text: a new cell, or a new version of one."""
+    from robotrue.app.workbench.cell_editor import save_cell_text as answer
+
+    with Workspace.open(folder) as workspace:
+        return answer(workspace, text, name, id, version)
+
+
+def read_cell_text(folder: str, id: str, version: int) -> bytes:
+    """Returns the text of a cell's file."""
+    from robotrue.app.workbench.cell_editor import read_cell_text as answer
+
+    with Workspace.open(folder) as workspace:
+        return answer(workspace, id, version)
+
+
+def import_cell(folder: str, paths: Sequence[Path], name: str) -> CellRecord:
+    """Returns the record of a cell.toml and the files it names."""
+    from robotrue.app.workbench.file_imports import import_cell as answer
+
+    with Workspace.open(folder) as workspace:
+        return answer(workspace, paths, name)
+
+
+def import_program(folder: str, paths: Sequence[Path], name: str) -> ProgramRecord:
+    """Returns the record of a program's files as they are."""
+    from robotrue.store.programs import add
+
+    with Workspace.open(folder) as workspace:
+        return add(workspace, list(paths), name=name or None)
+
+
+def import_measurements(
+    folder: str, paths: Sequence[Path], name: str, cell: str, mapping: Mapping[str, Any] | None
+) -> MeasurementRecord:
+    """Returns the record of measured poses, read and checked for plausibility."""
+    from robotrue.app.workbench.file_imports import import_measurements as answer
+
+    with Workspace.open(folder) as workspace:
+        return answer(workspace, paths, name, cell, mapping)
+
+
+def import_check_poses(
+    folder: str, paths: Sequence[Path], name: str, model: str
+) -> MeasurementRecord:
+    """Returns the record of a few poses measured again, in the cell that a model belongs to."""
+    from robotrue.app.workbench.file_imports import import_check_poses as answer
+
+    with Workspace.open(folder) as workspace:
+        return answer(workspace, paths, name, model)
+
+
+def import_drilling(folder: str, paths: Sequence[Path], name: str) -> DocumentRecord:
+    """Returns the record of a campaign with its foot, of a model, or of a journal."""
+    from robotrue.app.workbench.drilling_import import import_drilling as answer
+
+    with Workspace.open(folder) as workspace:
+        return answer(workspace, paths, name)
+
+
+def preview_file(folder: str, path: Path, cell: str, mapping: Mapping[str, Any] | None) -> bytes:
+    """Returns the columns of a file, how they would be read, and what is wrong with that."""
+    from robotrue.app.workbench.import_preview import preview_file as answer
+
+    with Workspace.open(folder) as workspace:
+        return answer(workspace, path, cell, mapping)
+
+
+def show_model(folder: str, model: str, version: int) -> bytes:
+    """Returns what a model learned, how surely, and what the data cannot tell."""
+    from robotrue.app.workbench.calibration_view import show_model as answer
+
+    with Workspace.open(folder) as workspace:
+        return answer(workspace, model, version)
+
+
+def judge_measurement(
+    folder: str, measured: str, version: int, model: str, model_version: int
+) -> bytes:
+    """Returns how well a model predicts a set, its worst poses and what screening finds."""
+    from robotrue.app.workbench.measurement_view import judge_measurement as answer
+
+    with Workspace.open(folder) as workspace:
+        return answer(workspace, measured, version, model, model_version)
+
+
+def list_rows(
+    folder: str, measured: str, version: int, sort: str, offset: int, limit: int
+) -> bytes:
+    """Returns some rows of a set: line of the file, joints in deg, position in mm."""
+    from robotrue.app.workbench.measurement_view import list_rows as answer
+
+    with Workspace.open(folder) as workspace:
+        return answer(workspace, measured, version, sort, offset, limit)
+
+
+def show_plan(folder: str, plan: str, version: int) -> bytes:
+    """Returns a plan as it was made, its scene, and how the instrument sees each pose."""
+    from robotrue.app.workbench.plan_view import show_plan as answer
+
+    with Workspace.open(folder) as workspace:
+        return answer(workspace, plan, version)
+
+
+def judge_program(
+    folder: str,
+    program: str,
+    version: int,
+    model: str,
+    model_version: int,
+    tolerance_mm: float,
+    strict: bool,
+) -> bytes:
+    """Returns path, predicted errors, worst targets and verdict of a program."""
+    from robotrue.app.workbench.program_judgement import judge_program as answer
+
+    with Workspace.open(folder) as workspace:
+        return answer(workspace, program, version, model, model_version, tolerance_mm, strict)
+
+
+def draw_cell(folder: str, cell: str, version: int) -> bytes:
+    """Returns the scene of a cell without a model: arm and frames."""
+    from robotrue.app.workbench.cell_scene import draw_cell as answer
+
+    with Workspace.open(folder) as workspace:
+        return answer(workspace, cell, version)
+
+
+def draw_model(folder: str, model: str, version: int) -> bytes:
+    """Returns the scene of a model: its cell, measured errors, and the predicted field."""
+    from robotrue.app.workbench.cell_scene import draw_model as answer
+
+    with Workspace.open(folder) as workspace:
+        return answer(workspace, model, version)
+
+
+def draw_measurement(
+    folder: str, measured: str, version: int, model: str, model_version: int
+) -> bytes:
+    """Returns the scene of a set's errors before and after, by a model that need not know it."""
+    from robotrue.app.workbench.cell_scene import draw_measurement as answer
+
+    with Workspace.open(folder) as workspace:
+        return answer(workspace, measured, version, model, model_version)
+
+
+def begin_probing(folder: str, stated: Mapping[str, Any]) -> DocumentRecord:
+    """Returns the record of a new probing session."""
+    from robotrue.app.workbench.probing_begin import begin_probing as answer
+
+    with Workspace.open(folder) as workspace:
+        return answer(workspace, stated)
+
+
+def show_probing(folder: str, id: str, version: int, feature: int) -> bytes:
+    """Returns a probing session: what to probe next, what it should read, what is known."""
+    from robotrue.app.workbench.probing_view import show_probing as answer
+
+    with Workspace.open(folder) as workspace:
+        return answer(workspace, id, version, feature)
+
+
+def enter_reading(folder: str, id: str, version: int, feature: int, text: str) -> DocumentRecord:
+    """Returns the session with one more reading; held, if it is not as expected."""
+    from robotrue.app.workbench.probing_entry import enter_reading as answer
+
+    with Workspace.open(folder) as workspace:
+        return answer(workspace, id, version, feature, text)
+
+
+def decide_reading(
+    folder: str, id: str, version: int, decision: str, feature: int
+) -> DocumentRecord:
+    """Returns the session after keep, retake, skip or undo."""
+    from robotrue.app.workbench.probing_entry import decide_reading as answer
+
+    with Workspace.open(folder) as workspace:
+        return answer(workspace, id, version, decision, feature)
+
+
+def import_readings(folder: str, id: str, version: int, path: Path) -> DocumentRecord:
+    """Returns the session with the readings of a file; those not as expected are set aside."""
+    from robotrue.app.workbench.probing_entry import import_readings as answer
+
+    with Workspace.open(folder) as workspace:
+        return answer(workspace, id, version, path)
+
+
+def finish_probing(folder: str, id: str, version: int, name: str) -> RegistrationRecord:
+    """Returns the record of the registration that a session's readings give."""
+    from robotrue.app.workbench.probing_finish import finish_probing as answer
+
+    with Workspace.open(folder) as workspace:
+        return answer(workspace, id, version, name)
+
+
+def write_readings(folder: str, id: str) -> bytes:
+    """Returns the readings that count, as the file that ``robotrue register`` reads."""
+    from robotrue.app.workbench.probing_finish import write_readings as answer
+
+    with Workspace.open(folder) as workspace:
+        return answer(workspace, id)
