@@ -10,7 +10,7 @@ import numpy as np
 
 from robotrue.calibration.model import ErrorModel
 from robotrue.compensation.compensate import compensate
-from robotrue.compensation.result import Compensation
+from robotrue.compensation.result import Compensation, mean_and_max
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.compensation.split import SplitPlan, plan_split
 from robotrue.compensation.split_apply import Reread, compensate_split, split_job
@@ -22,7 +22,7 @@ from robotrue.compensation.split_deviation import (
 )
 from robotrue.compensation.split_shapes import JobMoves, job_moves
 from robotrue.compensation.status import Status
-from robotrue.core.arrays import Array, IntArray
+from robotrue.core.arrays import IntArray
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ConfigurationError
 from robotrue.program.formats import inserter
@@ -138,7 +138,7 @@ def look_between(
         programs = split.programs
         after = job_moves(model, programs, split.moves, results, used)
         reached = job_deviation(after, tolerance=tolerance)
-    document["split_um"] = _sizes(reached.size)
+    document["split_um"] = mean_and_max(reached.size / UM)
     return Between(
         programs=programs,
         results=tuple(results),
@@ -159,11 +159,6 @@ def _require_model(model: ErrorModel | None, options: SplitOptions) -> ErrorMode
     return model
 
 
-def _sizes(size: Array) -> dict[str, float] | None:
-    known = size[np.isfinite(size)] / UM
-    return {"mean": float(known.mean()), "max": float(known.max())} if len(known) else None
-
-
 def _document(job: JobMoves, deviation: MoveDeviations) -> dict[str, Any]:
     arcs = int(job.moves.circular.sum())
     turn = deviation.turn[np.isfinite(deviation.turn)]
@@ -175,7 +170,7 @@ def _document(job: JobMoves, deviation: MoveDeviations) -> dict[str, Any]:
             "um": float(max(deviation.size[deviation.bounded].max(initial=0.0), RESOLUTION) / UM),
             "moves": int(deviation.bounded.sum()),
         },
-        "kept_um": _sizes(deviation.size),
+        "kept_um": mean_and_max(deviation.size / UM),
         "kept_turn_deg": float(turn.max() / DEG) if len(turn) else None,
     }
 

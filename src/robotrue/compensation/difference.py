@@ -19,6 +19,7 @@ from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell, frame_table
 from robotrue.compensation.compensate import compensate
 from robotrue.compensation.process_force import DescribedForce, state_forces
+from robotrue.compensation.result import mean_and_max
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.columns import Column, Columns
@@ -85,13 +86,13 @@ class Difference(Columns):
         out: dict[str, object] = {
             "targets": len(self.change),
             **{c.name.lower(): int(number[c]) for c in TargetChange},
-            "shift_um": _sizes(np.linalg.norm(self.shift[moved], axis=1) / UM),
-            "turn_deg": _sizes(self.turn[moved] / DEG),
+            "shift_um": mean_and_max(np.linalg.norm(self.shift[moved], axis=1) / UM),
+            "turn_deg": mean_and_max(self.turn[moved] / DEG),
         }
         if self.has_errors:
             for name in ("before", "after"):
                 error = getattr(self, f"error_{name}")
-                out[f"predicted_error_{name}_um"] = _sizes(np.linalg.norm(error, axis=1) / UM)
+                out[f"predicted_error_{name}_um"] = mean_and_max(np.linalg.norm(error, axis=1) / UM)
         return out
 
 
@@ -184,12 +185,6 @@ def _changes(
     change[far | (np.nan_to_num(turn) > STILL_ANGLE)] = TargetChange.MOVED
     change[~readable] = TargetChange.UNREADABLE
     return change
-
-
-def _sizes(values: Array) -> dict[str, float] | None:
-    """Mean and largest; None (null) without any."""
-    known = values[np.isfinite(values)]
-    return {"mean": float(known.mean()), "max": float(known.max())} if len(known) else None
 
 
 def compare_jobs(

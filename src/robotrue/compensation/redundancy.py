@@ -136,19 +136,18 @@ def choose_spins(
     geometry = require_opw(robot)
     _require_printed(program)
     base = compensate(model, program, settings=replace(settings, covariance=False))
-    known = np.asarray(np.isfinite(base.joints).all(axis=1))
-    path = cut_path(program, cutter=free.spin.cutter)
     load = settings.load_for(len(program))
     wrench = np.broadcast_to(load.wrench, (len(program), 6))
     tables = model.mean_tables(load)
     compliance = np.zeros(6) if tables is None else tables.robot.error("compliance")
     task = _Task(
-        robot=robot, geometry=geometry, compliance=compliance, program=program, path=path,
-        wrench=wrench, free=free, joints=base.joints,
+        robot=robot, geometry=geometry, compliance=compliance, program=program,
+        path=cut_path(program, cutter=free.spin.cutter), wrench=wrench, free=free,
+        joints=base.joints,
     )  # fmt: skip
     spin = np.zeros(len(program))
     rotation, after = np.array(program.rotation), np.array(base.joints)
-    runs = runs_of(program, known)
+    runs = runs_of(program, np.asarray(np.isfinite(base.joints).all(axis=1)))
     notes, turned = [], 0
     for run in runs:
         found = run.fault or _spin_run(task, run)

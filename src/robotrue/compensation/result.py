@@ -201,3 +201,9 @@ def zero_correction(program: Program) -> Replacement:
         axes=program.axes,
         words=np.full_like(program.words, NO_WORD),
     )
+
+
+def mean_and_max(values: Array) -> dict[str, float] | None:
+    """Returns mean and largest of what is finite; None (null) without any."""
+    known = values[np.isfinite(values)]
+    return {"mean": float(known.mean()), "max": float(known.max())} if len(known) else None
