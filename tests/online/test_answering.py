@@ -22,11 +22,11 @@ from robotrue.errors import ConfigurationError, RobotrueError
 from robotrue.online import answering_link
 from robotrue.online.answering_link import AnsweringLink, answering_guard
 from robotrue.online.answering_wire import (
+    AnsweringFault,
+    AnsweringReport,
     EndedLink,
-    Fault,
     Opening,
     RemoteGuard,
-    Report,
     read_message,
     write_message,
 )  # fmt: skip
@@ -277,13 +277,15 @@ def test_what_is_said_over_the_pipe_comes_back_as_it_was():
     ):
         opening = Opening(settings=made, limits=LIMITS, mode=ABSOLUTE, before=before)
         assert read_message(write_message(opening), Opening) == (opening, b"")
-    fault = Fault.of(ConfigurationError("no.", source="here", hint="yes."))
-    report = Report(guard=state, watch=link.watch, peer=link.peer, fault=fault)
-    again, frame = read_message(write_message(report, b"samples"), Report)
+    fault = AnsweringFault.of(ConfigurationError("no.", source="here", hint="yes."))
+    report = AnsweringReport(guard=state, watch=link.watch, peer=link.peer, fault=fault)
+    again, frame = read_message(write_message(report, b"samples"), AnsweringReport)
     assert (again, frame) == (report, b"samples")
     error = again.fault.error()
     assert (type(error), str(error)) == (ConfigurationError, "here: no. Try: yes.")
-    full, _ = read_message(write_message(Report(health=Health(name="x", connected=True))), Report)
+    full, _ = read_message(
+        write_message(AnsweringReport(health=Health(name="x", connected=True))), AnsweringReport
+    )
     assert np.isnan(full.health.turnaround_p50)
 
 

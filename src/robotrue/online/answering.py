@@ -28,10 +28,10 @@ import numpy as np
 from robotrue.errors import RobotrueError
 from robotrue.online.answering_wire import (
     MOST,
-    Fault,
+    AnsweringFault,
+    AnsweringReport,
+    LinkRequest,
     Opening,
-    Report,
-    Request,
     frames,
     read_message,
     write_message,
@@ -69,7 +69,7 @@ def main(descriptor: int) -> None:
         try:
             guard, link = _open_link(opening)
         except RobotrueError as refused:
-            pipe.send(write_message(Report(fault=Fault.of(refused))))
+            pipe.send(write_message(AnsweringReport(fault=AnsweringFault.of(refused))))
             return
         pipe.setblocking(False)
         _stay_in_memory()
@@ -135,13 +135,13 @@ class _Answering:
             if not data:
                 self._alone = True
                 return
-            request, _ = read_message(data, Request)
+            request, _ = read_message(data, LinkRequest)
             if request.do == "close":
                 return
             if not self._fulfil(request):
                 await self._send(self._report)
 
-    def _fulfil(self, request: Request) -> bool:
+    def _fulfil(self, request: LinkRequest) -> bool:
         """Does one thing; returns whether the service need not be told at once how it stands."""
         guard = self._guard
         if request.do == "force" and isinstance(self._link, EgmSource) and self._force is None:
@@ -177,7 +177,7 @@ class _Answering:
                 if self._guard is None or self._guard.at_rest:
                     await asyncio.sleep(_GATHER)
         except RobotrueError as fault:
-            failed = Report(guard=self._guard_state(), fault=Fault.of(fault))
+            failed = AnsweringReport(guard=self._guard_state(), fault=AnsweringFault.of(fault))
             await self._send(lambda: failed)
 
     async def _beat(self) -> None:
@@ -187,7 +187,7 @@ class _Answering:
             if time.monotonic() - self._told >= 1.3 * _BEAT:
                 await self._send(self._report)
 
-    async def _send(self, report: Callable[[], Report], frame: bytes = b"") -> None:
+    async def _send(self, report: Callable[[], AnsweringReport], frame: bytes = b"") -> None:
         """Waits while the service is slow, then tells it; says nothing to one that is gone."""
         if self._alone:
             return
@@ -201,14 +201,14 @@ class _Answering:
     def _guard_state(self) -> GuardState | None:
         return None if self._guard is None else self._guard.state()
 
-    def _brief(self) -> Report:
+    def _brief(self) -> AnsweringReport:
         """What has to be known of the last answers if this process should end now."""
         watch, peer = self._link.seen
-        return Report(watch=watch, peer=peer, guard=self._guard_state())
+        return AnsweringReport(watch=watch, peer=peer, guard=self._guard_state())
 
-    def _report(self) -> Report:
+    def _report(self) -> AnsweringReport:
         self._told = time.monotonic()
-        return Report(
+        return AnsweringReport(
             link=self._link.state(),
             guard=self._guard_state(),
             health=self._link.health(),

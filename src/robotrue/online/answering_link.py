@@ -23,12 +23,12 @@ from typing import Final, Generic, TypeVar
 from robotrue.errors import ConfigurationError, RobotrueError
 from robotrue.online.answering_wire import (
     MOST,
+    AnsweringReport,
     EndedLink,
+    LinkRequest,
     LinkSettings,
     Opening,
     RemoteGuard,
-    Report,
-    Request,
     join_blocks,
     read_message,
     write_message,
@@ -181,14 +181,14 @@ class AnsweringLink:
             self._force = RemoteStream(
                 f"{self.settings.name} force", self.settings.waiting, self._restart_process
             )
-            self._tell(Request(do="force"))
+            self._tell(LinkRequest(do="force"))
         return self._force
 
     async def close(self) -> None:
         """Has the correction brought to zero at its rate, and the process ended."""
         async with self._again:
             self._closing = True
-            self._tell(Request(do="close"))
+            self._tell(LinkRequest(do="close"))
             until = time.monotonic() + _END
             while self._thread.is_alive():
                 if time.monotonic() > until:
@@ -239,9 +239,9 @@ class AnsweringLink:
         self._thread.start()
         if self._force is not None:
             self._force.begin()
-            self._tell(Request(do="force"))
+            self._tell(LinkRequest(do="force"))
 
-    def _open_process(self, opening: Opening) -> tuple[Address, Report]:
+    def _open_process(self, opening: Opening) -> tuple[Address, AnsweringReport]:
         """Returns where it listens, and its first report."""
         self._pipe.settimeout(_START)
         data, slow = b"", ""
@@ -258,7 +258,7 @@ class AnsweringLink:
                 hint=f"{sys.executable} -P -m robotrue.online.answering",
             )
         self._pipe.settimeout(None)
-        report, _ = read_message(data, Report)
+        report, _ = read_message(data, AnsweringReport)
         if report.fault is not None or report.address is None:
             raise (
                 ConfigurationError("no address.") if report.fault is None else report.fault.error()
@@ -274,7 +274,7 @@ class AnsweringLink:
             before = EndedLink(link=self._link, guard=self._before, why=self._died)
             await asyncio.to_thread(self._start, before)
 
-    def _tell(self, request: Request) -> None:
+    def _tell(self, request: LinkRequest) -> None:
         """Asks something of the process; one that does not read misses what is wanted of it."""
         if self._died:
             return
@@ -304,7 +304,7 @@ class AnsweringLink:
                 break
             if not data:
                 break
-            report, frame = read_message(data, Report)
+            report, frame = read_message(data, AnsweringReport)
             if report.fault is not None:
                 fault = report.fault.error()
             self._take_report(report)
@@ -319,7 +319,7 @@ class AnsweringLink:
         elif self._force is not None:
             self._force.put(block)
 
-    def _take_report(self, report: Report) -> None:
+    def _take_report(self, report: AnsweringReport) -> None:
         if self._guard is not None and report.guard is not None:
             self._guard.take_state(report.guard)
         if report.link is not None and report.health is not None:

@@ -73,7 +73,7 @@ class Opening:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Request:
+class LinkRequest:
     """What the service asks for.
 
     Attributes:
@@ -92,7 +92,7 @@ class Request:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fault:
+class AnsweringFault:
     """An error of the answering process.
 
     Attributes:
@@ -106,7 +106,7 @@ class Fault:
     hint: str | None
 
     @classmethod
-    def of(cls, error: RobotrueError) -> Fault:
+    def of(cls, error: RobotrueError) -> AnsweringFault:
         """Returns what is told of an error."""
         kind = type(error).__name__
         return cls(kind=kind, message=error.message, source=error.source, hint=error.hint)
@@ -119,7 +119,7 @@ class Fault:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Report:
+class AnsweringReport:
     """What the answering process tells: behind each answer in brief, now and then in full.
 
     Attributes:
@@ -142,15 +142,15 @@ class Report:
     force: Health | None = None
     preferred: bool = False
     address: Address | None = None
-    fault: Fault | None = None
+    fault: AnsweringFault | None = None
 
 
 _ADAPTERS: Final[dict[type, TypeAdapter[Any]]] = {
-    kind: TypeAdapter(kind) for kind in (Opening, Request, Report)
+    kind: TypeAdapter(kind) for kind in (Opening, LinkRequest, AnsweringReport)
 }
 
 
-def write_message(content: Opening | Request | Report, frame: bytes = b"") -> bytes:
+def write_message(content: Opening | LinkRequest | AnsweringReport, frame: bytes = b"") -> bytes:
     """Returns the bytes of a message."""
     document = _ADAPTERS[type(content)].dump_python(content, mode="json", exclude_defaults=True)
     text = json.dumps(document, separators=(",", ":")).encode()
@@ -199,7 +199,7 @@ class RemoteGuard:
     def __init__(self, limits: CorrectionLimits, mode: CorrectionMode) -> None:
         self.limits, self.mode = limits, mode
         self._state = GuardState()
-        self._ask: Callable[[Request], None] = lambda _: None
+        self._ask: Callable[[LinkRequest], None] = lambda _: None
 
     def want(self, correction: Correction, host_time: float) -> None:
         """Asks for a correction to be reached: the whole of it, in ABSOLUTE terms.
@@ -209,25 +209,25 @@ class RemoteGuard:
         """
         check_whole(correction)
         shift, turn = tuple(correction.shift.tolist()), tuple(correction.turn.tolist())
-        self._ask(Request(do="want", shift=shift, turn=turn, time=host_time))
+        self._ask(LinkRequest(do="want", shift=shift, turn=turn, time=host_time))
 
     def fault(self, why: str) -> None:
         """Trips the watchdog, for the stated reason."""
-        self._ask(Request(do="fault", why=why))
+        self._ask(LinkRequest(do="fault", why=why))
 
     def release(self) -> None:
         """Goes to zero at the stated rate, for good."""
-        self._ask(Request(do="release"))
+        self._ask(LinkRequest(do="release"))
 
     def rearm(self) -> None:
         """Lets corrections grow again after a trip."""
-        self._ask(Request(do="rearm"))
+        self._ask(LinkRequest(do="rearm"))
 
     def state(self) -> GuardState:
         """Returns how it stood when it was last heard of."""
         return self._state
 
-    def connect(self, ask: Callable[[Request], None]) -> None:
+    def connect(self, ask: Callable[[LinkRequest], None]) -> None:
         """Says how it is reached."""
         self._ask = ask
 
