@@ -232,8 +232,9 @@ def _measure_path(path: PathTargets) -> Steps:
         worst=step(int(np.argmax(size))) if len(at) else None,
         length=float(far.sum()),
         corrected=float(far[~(left[1:] | left[:-1])].sum()),
-        head=path.take(slice(0, 1)),
-        tail=path.take(slice(-1, None)),
+        # By index: a slice would keep the whole chunk alive.
+        head=path.take(np.array([0])),
+        tail=path.take(np.array([-1])),
     )
 
 
