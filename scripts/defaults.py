@@ -66,8 +66,10 @@ def spellings(files: Sequence[SourceFile]) -> list[Spelling]:
         for name, node, owner in _defaults(file):
             place = f"{file.path}:{node.lineno} {owner}"
             value, shown = _value(node, names), ast.unparse(node)
-            if isinstance(node, ast.Name | ast.Attribute):
-                word = node.id if isinstance(node, ast.Name) else node.attr
+            word = _constant_of(node)
+            if word in names and isinstance(node, ast.BinOp):
+                place = names[word][0]
+            elif word:
                 place, value, shown = names.get(word, (place, None, shown))
             reader = READERS.get(owner.removesuffix("(...)"))
             if value and value is not Ellipsis and (reader is None or isinstance(value, reader)):
@@ -75,6 +77,13 @@ def spellings(files: Sequence[SourceFile]) -> list[Spelling]:
                 value = _rounded(value, factor)
                 found[plain, place] = Spelling(name=plain, value=value, shown=shown, place=place)
     return list(found.values())
+
+
+def _constant_of(node: ast.expr) -> str:
+    """The constant that a default names, alone or times a unit; empty for none."""
+    if isinstance(node, ast.BinOp):
+        return _constant_of(node.left)
+    return node.id if isinstance(node, ast.Name) else getattr(node, "attr", "")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated, ClassVar, Final, Literal
 
 from robotrue.app.context import Context
 from robotrue.app.outputs import check_output
+from robotrue.app.plain_result import WrittenFiles
 from robotrue.app.request import Option, Output, Request
-from robotrue.app.request_fields import CalibratedModel
-from robotrue.app.written_files import WrittenFiles
+from robotrue.app.request_fields import AT_TARGET, CalibratedModel
 from robotrue.core.units import MM
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ class ExportRequest(Request):
     at: Annotated[
         Literal["target", "tool"],
         Option(help="target (the measured point) or tool (of programs)."),
-    ] = "target"
+    ] = AT_TARGET
 
 
 def export_arm(request: ExportRequest, context: Context) -> WrittenFiles:

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from robotrue.app.operation import PlainResult
+from robotrue.app.plain_result import PlainResult
 from robotrue.app.presentation import Block, Facts, Note, Table
 from robotrue.calibration.lineage import provenance_of
 from robotrue.calibration.model import ErrorModel

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeAlias, TypeVar
 
 from robotrue.app.context import Context
@@ -34,29 +34,6 @@ class Result(Protocol):
     def blocks(self) -> Iterable[Block]:
         """Returns what is shown instead of the document."""
         ...
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PlainResult:
-    """The result of numbers that nobody computes with: JSON values, and blocks that show them.
-
-    Attributes:
-        values: Of ``--json``, units in the names.
-        shown: What a terminal or a page shows instead.
-        provenance: Of the data it rests on; None if it rests on none.
-    """
-
-    values: Mapping[str, Any] = field(default_factory=dict)
-    shown: tuple[Block, ...] = ()
-    provenance: Provenance | None = None
-
-    def document(self) -> Mapping[str, Any]:
-        """Returns JSON values."""
-        return self.values
-
-    def blocks(self) -> Iterable[Block]:
-        """Returns what is shown instead of the document."""
-        return self.shown
 
 
 Q = TypeVar("Q", bound=Request)

@@ -1,9 +1,10 @@
-"""The result of an operation that reports numbers and leaves nothing to compute later."""
+"""Results of numbers that nobody computes with: JSON values, and blocks that show them."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from robotrue.app.presentation import Block
@@ -31,3 +32,26 @@ class PlainResult:
     def blocks(self) -> Iterable[Block]:
         """Returns what is shown instead of the document."""
         return self.shown
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WrittenFiles:
+    """Files that were written.
+
+    Attributes:
+        written: Where they are.
+        numbers: About them, JSON values.
+        provenance: Of what they rest on.
+    """
+
+    written: tuple[Path, ...]
+    numbers: Mapping[str, Any]
+    provenance: Provenance
+
+    def document(self) -> Mapping[str, Any]:
+        """Returns JSON values."""
+        return {"written": [str(path) for path in self.written], **self.numbers}
+
+    def blocks(self) -> Iterable[Block]:
+        """Returns nothing: what is to be said is said when they are written."""
+        return ()

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Final, TypeAlias
 
 from robotrue.app.context import Context
 from robotrue.app.outputs import check_output
+from robotrue.app.plain_result import WrittenFiles
 from robotrue.app.request import Option, Output, Request, input_paths
-from robotrue.app.written_files import WrittenFiles
 from robotrue.core.provenance import Provenance
 from robotrue.errors import ConfigurationError
 
@@ -25,6 +25,7 @@ Outputs: TypeAlias = Annotated[
         help=".html, .pdf or .json; may be repeated. JSON is always written, too.",
     ),
 ]
+ENGLISH: Final = "en"
 Language: TypeAlias = Annotated[str, Option(names=("--lang",), help="en or zh.")]
 Simulated: TypeAlias = Annotated[
     bool, Option(help="Say in the report that the data are simulated.")

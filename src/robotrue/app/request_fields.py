@@ -52,3 +52,5 @@ TouchSigma: TypeAlias = Annotated[
 ToolSigma: TypeAlias = Annotated[
     float | None, Option(help="Of the tip in the flange; 0: unchanged since the model was made.")
 ]
+AT_TARGET: Final = "target"
+"""The measured point, not the tool of programs."""

@@ -13,17 +13,17 @@ from collections.abc import Awaitable, Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, Final, TypeAlias, TypeVar
 
 from robotrue.app.context import Context
-from robotrue.app.operation import PlainResult
+from robotrue.app.plain_result import PlainResult
 from robotrue.app.presentation import Facts
 from robotrue.app.request import Option
 from robotrue.errors import ConfigurationError
+from robotrue.simulation.device_defaults import LOCAL_HOST
 
 if TYPE_CHECKING:
     from robotrue.simulation.online_scenario import OnlineScenario
 
 V = TypeVar("V")
 
-LOCAL_HOST: Final = "127.0.0.1"
 Host: TypeAlias = Annotated[str, Option(help="Its own address; 0.0.0.0 lets other computers in.")]
 Target: TypeAlias = Annotated[str, Option(help="Computer that it sends to.")]
 Seconds: TypeAlias = Annotated[float | None, Option(help="Ends then; otherwise with Ctrl-C.")]

@@ -9,7 +9,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, TypeAlias
 
-from robotrue.app.operation import PlainResult
+from robotrue.app.plain_result import PlainResult
 from robotrue.app.presentation import Block
 from robotrue.app.request import Option
 

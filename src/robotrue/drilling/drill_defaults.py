@@ -13,6 +13,7 @@ Kind: TypeAlias = Literal["patent", "interactions", "quadratic", "cubic", "gp", 
 """Corrections of readings, from the simplest to the richest."""
 By: TypeAlias = Literal["information", "chance"]
 """How the clamps of a campaign are chosen."""
+CHOSEN_BY: Final = "information"
 LIMIT_DEG: Final = 0.1
 """95 % of the tilts left are to be within."""
 REFERENCE_SIGMA_DEG: Final = 0.005

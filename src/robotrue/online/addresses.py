@@ -10,6 +10,16 @@ from typing import TYPE_CHECKING, Any, Final, Literal, cast, overload
 from robotrue.core.files import read_bytes
 from robotrue.errors import ConfigurationError
 from robotrue.online.blocks import Block, ForceBlock, JointBlock
+from robotrue.online.device_defaults import (
+    EGM_PORT,
+    RDT_PORT,
+    RDT_SILENCE_S,
+    RSI_CYCLE_MS,
+    RSI_PORT,
+    RTDE_PORT,
+    RTDE_RATE_HZ,
+    RTDE_SILENCE_S,
+)
 from robotrue.online.egm import RobotWare
 from robotrue.online.link import Corrector, StreamSource
 from robotrue.online.net_address import AddressOptions, NetAddress, net_address
@@ -61,7 +71,6 @@ OPTIONS: Final[Mapping[str, Mapping[str, str]]] = {
 """What each scheme takes after ``?``, and in which unit."""
 _FRAMES: Final = ("sensor", "tool", "base")
 _MODES: Final = tuple(mode.value for mode in CorrectionMode)
-_RSI_PORT: Final = 49152
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -139,7 +148,7 @@ def _rsi(address: str, role: Role, settings: SourceSettings) -> StreamSource[Blo
     from robotrue.online.rsi_config import read_rsi_config, usual_rsi_config
     from robotrue.online.rsi_link import RsiSettings
 
-    where, options = _listening(address, _RSI_PORT)
+    where, options = _listening(address, RSI_PORT)
     _only("robot", role, address, "a KUKA controller sends no force by RSI alone")
     mode = options.word("mode", _MODES)
     path = options.text("config")
@@ -157,7 +166,7 @@ def _rsi(address: str, role: Role, settings: SourceSettings) -> StreamSource[Blo
         RsiSettings(
             name=where.shown,
             config=config,
-            cycle_ms=options.whole("cycle", "ms", default=4),
+            cycle_ms=options.whole("cycle", "ms", default=RSI_CYCLE_MS),
             mode=None if mode is None else CorrectionMode(mode),
             host=where.host,
             port=where.port,
@@ -170,9 +179,9 @@ def _rsi(address: str, role: Role, settings: SourceSettings) -> StreamSource[Blo
 
 def _egm(address: str, role: Role, settings: SourceSettings) -> StreamSource[Block]:
     from robotrue.online.answering_link import AnsweringLink
-    from robotrue.online.egm_link import PORT, EgmSettings, EgmSource
+    from robotrue.online.egm_link import EgmSettings, EgmSource
 
-    where, options = _listening(address, PORT)
+    where, options = _listening(address, EGM_PORT)
     if role == "force":
         link = settings.robot
         if not (
@@ -234,26 +243,24 @@ def _build_answering_source(
 
 
 def _rtde(address: str, role: Role, settings: SourceSettings) -> StreamSource[Block]:
-    from robotrue.online.rtde import PORT
     from robotrue.online.rtde_link import RtdeForce, RtdeSettings, RtdeSource
 
-    where, options = _calling(address, PORT)
+    where, options = _calling(address, RTDE_PORT)
     made = RtdeSettings(
         name=where.shown,
         host=where.host,
         port=where.port,
-        rate=options.number("rate", "Hz", default=500.0),
-        silence=options.number("silence", "s", default=1.0),
+        rate=options.number("rate", "Hz", default=RTDE_RATE_HZ),
+        silence=options.number("silence", "s", default=RTDE_SILENCE_S),
     )
     return RtdeSource(made) if role == "robot" else RtdeForce(made)
 
 
 def _rdt(address: str, role: Role, settings: SourceSettings) -> StreamSource[Block]:
-    from robotrue.online.rdt import PORT
     from robotrue.online.rdt_link import RdtSettings, RdtSource
 
     _only("force", role, address, "a force sensor knows no joints")
-    where, options = _calling(address, PORT)
+    where, options = _calling(address, RDT_PORT)
     stated = options.text("scale")
     page, scale, rate = "", None, None
     if stated == "http":
@@ -273,7 +280,7 @@ def _rdt(address: str, role: Role, settings: SourceSettings) -> StreamSource[Blo
             device=RdtDevice(options.word("device", [d.value for d in RdtDevice]) or "net"),
             rate=options.number("rate", "Hz") if options.has("rate") else rate,
             frame=options.word("frame", _FRAMES) or "sensor",
-            silence=options.number("silence", "s", default=0.5),
+            silence=options.number("silence", "s", default=RDT_SILENCE_S),
         )
     )
 

@@ -15,6 +15,7 @@ from typing import Final
 
 from robotrue.errors import ConfigurationError, FormatError
 from robotrue.online.blocks import Flag, ForceBlock, JointBlock
+from robotrue.online.device_defaults import EGM_PORT
 from robotrue.online.egm import (
     GuidanceState,
     RobotWare,
@@ -31,7 +32,6 @@ from robotrue.online.robot_link import LinkState, RobotLink
 from robotrue.online.sequence import SequenceState, advance
 from robotrue.online.udp import CROWDED, Address, Inbox
 
-PORT: Final = 6510
 _CYCLE: Final = 4e-3
 _UNSEEN: Final = 25
 """Messages lost in a row in which the guidance may have ended and begun anew."""
@@ -59,7 +59,7 @@ class EgmSettings:
     mode: CorrectionMode | None = None
     force_frame: str = "sensor"
     host: str = "0.0.0.0"  # noqa: S104 (the controller is another computer)
-    port: int = PORT
+    port: int = EGM_PORT
     waiting: int = CROWDED
     peer: Address | None = None
 

@@ -23,7 +23,6 @@ from robotrue.online.blocks import Flag, ForceBlock, check_wrenches
 from robotrue.online.sequence import SequenceState
 from robotrue.online.xml_text import parse_xml
 
-PORT: Final = 49152
 _REQUEST: Final = struct.Struct(">HHI")
 _MAGIC: Final = 0x1234
 RECORD: Final = np.dtype(

@@ -22,9 +22,9 @@ import numpy as np
 from robotrue.core.arrays import Array, IntArray
 from robotrue.errors import ConfigurationError
 from robotrue.online.blocks import Flag, ForceBlock
+from robotrue.online.device_defaults import RDT_PORT, RDT_SILENCE_S
 from robotrue.online.link import Health
 from robotrue.online.rdt import (
-    PORT,
     RECORD,
     RdtCommand,
     RdtDevice,
@@ -76,13 +76,13 @@ class RdtSettings:
 
     name: str
     host: str
-    port: int = PORT
+    port: int = RDT_PORT
     scale: RdtScale | None = None
     page: str = ""
     device: RdtDevice = RdtDevice.NET
     rate: float | None = None
     frame: str = "sensor"
-    silence: float = 0.5
+    silence: float = RDT_SILENCE_S
     gather: float = 0.004
 
     def __post_init__(self) -> None:

@@ -32,7 +32,6 @@ from robotrue.online.sequence import SequenceState
 Value = tuple[float, ...]
 Rows = npt.NDArray[np.void]
 """Data packets as they were sent, with the names of their recipe."""
-PORT: Final = 30004
 PROTOCOL: Final = 2
 KINDS: Final = "VvOISPUM"
 """Protocol version, controller version, output recipe, input recipe, start, pause, data, text."""

@@ -18,6 +18,7 @@ import numpy as np
 from robotrue.errors import ConfigurationError, FormatError
 from robotrue.online import rtde
 from robotrue.online.blocks import Flag, ForceBlock, JointBlock
+from robotrue.online.device_defaults import RTDE_PORT, RTDE_RATE_HZ, RTDE_SILENCE_S
 from robotrue.online.link import Health
 from robotrue.online.sequence import SequenceState, advance, advance_block
 
@@ -46,9 +47,9 @@ class RtdeSettings:
 
     name: str
     host: str
-    port: int = rtde.PORT
-    rate: float = 500.0
-    silence: float = 1.0
+    port: int = RTDE_PORT
+    rate: float = RTDE_RATE_HZ
+    silence: float = RTDE_SILENCE_S
 
     def __post_init__(self) -> None:
         """Checks."""

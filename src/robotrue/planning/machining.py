@@ -24,6 +24,7 @@ from robotrue.core.poses import apply
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ReachError
 from robotrue.planning.arm_scene import Scene
+from robotrue.planning.plan_defaults import LIFT_MM
 from robotrue.planning.tool_axis import Posed, resolve_spin
 from robotrue.planning.transit import find_collisions, scene_without_reflector, transit
 from robotrue.program.formats.krl_machining import SideMoves, Speeds, machining_program
@@ -157,7 +158,7 @@ class MachiningSettings:
     spin: SpinSettings = field(
         default_factory=lambda: SpinSettings(cutter=np.array([0.0, 0.0, 1.0]))
     )
-    lift: float = 100.0 * MM
+    lift: float = LIFT_MM * MM
     home: Array = field(default_factory=lambda: np.empty(0))
 
     def __post_init__(self) -> None:

@@ -1,4 +1,4 @@
-"""Defaults of a plan of poses, without the libraries that make one."""
+"""Defaults of plans of poses, touches and machining, without the libraries that make them."""
 
 from __future__ import annotations
 
@@ -14,3 +14,13 @@ CANDIDATES: Final = 2000
 """Usable postures to choose from."""
 SEED: Final = 1
 """Of the candidates, and of the random plans shown beside."""
+GOAL: Final = "mean"
+"""Touches serve the rms over the machined points, not the worst of them."""
+LEAN_DEG: Final = 15.0
+"""By which touches lean off the machined attitudes."""
+LIFT_MM: Final = 100.0
+"""Over part and paths before and after each side."""
+TIP_AXIS: Final = "+z"
+"""The way from the flange to the tip, in the tool frame."""
+ROUGH_MM: Final = 20.0
+"""How far a part may stand from where it is said to stand roughly."""

@@ -23,8 +23,8 @@ from robotrue.core.columns import Column, Columns
 from robotrue.errors import ConfigurationError, ObservabilityError, ShapeError
 from robotrue.measurement.probing_set import NO_SURFACE, ProbingSet
 from robotrue.planning.criteria import exchange_poses, greedy
+from robotrue.planning.plan_defaults import GOAL
 from robotrue.planning.probing_plan import (
-    DEFAULT_GOAL,
     GOALS,
     MORE_FEATURES,
     Goal,
@@ -134,7 +134,7 @@ class ProbingTask:
 
 
 def plan_touches(
-    task: ProbingTask, n: int, *, goal: Goal = DEFAULT_GOAL, tolerance: float = 0.0
+    task: ProbingTask, n: int, *, goal: Goal = GOAL, tolerance: float = 0.0
 ) -> ProbePlan:
     """Returns up to n touches, each the best after those before it.
 

@@ -25,6 +25,7 @@ from robotrue.measurement.formats.part_points import Features
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.planning.arm_scene import Scene, collisions
 from robotrue.planning.candidates import Rejections
+from robotrue.planning.plan_defaults import LEAN_DEG
 from robotrue.planning.probing import Machining
 from robotrue.robot.forward import forward
 from robotrue.robot.inverse import inverse_batch
@@ -62,7 +63,7 @@ class TouchLimits(Columns):
             +z; KUKA's own convention is +x.
     """
 
-    lean: float = 15.0 * DEG
+    lean: float = LEAN_DEG * DEG
     steepest: float = 60.0 * DEG
     margin: float = 2.0 * DEG
     tip_axis: Annotated[Array, Column("3")] = field(

@@ -21,9 +21,9 @@ from robotrue.core.columns import Column
 from robotrue.core.poses import displacement_columns
 from robotrue.errors import ConfigurationError, ObservabilityError
 from robotrue.planning.criteria import BETTER
+from robotrue.planning.plan_defaults import GOAL
 from robotrue.planning.probing import ProbingTask
 from robotrue.planning.probing_plan import (
-    DEFAULT_GOAL,
     MORE_FEATURES,
     Goal,
     ProbePlan,
@@ -256,7 +256,7 @@ def _levers(turn: Array, point: Array) -> Array:
 
 
 def plan_frame_touches(
-    task: ProbingTask, n: int, *, goal: Goal = DEFAULT_GOAL, tolerance: float = 0.0
+    task: ProbingTask, n: int, *, goal: Goal = GOAL, tolerance: float = 0.0
 ) -> ProbePlan:
     """Returns up to n touches for a run with the model as it is and least-squares frames.
 

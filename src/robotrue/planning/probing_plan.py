@@ -15,7 +15,6 @@ from robotrue.measurement.probing_set import ProbingSet
 
 Goal: TypeAlias = Literal["mean", "worst"]
 GOALS: Final = ("mean", "worst")
-DEFAULT_GOAL: Final = "mean"
 FACTOR: Final = 2.0
 """Standard uncertainty of a machined group over that at the touches, from which it is not covered.
 An arm of its type errs 5 to 10 times as much on a side that was not touched as on one that was."""

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
+from robotrue.simulation.device_defaults import LOCAL_HOST
 from robotrue.simulation.joint_motion import ArmMotion, MotionGrid
 from robotrue.simulation.online_faults import Fault, FaultKind, FaultyWire, showing
 
@@ -73,7 +74,7 @@ class CyclicSettings:
 
     motion: ArmMotion
     cycles: int | None = None
-    host: str = "127.0.0.1"
+    host: str = LOCAL_HOST
     own_port: int = 0
     faults: tuple[Fault, ...] = ()
     keeps_time: bool = False

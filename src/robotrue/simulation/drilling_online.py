@@ -20,6 +20,7 @@ from robotrue.drilling.head import normal_from_tilt, rotation, tilt_from_normal
 from robotrue.errors import FormatError
 from robotrue.online.signals import read_signals, write_signals
 from robotrue.simulation.cyclic_controller import Datagrams
+from robotrue.simulation.device_defaults import HOLES, SHIFT_UM
 from robotrue.simulation.drilling_machine import DrillingMachine, clamp
 
 GAUGE: Final = "hole gauge (simulated)"
@@ -48,13 +49,13 @@ class DrillingRun:
     """
 
     machine: DrillingMachine
-    holes: int = 20
+    holes: int = HOLES
     seed: int = 0
     largest: float = 2.0 * DEG
     rate: float = 100.0
     gauge_sigma: float = 5e-3 * DEG
     shift_at: int = 0
-    shift: float = 50.0 * UM
+    shift: float = SHIFT_UM * UM
     damaged: float = 0.0
     pause: float = 0.0
 

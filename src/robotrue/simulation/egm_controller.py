@@ -29,6 +29,7 @@ from robotrue.online.egm import (
     write_robot,
 )
 from robotrue.simulation.cyclic_controller import CyclicController, CyclicSettings
+from robotrue.simulation.device_defaults import MOST_MM
 from robotrue.simulation.joint_motion import Place
 from robotrue.simulation.online_faults import FaultKind, clock_leap
 
@@ -58,7 +59,7 @@ class EgmControllerSettings(CyclicSettings):
     force: Callable[[float], tuple[float, ...]] | None = None
     force_active: bool = True
     lag: float = 0.02
-    limit: float = 5.0 * MM
+    limit: float = MOST_MM * MM
     silence: float = 1.0
 
     def __post_init__(self) -> None:

@@ -17,8 +17,8 @@ import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.errors import ConfigurationError, FormatError
+from robotrue.online.device_defaults import RDT_PORT
 from robotrue.online.rdt import (
-    PORT,
     RECORD,
     SATURATED,
     RdtCommand,
@@ -28,6 +28,7 @@ from robotrue.online.rdt import (
     checked_rate,
     read_request,
 )
+from robotrue.simulation.device_defaults import LOCAL_HOST, RATE_HZ
 from robotrue.simulation.online_faults import Fault, FaultKind, FaultyWire, clock_leap, showing
 from robotrue.simulation.online_scenario import OnlineScenario
 
@@ -67,11 +68,11 @@ class RdtSensorSettings:
         faults: What goes wrong.
     """
 
-    host: str = "127.0.0.1"
-    port: int = PORT
+    host: str = LOCAL_HOST
+    port: int = RDT_PORT
     page_port: int | None = None
     device: RdtDevice = RdtDevice.NET
-    rate: float = 1000.0
+    rate: float = RATE_HZ
     drift: float = 40e-6
     counts_per_newton: float = 1e6
     counts_per_newton_metre: float = 1e6

@@ -18,11 +18,13 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, FormatError
+from robotrue.online.device_defaults import RSI_CYCLE_MS
 from robotrue.online.robot_correction import CorrectionMode
 from robotrue.online.rsi import RobPacket
 from robotrue.online.rsi_answer import read_sen, write_rob
 from robotrue.online.rsi_config import RsiConfig
 from robotrue.simulation.cyclic_controller import CyclicController, CyclicSettings
+from robotrue.simulation.device_defaults import MOST_MM
 from robotrue.simulation.joint_motion import six
 from robotrue.simulation.online_faults import FaultKind, clock_leap
 
@@ -46,9 +48,9 @@ class RsiControllerSettings(CyclicSettings):
 
     config: RsiConfig
     mode: CorrectionMode
-    cycle_ms: int = 4
+    cycle_ms: int = RSI_CYCLE_MS
     timeout_packets: int = 100
-    limit: float = 5.0 * MM
+    limit: float = MOST_MM * MM
     limit_turn: float = 5.0 * DEG
     first_ipoc: int = 4_208_163_634
 

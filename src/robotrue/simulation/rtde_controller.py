@@ -21,6 +21,8 @@ from robotrue.core.arrays import Array, IntArray
 from robotrue.core.rotations import rotation_vector_from_matrix
 from robotrue.errors import ConfigurationError, FormatError
 from robotrue.online import rtde
+from robotrue.online.device_defaults import RTDE_PORT
+from robotrue.simulation.device_defaults import LOCAL_HOST
 from robotrue.simulation.online_faults import Fault, FaultKind, FaultyWire, clock_leap, showing
 from robotrue.simulation.online_scenario import OnlineScenario
 
@@ -66,8 +68,8 @@ class RtdeControllerSettings:
         faults: What goes wrong.
     """
 
-    host: str = "127.0.0.1"
-    port: int = rtde.PORT
+    host: str = LOCAL_HOST
+    port: int = RTDE_PORT
     started: float = 100.0
     drift: float = -25e-6
     force_noise: float = 1.0

@@ -21,6 +21,7 @@ from sqlalchemy.orm import Session
 from robotrue.core.json_values import plain_text
 from robotrue.errors import ConfigurationError, ConvergenceError
 from robotrue.store import journal
+from robotrue.store.query_defaults import LIMIT
 from robotrue.store.records import ResultPage
 from robotrue.store.schema import JobRow
 from robotrue.store.workspace import Transaction, Workspace, now, reading, transaction
@@ -146,7 +147,7 @@ def search(
     state: str | None = None,
     kind: str | None = None,
     offset: int = 0,
-    limit: int = 50,
+    limit: int = LIMIT,
 ) -> ResultPage[Job]:
     """Returns jobs, the newest first; of one state or kind, or all."""
     if state is not None and state not in STATES:

@@ -30,6 +30,7 @@ from robotrue.store.jobs_claim import (
 )
 from robotrue.store.jobs_work import SCRATCH, attempt, attempt_as_child, tidy
 from robotrue.store.locks import hold_alone, is_abandoned
+from robotrue.store.query_defaults import SLOTS
 from robotrue.store.workspace import Workspace
 
 Start: TypeAlias = Literal["spawn", "fork"]
@@ -296,7 +297,7 @@ def run_worker(
     url: str | None = None,
     *,
     kinds: Mapping[str, str],
-    slots: int = 1,
+    slots: int = SLOTS,
     until_idle: bool = False,
     stop: Callable[[], bool] = lambda: False,
     dask: str | None = None,

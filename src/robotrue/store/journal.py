@@ -10,6 +10,7 @@ from typing import Any
 
 from sqlalchemy import func, select
 
+from robotrue.store.query_defaults import LIMIT
 from robotrue.store.records import ResultPage
 from robotrue.store.schema import JournalRow
 from robotrue.store.workspace import Transaction, Workspace, now, reading
@@ -66,7 +67,7 @@ def entries(
     item: str | None = None,
     without: Collection[str] = (),
     offset: int = 0,
-    limit: int = 50,
+    limit: int = LIMIT,
 ) -> ResultPage[Entry]:
     """Returns what was done, the newest first.
 

@@ -25,6 +25,7 @@ from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.store import items
 from robotrue.store.blobs import SAMPLES, require_whole
 from robotrue.store.nouns import MEASUREMENT, MeasurementRecord
+from robotrue.store.query_defaults import LIMIT
 from robotrue.store.records import Ref, links_to
 from robotrue.store.workspace import Transaction, Workspace, transaction
 
@@ -74,7 +75,7 @@ class RowQuery:
     where: tuple[tuple[str, Comparison, float], ...] = ()
     sort: str = ""
     offset: int = 0
-    limit: int = 50
+    limit: int = LIMIT
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,6 +8,7 @@ from datetime import datetime
 from typing import Any, Generic, TypeVar
 
 from robotrue.core.provenance import Provenance, provenance_from
+from robotrue.store.query_defaults import LIMIT, SORT
 
 T = TypeVar("T")
 
@@ -133,9 +134,9 @@ class ItemQuery:
     text: str = ""
     where: Mapping[str, str | int | float] = field(default_factory=dict)
     linked: tuple[str, str] | None = None
-    sort: str = "-created"
+    sort: str = SORT
     offset: int = 0
-    limit: int = 50
+    limit: int = LIMIT
     deleted: bool = False
 
 

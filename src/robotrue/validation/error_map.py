@@ -32,6 +32,7 @@ from robotrue.robot.inverse_numeric import solve, solve_global
 from robotrue.robot.model import PER_JOINT, RobotModel, parameter_slice
 from robotrue.robot.opw import opw_geometry
 from robotrue.robot.statics import NO_LOAD, Load
+from robotrue.validation.map_defaults import ATTITUDE, SECTORS
 
 Attitude: TypeAlias = Literal["turning", "fixed"]
 """``turning``: with the angle about joint 1. ``fixed``: in base."""
@@ -120,9 +121,9 @@ def error_map(
     counts: tuple[int, int, int],
     *,
     tool_abc: Array,
-    attitude: Attitude = "turning",
+    attitude: Attitude = ATTITUDE,
     along: int | None = None,
-    sectors: int = 4,
+    sectors: int = SECTORS,
     near: Array | None = None,
     load: Load = NO_LOAD,
     T_flange_tool: Array | None = None,

@@ -11,7 +11,7 @@ from robotrue.app.plain_result import PlainResult
 from robotrue.app.presentation import Note, count
 from robotrue.app.request import InputFile, Option, Output, Request
 from robotrue.core.units import DEG, MM
-from robotrue.drilling.drill_defaults import By
+from robotrue.drilling.drill_defaults import CHOSEN_BY, By
 from robotrue.errors import ConfigurationError
 
 NEXT: Final = (
@@ -39,7 +39,7 @@ class DrillPlanRequest(Request):
     )
     z_mm: Annotated[str, Option(help="Heights in mm.")] = "-100,0,100"
     tilt_deg: Annotated[float, Option(help="Largest tilt in deg.")] = 4.0
-    by: Annotated[By, Option(help="information or chance.")] = "information"
+    by: Annotated[By, Option(help="information or chance.")] = CHOSEN_BY
     seed: Annotated[int, Option(help="Of tilts and order.")] = 0
 
 

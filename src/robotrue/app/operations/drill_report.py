@@ -13,7 +13,7 @@ from robotrue.app.context import Context
 from robotrue.app.drill_fields import DrillModel, ZeroFoot
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Note
-from robotrue.app.reported import Language, check_reports
+from robotrue.app.reported import ENGLISH, Language, check_reports
 from robotrue.app.request import (
     ON_COMMAND_LINE,
     Item,
@@ -59,7 +59,7 @@ class DrillReportRequest(Request):
         Option(help="Say on the page that the test is simulated.", shells=ON_COMMAND_LINE),
     ] = False
     foot: ZeroFoot = None
-    lang: Language = "en"
+    lang: Language = ENGLISH
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Annotated, Final
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation, PlainResult
+from robotrue.app.operation import Operation
+from robotrue.app.plain_result import PlainResult
 from robotrue.app.request import InputFile, Request
 from robotrue.app.request_fields import Columns
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation, PlainResult
+from robotrue.app.operation import Operation
+from robotrue.app.plain_result import PlainResult
 from robotrue.app.presentation import Table, count
 from robotrue.app.request import Option, Request
 from robotrue.app.workspace_fields import (
@@ -15,6 +16,7 @@ from robotrue.app.workspace_fields import (
     job_document,
     time_text,
 )
+from robotrue.store.query_defaults import LIMIT
 
 if TYPE_CHECKING:
     from robotrue.store.jobs import Job
@@ -24,7 +26,7 @@ class JobsListRequest(Request):
     """Which jobs."""
 
     state: Annotated[str | None, Option(help="queued, running, done, failed or cancelled.")] = None
-    limit: Annotated[int, Option(help="Jobs shown, the newest first.")] = 50
+    limit: Annotated[int, Option(help="Jobs shown, the newest first.")] = LIMIT
     folder: WorkspaceFolder = HERE
 
 

@@ -6,17 +6,19 @@ from typing import Annotated, Final
 
 from robotrue.app.context import Context
 from robotrue.app.job_kinds import job_kinds
-from robotrue.app.operation import Operation, PlainResult
+from robotrue.app.operation import Operation
+from robotrue.app.plain_result import PlainResult
 from robotrue.app.presentation import count
 from robotrue.app.request import Option, Request
 from robotrue.app.workspace_fields import HERE, WorkspaceFolder
+from robotrue.store.query_defaults import SLOTS
 
 
 class JobsRunRequest(Request):
     """How many at a time, and until when."""
 
     until_idle: Annotated[bool, Option(help="End when nothing waits.")] = False
-    slots: Annotated[int, Option(help="Jobs at a time.", least=1)] = 1
+    slots: Annotated[int, Option(help="Jobs at a time.", least=1)] = SLOTS
     dask: Annotated[
         str | None,
         Option(

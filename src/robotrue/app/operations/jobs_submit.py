@@ -9,7 +9,8 @@ from typing import Annotated, Any, Final
 
 from robotrue.app.context import Context
 from robotrue.app.job_kinds import job_kinds
-from robotrue.app.operation import Operation, PlainResult
+from robotrue.app.operation import Operation
+from robotrue.app.plain_result import PlainResult
 from robotrue.app.request import Option, Request
 from robotrue.app.workspace_fields import HERE, WorkspaceFolder, job_result
 from robotrue.errors import ConfigurationError

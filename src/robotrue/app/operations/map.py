@@ -12,9 +12,11 @@ from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Note, Table
 from robotrue.app.request import Item, Option, Output, Reference, Request
+from robotrue.app.request_fields import AT_TARGET
 from robotrue.core.provenance import Provenance, mark_line, mark_title
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
+from robotrue.validation.map_defaults import ATTITUDE, SECTORS
 
 if TYPE_CHECKING:
     from robotrue.calibration.model import ErrorModel
@@ -45,11 +47,11 @@ class MapRequest(Request):
     y_mm: Annotated[str | None, Option(help="LOW,HIGH of a cube.")] = None
     z_mm: Annotated[str | None, Option(help="LOW,HIGH of a cube.")] = None
     grid: Annotated[str, Option(help="Grid values along each coordinate.")] = "8,8,8"
-    sectors: Annotated[int, Option(help="Parts compared, along the angle or along y.")] = 4
+    sectors: Annotated[int, Option(help="Parts compared, along the angle or along y.")] = SECTORS
     attitude: Annotated[
         Literal["turning", "fixed"],
         Option(help="turning (with the angle about joint 1) or fixed (in base)."),
-    ] = "turning"
+    ] = ATTITUDE
     tool_abc_deg: Annotated[
         str, Option(help="KUKA A,B,C of the point in base; for turning at angle 0.")
     ] = "0,180,0"
@@ -58,7 +60,7 @@ class MapRequest(Request):
     ] = None
     at: Annotated[
         Literal["target", "tool"], Option(help="target (the measured point) or tool.")
-    ] = "target"
+    ] = AT_TARGET
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

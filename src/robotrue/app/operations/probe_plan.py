@@ -15,6 +15,7 @@ from robotrue.app.request_fields import TOUCH_SIGMA_MM, CellOrModel, Page, ToolS
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
+from robotrue.planning.plan_defaults import GOAL, LEAN_DEG, TIP_AXIS
 
 if TYPE_CHECKING:
     from robotrue.calibration.model import ErrorModel
@@ -65,7 +66,7 @@ class ProbePlanRequest(Request):
     goal: Annotated[
         Literal["mean", "worst"],
         Option(help="mean: least rms uncertainty. worst: that of the worst point."),
-    ] = "mean"
+    ] = GOAL
     tolerance_mm: Annotated[
         float,
         Option(help="Stop when that uncertainty (3-D, one sigma) is below this."),
@@ -75,10 +76,10 @@ class ProbePlanRequest(Request):
     lean_deg: Annotated[
         float,
         Option(help="By which touches lean off the machined attitudes."),
-    ] = 15.0
+    ] = LEAN_DEG
     tip_axis: Annotated[
         str, Option(help="The way to the tip in the tool frame: +z, or +x on many KUKA.")
-    ] = "+z"
+    ] = TIP_AXIS
     report: Page = None
     picture: Annotated[
         Path | None,

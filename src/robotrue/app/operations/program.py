@@ -17,7 +17,8 @@ from robotrue.app.request_fields import Page
 from robotrue.core.provenance import Provenance, marked_document, merge
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ModelMismatchError
-from robotrue.program.compensation_defaults import MAX_SHIFT_MM, MAX_STEP_MM
+from robotrue.planning.plan_defaults import LIFT_MM
+from robotrue.program.compensation_defaults import BLEND_MM, MAX_SHIFT_MM, MAX_STEP_MM
 
 if TYPE_CHECKING:
     from robotrue.cell.cell import Cell
@@ -66,13 +67,13 @@ class ProgramRequest(Request):
     ] = None
     lift_mm: Annotated[
         float, Option(help="Height over part and paths before and after each side.")
-    ] = 100.0
+    ] = LIFT_MM
     home_deg: Annotated[str | None, Option(help="A1,..,A6 where the job begins and ends.")] = None
     rapid_mm_per_s: Annotated[float, Option(help="Speed of rapid points.")] = 200.0
     feed_mm_per_min: Annotated[
         float | None, Option(help="Feed of points that cut before any is stated.")
     ] = None
-    blend_mm: Annotated[float, Option(help="$APO.CDIS; 0 stops at every point.")] = 0.2
+    blend_mm: Annotated[float, Option(help="$APO.CDIS; 0 stops at every point.")] = BLEND_MM
     max_shift_mm: Annotated[
         float, Option(help="With --model: leave a target alone that would move further.")
     ] = MAX_SHIFT_MM

@@ -10,7 +10,9 @@ from pydantic import Field
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
+from robotrue.app.plain_result import WrittenFiles
 from robotrue.app.reported import (
+    ENGLISH,
     Language,
     Outputs,
     ReportDraft,
@@ -20,7 +22,6 @@ from robotrue.app.reported import (
 )
 from robotrue.app.request import Item, Option, Reference, Request
 from robotrue.app.request_fields import CalibratedModel, Columns
-from robotrue.app.written_files import WrittenFiles
 from robotrue.core.units import MM
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ class ReportCalibrationRequest(Request):
         Item(noun="measurement", argument="[TEST...]", help="Poses the calibration has not seen."),
     ] = ()
     output: Outputs
-    lang: Language = "en"
+    lang: Language = ENGLISH
     tolerance_mm: Annotated[
         float | None,
         Field(gt=0.0),

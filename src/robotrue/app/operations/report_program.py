@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
+from robotrue.app.plain_result import WrittenFiles
 from robotrue.app.reported import (
+    ENGLISH,
     Language,
     Outputs,
     ReportDraft,
@@ -17,7 +19,6 @@ from robotrue.app.reported import (
     write_draft,
 )
 from robotrue.app.request import InputFile, Item, Option, Reference, Request
-from robotrue.app.written_files import WrittenFiles
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError
 
@@ -37,7 +38,7 @@ class ReportProgramRequest(Request):
         float, Option(help="Largest distance of a target from where it should be.")
     ]
     output: Outputs
-    lang: Language = "en"
+    lang: Language = ENGLISH
     cell: Annotated[
         Reference | None, Item(noun="registration", help="Registered cell whose part counts.")
     ] = None

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
+from robotrue.app.plain_result import WrittenFiles
 from robotrue.app.reported import (
+    ENGLISH,
     Language,
     Outputs,
     ReportDraft,
@@ -17,7 +19,6 @@ from robotrue.app.reported import (
     write_draft,
 )
 from robotrue.app.request import Item, Reference, Request
-from robotrue.app.written_files import WrittenFiles
 from robotrue.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ class ReportRegistrationRequest(Request):
         Item(noun="registration", argument="CELL", help="Cell that `register` wrote."),
     ]
     output: Outputs
-    lang: Language = "en"
+    lang: Language = ENGLISH
     simulated: Simulated = False
 
 

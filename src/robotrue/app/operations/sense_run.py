@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation, PlainResult
+from robotrue.app.operation import Operation
+from robotrue.app.plain_result import PlainResult
 from robotrue.app.request import InputFile, Item, Option, Reference, Request
 from robotrue.errors import ConfigurationError
 

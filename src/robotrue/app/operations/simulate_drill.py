@@ -8,10 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation, PlainResult
+from robotrue.app.operation import Operation
+from robotrue.app.plain_result import PlainResult
 from robotrue.app.request import Option, Request
 from robotrue.app.simulated_service import Seconds, run_until_stopped
 from robotrue.errors import ConfigurationError
+from robotrue.simulation.device_defaults import HOLES, SHIFT_UM
 
 if TYPE_CHECKING:
     from robotrue.online.net_address import NetAddress
@@ -31,7 +33,7 @@ class SimulateDrillRequest(Request):
         Path | None,
         Option(help="Writes foot, campaign and test of this machine to a folder and ends."),
     ] = None
-    holes: Annotated[int, Option(help="How many it clamps.")] = 20
+    holes: Annotated[int, Option(help="How many it clamps.")] = HOLES
     pause_s: Annotated[float, Option(help="Between two holes, s.")] = 0.5
     damaged: Annotated[
         float, Option(help="Share of datagrams that are lost, repeated or cut short.")
@@ -39,7 +41,7 @@ class SimulateDrillRequest(Request):
     shift_at: Annotated[
         int, Option(help="Hole from which a sensor's zero is shifted; 0 for never.")
     ] = 0
-    shift_um: Annotated[float, Option(help="By how much.")] = 50.0
+    shift_um: Annotated[float, Option(help="By how much.")] = SHIFT_UM
     gauge_deg: Annotated[
         float, Option(help="Scatter of the gauge that measures each hole; 0 for no gauge.")
     ] = 0.005

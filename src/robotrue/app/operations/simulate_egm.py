@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Annotated, Final
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation, PlainResult
+from robotrue.app.operation import Operation
+from robotrue.app.plain_result import PlainResult
 from robotrue.app.request import Option, Request
 from robotrue.app.simulated_service import (
-    LOCAL_HOST,
     Faults,
     Robot,
     Seconds,
@@ -20,13 +20,15 @@ from robotrue.app.simulated_service import (
     free_port,
     run_until_stopped,
 )
+from robotrue.online.device_defaults import EGM_PORT
+from robotrue.simulation.device_defaults import LOCAL_HOST
 
 
 class SimulateEgmRequest(Request):
     """Which controller to simulate, and where it sends to."""
 
     host: Target = LOCAL_HOST
-    port: Annotated[int, Option(help="UDP port that it sends to; 0 picks a free one.")] = 6510
+    port: Annotated[int, Option(help="UDP port that it sends to; 0 picks a free one.")] = EGM_PORT
     robotware: Annotated[int, Option(help="6 or 7: their messages differ.")] = 7
     no_force: Annotated[bool, Option(help="Sends no measured force.")] = False
     robot: Robot = None

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation, PlainResult
+from robotrue.app.operation import Operation
+from robotrue.app.plain_result import PlainResult
 from robotrue.app.request import Option, Output, Request
 from robotrue.app.simulated_service import (
-    LOCAL_HOST,
     Faults,
     Host,
     Robot,
@@ -22,6 +22,8 @@ from robotrue.app.simulated_service import (
     run_until_stopped,
 )
 from robotrue.core.provenance import Provenance
+from robotrue.online.device_defaults import RDT_PORT
+from robotrue.simulation.device_defaults import LOCAL_HOST, RATE_HZ
 
 if TYPE_CHECKING:
     from robotrue.simulation.online_scenario import OnlineScenario
@@ -34,8 +36,8 @@ class SimulateRdtRequest(Request):
     """Which sensor to simulate, and where it listens."""
 
     host: Host = LOCAL_HOST
-    port: Annotated[int, Option(help="UDP port; 0 takes a free one.")] = 49152
-    rate: Annotated[float, Option(help="Records per second.")] = 1000.0
+    port: Annotated[int, Option(help="UDP port; 0 takes a free one.")] = RDT_PORT
+    rate: Annotated[float, Option(help="Records per second.")] = RATE_HZ
     device: Annotated[str, Option(help="net or axia: their status words differ.")] = "net"
     page_port: Annotated[
         int | None, Option(help="Serves netftapi2.xml over HTTP there; 0 takes a free one.")

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Annotated, Final
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation, PlainResult
+from robotrue.app.operation import Operation
+from robotrue.app.plain_result import PlainResult
 from robotrue.app.request import InputFile, Option, Request
 from robotrue.app.simulated_service import (
-    LOCAL_HOST,
     Faults,
     Robot,
     Seconds,
@@ -21,8 +21,8 @@ from robotrue.app.simulated_service import (
     free_port,
     run_until_stopped,
 )
-
-PORT: Final = 49152
+from robotrue.online.device_defaults import RSI_CYCLE_MS, RSI_PORT
+from robotrue.simulation.device_defaults import LOCAL_HOST
 
 
 class SimulateRsiRequest(Request):
@@ -35,7 +35,7 @@ class SimulateRsiRequest(Request):
     config: Annotated[
         Path | None, InputFile(help="EthernetConfig.xml; otherwise the usual one.")
     ] = None
-    cycle_ms: Annotated[int, Option(help="4 (IPO_FAST) or 12 (IPO).")] = 4
+    cycle_ms: Annotated[int, Option(help="4 (IPO_FAST) or 12 (IPO).")] = RSI_CYCLE_MS
     mode: Annotated[str, Option(help="Of corrections: absolute or relative.")] = "absolute"
     robot: Robot = None
     seconds: Seconds = None
@@ -58,7 +58,7 @@ def run(request: SimulateRsiRequest, context: Context) -> PlainResult:
     from robotrue.simulation.online_scenario import ScenarioMotion, online_scenario
 
     mode = choose(request.mode, {each.value: each for each in CorrectionMode}, "mode")
-    config = usual_rsi_config(request.host, PORT, hold=mode is CorrectionMode.ABSOLUTE)
+    config = usual_rsi_config(request.host, RSI_PORT, hold=mode is CorrectionMode.ABSOLUTE)
     if request.config is not None:
         config = replace(read_rsi_config(request.config), host=request.host)
     if request.port is not None:

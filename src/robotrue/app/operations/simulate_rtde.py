@@ -6,10 +6,10 @@ import asyncio
 from typing import Annotated, Any, Final
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation, PlainResult
+from robotrue.app.operation import Operation
+from robotrue.app.plain_result import PlainResult
 from robotrue.app.request import Option, Request
 from robotrue.app.simulated_service import (
-    LOCAL_HOST,
     Faults,
     Host,
     Robot,
@@ -20,13 +20,15 @@ from robotrue.app.simulated_service import (
     reachable_host,
     run_until_stopped,
 )
+from robotrue.online.device_defaults import RTDE_PORT
+from robotrue.simulation.device_defaults import LOCAL_HOST
 
 
 class SimulateRtdeRequest(Request):
     """Which controller to simulate, and where it listens."""
 
     host: Host = LOCAL_HOST
-    port: Annotated[int, Option(help="TCP port; 0 takes a free one.")] = 30004
+    port: Annotated[int, Option(help="TCP port; 0 takes a free one.")] = RTDE_PORT
     robot: Robot = "UR10"
     seconds: Seconds = None
     seed: Seed = 0

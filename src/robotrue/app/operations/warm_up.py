@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation, PlainResult
+from robotrue.app.operation import Operation
+from robotrue.app.plain_result import PlainResult
 from robotrue.app.presentation import Note
 from robotrue.app.request import Request
 

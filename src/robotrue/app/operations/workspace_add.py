@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation, PlainResult
+from robotrue.app.operation import Operation
+from robotrue.app.plain_result import PlainResult
 from robotrue.app.request import InputFile, Option, Request
 from robotrue.app.workspace_fields import HERE, WorkspaceFolder, item_result
 from robotrue.errors import ConfigurationError

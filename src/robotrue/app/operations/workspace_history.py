@@ -6,10 +6,12 @@ from dataclasses import asdict
 from typing import Annotated, Final
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation, PlainResult
+from robotrue.app.operation import Operation
+from robotrue.app.plain_result import PlainResult
 from robotrue.app.presentation import Table
 from robotrue.app.request import Option, Request
 from robotrue.app.workspace_fields import HERE, WorkspaceFolder, time_text
+from robotrue.store.query_defaults import LIMIT
 
 
 class WorkspaceHistoryRequest(Request):
@@ -18,7 +20,7 @@ class WorkspaceHistoryRequest(Request):
     item: Annotated[
         str | None, Option(argument="[ITEM]", help="None: everything that was done.")
     ] = None
-    limit: Annotated[int, Option(help="Entries shown, the newest first.")] = 50
+    limit: Annotated[int, Option(help="Entries shown, the newest first.")] = LIMIT
     folder: WorkspaceFolder = HERE
 
 

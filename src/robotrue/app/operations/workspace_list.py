@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.context import Context
-from robotrue.app.operation import Operation, PlainResult
+from robotrue.app.operation import Operation
+from robotrue.app.plain_result import PlainResult
 from robotrue.app.presentation import Table
 from robotrue.app.request import Option, Request
 from robotrue.app.workspace_fields import (
@@ -16,6 +17,7 @@ from robotrue.app.workspace_fields import (
     value_text,
 )
 from robotrue.errors import ConfigurationError
+from robotrue.store.query_defaults import LIMIT, SORT
 
 if TYPE_CHECKING:
     from robotrue.store.records import ItemRecord
@@ -51,9 +53,9 @@ class WorkspaceListRequest(Request):
     where: Annotated[
         tuple[str, ...], Option(help="FIELD=VALUE that must hold; may be repeated.")
     ] = ()
-    sort: Annotated[str, Option(help="Field; with - before it greatest first.")] = "-created"
+    sort: Annotated[str, Option(help="Field; with - before it greatest first.")] = SORT
     offset: Annotated[int, Option(help="Items left out before the first.")] = 0
-    limit: Annotated[int, Option(help="Items shown.")] = 50
+    limit: Annotated[int, Option(help="Items shown.")] = LIMIT
     deleted: Annotated[bool, Option(help="Those that are deleted.")] = False
     folder: WorkspaceFolder = HERE
 

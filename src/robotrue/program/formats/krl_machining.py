@@ -21,6 +21,7 @@ from robotrue.core.arrays import Array, frozen
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, FormatError
+from robotrue.program.compensation_defaults import BLEND_MM
 from robotrue.program.toolpath import FASTEST, Toolpath
 
 LONGEST_NAME: Final = 24
@@ -66,7 +67,7 @@ class Speeds:
     rapid: float = 0.2
     feed: float = np.nan
     joint: int = 10
-    blend: float = 0.2 * MM
+    blend: float = BLEND_MM * MM
 
     def __post_init__(self) -> None:
         """Refuses what the controller would.
