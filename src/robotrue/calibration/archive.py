@@ -85,19 +85,19 @@ def robot_document(robot: RobotModel) -> dict[str, Any]:
     }
 
 
-def robot_arrays(robot: RobotModel, prefix: str = "robot_") -> dict[str, Array]:
+def robot_arrays(robot: RobotModel) -> dict[str, Array]:
     """Returns the arrays of a robot under prefixed names."""
-    out = {prefix + name: getattr(robot, name) for name in _ROBOT_ARRAYS}
+    out = {"robot_" + name: getattr(robot, name) for name in _ROBOT_ARRAYS}
     if robot.controller is not None:
-        out[prefix + "controller_sign"] = robot.controller.sign
-        out[prefix + "controller_offset"] = robot.controller.offset
+        out["robot_controller_sign"] = robot.controller.sign
+        out["robot_controller_offset"] = robot.controller.offset
         if robot.controller.coupling.size:
-            out[prefix + "controller_coupling"] = robot.controller.coupling
+            out["robot_controller_coupling"] = robot.controller.coupling
     return out
 
 
 @archive_reader
-def robot_from(archive: Archive, prefix: str = "robot_") -> RobotModel:
+def robot_from(archive: Archive) -> RobotModel:
     """Returns the robot kept by :func:`robot_document` and :func:`robot_arrays`.
 
     Raises:
@@ -107,8 +107,8 @@ def robot_from(archive: Archive, prefix: str = "robot_") -> RobotModel:
     words = ("name", "convention", "maker")
     if not isinstance(document, dict) or not all(isinstance(document.get(w), str) for w in words):
         raise ArchiveError(f"{archive.kind} holds no robot.")
-    parts = {name: archive.array(prefix + name) for name in _ROBOT_ARRAYS}
-    sign, offset = (archive.array(prefix + f"controller_{n}") for n in ("sign", "offset"))
+    parts = {name: archive.array("robot_" + name) for name in _ROBOT_ARRAYS}
+    sign, offset = (archive.array(f"robot_controller_{n}") for n in ("sign", "offset"))
     dof = (len(parts["d"]),)
     empty = [name for name, part in parts.items() if not part.size]
     if empty or not sign.shape == offset.shape == dof or (np.abs(sign) != 1.0).any():
@@ -119,7 +119,7 @@ def robot_from(archive: Archive, prefix: str = "robot_") -> RobotModel:
         if (np.abs(parts[name]) > largest).any():
             raise ArchiveError(f"the robot of {archive.kind} has {name} beyond {largest:g}.")
     check_pose(parts["T_flange_tool"], "T_flange_tool")
-    coupling = archive.arrays.get(prefix + "controller_coupling", np.empty((0, 0)))
+    coupling = archive.arrays.get("robot_controller_coupling", np.empty((0, 0)))
     if coupling.size and (
         coupling.shape != dof * 2
         or (np.abs(coupling) > 1e3).any()

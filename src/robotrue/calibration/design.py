@@ -255,7 +255,7 @@ class HeldOutRows:
     learned: Array
     white: Array
     instrument: Array
-    inflation: float = 1.0
+    inflation: float
 
     @property
     def mean(self) -> float:
@@ -315,7 +315,7 @@ def predict_held_out(
             instrument[item.rows] = known + shift**2 * np.eye(3)
     learned += uncarried[:, None, None] * np.eye(3)
     return _cover_blocks(
-        HeldOutRows(error=error, learned=learned, white=white, instrument=instrument)
+        HeldOutRows(error=error, learned=learned, white=white, instrument=instrument, inflation=1.0)
     )
 
 

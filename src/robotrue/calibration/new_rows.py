@@ -247,7 +247,7 @@ def weigh_innovations(
     noise: Array,
     count: int,
     loss: Loss,
-    inflation: float = 1.0,
+    inflation: float,
 ) -> Array:
     """Returns the robust weight (n,) of rows by how far they lie from what the belief predicts."""
     out = np.ones(count)

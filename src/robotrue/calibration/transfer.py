@@ -181,7 +181,7 @@ def _add_target_rows(
     if not chosen.all():
         some, _ = condition_on_rows(prior, rows, prior.noise, np.where(chosen, u, 0.0))
         others = weigh_innovations(
-            some, rows.pieces(some, ~chosen), prior.noise, rows.count, settings.solver.loss
+            some, rows.pieces(some, ~chosen), prior.noise, rows.count, settings.solver.loss, 1.0
         )
         u = np.where(chosen, u, others)
     at, rows = condition_on_rows(prior, rows, prior.noise, u, start=at)

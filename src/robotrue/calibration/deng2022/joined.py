@@ -71,7 +71,7 @@ class PoseModel:
     robot: RobotModel
     experts: tuple[Expert, ...]
     reference: Array
-    outside: Outside = "raise"
+    outside: Outside
     summary: Mapping[str, object] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -37,9 +37,7 @@ def similarity(
     return float(similarities(errors_a, [errors_b], reading=reading)[0])
 
 
-def similarities(
-    reference: Array, others: Sequence[Array], *, reading: SimilarityReading = "per-point"
-) -> Array:
+def similarities(reference: Array, others: Sequence[Array], *, reading: SimilarityReading) -> Array:
     """Returns the similarity of each region to the reference region, (len(others),), eq. 9-10.
 
     Args:
