@@ -39,7 +39,7 @@ START = "import sys; import kill_serve\nkill_serve.serve(sys.argv[1], int(sys.ar
 def serve(folder: str, port: int) -> None:
     """The server, as the command starts it, but for jobs that take a moment instead of minutes."""
     from robotrue.web import server
-    from robotrue.web.settings import ServeSettings
+    from robotrue.web.serve_settings import ServeSettings
 
     wanted = ServeSettings(workspace=Path(folder), port=port, kinds=KINDS)
     server.serve(wanted, ready=lambda address: None)

@@ -102,8 +102,8 @@ def _application() -> Any:
     """The application of ``robotrue serve`` on a new workspace; nothing is started."""
     if not _APPLICATIONS:
         from robotrue.app.job_kinds import job_kinds
+        from robotrue.web.serve_settings import ServeSettings
         from robotrue.web.server import core_app, open_workspace, server_context
-        from robotrue.web.settings import ServeSettings
 
         around = tempfile.TemporaryDirectory(prefix="robotrue-inventory-")
         folder = Path(around.name) / "workspace"

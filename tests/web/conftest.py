@@ -20,7 +20,7 @@ from serving import serving
 from web_shop import Client, Served, Shop, fill, write_files
 
 from robotrue.web import server
-from robotrue.web.settings import ServeSettings
+from robotrue.web.serve_settings import ServeSettings
 from robotrue.web.workers import P, QueryWorkers, R
 
 with warnings.catch_warnings():  # Starlette would rather have a client that few have yet

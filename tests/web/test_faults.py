@@ -14,7 +14,7 @@ from robotrue.errors import FormatError, RobotrueError
 from robotrue.measurement.formats.sheet_file import read_sheet
 from robotrue.report.words import in_chinese
 from robotrue.validation.splits import SplitKind
-from robotrue.web.faults import KINDS, refusal, stated
+from robotrue.web.faults import KINDS, fault_card, refusal
 from robotrue.web.language import Wording
 from robotrue.web.problems import MissingError, title_of
 from robotrue.web.workers import Unanswered
@@ -31,7 +31,7 @@ def test_every_error_has_a_name_in_every_language() -> None:
 @pytest.mark.parametrize("language", ["en", "zh"])
 def test_every_kind_says_what_helps(language: str) -> None:
     for kind in KINDS:
-        assert "<b>" in stated(Wording(language), kind, "x", None)
+        assert "<b>" in fault_card(Wording(language), kind, "x", None)
 
 
 def test_a_chinese_page_frames_what_is_said_in_english() -> None:
@@ -42,24 +42,25 @@ def test_a_chinese_page_frames_what_is_said_in_english() -> None:
     assert '<span lang="en">part.src:7: &lt;b&gt;1 row&lt;/b&gt;</span>' in chinese
     assert '<span lang="en">export it.</span>' in chinese
     assert "/home" not in english + chinese
-    assert "<b>未找到。</b>" in stated(Wording("zh"), "odd", "x", None, title="未找到。")
+    assert "<b>未找到。</b>" in fault_card(Wording("zh"), "odd", "x", None, title="未找到。")
 
 
 def test_what_is_to_be_typed_as_a_command_is_no_help_on_a_page() -> None:
     for hint in ("--name", "robotrue workspace undo 12ab"):
-        assert hint not in stated(Wording("en"), "configuration error", "no name.", hint)
-    kept = stated(Wording("en"), "missing extra error", "no typst.", "pip install 'robotrue[pdf]'")
+        assert hint not in fault_card(Wording("en"), "configuration error", "no name.", hint)
+    hint = "pip install 'robotrue[pdf]'"
+    kept = fault_card(Wording("en"), "missing extra error", "no typst.", hint)
     assert "pip install" in kept
 
 
 def test_what_a_calibration_is_at_is_told_in_the_reader_s_words() -> None:
     for step in (*METHODS, *get_args(SplitKind), "chosen"):
-        assert Wording("zh").known(f"step.{step}"), step
+        assert Wording("zh").has(f"step.{step}"), step
 
 
 def test_history_names_every_kind_of_job_and_what_happens_to_one() -> None:
     say = Wording("zh")
-    assert all(say.known(f"history.kind_{kind}") for kind in job_kinds())
+    assert all(say.has(f"history.kind_{kind}") for kind in job_kinds())
     happens = (
         "submitted",
         "begun",
@@ -71,8 +72,8 @@ def test_history_names_every_kind_of_job_and_what_happens_to_one() -> None:
         "died",
         "imported",
     )
-    assert all(say.known(f"history.action_{action}") for action in happens)
-    assert all(say.known(f"calibration.model_{method}") for method in METHODS)
+    assert all(say.has(f"history.action_{action}") for action in happens)
+    assert all(say.has(f"calibration.model_{method}") for method in METHODS)
     cure = "not seen by the data: gear5: measure some poses under a known horizontal force, or "
     assert not set("measure") & set(in_chinese(cure + "state the stiffness.").partition("gear5")[2])
 

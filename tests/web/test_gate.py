@@ -14,8 +14,8 @@ from robotrue.errors import ConfigurationError
 from robotrue.store.workspace import Workspace
 from robotrue.web.gate import COOKIE
 from robotrue.web.pages import SCREENS
+from robotrue.web.serve_settings import ServeSettings
 from robotrue.web.sessions import LIFETIME, TRIES, WINDOW, Sessions, Tries
-from robotrue.web.settings import ServeSettings
 
 PASSWORD = "correct horse"  # noqa: S105
 TOKEN = "0123456789abcdef0123"  # noqa: S105

@@ -23,8 +23,8 @@ from serving import serving
 from web_shop import Served
 
 from robotrue.web.front import Admission
+from robotrue.web.serve_settings import Limits
 from robotrue.web.sessions import TRIES, WINDOW, Tries, client_group
-from robotrue.web.settings import Limits
 
 PASSWORD = "correct horse"  # noqa: S105
 SECRET = "secret=correct+horse"  # noqa: S105
@@ -36,7 +36,7 @@ START = f"""
 import sys
 from pathlib import Path
 from robotrue.web import server
-from robotrue.web.settings import Limits, ServeSettings
+from robotrue.web.serve_settings import Limits, ServeSettings
 server.serve(
     ServeSettings(
         workspace=Path(sys.argv[1]),

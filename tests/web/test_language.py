@@ -20,7 +20,7 @@ from robotrue.core.units import DEG
 from robotrue.errors import ConfigurationError
 from robotrue.web import pages
 from robotrue.web.icons import PATHS
-from robotrue.web.language import LANGUAGES, Wording, preferred, words
+from robotrue.web.language import LANGUAGES, Wording, choose_language, words
 from robotrue.web.preferences import ANGLE_NAMES, CHOICES, preferences_from
 
 ROOM = Path(pages.__file__).parents[1]
@@ -69,7 +69,7 @@ def test_pages_have_names_icons_and_addresses_of_their_own() -> None:
     [("zh-CN,zh;q=0.9,en;q=0.8", "zh"), ("de,en;q=0.5", "en"), ("", "en"), ("en-US,zh", "en")],
 )
 def test_the_browser_s_language_is_taken(asked: str, language: str) -> None:
-    assert preferred(asked) == language
+    assert choose_language(asked) == language
 
 
 def test_choices_come_from_the_cookie_and_nothing_else_does() -> None:

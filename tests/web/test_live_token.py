@@ -14,7 +14,7 @@ from robotrue.errors import ConfigurationError
 from robotrue.store.workspace import Workspace
 from robotrue.web.live_relay import Relays
 from robotrue.web.live_sources import add_source
-from robotrue.web.settings import ServeSettings
+from robotrue.web.serve_settings import ServeSettings
 
 TOKEN = "a token of a service, long enough"  # noqa: S105
 

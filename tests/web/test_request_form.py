@@ -48,7 +48,7 @@ def test_every_field_of_a_form_has_its_default_and_its_words(
         without=frozenset(without),
     )
     shown = form.fields(advanced=False) + form.fields(advanced=True)
-    if context.say.known(f"{group}.name"):
+    if context.say.has(f"{group}.name"):
         shown += form.name_field()
     for field in fields_of(request_type):
         if not field.is_in(FORM) or field.name in form.without or field.many:

@@ -46,7 +46,7 @@ def run(
 def _server() -> tuple[ModuleType, ModuleType]:
     """The server and its settings."""
     try:
-        from robotrue.web import server, settings
+        from robotrue.web import serve_settings, server
     except ModuleNotFoundError as cause:
         if (cause.name or "").startswith("robotrue"):
             raise
@@ -54,7 +54,7 @@ def _server() -> tuple[ModuleType, ModuleType]:
             f"the workbench needs {cause.name}, which is not installed.",
             hint='pip install "robotrue[web]"',
         ) from cause
-    return server, settings
+    return server, serve_settings
 
 
 def _secret(option: str, variable: str | None) -> str:

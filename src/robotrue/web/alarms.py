@@ -85,13 +85,13 @@ class AlarmWatch:
         for each in bins:
             time = float(each["t_s"])
             for k, axis in enumerate(AXES):
-                if (ended := self._ended(axis, time)) is not None:
+                if (ended := self._end_axis(axis, time)) is not None:
                     out.append(ended)
                 found = _largest(each, k)
                 if found is None or not 0.0 < self.limits[k] < abs(found[0]):
                     continue
                 if axis not in self._open:
-                    begun = self._begun(k, found, time, at - timedelta(seconds=last - time))
+                    begun = self._begin(k, found, time, at - timedelta(seconds=last - time))
                     out.append(begun)
                 self._went_on(axis, found, time)
         return out
@@ -102,7 +102,7 @@ class AlarmWatch:
         self._open.clear()
         return ended
 
-    def _begun(self, k: int, found: tuple[float, float], time: float, at: datetime) -> Alarm:
+    def _begin(self, k: int, found: tuple[float, float], time: float, at: datetime) -> Alarm:
         alarm = Alarm(
             key=uuid.uuid4().hex,
             axis=AXES[k],
@@ -122,7 +122,7 @@ class AlarmWatch:
             alarm = replace(alarm, value_um=found[0], band_um=found[1])
         self._open[axis] = replace(alarm, duration_s=time - first), first, time
 
-    def _ended(self, axis: str, time: float) -> Alarm | None:
+    def _end_axis(self, axis: str, time: float) -> Alarm | None:
         alarm, _, last = self._open.get(axis, (None, 0.0, 0.0))
         if alarm is None or 0.0 <= time - last < QUIET:  # a clock that went back ends it, too
             return None

@@ -38,10 +38,12 @@ def refusal(say: Wording, error: RobotrueError, *, title: str = "") -> Markup:
     if file is not None:
         line = f":{error.line}" if error.line is not None else ""
         place = f"{file}{line}: "
-    return stated(say, title_of(error), place + error.message, error.hint, title=title)
+    return fault_card(say, title_of(error), place + error.message, error.hint, title=title)
 
 
-def stated(say: Wording, kind: str, message: str, hint: str | None, *, title: str = "") -> Markup:
+def fault_card(
+    say: Wording, kind: str, message: str, hint: str | None, *, title: str = ""
+) -> Markup:
     """Returns the card of a refusal of which kind, message and hint are known.
 
     Args:

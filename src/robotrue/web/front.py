@@ -13,8 +13,8 @@ from typing import Any, Final
 import uvicorn
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
+from robotrue.web.serve_settings import Limits
 from robotrue.web.sessions import client_group
-from robotrue.web.settings import Limits
 
 SPARE_DESCRIPTORS: Final = 128
 """For files, databases and processes."""
@@ -87,7 +87,7 @@ class FrontProtocol(HttpToolsProtocol):
 
     def on_headers_complete(self) -> None:
         """Ends the time of the head."""
-        self._progressed()
+        self._note_progress()
         super().on_headers_complete()
 
     def on_body(self, body: bytes) -> None:
@@ -97,20 +97,20 @@ class FrontProtocol(HttpToolsProtocol):
 
     def on_message_complete(self) -> None:
         """Ends a request."""
-        self._progressed()
+        self._note_progress()
         super().on_message_complete()
 
     def handle_websocket_upgrade(self) -> None:
         """Hands the connection over; its WebSocket has limits of its own."""
-        self._progressed()
+        self._note_progress()
         super().handle_websocket_upgrade()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Forgets the connection."""
-        self._progressed()
+        self._note_progress()
         super().connection_lost(exc)
 
-    def _progressed(self) -> None:
+    def _note_progress(self) -> None:
         self._unparsed = 0
         self._admission.settle(self)
         if self._deadline is not None:

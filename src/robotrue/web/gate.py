@@ -18,8 +18,8 @@ from starlette.responses import RedirectResponse, Response
 
 from robotrue.web.hosts import host_is_known, known_names, origin_is_own
 from robotrue.web.problems import problem
+from robotrue.web.serve_settings import MB, ServeSettings
 from robotrue.web.sessions import Sessions, same_secret
-from robotrue.web.settings import MB, ServeSettings
 
 Scope: TypeAlias = MutableMapping[str, Any]
 Message: TypeAlias = MutableMapping[str, Any]
@@ -165,7 +165,7 @@ class Gate:
             with contextlib.suppress(OSError, RuntimeError):  # its client was faster
                 await send({"type": "websocket.close", "code": POLICY_VIOLATION})
 
-        async def passed(message: Message) -> None:
+        async def pass_on(message: Message) -> None:
             if not closing:
                 await send(message)
 
@@ -173,7 +173,7 @@ class Gate:
             session_name(Headers(scope=scope)),
             lambda: closing.append(asyncio.create_task(close())),
         ):
-            await self._app(scope, receive, passed)
+            await self._app(scope, receive, pass_on)
 
     async def _through(self, scope: Scope, receive: Receive, send: Send) -> None:
         limits, limit = self._settings.limits, self._limit(scope)
@@ -181,7 +181,7 @@ class Gate:
         refusal: Response | None = None
         clock = asyncio.get_running_loop().time
 
-        async def counted() -> Message:
+        async def count_body() -> Message:
             nonlocal taken, waited, more, refusal
             if not more:  # from here on the application waits for the end of the connection
                 return await receive()
@@ -201,7 +201,7 @@ class Gate:
                 raise BodyRefusedError
             return message
 
-        async def noted(message: Message) -> None:
+        async def note_start(message: Message) -> None:
             nonlocal begun, refusal
             if not begun and refusal is None and self._is_logged_out(scope):
                 refusal = _ask_who(scope)
@@ -210,7 +210,7 @@ class Gate:
                 await send(message)
 
         try:
-            await self._app(scope, counted, noted)
+            await self._app(scope, count_body, note_start)
         except BodyRefusedError:
             if begun:
                 raise
@@ -218,7 +218,7 @@ class Gate:
             await refusal(scope, receive, send)
 
     def _with_headers(self, send: Send) -> Send:
-        async def sent(message: Message) -> None:
+        async def send_with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
                 headers = MutableHeaders(raw=message.setdefault("headers", []))
                 for name, value in HEADERS:
@@ -228,7 +228,7 @@ class Gate:
                     headers.setdefault("Strict-Transport-Security", "max-age=31536000")
             await send(message)
 
-        return sent
+        return send_with_headers
 
 
 def session_name(headers: Headers) -> str:

@@ -11,7 +11,7 @@ import ipaddress
 import socket
 from collections.abc import Iterable
 
-from robotrue.web.settings import ServeSettings
+from robotrue.web.serve_settings import ServeSettings
 
 
 def known_names(settings: ServeSettings) -> frozenset[str]:

@@ -57,12 +57,12 @@ class Wording:
         start = f"{name}."
         return {k.removeprefix(start): v for k, v in self._words.items() if k.startswith(start)}
 
-    def known(self, key: str) -> bool:
+    def has(self, key: str) -> bool:
         """Returns whether there is such a text."""
         return key in self._words
 
 
-def preferred(accept_language: str) -> str:
+def choose_language(accept_language: str) -> str:
     """Returns the language a browser's ``Accept-Language`` asks for first; English otherwise."""
     for part in accept_language.lower().split(","):
         tag = part.partition(";")[0].strip().partition("-")[0]

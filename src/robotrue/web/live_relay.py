@@ -89,7 +89,7 @@ class Relay:
         listening.cancel()
         with contextlib.suppress(asyncio.CancelledError):
             await listening
-        self._told(self._watch.end())
+        self._record_alarms(self._watch.end())
         with contextlib.suppress(TimeoutError):
             await asyncio.wait_for(self._alarms.join(), 2.0)
         keeping.cancel()
@@ -99,7 +99,7 @@ class Relay:
     def change(self, source: LiveSource) -> None:
         """Goes on with other limits or another name."""
         if source.limits != self.source.limits:
-            self._told(self._watch.end())
+            self._record_alarms(self._watch.end())
             self._watch.limits = source.limits
         self.source = source
         self._give(self._limits())
@@ -127,7 +127,7 @@ class Relay:
                 await self._follow()
             tries = 0 if self._state == "connected" else tries + 1
             self._at("gone")
-            self._told(self._watch.end())
+            self._record_alarms(self._watch.end())
             await asyncio.sleep(_WAITS[min(tries, len(_WAITS) - 1)])
 
     async def _follow(self) -> None:
@@ -159,7 +159,7 @@ class Relay:
             found = json.loads(frame)
             kind = found["type"]
             if kind == "estimates":
-                self._told(self._watch.take(found["bins"], datetime.now(UTC)))
+                self._record_alarms(self._watch.take(found["bins"], datetime.now(UTC)))
             elif kind == "health":
                 self._health = frame
                 self._give_health(found)
@@ -195,7 +195,7 @@ class Relay:
     def _limits(self) -> str:
         return json.dumps({"type": "limits", "um": self.source.limits})
 
-    def _told(self, alarms: list[Alarm]) -> None:
+    def _record_alarms(self, alarms: list[Alarm]) -> None:
         for each in alarms:
             self._give(_alarm_frame(each))
             self._alarms.put_nowait(each)

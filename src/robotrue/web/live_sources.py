@@ -14,7 +14,7 @@ from robotrue.store.nouns import DOCUMENT, DocumentRecord
 from robotrue.store.records import ItemQuery
 from robotrue.store.workspace import Workspace
 from robotrue.web.alarms import Alarm, Limits
-from robotrue.web.settings import SENSE_PORT, service_address
+from robotrue.web.serve_settings import SENSE_PORT, service_address
 
 KIND: Final = "live source"
 BEGUN: Final = "alarm"

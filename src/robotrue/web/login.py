@@ -10,8 +10,8 @@ from fastapi.responses import HTMLResponse, RedirectResponse, Response
 from robotrue.web.gate import COOKIE, session_name
 from robotrue.web.language import Wording
 from robotrue.web.preferences import preferences_from
+from robotrue.web.serve_settings import ServeSettings
 from robotrue.web.sessions import LIFETIME, Sessions, Tries, client_group, same_secret
-from robotrue.web.settings import ServeSettings
 from robotrue.web.templating import render
 
 

@@ -34,7 +34,7 @@ class ShownModel:
 
 async def shown_model(workspace: Workspace, asked: str | None) -> ShownModel:
     """Returns the model of a page, by the id that stands in its address or without one."""
-    return await asyncio.to_thread(_found, workspace, asked)
+    return await asyncio.to_thread(_find_models, workspace, asked)
 
 
 def choose(workspace: Workspace, id: str) -> DocumentRecord:
@@ -64,7 +64,7 @@ def choose_none(workspace: Workspace) -> None:
             items.delete(into, DOCUMENT, each.id)
 
 
-def _found(workspace: Workspace, asked: str | None) -> ShownModel:
+def _find_models(workspace: Workspace, asked: str | None) -> ShownModel:
     listed = items.search(workspace, MODEL, ItemQuery(limit=OFFERED)).items
     # A model that gets another name is not a newer one.
     begun = items.read_creation_times(workspace, [each.id for each in listed])

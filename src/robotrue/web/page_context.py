@@ -23,7 +23,7 @@ from robotrue.web.job_process import JobProcess
 from robotrue.web.language import Wording
 from robotrue.web.live_relay import Relays
 from robotrue.web.preferences import CHOICES, Preferences
-from robotrue.web.settings import ServeSettings
+from robotrue.web.serve_settings import ServeSettings
 from robotrue.web.templating import render
 from robotrue.web.workers import QueryWorkers
 

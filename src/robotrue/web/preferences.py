@@ -13,7 +13,7 @@ from typing import Final
 from urllib.parse import parse_qsl
 
 from robotrue.core.units import MM, UM
-from robotrue.web.language import LANGUAGES, preferred
+from robotrue.web.language import LANGUAGES, choose_language
 
 COOKIE: Final = "robotrue_view"
 CHOICES: Final[Mapping[str, tuple[str, ...]]] = {
@@ -64,7 +64,7 @@ class Preferences:
 
 def preferences_from(cookies: Mapping[str, str], accept_language: str = "") -> Preferences:
     """Returns the choices in a request's cookies, the browser's language where none was made."""
-    chosen = {"language": preferred(accept_language)}
+    chosen = {"language": choose_language(accept_language)}
     stated = dict(parse_qsl(cookies.get(COOKIE, "").replace("%3D", "=").replace("%26", "&")))
     for field in fields(Preferences):
         if stated.get(field.name) in CHOICES[field.name]:

@@ -111,7 +111,7 @@ def answer_with_problems(app: FastAPI) -> None:
     """Makes every refusal of the application a problem document."""
 
     @app.exception_handler(RobotrueError)
-    async def _refused(request: Request, error: RobotrueError) -> JSONResponse:
+    async def answer_refused(request: Request, error: RobotrueError) -> JSONResponse:
         return of_error(error)
 
     @app.exception_handler(RequestValidationError)

@@ -8,7 +8,7 @@ from typing import Annotated, Final
 from fastapi import APIRouter, Path, Query
 from fastapi.responses import FileResponse, Response
 
-from robotrue.web.api.items import found
+from robotrue.web.api.items_routes import get_item
 from robotrue.web.page_context import ServerContext
 from robotrue.web.problems import MissingError
 
@@ -28,7 +28,7 @@ def reports_router(server: ServerContext) -> APIRouter:
         sha256: Annotated[str, Path(pattern="^[0-9a-f]{64}$")],
         version: Annotated[int | None, Query(ge=1, le=1_000_000)] = None,
     ) -> Response:
-        record = await asyncio.to_thread(found, server.workspace, noun, id, version)
+        record = await asyncio.to_thread(get_item, server.workspace, noun, id, version)
         for each in record.attachments:
             page = each.name.lower().endswith((".html", ".htm"))
             if each.sha256 == sha256 and each.role in ROLES and page:

@@ -31,12 +31,12 @@ from robotrue.web.login import is_page, login_router, missing_page
 from robotrue.web.models import shown_model
 from robotrue.web.page_context import Build, PageContext, Screen, ServerContext
 from robotrue.web.pages import SCREENS
-from robotrue.web.pages.live import FILES as LIVE_FILES
+from robotrue.web.pages.live_screen import FILES as LIVE_FILES
 from robotrue.web.preferences import preferences_from
 from robotrue.web.problems import DOCUMENTED, answer_with_problems
 from robotrue.web.reports import reports_router
+from robotrue.web.serve_settings import ServeSettings
 from robotrue.web.sessions import Sessions, Tries
-from robotrue.web.settings import ServeSettings
 from robotrue.web.uploads import forget_old
 from robotrue.web.workers import QueryWorkers
 
@@ -196,10 +196,10 @@ def _add_page(app: FastAPI, server: ServerContext, screen: Screen) -> None:
             chosen=shown.chosen,
             models=shown.offered,
         )
-        return HTMLResponse(await _built(context, part))
+        return HTMLResponse(await _build_page(context, part))
 
 
-async def _built(context: PageContext, part: Build | None) -> str:
+async def _build_page(context: PageContext, part: Build | None) -> str:
     """A page or a part of it; where what it is about is not there, a card that says so."""
     try:
         return await (context.screen.build if part is None else part)(context)

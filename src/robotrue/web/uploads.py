@@ -68,7 +68,7 @@ class Quota:
             FormatError: They are too many, even without uploads that are old enough to go.
         """
         if self._taken + size > self._limit:
-            self._taken = await asyncio.to_thread(self._measured)
+            self._taken = await asyncio.to_thread(self._measure)
         if self._taken + size > self._limit:
             raise FormatError(
                 f"files that wait to be used take {self._taken / 1e6:,.0f} MB, at most "
@@ -77,7 +77,7 @@ class Quota:
             )
         self._taken += size
 
-    def _measured(self) -> int:
+    def _measure(self) -> int:
         forget_old(self._workspace)
         folder = self._workspace.folder / FOLDER
         total = 0
@@ -132,7 +132,7 @@ def _require_modest(path: Path) -> None:
         )
 
 
-def uploaded(workspace: Workspace, key: str) -> Path:
+def find_upload(workspace: Workspace, key: str) -> Path:
     """Returns where an upload lies.
 
     Raises:

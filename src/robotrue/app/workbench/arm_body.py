@@ -50,11 +50,11 @@ def body_document(cell: Cell, joints: Array) -> dict[str, Any]:
     wide = np.append(np.repeat(radius, 2), 0.5 * radius[-1])
     kept = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2).max(axis=0) > POINT
     return {
-        "tubes": packed(ends[:, kept]),
+        "tubes": pack_floats(ends[:, kept]),
         "tube_radius_m": wide[kept],
-        "drums": packed(np.stack([state.joint_origin, state.joint_axis], axis=2)),
+        "drums": pack_floats(np.stack([state.joint_origin, state.joint_axis], axis=2)),
         "drum_radius_m": radius,
-        "tool": packed(
+        "tool": pack_floats(
             np.concatenate([state.position[:, None], np.swapaxes(state.rotation, 1, 2)], axis=1)
         ),
         "orientation": orientations(state.rotation),
@@ -67,7 +67,7 @@ def body_document(cell: Cell, joints: Array) -> dict[str, Any]:
 
 def orientations(rotation: Array) -> dict[str, Any]:
     """Returns rotations (n, 3, 3) for a script, as each controller prints them."""
-    return {name: packed(numbers) for name, numbers in controller_angles(rotation).items()}
+    return {name: pack_floats(numbers) for name, numbers in controller_angles(rotation).items()}
 
 
 def controller_angles(rotation: Array) -> dict[str, Array]:
@@ -97,7 +97,7 @@ def _radius(cell: Cell) -> Array:
     return np.asarray(share * cell.robot.reach)
 
 
-def packed(values: Array) -> dict[str, Any]:
+def pack_floats(values: Array) -> dict[str, Any]:
     """Returns an array for :func:`answer`; NaN stays NaN."""
     data = np.ascontiguousarray(values, dtype="<f4").tobytes()
     return {"f32": base64.b64encode(data).decode("ascii"), "shape": list(np.shape(values))}

@@ -97,7 +97,7 @@ def describe_cell(stated: Mapping[str, Any]) -> bytes:
         text = _cell_toml(robot, str(stated.get("frame", "base")), values)
         parse_cell(text.encode(), "cell.toml")
     except (ConfigurationError, ShapeError) as error:
-        faults[_blamed(error.message)] = {"kind": "refused", "text": error.message}
+        faults[_find_field(error.message)] = {"kind": "refused", "text": error.message}
         return answer({"faults": faults, "text": "", "cautions": {}})
     return answer({"faults": {}, "text": text, "cautions": cautions})
 
@@ -184,7 +184,7 @@ def _cell_toml(robot: str, frame: str, values: Mapping[str, float]) -> str:
     })  # fmt: skip
 
 
-def _blamed(message: str) -> str:
+def _find_field(message: str) -> str:
     """The field a refusal of the cell speaks of."""
     for word, field in (
         ("preset", "robot"),

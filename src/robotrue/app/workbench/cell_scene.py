@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from robotrue.app.workbench.arm_body import answer, body_document, packed
+from robotrue.app.workbench.arm_body import answer, body_document, pack_floats
 from robotrue.app.workbench.calibration_view import from_simulation
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
@@ -84,10 +84,10 @@ def _points(cell: Cell, seen: Evaluation) -> dict[str, Any]:
     return {
         "robot": body_document(cell, joints),
         "points": {
-            "position": packed(seen.measured.position[shown]),
-            "before": packed(seen.before[shown]),
-            "after": packed(seen.after[shown]),
-            "joints_deg": packed(np.degrees(joints)),
+            "position": pack_floats(seen.measured.position[shown]),
+            "before": pack_floats(seen.before[shown]),
+            "after": pack_floats(seen.after[shown]),
+            "joints_deg": pack_floats(np.degrees(joints)),
             "row": shown + 1,
             "of": n,
         },
@@ -130,8 +130,8 @@ def _field(cell: Cell, model: ErrorModel, seen: Evaluation) -> dict[str, Any] | 
         return None
     able = found.reachable
     return {
-        "position": packed(found.point[able]),
-        "error_m": packed(found.norm[able]),
-        "bound_m": packed(found.bound[able]),
+        "position": pack_floats(found.point[able]),
+        "error_m": pack_floats(found.norm[able]),
+        "bound_m": pack_floats(found.bound[able]),
         "cell_m": [(b - a) / max(k - 1, 1) for (a, b), k in zip((x, y, z), GRID, strict=True)],
     }

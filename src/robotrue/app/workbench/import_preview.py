@@ -47,7 +47,7 @@ def preview_file(
         layout_name = "" if layout is not None else found.name
     except FormatError as error:
         if layout is not None:
-            fault = _told(error)
+            fault = _describe_error(error)
         sheet, layout_name = read_sheet(path), ""
     document: dict[str, Any] = {
         "columns": list(sheet.header),
@@ -72,7 +72,7 @@ def _read(cell: Cell, path: Path, layout: ColumnMapping | None) -> dict[str, Any
     except ConfigurationError:
         raise
     except RobotrueError as error:
-        return {"fault": _told(error)}
+        return {"fault": _describe_error(error)}
     low, high = rows.position.min(axis=0) / MM, rows.position.max(axis=0) / MM
     return {
         "poses": len(rows),
@@ -105,6 +105,6 @@ def _guess(sheet: Sheet) -> dict[str, Any]:
     }
 
 
-def _told(error: RobotrueError) -> dict[str, Any]:
+def _describe_error(error: RobotrueError) -> dict[str, Any]:
     kind = type(error).__name__
     return {"kind": kind, "message": error.message, "hint": error.hint, "line": error.line}

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from robotrue.app.workbench.arm_body import answer, body_document, packed
+from robotrue.app.workbench.arm_body import answer, body_document, pack_floats
 from robotrue.app.workbench.calibration_view import from_simulation
 from robotrue.app.workbench.cell_scene import frame_documents
 from robotrue.app.workbench.file_imports import cell_of
@@ -47,8 +47,8 @@ def show_plan(workspace: Workspace, plan_id: str, version: int) -> bytes:
                 "frames": frame_documents(cell),
                 "simulated": simulated,
                 "points": {
-                    "position": packed(np.asarray(detail["commanded_mm"]) * MM),
-                    "joints_deg": packed(np.asarray(detail["joints_deg"])),
+                    "position": pack_floats(np.asarray(detail["commanded_mm"]) * MM),
+                    "joints_deg": pack_floats(np.asarray(detail["joints_deg"])),
                     "row": np.arange(1, len(joints) + 1),
                     "of": len(joints),
                     "seen_from": cell.tracker_place,

@@ -201,7 +201,7 @@ def _rough(
     """Roughly ``T_base_part`` of every part: as stated, as planned, or as the cell has it."""
     numbers = range(len(features.parts))
     if frame.strip():
-        return dict.fromkeys(numbers, _parsed(frame))
+        return dict.fromkeys(numbers, _parse_frame(frame))
     found: dict[int, Array] = {}
     if planned is not None:
         joints = np.array([each[0] for each in planned]) * DEG
@@ -227,7 +227,7 @@ def _rough(
     return found
 
 
-def _parsed(text: str) -> Array:
+def _parse_frame(text: str) -> Array:
     try:
         numbers = np.array([float(word) for word in text.replace(";", ",").split(",")])
     except ValueError:

@@ -12,11 +12,11 @@ import numpy as np
 from robotrue.app.workbench.probing_state import (
     Opened,
     belief_after,
-    fitted,
-    opened,
+    fit_readings,
+    open_session,
     places,
+    select_trusted,
     touches_of,
-    trusted,
 )
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, FormatError
@@ -43,7 +43,7 @@ def enter_reading(
     workspace: Workspace, id: str, version: int, feature: int, text: str
 ) -> DocumentRecord:
     """Returns the session with one more reading: kept, or held because it is not as expected."""
-    at = opened(workspace, id, version)
+    at = open_session(workspace, id, version)
     if not 0 <= feature < len(at.session.features):
         raise ConfigurationError(f"feature {feature + 1} of {len(at.session.features)}.")
     values = reading_values(at, text)
@@ -55,7 +55,7 @@ def decide_reading(
     workspace: Workspace, id: str, version: int, decision: str, feature: int
 ) -> DocumentRecord:
     """Returns the session after keep, retake, skip (of what waits, or of a feature) or undo."""
-    at = opened(workspace, id, version)
+    at = open_session(workspace, id, version)
     session = at.session
     if decision == "undo":
         session = session.undo()
@@ -73,7 +73,7 @@ def decide_reading(
 
 def import_readings(workspace: Workspace, id: str, version: int, path: Path) -> DocumentRecord:
     """Returns the session with the readings of a file; those not as expected are set aside."""
-    at = opened(workspace, id, version)
+    at = open_session(workspace, id, version)
     at = replace(at, session=_with_file(at, path))
     file = read_points(path).touches.provenance
     simulated = at.session.simulated or file.simulated
@@ -103,8 +103,8 @@ def _with(
 ) -> ProbingSession:
     """The session with a reading that was judged by those before it."""
     before = [each for each in at.session.kept if each.feature != feature]
-    found, _ = fitted(at, before)
-    known = belief_after(at, trusted(at, before, found))
+    found, _ = fit_readings(at, before)
+    known = belief_after(at, select_trusted(at, before, found))
     reading = TouchReading(
         feature=feature, state="kept", values=values, text=text[:LONGEST_TEXT], at=_now()
     )
@@ -136,12 +136,12 @@ def _with_file(at: Opened, path: Path) -> ProbingSession:
             feature=feature, state="kept", values=values, text=path.name, at=_now()
         )
         session = session.with_reading(reading)
-    found, _ = fitted(at, session.kept)
+    found, _ = fit_readings(at, session.kept)
     if found is None:  # too few to judge one by the others
         for feature, values in rows:
             at = replace(at, session=_with(at, feature, values, path.name, hold=False))
         return at.session
-    good = trusted(at, session.kept, found)
+    good = select_trusted(at, session.kept, found)
     readings = tuple(
         replace(each, state="dropped") if each.state == "kept" and each not in good else each
         for each in session.readings
@@ -166,8 +166,8 @@ def _with_radius(at: Opened, session: ProbingSession) -> ProbingSession:
     if not kept or session.readings[kept[-1]].radius_mm is not None:
         return session
     now = replace(at, session=session)
-    found, _ = fitted(now, session.kept)
-    radius = worst_place(now, belief_after(now, trusted(now, session.kept, found)))[1]
+    found, _ = fit_readings(now, session.kept)
+    radius = worst_place(now, belief_after(now, select_trusted(now, session.kept, found)))[1]
     last = replace(session.readings[kept[-1]], radius_mm=radius)
     readings = (*session.readings[: kept[-1]], last, *session.readings[kept[-1] + 1 :])
     return replace(session, readings=readings)

@@ -6,7 +6,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
-from robotrue.app.workbench.probing_state import Opened, file_of, opened, readings_name
+from robotrue.app.workbench.probing_state import Opened, file_of, open_session, readings_name
 from robotrue.cell.config import parse_cell
 from robotrue.cell.part import PartTable, part_tables
 from robotrue.cell.toml_edit import with_part
@@ -37,7 +37,7 @@ def finish_probing(workspace: Workspace, id: str, version: int, name: str) -> Re
     touching refined the model of the arm, the refined one is kept, too: the frames belong to it.
     """
     with TemporaryDirectory() as scratch:
-        at = opened(workspace, id, version)
+        at = open_session(workspace, id, version)
         if at.session.held is not None:
             raise ConfigurationError(
                 "a reading waits for a decision.", hint="keep it, touch again, or skip the point."
@@ -84,7 +84,7 @@ def finish_probing(workspace: Workspace, id: str, version: int, name: str) -> Re
 
 def write_readings(workspace: Workspace, id: str) -> bytes:
     """Returns the readings that count, as the file that ``robotrue register`` reads."""
-    session = opened(workspace, id).session
+    session = open_session(workspace, id).session
     return session_csv(session, session.kept)
 
 

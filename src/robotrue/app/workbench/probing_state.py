@@ -83,7 +83,7 @@ class Opened:
         return {k: np.array(T) for k, T in enumerate(self.session.rough)}
 
 
-def opened(workspace: Workspace, id: str, version: int | None = None) -> Opened:
+def open_session(workspace: Workspace, id: str, version: int | None = None) -> Opened:
     """Returns a session with its cell and its model."""
     record = items.get(workspace, DOCUMENT, id, version=version)
     session = session_in(record)
@@ -189,7 +189,7 @@ def places(at: Opened, rows: Sequence[tuple[int, int]]) -> ProbingSet:
     )
 
 
-def registered(at: Opened, readings: Sequence[TouchReading]) -> RegisteredPart:
+def register_readings(at: Opened, readings: Sequence[TouchReading]) -> RegisteredPart:
     """Returns what ``robotrue register`` says of the readings.
 
     Raises:
@@ -199,14 +199,14 @@ def registered(at: Opened, readings: Sequence[TouchReading]) -> RegisteredPart:
     return register(at.arm, found.touches, parts=found.parts, settings=at.settings)
 
 
-def fitted(
+def fit_readings(
     at: Opened, readings: Sequence[TouchReading]
 ) -> tuple[RegisteredPart | None, RobotrueError | None]:
     """Returns the registration, or why there is none yet."""
     if not readings:
         return None, None
     try:
-        return registered(at, readings), None
+        return register_readings(at, readings), None
     except RobotrueError as error:
         return None, error
     except np.linalg.LinAlgError:
@@ -215,7 +215,7 @@ def fitted(
         )
 
 
-def trusted(
+def select_trusted(
     at: Opened, readings: Sequence[TouchReading], found: RegisteredPart | None
 ) -> tuple[TouchReading, ...]:
     """Returns the readings that the registration believes; all where there is none yet."""

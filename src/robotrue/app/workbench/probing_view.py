@@ -11,11 +11,11 @@ from robotrue.app.workbench.probing_entry import worst_place
 from robotrue.app.workbench.probing_state import (
     Opened,
     belief_after,
-    fitted,
-    opened,
+    fit_readings,
+    open_session,
     places,
+    select_trusted,
     touches_of,
-    trusted,
 )
 from robotrue.calibration.probing import ProbingSettings, before_touching
 from robotrue.core.arrays import Array, BoolArray
@@ -50,10 +50,10 @@ def show_probing(workspace: Workspace, id: str, version: int, feature: int) -> b
         version: Of it.
         feature: That somebody wants to touch next; -1: the one proposed.
     """
-    at = opened(workspace, id, version)
+    at = open_session(workspace, id, version)
     session = at.session
-    found, waiting = fitted(at, session.kept)
-    believed = trusted(at, session.kept, found)
+    found, waiting = fit_readings(at, session.kept)
+    believed = select_trusted(at, session.kept, found)
     known = belief_after(at, believed)
     worst, radius, radii = worst_place(at, known)
     wanted = session.held.feature if session.held is not None else feature
@@ -167,7 +167,7 @@ def _next(
     else:
         brings = _best(at, rows, able, believed)
         chosen = rows[brings.index]
-    return _described(at, known, chosen, brings)
+    return _describe_touch(at, known, chosen, brings)
 
 
 def _best(
@@ -210,7 +210,7 @@ def _as_planned(at: Opened, readings: tuple[TouchReading, ...]) -> ProbingSet | 
     return places(at, [(k, 0) for k in able]) if able else None
 
 
-def _described(
+def _describe_touch(
     at: Opened, known: TouchBelief, chosen: tuple[int, int], brings: NextTouch | None
 ) -> dict[str, Any]:
     k, _ = chosen
@@ -231,11 +231,11 @@ def _described(
         else {"now_mm": brings.now / MM, "then_mm": brings.then / MM},
     }
     if touch.has_joints:
-        out |= _commanded(at, known, touch.joints[0], expected.position[0], feature.part)
+        out |= _find_joints(at, known, touch.joints[0], expected.position[0], feature.part)
     return out
 
 
-def _commanded(
+def _find_joints(
     at: Opened, known: TouchBelief, planned: Array, tip: Array, part: int
 ) -> dict[str, Any]:
     """Joints at which the tip should meet the feature, in the planned attitude, and the pose."""

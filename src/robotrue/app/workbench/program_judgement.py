@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from robotrue.app.force_options import parse_wrench
-from robotrue.app.workbench.arm_body import answer, body_document, packed
+from robotrue.app.workbench.arm_body import answer, body_document, pack_floats
 from robotrue.app.workbench.calibration_view import from_simulation
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell, frame_table
@@ -60,7 +60,7 @@ def judge_program(
     with TemporaryDirectory() as scratch:
         asked = items.get(workspace, PROGRAM, program, version=version)
         judge = items.get(workspace, MODEL, model, version=model_version)
-        found = _found(workspace, asked, judge, Path(scratch))
+        found = _read_programs(workspace, asked, judge, Path(scratch))
     parts = [
         (
             first,
@@ -93,7 +93,7 @@ class _Found:
     compared: bool
 
 
-def _found(
+def _read_programs(
     workspace: Workspace, after: ProgramRecord, record: ModelRecord, scratch: Path
 ) -> _Found:
     if after.bytes > LARGEST:
@@ -189,9 +189,9 @@ def _document(
             "robot": body_document(found.cell, joints[None]),
             "frames": [{"name": "base", "T_base_frame": np.eye(4)}],
             "path": {
-                "position": packed(position[drawn]),
-                "before_m": packed(before[drawn]),
-                "after_m": packed(after[drawn]),
+                "position": pack_floats(position[drawn]),
+                "before_m": pack_floats(before[drawn]),
+                "after_m": pack_floats(after[drawn]),
                 "line": line[drawn],
                 "compared": found.compared,
             },

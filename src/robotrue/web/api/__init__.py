@@ -5,18 +5,18 @@ from __future__ import annotations
 from fastapi import APIRouter
 
 from robotrue.web.api import (
-    cells,
-    chosen_model,
-    drift,
-    drilling,
-    files,
-    intake,
-    items,
-    jobs,
-    live,
-    plan,
-    scene,
-    touching,
+    cells_routes,
+    chosen_model_routes,
+    drift_routes,
+    drilling_routes,
+    files_routes,
+    intake_routes,
+    items_routes,
+    jobs_routes,
+    live_routes,
+    plan_routes,
+    scene_routes,
+    touching_routes,
 )
 from robotrue.web.page_context import ServerContext
 
@@ -25,8 +25,8 @@ def api_router(server: ServerContext) -> APIRouter:
     """Returns all routes of the HTTP interface."""
     router = APIRouter()
     for part in (
-        cells, items, chosen_model, files, intake, jobs, live, scene, plan, drift, drilling,
-        touching,
+        cells_routes, items_routes, chosen_model_routes, files_routes, intake_routes, jobs_routes,
+        live_routes, scene_routes, plan_routes, drift_routes, drilling_routes, touching_routes,
     ):  # fmt: skip
         router.include_router(part.router(server))
     return router

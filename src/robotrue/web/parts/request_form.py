@@ -82,7 +82,7 @@ class RequestForm:
     def hint(self, name: str) -> str:
         """Returns what stands below a field; empty: nothing."""
         key = f"{self.group}.{name}_hint"
-        return self.context.say(key) if self.context.say.known(key) else ""
+        return self.context.say(key) if self.context.say.has(key) else ""
 
     def first_value(self, each: RequestField) -> str:
         """Returns the number that stands in a field at first."""

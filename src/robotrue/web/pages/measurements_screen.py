@@ -9,10 +9,10 @@ from typing import Any, Final
 from robotrue.app.workbench import workbench_calls as calls
 from robotrue.store.nouns import CELL, MEASUREMENT, CellRecord, MeasurementRecord
 from robotrue.store.records import ItemQuery
-from robotrue.web.faults import stated
+from robotrue.web.faults import fault_card
 from robotrue.web.page_context import PageContext, Screen
 from robotrue.web.problems import kind_words
-from robotrue.web.uploads import uploaded
+from robotrue.web.uploads import find_upload
 
 PAGE_ROWS: Final = 100
 UNITS: Final[Mapping[str, tuple[str, ...]]] = {
@@ -43,7 +43,7 @@ async def _list(context: PageContext) -> str:
     return context.render("measurements.html", sets=found, begun=begun, text=text)
 
 
-async def _judged(context: PageContext) -> str:
+async def _judge(context: PageContext) -> str:
     """How the model of the page sees a set."""
     record, model = await _record(context), context.model
     if model is None:
@@ -70,7 +70,7 @@ async def _rows(context: PageContext) -> str:
 
 
 async def _preview(context: PageContext) -> str:
-    path = uploaded(context.workspace, _key(context))
+    path = find_upload(context.workspace, _key(context))
     cells = await context.items(CELL, ItemQuery(limit=50))
     return context.render("measurement_preview.html", name=path.name, cells=cells)
 
@@ -80,10 +80,10 @@ async def _columns(context: PageContext) -> str:
 
     What was chosen stands in the address.
     """
-    say, path = context.say, uploaded(context.workspace, _key(context))
+    say, path = context.say, find_upload(context.workspace, _key(context))
     cells = await context.items(CELL, ItemQuery(limit=50))
     cell = _cell(context, cells)
-    mapping = _chosen(context.query)
+    mapping = _read_mapping(context.query)
     found = json.loads(
         await context.server.workers.ask(calls.preview_file, context.folder, path, cell.id, mapping)
     )
@@ -92,7 +92,7 @@ async def _columns(context: PageContext) -> str:
     if wrong:
         place = f"{say('measurements.line')} {wrong['line']}: " if wrong.get("line") else ""
         kind, title = kind_words(wrong["kind"]), say("preview.refused")
-        fault = stated(say, kind, place + wrong["message"], wrong["hint"], title=title)
+        fault = fault_card(say, kind, place + wrong["message"], wrong["hint"], title=title)
     guess = mapping or found["guess"]
     columns = [(f"j{k + 1}", name) for k, name in enumerate(guess["joints"])]
     return context.render(
@@ -120,7 +120,7 @@ def _cell(context: PageContext, cells: tuple[CellRecord, ...]) -> CellRecord:
     return next((each for each in cells if each.id == context.query.get("cell")), cells[0])
 
 
-def _chosen(query: Mapping[str, str]) -> dict[str, Any] | None:
+def _read_mapping(query: Mapping[str, str]) -> dict[str, Any] | None:
     """The column mapping in the address, or None where none was chosen."""
     joints = [query[f"j{k}"] for k in range(1, 10) if query.get(f"j{k}")]
     position = [query[axis] for axis in AXES if query.get(axis)]
@@ -134,5 +134,5 @@ PAGE: Final = Screen(
     name="measurements",
     path="/measurements",
     build=_build,
-    parts={"judged": _judged, "rows": _rows, "columns": _columns},
+    parts={"judged": _judge, "rows": _rows, "columns": _columns},
 )

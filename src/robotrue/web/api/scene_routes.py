@@ -10,7 +10,7 @@ from fastapi.responses import Response
 
 from robotrue.app.workbench import workbench_calls as calls
 from robotrue.store.nouns import CELL, MEASUREMENT, MODEL, PROGRAM
-from robotrue.web.api.items import found
+from robotrue.web.api.items_routes import get_item
 from robotrue.web.page_context import ServerContext
 
 Id = Annotated[str, Path(max_length=40)]
@@ -26,14 +26,14 @@ def router(server: ServerContext) -> APIRouter:
     @routes.get("/scenes/cell/{id}")
     async def show_cell(id: Id) -> Response:
         """Arm and frames of a cell."""
-        record = await asyncio.to_thread(found, workspace, CELL.name, id)
+        record = await asyncio.to_thread(get_item, workspace, CELL.name, id)
         answer = await server.answers.once(calls.draw_cell, folder, id, record.version)
         return Response(answer, media_type=JSON)
 
     @routes.get("/scenes/model/{id}")
     async def show_model(id: Id, version: Version = None) -> Response:
         """Arm and frames of a model's cell, measured errors before and after, predicted field."""
-        record = await asyncio.to_thread(found, workspace, MODEL.name, id, version)
+        record = await asyncio.to_thread(get_item, workspace, MODEL.name, id, version)
         answer = await server.answers.once(calls.draw_model, folder, id, record.version)
         return Response(answer, media_type=JSON)
 
@@ -42,8 +42,8 @@ def router(server: ServerContext) -> APIRouter:
         id: Id, model: Annotated[str, Query(max_length=40)], version: Version = None
     ) -> Response:
         """Measured errors of a set before and after, by a model that need not have seen it."""
-        record = await asyncio.to_thread(found, workspace, MEASUREMENT.name, id, version)
-        judge = await asyncio.to_thread(found, workspace, MODEL.name, model)
+        record = await asyncio.to_thread(get_item, workspace, MEASUREMENT.name, id, version)
+        judge = await asyncio.to_thread(get_item, workspace, MODEL.name, model)
         answer = await server.answers.once(
             calls.draw_measurement, folder, id, record.version, model, judge.version
         )
@@ -63,8 +63,8 @@ def router(server: ServerContext) -> APIRouter:
         was compensated with; a program as the CAM made it is judged as it stands. Axis targets
         state no place and are counted apart, unless the judgement is to be strict.
         """
-        program = await asyncio.to_thread(found, workspace, PROGRAM.name, id, version)
-        judge = await asyncio.to_thread(found, workspace, MODEL.name, model)
+        program = await asyncio.to_thread(get_item, workspace, PROGRAM.name, id, version)
+        judge = await asyncio.to_thread(get_item, workspace, MODEL.name, model)
         answer = await server.answers.once(
             calls.judge_program,
             folder,

@@ -11,10 +11,10 @@ from pydantic import BaseModel, Field
 from robotrue.app.workbench import workbench_calls as calls
 from robotrue.store import jobs
 from robotrue.store.nouns import MODEL
-from robotrue.web.api.items import found
-from robotrue.web.api.jobs import job_document
+from robotrue.web.api.items_routes import get_item
+from robotrue.web.api.jobs_routes import job_document
 from robotrue.web.page_context import ServerContext
-from robotrue.web.uploads import forget, uploaded
+from robotrue.web.uploads import find_upload, forget
 
 UploadId = Annotated[str, Field(pattern="^[0-9a-f]{32}$")]
 
@@ -41,8 +41,8 @@ def router(server: ServerContext) -> APIRouter:
     @routes.post("/drift-checks", status_code=202)
     async def check_drift(asked: CheckPoses) -> dict[str, Any]:
         """The job that judges the poses; they stand as a measurement set already."""
-        paths = [uploaded(workspace, each) for each in asked.uploads]
-        await asyncio.to_thread(found, workspace, MODEL.name, asked.model)
+        paths = [find_upload(workspace, each) for each in asked.uploads]
+        await asyncio.to_thread(get_item, workspace, MODEL.name, asked.model)
         made = await server.workers.ask(
             calls.import_check_poses, str(workspace.folder), paths, asked.name, asked.model
         )

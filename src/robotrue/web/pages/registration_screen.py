@@ -30,7 +30,7 @@ async def _build(context: PageContext) -> str:
             raise ConfigurationError(f"document {record.name!r} is no session of touches.")
         return context.render("registration_session.html", record=record)
     if made is not None:
-        return await _registered(context, await context.item(REGISTRATION, made))
+        return await _show_registration(context, await context.item(REGISTRATION, made))
     return await _list(context)
 
 
@@ -56,7 +56,7 @@ async def _list(context: PageContext) -> str:
     )
 
 
-async def _registered(context: PageContext, record: RegistrationRecord) -> str:
+async def _show_registration(context: PageContext, record: RegistrationRecord) -> str:
     """A registration: its frames, and what it rests on."""
     linked, session, simulated = record.refs("session"), None, False
     if linked:

@@ -7,7 +7,7 @@ from typing import Final
 
 from robotrue.web.live_sources import is_allowed, sources
 from robotrue.web.page_context import PageContext, Screen
-from robotrue.web.settings import SENSE_PORT
+from robotrue.web.serve_settings import SENSE_PORT
 
 FILES: Final = "/live/files"
 """Where the view's scripts and style are served."""

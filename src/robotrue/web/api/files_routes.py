@@ -8,7 +8,7 @@ from fastapi import APIRouter, Path, Query, Request
 from pydantic import BaseModel
 
 from robotrue.web.page_context import ServerContext
-from robotrue.web.uploads import Quota, forget, take_in, uploaded
+from robotrue.web.uploads import Quota, find_upload, forget, take_in
 
 
 class Uploaded(BaseModel):
@@ -47,7 +47,7 @@ def router(server: ServerContext) -> APIRouter:
     @routes.delete("/files/{id}", status_code=204)
     def drop_file(id: Annotated[str, Path(max_length=40)]) -> None:
         """Removes a file of which nothing is to be made."""
-        uploaded(server.workspace, id)
+        find_upload(server.workspace, id)
         forget(server.workspace, id)
 
     return routes

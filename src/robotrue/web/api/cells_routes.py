@@ -12,7 +12,7 @@ from pydantic import BaseModel, Field
 from robotrue.app.workbench import workbench_calls as calls
 from robotrue.store.nouns import CELL
 from robotrue.web.api.documents import record_document
-from robotrue.web.api.items import found
+from robotrue.web.api.items_routes import get_item
 from robotrue.web.page_context import ServerContext
 
 Id = Annotated[str, Path(max_length=40)]
@@ -28,7 +28,7 @@ class Form(BaseModel):
     numbers: dict[Annotated[str, Field(max_length=40)], Typed] = {}
 
 
-class Text(BaseModel):
+class CellToml(BaseModel):
     """The text of a cell.toml.
 
     Attributes:
@@ -60,7 +60,7 @@ def router(server: ServerContext) -> APIRouter:
         return Response(answer, media_type=JSON)
 
     @routes.post("/cells/text", status_code=201)
-    async def keep_cell(stated: Text) -> dict[str, Any]:
+    async def keep_cell(stated: CellToml) -> dict[str, Any]:
         """A new cell from the text of a cell.toml."""
         made = await server.workers.ask(
             calls.save_cell_text, folder, stated.text, stated.name or "cell", "", 0
@@ -68,9 +68,9 @@ def router(server: ServerContext) -> APIRouter:
         return record_document(made, CELL.name)
 
     @routes.post("/cells/{id}/text", status_code=201)
-    async def change_cell(id: Id, stated: Text) -> dict[str, Any]:
+    async def change_cell(id: Id, stated: CellToml) -> dict[str, Any]:
         """The new version of a cell with another text; the one before stays."""
-        record = await asyncio.to_thread(found, workspace, CELL.name, id)
+        record = await asyncio.to_thread(get_item, workspace, CELL.name, id)
         version = record.version if stated.version is None else stated.version
         made = await server.workers.ask(calls.save_cell_text, folder, stated.text, "", id, version)
         return record_document(made, CELL.name)
@@ -80,7 +80,7 @@ def router(server: ServerContext) -> APIRouter:
         id: Id, version: Annotated[int | None, Query(ge=1, le=1_000_000)] = None
     ) -> Response:
         """The text of a cell's file."""
-        record = await asyncio.to_thread(found, workspace, CELL.name, id, version)
+        record = await asyncio.to_thread(get_item, workspace, CELL.name, id, version)
         answer = await server.workers.ask(calls.read_cell_text, folder, id, record.version)
         return PlainTextResponse(answer)
 

@@ -60,7 +60,7 @@ async def _form(context: PageContext) -> dict[str, Any] | None:
     return {"picks": picks, "others": [*others, form.name_field()]}
 
 
-async def _learned(context: PageContext) -> str:
+async def _show_learned(context: PageContext) -> str:
     """What the model of the page learned."""
     model = context.model
     if model is None:
@@ -101,5 +101,5 @@ def _warnings(context: PageContext, found: Mapping[str, Any]) -> list[Markup]:
 
 
 PAGE: Final = Screen(
-    name="calibration", path="/calibration", build=_build, parts={"learned": _learned}
+    name="calibration", path="/calibration", build=_build, parts={"learned": _show_learned}
 )

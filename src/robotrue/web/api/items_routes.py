@@ -24,7 +24,7 @@ Digest = Annotated[str, Path(pattern="^[0-9a-f]{64}$")]
 Version = Annotated[int | None, Query(ge=1, le=1_000_000)]
 
 
-class Listing(BaseModel):
+class ItemListing(BaseModel):
     """Some of what was asked for."""
 
     items: list[dict[str, Any]]
@@ -52,31 +52,31 @@ def router(server: ServerContext) -> APIRouter:
         offset: Annotated[int, Query(ge=0, le=10_000_000)] = 0,
         limit: Annotated[int, Query(ge=1, le=items.MOST)] = 50,
         deleted: bool = False,
-    ) -> Listing:
+    ) -> ItemListing:
         """The latest versions of all items of a noun, a page of them."""
         asked = Asked(text=text, sort=sort, offset=offset, limit=limit, deleted=deleted)
         page = items.search(workspace, _noun(noun), asked)
         shown = [record_document(each, noun) for each in page.items]
-        return Listing(items=shown, total=page.total, offset=page.offset)
+        return ItemListing(items=shown, total=page.total, offset=page.offset)
 
     @routes.get("/items/{noun}/{id}")
     def show_item(noun: NounName, id: Id, version: Version = None) -> dict[str, Any]:
         """One version of an item, the latest if none is named."""
-        return record_document(found(workspace, noun, id, version), noun)
+        return record_document(get_item(workspace, noun, id, version), noun)
 
     @routes.get("/items/{noun}/{id}/versions")
-    def list_versions(noun: NounName, id: Id) -> Listing:
+    def list_versions(noun: NounName, id: Id) -> ItemListing:
         """All versions of an item, the first first."""
-        found(workspace, noun, id)
+        get_item(workspace, noun, id)
         every = items.versions(workspace, _noun(noun), id)
-        return Listing(
+        return ItemListing(
             items=[record_document(each, noun) for each in every], total=len(every), offset=0
         )
 
     @routes.get("/items/{noun}/{id}/files/{sha256}", response_class=FileResponse)
     def download(noun: NounName, id: Id, sha256: Digest, version: Version = None) -> FileResponse:
         """A file of an item, under the name it came with."""
-        record = found(workspace, noun, id, version)
+        record = get_item(workspace, noun, id, version)
         for each in record.attachments:
             if each.sha256 == sha256:
                 return FileResponse(
@@ -89,7 +89,7 @@ def router(server: ServerContext) -> APIRouter:
     @routes.patch("/items/{noun}/{id}")
     def change_item(noun: NounName, id: Id, change: Change) -> dict[str, Any]:
         """The new version of an item with another name or note."""
-        found(workspace, noun, id)
+        get_item(workspace, noun, id)
         if change.name is None and change.note is None:
             raise ConfigurationError("neither another name nor another note.", hint="name, note")
         changed = items.change(workspace, _noun(noun), id, name=change.name, note=change.note)
@@ -98,13 +98,13 @@ def router(server: ServerContext) -> APIRouter:
     @routes.delete("/items/{noun}/{id}")
     def delete_item(noun: NounName, id: Id) -> dict[str, Any]:
         """The version that says that the item is deleted; nothing of it is lost."""
-        found(workspace, noun, id)
+        get_item(workspace, noun, id)
         return record_document(items.delete(workspace, _noun(noun), id), noun)
 
     @routes.post("/items/{noun}/{id}/undo")
     def undo(noun: NounName, id: Id, version: Version = None) -> dict[str, Any]:
         """The item as it was before its latest version; if that is no longer the one named: 409."""
-        found(workspace, noun, id)
+        get_item(workspace, noun, id)
         return record_document(items.undo(workspace, _noun(noun), id, version=version), noun)
 
     @routes.get("/journal")
@@ -112,7 +112,7 @@ def router(server: ServerContext) -> APIRouter:
         item: Annotated[str | None, Query(max_length=40)] = None,
         offset: Annotated[int, Query(ge=0, le=10_000_000)] = 0,
         limit: Annotated[int, Query(ge=1, le=items.MOST)] = 50,
-    ) -> Listing:
+    ) -> ItemListing:
         """What was done and when, the newest first."""
         page = journal.entries(workspace, item=item, offset=offset, limit=limit)
         shown = [
@@ -126,7 +126,7 @@ def router(server: ServerContext) -> APIRouter:
             }
             for each in page.items
         ]
-        return Listing(items=shown, total=page.total, offset=page.offset)
+        return ItemListing(items=shown, total=page.total, offset=page.offset)
 
     return routes
 
@@ -137,7 +137,7 @@ def _noun(name: str) -> Noun[Any]:
     return NOUNS[name]
 
 
-def found(workspace: Workspace, noun: str, id: str, version: int | None = None) -> ItemRecord:
+def get_item(workspace: Workspace, noun: str, id: str, version: int | None = None) -> ItemRecord:
     """Returns an item that an address names.
 
     Raises:

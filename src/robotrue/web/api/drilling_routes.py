@@ -12,8 +12,8 @@ from robotrue.drilling.drill_defaults import JOURNAL
 from robotrue.store.nouns import DOCUMENT
 from robotrue.web import drill_journals
 from robotrue.web.api.documents import record_document
-from robotrue.web.api.intake import FromFiles, import_files
-from robotrue.web.api.items import found
+from robotrue.web.api.intake_routes import FromFiles, import_files
+from robotrue.web.api.items_routes import get_item
 from robotrue.web.page_context import ServerContext
 from robotrue.web.problems import MissingError
 
@@ -57,7 +57,7 @@ def router(server: ServerContext) -> APIRouter:
     @routes.get("/drilling/kept-journals/{id}")
     def read_journal(id: Annotated[str, Path(max_length=40)], after: After = 0) -> Entries:
         """Lines of a journal that was taken in, from a byte on."""
-        record = found(workspace, DOCUMENT.name, id)
+        record = get_item(workspace, DOCUMENT.name, id)
         files = record.files("file")
         if getattr(record, "kind", "") != JOURNAL or len(files) != 1:
             raise MissingError(f"{record.name!r} is no journal.")

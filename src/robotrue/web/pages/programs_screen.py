@@ -73,7 +73,7 @@ async def _reports(context: PageContext, record: ProgramRecord) -> Reports | Non
     return await find_reports(context, record, "program", "tolerance_mm", tolerance_mm=tolerance)
 
 
-async def _judged(context: PageContext) -> str:
+async def _judge(context: PageContext) -> str:
     """Predicted errors of a program and GO or NO-GO."""
     record, model = await _record(context), context.model
     if model is None:
@@ -105,4 +105,4 @@ def _tolerance(context: PageContext) -> float:
     return context.number("tolerance_mm", TOLERANCE_MM, most=1000.0)
 
 
-PAGE: Final = Screen(name="programs", path="/programs", build=_build, parts={"judged": _judged})
+PAGE: Final = Screen(name="programs", path="/programs", build=_build, parts={"judged": _judge})

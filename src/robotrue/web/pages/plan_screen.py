@@ -61,7 +61,7 @@ async def _record(context: PageContext) -> DocumentRecord:
     return await context.item(DOCUMENT, context.query["id"])
 
 
-async def _shown(context: PageContext) -> str:
+async def _show_promise(context: PageContext) -> str:
     """What a plan promises, and how the instrument sees its poses."""
     record = await _record(context)
     found = await context.answer(calls.show_plan, record.id, record.version)
@@ -115,5 +115,9 @@ def _reason(context: PageContext, name: str) -> str:
 
 
 PAGE: Final = Screen(
-    name="plan", path="/plan", build=_build, parts={"shown": _shown}, styles=("/static/plan.css",)
+    name="plan",
+    path="/plan",
+    build=_build,
+    parts={"shown": _show_promise},
+    styles=("/static/plan.css",),
 )

@@ -14,7 +14,7 @@ from pydantic import BaseModel, Field
 from robotrue.app.workbench import workbench_calls as calls
 from robotrue.web.api.documents import record_document
 from robotrue.web.page_context import ServerContext
-from robotrue.web.uploads import forget, uploaded
+from robotrue.web.uploads import find_upload, forget
 
 R = TypeVar("R")
 UploadId = Annotated[str, Field(pattern="^[0-9a-f]{32}$")]
@@ -72,7 +72,7 @@ async def import_files(
 ) -> R:
     """Returns what a call makes of uploads, which go once something is made of them."""
     workspace = server.workspace
-    paths = [uploaded(workspace, each) for each in asked.uploads]
+    paths = [find_upload(workspace, each) for each in asked.uploads]
     made = await server.workers.ask(call, str(workspace.folder), paths, asked.name)
     for each in asked.uploads:  # only what became something: after a refusal one tries again
         await asyncio.to_thread(forget, workspace, each)

@@ -14,10 +14,10 @@ from robotrue.store.nouns import DOCUMENT, REGISTRATION
 from robotrue.store.records import ItemRecord
 from robotrue.store.workspace import Workspace
 from robotrue.web.api.documents import record_document
-from robotrue.web.api.intake import UploadId
-from robotrue.web.api.items import found
+from robotrue.web.api.intake_routes import UploadId
+from robotrue.web.api.items_routes import get_item
 from robotrue.web.page_context import ServerContext
-from robotrue.web.uploads import forget, uploaded
+from robotrue.web.uploads import find_upload, forget
 
 Id = Annotated[str, Path(max_length=40)]
 Version = Annotated[int, Field(ge=1, le=1_000_000)]
@@ -103,12 +103,12 @@ def router(server: ServerContext) -> APIRouter:
     workspace, folder = server.workspace, str(server.workspace.folder)
 
     async def session(id: str) -> ItemRecord:
-        return await asyncio.to_thread(found, workspace, DOCUMENT.name, id)
+        return await asyncio.to_thread(get_item, workspace, DOCUMENT.name, id)
 
     @routes.post("/touching", status_code=201)
     async def begin_session(asked_for: Begin) -> dict[str, Any]:
         """A session: features, where the part is roughly, and postures to touch them with."""
-        paths = [str(uploaded(workspace, each)) for each in asked_for.uploads]
+        paths = [str(find_upload(workspace, each)) for each in asked_for.uploads]
         stated = {**asked_for.model_dump(exclude={"uploads"}), "paths": paths}
         made = await server.workers.ask(calls.begin_probing, folder, stated)
         await asyncio.to_thread(_forget, workspace, asked_for.uploads)
@@ -152,7 +152,7 @@ def router(server: ServerContext) -> APIRouter:
     async def take_readings(id: Id, taken: Taken) -> dict[str, Any]:
         """The session with the readings of a file; those not as expected are set aside."""
         await session(id)
-        path = uploaded(workspace, taken.uploads[0])
+        path = find_upload(workspace, taken.uploads[0])
         made = await server.workers.ask(calls.import_readings, folder, id, taken.version, path)
         await asyncio.to_thread(_forget, workspace, taken.uploads)
         return record_document(made, DOCUMENT.name)

@@ -49,13 +49,13 @@ async def _build(context: PageContext) -> str:
     return context.render(
         "history.html",
         deleted=deleted,
-        rows=[(each, *_shown(context, each, kinds, known)) for each in page.items],
+        rows=[(each, *_describe_entry(context, each, kinds, known)) for each in page.items],
         tones=TONES,
         older=offset + PER_PAGE if offset + PER_PAGE < page.total else None,
     )
 
 
-def _shown(
+def _describe_entry(
     context: PageContext,
     entry: journal.Entry,
     kinds: Mapping[str, str],

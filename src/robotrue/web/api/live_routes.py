@@ -55,7 +55,7 @@ def router(server: ServerContext) -> APIRouter:
     routes = APIRouter(tags=["live"])
     workspace = server.workspace
 
-    def found(id: str) -> LiveSource:
+    def get_source(id: str) -> LiveSource:
         try:
             return live_sources.source(workspace, id)
         except ConfigurationError as cause:
@@ -73,7 +73,7 @@ def router(server: ServerContext) -> APIRouter:
     @routes.put("/live/sources/{id}/limits")
     async def set_limits(id: Id, asked: NewLimits) -> dict[str, Any]:
         """Other limits of a source."""
-        await asyncio.to_thread(found, id)
+        await asyncio.to_thread(get_source, id)
         limits = (asked.x_um, asked.y_um, asked.z_um)
         record = await asyncio.to_thread(live_sources.set_limits, workspace, id, limits)
         server.relays.wake()
@@ -82,7 +82,7 @@ def router(server: ServerContext) -> APIRouter:
     @routes.get("/live/sources/{id}/alarms")
     def list_alarms(id: Id, limit: Annotated[int, Query(ge=1, le=MOST)] = 200) -> Alarms:
         """The alarms of a source, the newest first."""
-        return Alarms(items=live_sources.alarms(workspace, found(id).id, limit=limit))
+        return Alarms(items=live_sources.alarms(workspace, get_source(id).id, limit=limit))
 
     @routes.get(
         "/live/sources/{id}/alarms.csv",
@@ -91,7 +91,8 @@ def router(server: ServerContext) -> APIRouter:
     )
     def download_alarms(id: Id) -> Response:
         """The alarms of a source as a table, the oldest first."""
-        text = live_sources.alarms_csv(live_sources.alarms(workspace, found(id).id, limit=MOST))
+        found = live_sources.alarms(workspace, get_source(id).id, limit=MOST)
+        text = live_sources.alarms_csv(found)
         headers = {"Content-Disposition": 'attachment; filename="alarms.csv"'}
         return Response(text, media_type="text/csv; charset=utf-8", headers=headers)
 

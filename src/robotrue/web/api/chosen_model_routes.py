@@ -11,7 +11,7 @@ from pydantic import BaseModel, Field
 from robotrue.store.nouns import MODEL
 from robotrue.web import models
 from robotrue.web.api.documents import record_document
-from robotrue.web.api.items import found
+from robotrue.web.api.items_routes import get_item
 from robotrue.web.page_context import ServerContext
 
 
@@ -33,7 +33,7 @@ def router(server: ServerContext) -> APIRouter:
     @routes.put("/chosen-model")
     async def choose_model(asked: ChosenModel) -> dict[str, Any]:
         """The document that says which model all pages show from now on."""
-        await asyncio.to_thread(found, workspace, MODEL.name, asked.model)
+        await asyncio.to_thread(get_item, workspace, MODEL.name, asked.model)
         return record_document(
             await asyncio.to_thread(models.choose, workspace, asked.model), "document"
         )

@@ -52,7 +52,7 @@ def router(server: ServerContext) -> APIRouter:
     workspace = server.workspace
     known = sorted(server.settings.kinds)
 
-    def found(id: str) -> jobs.Job:
+    def get_job(id: str) -> jobs.Job:
         try:
             return jobs.status(workspace, id)
         except ConfigurationError as cause:
@@ -88,12 +88,12 @@ def router(server: ServerContext) -> APIRouter:
     @routes.get("/jobs/{id}")
     def show_job(id: Id) -> dict[str, Any]:
         """A job as it stands."""
-        return job_document(found(id))
+        return job_document(get_job(id))
 
     @routes.post("/jobs/{id}/cancel")
     def cancel_job(id: Id) -> dict[str, Any]:
         """The job, which is over or soon will be."""
-        return job_document(jobs.cancel(workspace, found(id).id))
+        return job_document(jobs.cancel(workspace, get_job(id).id))
 
     return routes
 
