@@ -297,16 +297,16 @@ def store() -> Iterator[str]:
     from robotrue.app.exported_arm import ExportRequest
     from robotrue.app.outputs import FORMATS
     from robotrue.app.request import fields_of
-    from robotrue.report import export_controller, export_dh, export_urdf
+    from robotrue.report import export_controller, export_description
     from robotrue.store.nouns import NOUNS
 
     yield from (f"noun {each}" for each in NOUNS)
-    for name, module in (
-        ("controller", export_controller),
-        ("dh", export_dh),
-        ("urdf", export_urdf),
+    for name, parts in (
+        ("controller", export_controller.CANNOT),
+        ("dh", export_description.DH_CANNOT),
+        ("urdf", export_description.URDF_CANNOT),
     ):
-        yield from (f"export {name} without {part}" for part in module.CANNOT)
+        yield from (f"export {name} without {part}" for part in parts)
     (place,) = [each for each in fields_of(ExportRequest) if each.name == "at"]
     yield from (f"export at {each}" for each in place.choices)
     yield from (f"output {suffix}" for suffix in FORMATS)

@@ -150,6 +150,9 @@ def _read_state(name: str, archive: Archive) -> dict[str, Any]:
     stated = archive.document[name]
     numbers = {key: float(stated[key]) for key in _NUMBERS[name]}
     arrays = {key: archive.array(f"{name}_{key}") for key in _ARRAYS[name]}
+    for key, array in arrays.items():  # an empty one would be filled as one that is left out
+        if not array.size:
+            raise ArchiveError(f"{name}_{key} is empty.")
     return {**numbers, **arrays, "records": int(stated["records"])}
 
 
