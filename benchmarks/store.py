@@ -25,7 +25,7 @@ from robotrue.store import items, measurements
 from robotrue.store.measurements import RowQuery
 from robotrue.store.nouns import MEASUREMENT
 from robotrue.store.records import ItemQuery
-from robotrue.store.schema import ItemRow, LinkRow, MeasurementRow
+from robotrue.store.schema import ItemRow, LinkRow
 from robotrue.store.workspace import Workspace
 
 PAGES = {
@@ -86,7 +86,7 @@ def filled(workspace: Workspace, count: int) -> str:
              "poses": k % 100}
             for k, (i, t) in enumerate(zip(ids, at, strict=True))
         ]  # fmt: skip
-        session.execute(insert(MeasurementRow), rows)
+        session.execute(insert(MEASUREMENT.table), rows)
         link = {"version": 1, "role": "cell", "position": 0, "to_id": cell, "to_version": 1}
         session.execute(insert(LinkRow), [{"id": i, **link} for i in ids[::1000]])
     return cell

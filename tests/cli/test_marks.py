@@ -11,11 +11,12 @@ import typer
 from mark_cases import CASES, WITHOUT_RESULT, Lab, fill
 from typer.testing import CliRunner
 
-from robotrue.cli import demo
+from robotrue.app import demo_virtual
 from robotrue.cli.main import app
 from robotrue.core.provenance import MARK, MEASURED, Provenance
 from robotrue.measurement.formats.measured_files import read_measurements
 from robotrue.report.content import ReportTable, TableColumn
+from robotrue.report.demo_result import DemoResult
 from robotrue.simulation.flange_hole import FlangeHole
 from robotrue.simulation.presets import deng2022, reflector_at_tool
 
@@ -202,21 +203,17 @@ def test_renaming_a_simulated_file_keeps_its_mark(tmp_path: Path) -> None:
     assert MARK in err
 
 
-def test_demo_and_its_data_are_marked(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_demo_and_its_data_are_marked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     table = ReportTable(title="dry run", columns=(TableColumn(title="mm"),), rows=((0.1,),))
     for virtual in (True, False):
-        done = demo.DemoResult(
+        done = DemoResult(
             folder=tmp_path, page=tmp_path / "p.html", results={}, tables=(table,),
             simulated=virtual,
         )  # fmt: skip
-        monkeypatch.setattr(demo, "run_demo", lambda *_, done=done, **__: done)
-        for as_json in (True, False):
-            demo.run(out=tmp_path, data=None, seed=1, as_json=as_json)
-        out = capsys.readouterr().out
+        monkeypatch.setattr(demo_virtual, "run_virtual_demo", lambda *_, done=done, **__: done)
+        out = "".join(call("demo", "--out", tmp_path, *more)[0] for more in (["--json"], []))
         assert (MARK in out) is virtual
         assert ('"simulated": true' in out) is virtual
     known, hole = reflector_at_tool(deng2022(1)), FlangeHole()
-    demo.write_virtual_cell(known, hole, tmp_path)
+    demo_virtual.write_virtual_cell(known, hole, tmp_path)
     assert read_measurements(tmp_path / "calibration.csv").provenance.simulated
