@@ -17,7 +17,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
-from kill_store import _postgres
+from kill_store import temporary_postgres
 from sqlalchemy import insert, text
 
 from robotrue.measurement.measurement_set import MeasurementSet
@@ -110,7 +110,7 @@ def main() -> None:
     options = asked.parse_args()
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory())) / "shop"
-        url = stack.enter_context(_postgres()) if options.postgres else None
+        url = stack.enter_context(temporary_postgres().running()) if options.postgres else None
         workspace = stack.enter_context(Workspace.create(folder, url))
         cell = filled(workspace, options.items)
         name = "PostgreSQL" if options.postgres else "SQLite"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 from robotrue.app.context import Context
 from robotrue.app.outputs import check_output
@@ -25,7 +25,6 @@ Outputs: TypeAlias = Annotated[
         help=".html, .pdf or .json; may be repeated. JSON is always written, too.",
     ),
 ]
-ENGLISH: Final = "en"
 Language: TypeAlias = Annotated[str, Option(names=("--lang",), help="en or zh.")]
 Simulated: TypeAlias = Annotated[
     bool, Option(help="Say in the report that the data are simulated.")

@@ -45,7 +45,6 @@ CellOrModel: TypeAlias = Annotated[
     Reference,
     Item(noun="cell", argument="CELL|MODEL", help="cell.toml (nominal arm) or model file."),
 ]
-TOUCH_SIGMA_MM: Final = 0.1
 TouchSigma: TypeAlias = Annotated[
     float, Option(help="One standard deviation per axis of one touch.")
 ]

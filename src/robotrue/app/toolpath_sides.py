@@ -16,7 +16,7 @@ from robotrue.errors import ConfigurationError
 from robotrue.planning.machining import MachiningJob, Side
 from robotrue.planning.tool_axis import Posed
 from robotrue.program.contour import contour_of, keep_inside, side_direction
-from robotrue.program.formats.krl_machining import Speeds
+from robotrue.program.formats.krl_machining import KrlSpeeds
 from robotrue.program.formats.toolpaths import read_toolpath
 from robotrue.program.identity import ProgramIdentity
 from robotrue.program.toolpath import cut_length, duration
@@ -101,7 +101,7 @@ def identity_of_frame(cell: Cell, frame: PartFrame | None, path: Path) -> Progra
 
 
 def sides_document(
-    job: MachiningJob, frames: Sequence[PartFrame | None], speeds: Speeds
+    job: MachiningJob, frames: Sequence[PartFrame | None], speeds: KrlSpeeds
 ) -> dict[str, Any]:
     """Returns the job as JSON values: mm, deg, s; keys as in the reference."""
     moves = sum(len(each) for each in job.moves)
@@ -114,7 +114,7 @@ def sides_document(
     }
 
 
-def _side_document(side: Posed, frame: PartFrame | None, speeds: Speeds) -> dict[str, Any]:
+def _side_document(side: Posed, frame: PartFrame | None, speeds: KrlSpeeds) -> dict[str, Any]:
     path = side.path
     return {
         "name": path.name,

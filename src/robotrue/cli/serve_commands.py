@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from robotrue.cli.app import app
+from robotrue.web.serve_defaults import HOST, PORT
 
 
 @app.command()
@@ -17,8 +18,8 @@ def serve(
     ] = Path("workspace"),
     host: Annotated[
         str, typer.Option(help="Address to listen on; any but this machine's needs a secret.")
-    ] = "127.0.0.1",
-    port: Annotated[int, typer.Option(help="Port; 0 takes a free one.")] = 8080,
+    ] = HOST,
+    port: Annotated[int, typer.Option(help="Port; 0 takes a free one.")] = PORT,
     password_env: Annotated[
         str | None, typer.Option(help="Environment variable that holds the password of people.")
     ] = None,

@@ -5,7 +5,10 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
+
+DEFAULT_LANG: Final = "en"
+"""Language of texts unless somebody asks for another."""
 
 
 def read_catalogue(paths: Iterable[Path]) -> dict[str, str]:

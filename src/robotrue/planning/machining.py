@@ -27,7 +27,7 @@ from robotrue.planning.arm_scene import Scene
 from robotrue.planning.plan_defaults import LIFT_MM
 from robotrue.planning.tool_axis import Posed, resolve_spin
 from robotrue.planning.transit import find_collisions, scene_without_reflector, transit
-from robotrue.program.formats.krl_machining import SideMoves, Speeds, machining_program
+from robotrue.program.formats.krl_machining import KrlSpeeds, SideMoves, machining_program
 from robotrue.program.toolpath import Toolpath
 from robotrue.robot.configuration import controller_axes
 from robotrue.robot.inverse import branch_of
@@ -226,7 +226,12 @@ def plan_machining(
 
 
 def job_program(
-    job: MachiningJob, robot: RobotModel, name: str, speeds: Speeds, *, remarks: Sequence[str] = ()
+    job: MachiningJob,
+    robot: RobotModel,
+    name: str,
+    speeds: KrlSpeeds,
+    *,
+    remarks: Sequence[str] = (),
 ) -> bytes:
     """Returns the KRL program (``.src``) of a job.
 

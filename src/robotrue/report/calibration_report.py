@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from robotrue.core.catalogue import DEFAULT_LANG
 from robotrue.core.units import DEG, MM
 from robotrue.report.content import (
     Cell,
@@ -30,7 +31,7 @@ from robotrue.report.labels import (
     versions,
 )
 from robotrue.report.plots import CoveragePlot, ErrorDistribution, ErrorMap, Plane, PointErrors
-from robotrue.report.words import DEFAULT_LANG, Lang, ReportTexts
+from robotrue.report.words import Lang, ReportTexts
 from robotrue.validation.contest import Selection
 from robotrue.validation.metrics import wilson_interval
 from robotrue.validation.report import AxisAngles, ValidationReport

@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.catalogue import DEFAULT_LANG
 from robotrue.core.units import DEG, MM
 from robotrue.report.budget_section import budget_section
 from robotrue.report.calibration_report import calibration_content
@@ -24,7 +25,7 @@ from robotrue.report.content import (
 )
 from robotrue.report.labels import column, columns, joint_columns, statistics_table, tile, versions
 from robotrue.report.map_plots import UncertaintyMap
-from robotrue.report.words import DEFAULT_LANG, ENGLISH, Lang, ReportTexts
+from robotrue.report.words import ENGLISH, Lang, ReportTexts
 from robotrue.validation.budget import Budget
 from robotrue.validation.error_map import KnownPlaces
 from robotrue.validation.iso9283 import RepeatedPose

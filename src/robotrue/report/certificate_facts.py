@@ -11,6 +11,7 @@ from robotrue.calibration.lineage import history, provenance_of
 from robotrue.calibration.model import ErrorModel, Query
 from robotrue.cell.cell import Cell, tracker_covariance
 from robotrue.core.arrays import Array
+from robotrue.core.catalogue import DEFAULT_LANG
 from robotrue.core.provenance import Provenance, merge
 from robotrue.errors import ObservabilityError
 from robotrue.measurement.measurement_set import MeasurementSet
@@ -23,7 +24,7 @@ from robotrue.report.certificate import (
 from robotrue.report.labels import fact
 from robotrue.report.model_view import list_geometric_errors, stiffness
 from robotrue.report.report_files import file_fact
-from robotrue.report.words import DEFAULT_LANG, Lang, ReportTexts
+from robotrue.report.words import Lang, ReportTexts
 from robotrue.validation.budget import (
     Budget,
     Contribution,

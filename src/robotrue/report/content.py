@@ -28,11 +28,12 @@ from typing import Any, ClassVar, Final, Literal, TypeAlias
 import numpy as np
 
 from robotrue.core.arrays import Array
+from robotrue.core.catalogue import DEFAULT_LANG
 from robotrue.core.columns import Columns
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ShapeError
 from robotrue.report.figure import Drawing, inline_svg, png
-from robotrue.report.words import DEFAULT_LANG, ENGLISH, Lang, ReportTexts
+from robotrue.report.words import ENGLISH, Lang, ReportTexts
 
 Tone: TypeAlias = Literal["good", "caution", "bad", "plain"]
 """How a statement is coloured: as asked, look closer, not as asked, no judgement."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from robotrue.core.catalogue import DEFAULT_LANG
 from robotrue.core.provenance import merge
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.campaign import Campaign
@@ -19,7 +20,7 @@ from robotrue.report.content import (
 )
 from robotrue.report.curve_plots import TiltPlot
 from robotrue.report.labels import column, columns, fact, tile, versions
-from robotrue.report.words import DEFAULT_LANG, Lang, ReportTexts
+from robotrue.report.words import Lang, ReportTexts
 
 
 def drilling_content(

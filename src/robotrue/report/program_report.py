@@ -10,6 +10,7 @@ import numpy as np
 
 from robotrue.compensation.difference import Difference
 from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.catalogue import DEFAULT_LANG
 from robotrue.core.units import MM
 from robotrue.errors import ModelMismatchError
 from robotrue.report.content import (
@@ -23,7 +24,7 @@ from robotrue.report.content import (
 )
 from robotrue.report.labels import column, columns, statistics_table, tile, versions
 from robotrue.report.plots import PointErrors
-from robotrue.report.words import DEFAULT_LANG, Lang, ReportTexts
+from robotrue.report.words import Lang, ReportTexts
 from robotrue.validation.conformity import Conformity, all_conform, conformity, to_judge
 from robotrue.validation.error_map import radius_95
 from robotrue.validation.metrics import error_statistics

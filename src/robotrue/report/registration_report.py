@@ -9,6 +9,7 @@ import numpy as np
 
 from robotrue.cell.part import PartFrame, PartTable
 from robotrue.core.arrays import Array
+from robotrue.core.catalogue import DEFAULT_LANG
 from robotrue.core.poses import propagate_covariance
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
@@ -22,7 +23,7 @@ from robotrue.report.content import (
     TableColumn,
 )
 from robotrue.report.labels import column, columns, fact, tile, versions
-from robotrue.report.words import DEFAULT_LANG, Lang, ReportTexts
+from robotrue.report.words import Lang, ReportTexts
 from robotrue.validation.budget import COVERAGE_FACTOR
 
 LEVERS: Final = (0.0, 0.1, 0.25, 0.5, 1.0, 2.0)

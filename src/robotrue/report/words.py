@@ -14,13 +14,12 @@ from functools import cache
 from pathlib import Path
 from typing import Final, Literal, TypeAlias
 
-from robotrue.core.catalogue import read_catalogue
+from robotrue.core.catalogue import DEFAULT_LANG, read_catalogue
 from robotrue.errors import ConfigurationError
 
 Lang: TypeAlias = Literal["en", "zh"]
 """``en`` English, ``zh`` simplified Chinese."""
 FOLDER: Final = Path(__file__).parent / "languages"
-DEFAULT_LANG: Final[Lang] = "en"
 LANGUAGES: Final[tuple[Lang, ...]] = ("en", "zh")
 CATALOGS: Final[Mapping[Lang, Mapping[str, str]]] = {
     lang: read_catalogue([FOLDER / f"{lang}.toml"]) for lang in LANGUAGES

@@ -24,9 +24,10 @@ from robotrue.measurement.probing_set import NO_SURFACE, ProbingSet
 from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel, parameter_slice
 from robotrue.validation.registered_part import FoundFrame, check_frame
+from robotrue.validation.registration_defaults import FIT, TOUCH_MM
 from robotrue.validation.touch_checks import check_exchanged, list_names
 
-TOUCH: Final = 0.1 * MM
+TOUCH: Final = TOUCH_MM * MM
 """One touch, per axis: a tip or ball by hand or by a trigger."""
 TOOL: Final = 0.3 * MM
 """A tip whose place in the flange comes from a drawing or a pointing exercise, per axis."""
@@ -55,7 +56,7 @@ class RegistrationSettings:
     robot: float | None = None
     tool_sigma: float | None = None
     tolerance: float | None = None
-    fit: Literal["auto", "frame", "joint"] = "auto"
+    fit: Literal["auto", "frame", "joint"] = FIT
     T_flange_tool: Array | None = None
     mesh: TriangleMesh | None = None
     on_mesh: float = 0.2 * MM

@@ -10,6 +10,7 @@ from typing import Final
 
 from robotrue.errors import ConfigurationError
 from robotrue.online.net_address import net_address
+from robotrue.web.serve_defaults import HOST, PORT
 
 MB: Final = 1024 * 1024
 SHORTEST_PASSWORD: Final = 8
@@ -84,8 +85,8 @@ class ServeSettings:
     """
 
     workspace: Path
-    host: str = "127.0.0.1"
-    port: int = 8080
+    host: str = HOST
+    port: int = PORT
     password: str = ""
     token: str = ""
     names: tuple[str, ...] = ()

@@ -13,7 +13,7 @@ from robotrue.app.context import Context
 from robotrue.app.drill_fields import DrillModel, ZeroFoot
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Note
-from robotrue.app.reported import ENGLISH, Language, check_reports
+from robotrue.app.reported import Language, check_reports
 from robotrue.app.request import (
     ON_COMMAND_LINE,
     Item,
@@ -24,6 +24,7 @@ from robotrue.app.request import (
     Request,
     input_paths,
 )
+from robotrue.core.catalogue import DEFAULT_LANG
 from robotrue.core.provenance import Provenance, merge
 from robotrue.core.units import DEG
 from robotrue.drilling.drill_defaults import LIMIT_DEG
@@ -59,7 +60,7 @@ class DrillReportRequest(Request):
         Option(help="Say on the page that the test is simulated.", shells=ON_COMMAND_LINE),
     ] = False
     foot: ZeroFoot = None
-    lang: Language = ENGLISH
+    lang: Language = DEFAULT_LANG
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

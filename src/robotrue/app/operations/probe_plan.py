@@ -11,11 +11,12 @@ from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Note, Table, count
 from robotrue.app.request import InputFile, Option, Output, Request
-from robotrue.app.request_fields import TOUCH_SIGMA_MM, CellOrModel, Page, ToolSigma, TouchSigma
+from robotrue.app.request_fields import CellOrModel, Page, ToolSigma, TouchSigma
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 from robotrue.planning.plan_defaults import GOAL, LEAN_DEG, TIP_AXIS
+from robotrue.validation.registration_defaults import TOUCH_MM
 
 if TYPE_CHECKING:
     from robotrue.calibration.model import ErrorModel
@@ -71,7 +72,7 @@ class ProbePlanRequest(Request):
         float,
         Option(help="Stop when that uncertainty (3-D, one sigma) is below this."),
     ] = 0.0
-    touch_sigma_mm: TouchSigma = TOUCH_SIGMA_MM
+    touch_sigma_mm: TouchSigma = TOUCH_MM
     tool_sigma_mm: ToolSigma = None
     lean_deg: Annotated[
         float,

@@ -146,12 +146,12 @@ def run(request: ProgramRequest, context: Context) -> MadeProgram:
     from robotrue.core.files import write_atomic
     from robotrue.core.mesh import read_mesh
     from robotrue.planning.machining import job_program, plan_machining
-    from robotrue.program.formats.krl_machining import Speeds
+    from robotrue.program.formats.krl_machining import KrlSpeeds
     from robotrue.program.identity import identity_path, write_identity
 
     output, paths = context.output(request.output), request.toolpaths
     cell, settings = _cell_and_settings(request, context)
-    speeds = Speeds(
+    speeds = KrlSpeeds(
         rapid=request.rapid_mm_per_s * MM,
         feed=float("nan")
         if request.feed_mm_per_min is None

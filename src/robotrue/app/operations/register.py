@@ -11,10 +11,11 @@ from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block
 from robotrue.app.request import InputFile, Option, Output, Request
-from robotrue.app.request_fields import TOUCH_SIGMA_MM, CellOrModel, ToolSigma, TouchSigma
+from robotrue.app.request_fields import CellOrModel, ToolSigma, TouchSigma
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError
+from robotrue.validation.registration_defaults import FIT, TOUCH_MM
 
 if TYPE_CHECKING:
     from robotrue.cell.cell import Cell
@@ -40,7 +41,7 @@ class RegisterRequest(Request):
             help="Registered cell to write.",
         ),
     ]
-    touch_sigma_mm: TouchSigma = TOUCH_SIGMA_MM
+    touch_sigma_mm: TouchSigma = TOUCH_MM
     robot_sigma_mm: Annotated[
         float | None, Option(help="Of the arm over the part; default: what its model says.")
     ] = None
@@ -52,7 +53,7 @@ class RegisterRequest(Request):
     fit: Annotated[
         Literal["auto", "frame", "joint"],
         Option(help="auto; frame: leave the arm as it is; joint: arm, tool and frame."),
-    ] = "auto"
+    ] = FIT
     mesh: Annotated[
         Path | None, InputFile(help="The part (STL): touches with a normal lie on it.")
     ] = None

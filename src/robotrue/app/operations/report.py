@@ -18,8 +18,9 @@ from robotrue.app.operations.report_registration import (
     draft_registration,
 )
 from robotrue.app.presentation import Block, Note
-from robotrue.app.reported import ENGLISH, Language, ReportDraft
+from robotrue.app.reported import Language, ReportDraft
 from robotrue.app.request import Item, ItemVersion, Option, Reference, Request
+from robotrue.core.catalogue import DEFAULT_LANG
 from robotrue.core.provenance import Provenance
 from robotrue.errors import ConfigurationError
 
@@ -64,7 +65,7 @@ class ReportRequest(Request):
             help="Largest distance of a target or pose from where it should be.",
         ),
     ] = None
-    lang: Language = ENGLISH
+    lang: Language = DEFAULT_LANG
     strict: Annotated[bool, Option(help="Axis targets count as targets that are not proven.")] = (
         False
     )

@@ -12,7 +12,6 @@ from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.plain_result import WrittenFiles
 from robotrue.app.reported import (
-    ENGLISH,
     Language,
     Outputs,
     ReportDraft,
@@ -22,6 +21,7 @@ from robotrue.app.reported import (
 )
 from robotrue.app.request import Item, Option, Reference, Request
 from robotrue.app.request_fields import CalibratedModel, Columns
+from robotrue.core.catalogue import DEFAULT_LANG
 from robotrue.core.units import MM
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ class ReportCalibrationRequest(Request):
         Item(noun="measurement", argument="[TEST...]", help="Poses the calibration has not seen."),
     ] = ()
     output: Outputs
-    lang: Language = ENGLISH
+    lang: Language = DEFAULT_LANG
     tolerance_mm: Annotated[
         float | None,
         Field(gt=0.0),

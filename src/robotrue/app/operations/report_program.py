@@ -9,7 +9,6 @@ from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.plain_result import WrittenFiles
 from robotrue.app.reported import (
-    ENGLISH,
     Language,
     Outputs,
     ReportDraft,
@@ -19,6 +18,7 @@ from robotrue.app.reported import (
     write_draft,
 )
 from robotrue.app.request import InputFile, Item, Option, Reference, Request
+from robotrue.core.catalogue import DEFAULT_LANG
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError
 
@@ -38,7 +38,7 @@ class ReportProgramRequest(Request):
         float, Option(help="Largest distance of a target from where it should be.")
     ]
     output: Outputs
-    lang: Language = ENGLISH
+    lang: Language = DEFAULT_LANG
     cell: Annotated[
         Reference | None, Item(noun="registration", help="Registered cell whose part counts.")
     ] = None

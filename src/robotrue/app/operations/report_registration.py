@@ -9,7 +9,6 @@ from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.plain_result import WrittenFiles
 from robotrue.app.reported import (
-    ENGLISH,
     Language,
     Outputs,
     ReportDraft,
@@ -19,6 +18,7 @@ from robotrue.app.reported import (
     write_draft,
 )
 from robotrue.app.request import Item, Reference, Request
+from robotrue.core.catalogue import DEFAULT_LANG
 from robotrue.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ class ReportRegistrationRequest(Request):
         Item(noun="registration", argument="CELL", help="Cell that `register` wrote."),
     ]
     output: Outputs
-    lang: Language = ENGLISH
+    lang: Language = DEFAULT_LANG
     simulated: Simulated = False
 
 

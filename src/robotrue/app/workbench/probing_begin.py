@@ -30,6 +30,7 @@ from robotrue.measurement.formats.part_points import (
 from robotrue.measurement.formats.sheet_file import read_sheet
 from robotrue.measurement.touch_session import ProbingSession, TouchFeature
 from robotrue.planning.arm_scene import scene_of
+from robotrue.planning.plan_defaults import LEAN_DEG, ROUGH_MM
 from robotrue.planning.probing_candidates import TouchLimits, find_facing_posture, touch_candidates
 from robotrue.robot.forward import forward
 from robotrue.robot.inverse import branches_of
@@ -44,8 +45,6 @@ AXES: Final[Mapping[str, tuple[float, float, float]]] = {
     "+x": (1.0, 0.0, 0.0), "-x": (-1.0, 0.0, 0.0), "+y": (0.0, 1.0, 0.0),
     "-y": (0.0, -1.0, 0.0), "+z": (0.0, 0.0, 1.0), "-z": (0.0, 0.0, -1.0),
 }  # fmt: skip
-ROUGH_MM: Final = 20.0
-LEAN_DEG: Final = 15.0
 STEEPER_DEG: Final = 10.0
 """Beyond the lean, by which the tool may be off the direction a feature is open to."""
 MOST: Final = 300

@@ -25,9 +25,9 @@ from robotrue.core.arrays import Array
 from robotrue.core.units import MM
 from robotrue.errors import FormatError
 from robotrue.program.formats.apt_arcs import Circle, arc_points, circle_of, directed_circle
-from robotrue.program.formats.apt_feeds import Speeds
+from robotrue.program.formats.apt_feeds import AptSpeeds
 from robotrue.program.formats.apt_frames import AxisSystems
-from robotrue.program.formats.apt_statements import Statement, numbers, statements
+from robotrue.program.formats.apt_statements import AptStatement, numbers, statements
 from robotrue.program.toolpath import Remark, Toolpath
 
 INCH: Final = 25.4 * MM
@@ -110,7 +110,7 @@ class _Reader:
         self.axis = np.array([0.0, 0.0, 1.0])
         self.fixed_axis = False
         self.rapid = False
-        self.speeds = Speeds(source)
+        self.speeds = AptSpeeds(source)
         self.circle: Circle | None = None
         self.tangent: Array | None = None
         self.inner, self.outer = np.nan, np.nan
@@ -123,7 +123,7 @@ class _Reader:
         self.points: list[Array] = []
         self.axes: list[Array] = []
         self.columns: list[tuple[float, bool, int, int]] = []
-        self._modal: dict[str, Callable[[Statement], None]] = {
+        self._modal: dict[str, Callable[[AptStatement], None]] = {
             "UNITS": self._units,
             "MULTAX": self._multax,
             "TLAXIS": self._tlaxis,
@@ -133,7 +133,7 @@ class _Reader:
             "TOOL PATH": self._tool_path,
         }
 
-    def take(self, statement: Statement) -> None:
+    def take(self, statement: AptStatement) -> None:
         """Takes one statement."""
         self._comment(statement)
         head = statement.head
@@ -206,7 +206,7 @@ class _Reader:
             notes=tuple(self.notes),
         )
 
-    def _move(self, statement: Statement) -> None:
+    def _move(self, statement: AptStatement) -> None:
         values = numbers(statement, self.source)
         if self.circle is not None and statement.head == "GOTO":
             self._arc_to(self.circle, statement, values)
@@ -239,7 +239,7 @@ class _Reader:
         self.columns.extend([row] * len(points))
         self.here, self.rapid, self.tangent = points[-1], False, None
 
-    def _arc_to(self, circle: Circle, statement: Statement, values: list[float]) -> None:
+    def _arc_to(self, circle: Circle, statement: AptStatement, values: list[float]) -> None:
         """Adds the arc to a GOTO: one end, or several points of the same arc."""
         before = self.axis
         with_axis = len(values) == 6 and abs(np.linalg.norm(values[3:]) - 1.0) < 0.01
@@ -252,7 +252,7 @@ class _Reader:
         for end in np.array(values).reshape(-1, 3) * self.unit:
             self._arc(circle, end, before, statement.line)
 
-    def _directed(self, statement: Statement) -> None:
+    def _directed(self, statement: AptStatement) -> None:
         if self.here is None:
             self._refuse(statement, "an arc before any point")
         circle, end = directed_circle(
@@ -276,7 +276,7 @@ class _Reader:
         printed = [value for value in (self.inner, self.outer) if value > 0.0]
         return sum(printed) if printed else CHORD
 
-    def _turn(self, statement: Statement, values: list[float]) -> None:
+    def _turn(self, statement: AptStatement, values: list[float]) -> None:
         length = math.hypot(*values)
         if not 0.99 <= length <= 1.01:
             self._refuse(statement, f"a tool axis of length {length:.4g}, expected 1")
@@ -285,13 +285,13 @@ class _Reader:
             self._refuse(statement, "another tool axis after MULTAX/OFF")
         self.axis = axis
 
-    def _vector(self, statement: Statement) -> Array:
+    def _vector(self, statement: AptStatement) -> Array:
         values = numbers(statement, self.source)
         if len(values) != 3 or not np.linalg.norm(values) > 0.0:
             self._refuse(statement, f"{statement.head}/ is not a direction of three numbers")
         return np.array(values)
 
-    def _units(self, statement: Statement) -> None:
+    def _units(self, statement: AptStatement) -> None:
         word = statement.arguments[0] if statement.arguments else ""
         if word not in LENGTHS:
             self._refuse(statement, f"UNITS/{word}, expected MM or INCHES")
@@ -299,46 +299,46 @@ class _Reader:
             self._refuse(statement, "UNITS/ after the first point")
         self.unit, self.unit_line = LENGTHS[word], statement.line
 
-    def _multax(self, statement: Statement) -> None:
+    def _multax(self, statement: AptStatement) -> None:
         word = statement.arguments[0] if statement.arguments else "ON"
         if word not in ("ON", "OFF"):
             self._refuse(statement, f"MULTAX/{word}, expected ON or OFF")
         self.fixed_axis = word == "OFF"
 
-    def _tlaxis(self, statement: Statement) -> None:
+    def _tlaxis(self, statement: AptStatement) -> None:
         axis = self._vector(statement)
         self.axis = axis / np.linalg.norm(axis)
 
-    def _intol(self, statement: Statement) -> None:
+    def _intol(self, statement: AptStatement) -> None:
         self.inner = self._tolerance(statement)
 
-    def _outtol(self, statement: Statement) -> None:
+    def _outtol(self, statement: AptStatement) -> None:
         self.outer = self._tolerance(statement)
 
-    def _tolerance(self, statement: Statement) -> float:
+    def _tolerance(self, statement: AptStatement) -> float:
         values = numbers(statement, self.source)
         if not values or min(values) < 0.0:
             self._refuse(statement, f"{statement.head}/ without a tolerance of 0 or more")
         return values[0] * self.unit
 
-    def _tool_path(self, statement: Statement) -> None:
+    def _tool_path(self, statement: AptStatement) -> None:
         self._operation(statement.text.partition("/")[2].partition(",")[0].strip())
         self._keep(statement, known=True)
 
     def _operation(self, name: str) -> None:
         self.operations.append(name or f"operation {len(self.operations) + 1}")
 
-    def _tool(self, statement: Statement) -> None:
+    def _tool(self, statement: AptStatement) -> None:
         name = statement.arguments[0] if statement.arguments else ""
         if not self.tools or self.tools[-1][0] != name:
             self.tools.append((name, statement.line))
 
-    def _msys(self, statement: Statement) -> None:
+    def _msys(self, statement: AptStatement) -> None:
         values = tuple(numbers(statement, self.source))
         self.systems.take(values, statement.line, points=bool(self.points))
         self._keep(statement, known=True)
 
-    def _comment(self, statement: Statement) -> None:
+    def _comment(self, statement: AptStatement) -> None:
         """Names of operations and machining axis systems stand in comments in some systems."""
         found = _OPERATION.search(statement.comment)
         if found:
@@ -348,7 +348,7 @@ class _Reader:
     def _note(self, line: int, text: str) -> None:
         self.notes.append(f"{self.source}:{line}: {text}")
 
-    def _keep(self, statement: Statement, *, known: bool) -> None:
+    def _keep(self, statement: AptStatement, *, known: bool) -> None:
         remark = Remark(
             before=len(self.points), line=statement.line, text=statement.text, known=known
         )
@@ -356,7 +356,7 @@ class _Reader:
         if not known:
             self.unknown.setdefault(statement.head, statement.line)
 
-    def _refuse(self, statement: Statement, why: str) -> NoReturn:
+    def _refuse(self, statement: AptStatement, why: str) -> NoReturn:
         raise FormatError(
             f"{why}: {statement.text[:60]!r}.",
             source=self.source,

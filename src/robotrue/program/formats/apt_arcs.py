@@ -19,7 +19,7 @@ from robotrue.core.units import MM
 from robotrue.errors import FormatError
 from robotrue.program.formats.apt_statements import (
     LARGEST,
-    Statement,
+    AptStatement,
     is_number,
     numbers,
     to_number,
@@ -50,7 +50,7 @@ class Circle(NamedTuple):
     line: int
 
 
-def circle_of(statement: Statement, unit: float, source: str) -> Circle:
+def circle_of(statement: AptStatement, unit: float, source: str) -> Circle:
     """Returns the circle of ``CIRCLE/ x,y,z,i,j,k,r``.
 
     Raises:
@@ -79,7 +79,12 @@ def circle_of(statement: Statement, unit: float, source: str) -> Circle:
 
 
 def directed_circle(
-    statement: Statement, start: Array, tangent: Array | None, tool: Array, unit: float, source: str
+    statement: AptStatement,
+    start: Array,
+    tangent: Array | None,
+    tool: Array,
+    unit: float,
+    source: str,
 ) -> tuple[Circle, Array]:
     """Returns the circle of ``TLON,GOFWD/`` and the end point (3,) m.
 

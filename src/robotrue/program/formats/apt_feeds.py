@@ -8,7 +8,7 @@ import numpy as np
 
 from robotrue.core.units import MM
 from robotrue.errors import FormatError
-from robotrue.program.formats.apt_statements import Statement, is_number, to_number
+from robotrue.program.formats.apt_statements import AptStatement, is_number, to_number
 from robotrue.program.toolpath import FASTEST
 
 _PER_MINUTE: Final = {"MMPM": MM, "IPM": 25.4 * MM, "MPM": 1.0, "FPM": 304.8 * MM}
@@ -16,7 +16,7 @@ _PER_SECOND: Final = {"MMPS": MM, "IPS": 25.4 * MM}
 _PER_TURN: Final = {"MMPR": MM, "IPR": 25.4 * MM}
 
 
-class Speeds:
+class AptSpeeds:
     """Feed and spindle in force.
 
     Attributes:
@@ -51,7 +51,7 @@ class Speeds:
             )
         return float(value)
 
-    def take(self, statement: Statement, unit: float) -> None:
+    def take(self, statement: AptStatement, unit: float) -> None:
         """Takes a FEDRAT/ or SPINDL/ statement; ``unit`` is m per unit of the file.
 
         Raises:
@@ -86,7 +86,7 @@ class Speeds:
         elif values and not {"SFM", "SMM", "MAXRPM", "RANGE"} & set(words):
             self.turns = values[0] / 60.0
 
-    def _fault(self, statement: Statement, wanted: str) -> FormatError:
+    def _fault(self, statement: AptStatement, wanted: str) -> FormatError:
         return FormatError(
             f"{statement.text[:60]!r}: {wanted}.",
             source=self.source,

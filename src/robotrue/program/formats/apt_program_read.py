@@ -14,7 +14,7 @@ from robotrue.program.formats.apt import LENGTHS, UNREAD_MOTIONS
 from robotrue.program.formats.apt_frames import AxisSystems
 from robotrue.program.formats.apt_statements import (
     LARGEST,
-    Statement,
+    AptStatement,
     is_number,
     statements,
     to_number,
@@ -116,7 +116,7 @@ class _Reader:
         self.groups: list[list[int]] = []
         self.told: list[tuple[int, str]] = []
 
-    def take(self, statement: Statement) -> None:
+    def take(self, statement: AptStatement) -> None:
         """Takes one statement."""
         if statement.comment:
             self._system(statement)
@@ -153,13 +153,13 @@ class _Reader:
     def _lose(self, why: str) -> None:
         self.lost = self.lost or why
 
-    def _system(self, statement: Statement) -> None:
+    def _system(self, statement: AptStatement) -> None:
         try:
             self.systems.comment(statement.comment, statement.line, points=bool(self.count))
         except FormatError as error:
             self._lose(f"line {statement.line}: {error.message.rstrip('.')}")
 
-    def _axes(self, statement: Statement) -> None:
+    def _axes(self, statement: AptStatement) -> None:
         if not all(map(is_number, statement.arguments)):
             self._lose(f"line {statement.line}: MSYS/ is not read")
             return
@@ -169,7 +169,7 @@ class _Reader:
         except FormatError as error:
             self._lose(f"line {statement.line}: {error.message.rstrip('.')}")
 
-    def _units(self, statement: Statement) -> None:
+    def _units(self, statement: AptStatement) -> None:
         word = statement.arguments[0] if statement.arguments else ""
         if word not in LENGTHS:
             raise FormatError(
@@ -187,7 +187,7 @@ class _Reader:
         else:
             self._lose("TLAXIS/ is not three numbers")
 
-    def _goto(self, statement: Statement) -> None:
+    def _goto(self, statement: AptStatement) -> None:
         count = len(statement.arguments)
         if count not in (3, 6) or not all(map(is_number, statement.arguments)):
             self._row(statement, [], Reason.EXPRESSION, "GOTO/ with other than 3 or 6 numbers")
@@ -255,7 +255,7 @@ class _Reader:
 
     def _row(
         self,
-        statement: Statement,
+        statement: AptStatement,
         spans: list[tuple[int, int, float]],
         reason: Reason,
         what: str,

@@ -18,7 +18,7 @@ _FREE_TEXT: Final = ("PARTNO", "PPRINT", "INSERT", "REMARK", "TPRINT", "LETTER",
 """Words whose text is for people; nothing in it is looked at."""
 
 
-class Statement(NamedTuple):
+class AptStatement(NamedTuple):
     """One statement.
 
     Attributes:
@@ -36,7 +36,7 @@ class Statement(NamedTuple):
     comment: str
 
 
-def statements(data: bytes, source: str) -> Iterator[Statement]:
+def statements(data: bytes, source: str) -> Iterator[AptStatement]:
     """Yields the statements of a file in order; comment lines have an empty head.
 
     A dollar sign at the end of a line continues it. So it does in comments that begin with ``$$->``
@@ -91,13 +91,13 @@ def _decode(data: bytes, source: str) -> str:
         return data.decode("latin-1")  # an umlaut in a comment; every statement is ASCII
 
 
-def _statement(code: str, comment: str, line: int, source: str) -> Statement:
+def _statement(code: str, comment: str, line: int, source: str) -> AptStatement:
     text = " ".join(code.split())
     if not text:
-        return Statement(line, "", (), "", comment)
+        return AptStatement(line, "", (), "", comment)
     first = text.partition(" ")[0].partition("/")[0].upper()
     if first in _FREE_TEXT:
-        return Statement(line, first, (text[len(first) :].strip(" /"),), text, comment)
+        return AptStatement(line, first, (text[len(first) :].strip(" /"),), text, comment)
     head, _, rest = text.partition("/")
     if not _HEAD.fullmatch(head.strip()):
         raise FormatError(
@@ -107,7 +107,7 @@ def _statement(code: str, comment: str, line: int, source: str) -> Statement:
             hint="a statement begins with a word: GOTO/, FEDRAT/, ...; $ continues a line.",
         )
     arguments = tuple(part.strip().upper() for part in rest.split(",")) if rest.strip() else ()
-    return Statement(line, " ".join(head.upper().split()), arguments, text, comment)
+    return AptStatement(line, " ".join(head.upper().split()), arguments, text, comment)
 
 
 def is_number(word: str) -> bool:
@@ -120,7 +120,7 @@ def to_number(word: str) -> float:
     return float(word.replace(" ", "").replace("D", "E").replace("d", "E"))
 
 
-def numbers(statement: Statement, source: str) -> list[float]:
+def numbers(statement: AptStatement, source: str) -> list[float]:
     """Returns all arguments as numbers.
 
     Raises:

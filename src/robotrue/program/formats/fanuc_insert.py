@@ -19,9 +19,9 @@ from robotrue.program.formats.fanuc_scan import FanucScan, scan
 from robotrue.program.formats.fanuc_write import config_word, read_config
 from robotrue.program.formats.move_trail import (
     UNKNOWN,
-    Group,
-    Statement,
+    MoveGroup,
     Trail,
+    TrailStatement,
     groups,
     line_start,
     put_in,
@@ -117,7 +117,7 @@ class _Reader:
         self.run.close()
         if letter in (b"L", b"C"):
             via = first.span() if letter == b"C" else (UNKNOWN, UNKNOWN)
-            s = Statement(0, start, *via, *last.span(), match.end())
+            s = TrailStatement(0, start, *via, *last.span(), match.end())
             auxiliary = rows[0] if letter == b"C" else UNKNOWN
             self.trail.move(auxiliary, rows[-1], line, s, obstacle)
         else:
@@ -160,7 +160,7 @@ class _Writer:
             edits.append((count.start(2), len(count[2]), total))
         return put_in([self.program], [edits])[0]
 
-    def _copies(self, group: Group) -> list[bytes]:
+    def _copies(self, group: MoveGroup) -> list[bytes]:
         """Returns the statements put in, numbered from where they stand."""
         s, moves, data = group.statement, self.moves, self.data
         names = []

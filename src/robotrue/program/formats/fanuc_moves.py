@@ -55,7 +55,7 @@ _TAILS: Final = 4096
 
 
 @dataclass(slots=True)
-class Moves:
+class FanucMoves:
     """What is known of every position that a statement names.
 
     Attributes:
@@ -89,7 +89,7 @@ def quiet_programs(files: Sequence[tuple[str, bytes]]) -> tuple[str, ...]:
     )
 
 
-def moves(scan: FanucScan, name: str, harmless: Container[str] = ()) -> Moves:
+def moves(scan: FanucScan, name: str, harmless: Container[str] = ()) -> FanucMoves:
     """Returns what the statements do.
 
     Args:
@@ -124,7 +124,7 @@ class _Walk:
     def __init__(self, scan: FanucScan, name: str, harmless: Container[str]) -> None:
         self._harmless = harmless
         self.name, self.data = name, scan.data
-        self.out = Moves()
+        self.out = FanucMoves()
         self._starts = line_starts(self.data)
         self._row = {number: row for row, number in enumerate(scan.number.tolist())}
         self._others = scan.others

@@ -11,7 +11,7 @@ from robotrue.core.arm_words import NO_WORD, WORDS
 from robotrue.core.arrays import BoolArray, IntArray
 from robotrue.core.units import DEG
 from robotrue.program.external_axes import COUNT, Carried, described
-from robotrue.program.formats.fanuc_moves import Moves, moves
+from robotrue.program.formats.fanuc_moves import FanucMoves, moves
 from robotrue.program.formats.fanuc_records import CURRENT
 from robotrue.program.formats.fanuc_scan import FanucScan, scan
 from robotrue.program.formats.fanuc_write import FanucSpans, read_config
@@ -35,7 +35,7 @@ def read_fanuc(data: bytes, name: str, frames: FrameTable) -> Program:
 
 
 class _Builder:
-    def __init__(self, found: FanucScan, walk: Moves, name: str, given: FrameTable) -> None:
+    def __init__(self, found: FanucScan, walk: FanucMoves, name: str, given: FrameTable) -> None:
         self.scan, self.walk, self.name, self.given = found, walk, name, given
         self.notes: list[str] = []
         self.frames = NumberedFrames(given, name, holder=_HOLDER, zero_is_root=True)

@@ -12,7 +12,7 @@ from robotrue.core.rotations import matrix_from_rotation_vector, rotation_vector
 from robotrue.program.formats.apt_arcs import MISS
 from robotrue.program.formats.gcode_arcs import ACROSS, Centre, PlaneArcs, middles, no_arcs
 from robotrue.program.formats.gcode_rows import Rows, Words
-from robotrue.program.formats.gcode_vocabulary import Column, Drive, Group
+from robotrue.program.formats.gcode_vocabulary import Drive, Modal, WordColumn
 from robotrue.program.formats.number_table import Numbers
 from robotrue.program.formats.path_words import Turn
 from robotrue.program.program import Motion, Reason
@@ -126,8 +126,8 @@ def arc_rows(rows: Rows, words: Words, base: IntArray, *, absolute: bool) -> Arc
         base: (m,) work frame of each.
         absolute: I, J, K are coordinates of the centre.
     """
-    m, drive = len(rows.block), rows.force[:, Group.MOTION]
-    relative = rows.force[:, Group.RELATIVE] != 0
+    m, drive = len(rows.block), rows.force[:, Modal.MOTION]
+    relative = rows.force[:, Modal.RELATIVE] != 0
     round_ = np.isin(drive, (Drive.RIGHT, Drive.LEFT, Drive.THROUGH)) & (rows.turn != Turn.AXES)
     arc = np.flatnonzero(round_)
     source = np.repeat(np.arange(m), 1 + round_)
@@ -137,7 +137,7 @@ def arc_rows(rows: Rows, words: Words, base: IntArray, *, absolute: bool) -> Arc
     sure = (arc > 0) & (rows.epoch[arc] == rows.epoch[before]) & (base[arc] == base[before])
     sure &= np.isfinite(rows.value[before, :3]).all(axis=1) & ~relative[arc] & ~relative[before]
     starts = np.where(sure, place[before], -1)
-    through, by_point = words.numbers((Column.VX, Column.VY, Column.VZ))
+    through, by_point = words.numbers((WordColumn.VX, WordColumn.VY, WordColumn.VZ))
     whole = np.asarray(by_point.all(axis=1))[arc] & ~relative[arc]
     plane = _plane_arcs(rows, words, arc, place, starts, absolute, by_point)
     value = rows.value[source, :3]
@@ -170,23 +170,23 @@ def _plane_arcs(
     by_point: BoolArray,
 ) -> PlaneArcs:
     """Arcs whose words are a centre in their plane or a radius, and nothing else."""
-    centre, there = words.numbers((Column.I, Column.J, Column.K))
-    radius, by_radius = words.numbers((Column.R,))
-    plane = np.maximum(rows.force[:, Group.PLANE], 0)
+    centre, there = words.numbers((WordColumn.I, WordColumn.J, WordColumn.K))
+    radius, by_radius = words.numbers((WordColumn.R,))
+    plane = np.maximum(rows.force[:, Modal.PLANE], 0)
     across = ACROSS[plane]
     aside = np.take_along_axis(there, across[:, 2:], axis=1)[:, 0]
     aside &= np.take_along_axis(np.nan_to_num(centre.value), across[:, 2:], axis=1)[:, 0] != 0.0
     flat = np.take_along_axis(there, across[:, :2], axis=1).any(axis=1)
-    drive = rows.force[:, Group.MOTION]
+    drive = rows.force[:, Modal.MOTION]
     fit = np.isin(drive, (Drive.RIGHT, Drive.LEFT)) & ~by_point.any(axis=1) & ~aside
     fit &= flat ^ by_radius[:, 0]
     computed = (there & (centre.start < 0)).any(axis=1) | (by_radius & (radius.start < 0)).any(
         axis=1
     )
     full_way = np.take_along_axis(there, across[:, :2], axis=1).all(axis=1)
-    by_centre = rows.force[:, Group.CENTRE] == 1 if not absolute else np.ones(len(fit), np.bool_)
+    by_centre = rows.force[:, Modal.CENTRE] == 1 if not absolute else np.ones(len(fit), np.bool_)
     fit &= ~computed & (full_way | ~by_centre | by_radius[:, 0])
-    fit &= rows.force[:, Group.PLANE] >= 0
+    fit &= rows.force[:, Modal.PLANE] >= 0
     keep = fit[arc] & (starts >= 0)
     arc, starts = arc[keep], starts[keep]
     by_r = by_radius[arc, 0]

@@ -8,10 +8,10 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array, IntArray
-from robotrue.program.formats.gcode_vocabulary import UNCERTAIN, Column, Group
+from robotrue.program.formats.gcode_vocabulary import UNCERTAIN, Modal, WordColumn
 from robotrue.program.program import Reason
 
-ALL: Final = tuple(range(Column.R))
+ALL: Final = tuple(range(WordColumn.R))
 POINT: Final = (0, 1, 2)
 ROTARY: Final = (3, 4, 5, 6, 7, 8)
 
@@ -36,7 +36,7 @@ class Findings:
         inch: Unit the head of the program states: None where it does not.
     """
 
-    groups: tuple[Group, ...] = tuple(Group)
+    groups: tuple[Modal, ...] = tuple(Modal)
     shifts: dict[str, bool] = field(default_factory=dict)
     words: list[tuple[int, int, int, int, float]] = field(default_factory=list)
     state: dict[tuple[int, int], int] = field(default_factory=dict)
@@ -56,7 +56,7 @@ class Findings:
             self.names.append(text)
         return self.names.index(text)
 
-    def set(self, block: int, group: Group, value: int) -> None:
+    def set(self, block: int, group: Modal, value: int) -> None:
         """Sets a state from this block on."""
         self.state[block, int(group)] = value
 
@@ -65,12 +65,12 @@ class Findings:
         self.shifts.clear()
         for group in self.groups:
             self.state.setdefault((block, int(group)), UNCERTAIN)
-        self.lost[block] = (*ALL, *range(Column.J1, Column.J6 + 1))
+        self.lost[block] = (*ALL, *range(WordColumn.J1, WordColumn.J6 + 1))
 
     def shift(self, block: int, kind: str, on: bool) -> None:
         """Says that coordinates are moved, turned or scaled in one way, or no longer."""
         self.shifts[kind] = on
-        self.set(block, Group.SHIFTED, int(any(self.shifts.values())))
+        self.set(block, Modal.SHIFTED, int(any(self.shifts.values())))
 
     def forget(self, block: int, columns: tuple[int, ...] = ALL) -> None:
         """Forgets columns when the block ends."""
@@ -91,7 +91,7 @@ class Blocks:
         end: (l,) its end without comment and line end.
         state: (l, groups) as set by each block, ``NO_STATE`` where it says nothing.
         block: (t,) block of every word, rising.
-        column: (t,) :class:`Column`.
+        column: (t,) :class:`WordColumn`.
         start: (t,) first byte of its number, -1 of one that is computed.
         length: (t,) bytes.
         value: (t,) NaN of one that is computed.

@@ -17,7 +17,13 @@ from robotrue.program.formats.gcode_frames import GcodeFrames
 from robotrue.program.formats.gcode_kernels import NO_STATE
 from robotrue.program.formats.gcode_rows import Rows, Words, chosen
 from robotrue.program.formats.gcode_state import Epochs, in_force, inherited
-from robotrue.program.formats.gcode_vocabulary import UNCERTAIN, Column, Drive, Group, Vocabulary
+from robotrue.program.formats.gcode_vocabulary import (
+    UNCERTAIN,
+    Drive,
+    Modal,
+    Vocabulary,
+    WordColumn,
+)
 from robotrue.program.formats.number_table import Numbers
 from robotrue.program.formats.path_kernels import with_point
 from robotrue.program.formats.path_words import PathWords, Turn, poses, tool_axes
@@ -27,7 +33,7 @@ from robotrue.program.orientation import OrientationRule
 from robotrue.program.program import FrameTable, Motion, Program, Reason
 
 INCH: Final = 25.4 * MM
-_TURNS: Final = (Column.A, Column.AX)
+_TURNS: Final = (WordColumn.A, WordColumn.AX)
 
 
 def build(blocks: Blocks, name: str, vocabulary: Vocabulary, frames: FrameTable) -> Program:
@@ -43,7 +49,7 @@ class _Builder:
         self.rule: OrientationRule = frames.orientation
         self.force = in_force(blocks)
         if blocks.findings.inch is not None:
-            self.force[:, Group.INCH] = int(blocks.findings.inch)
+            self.force[:, Modal.INCH] = int(blocks.findings.inch)
         self.epochs = Epochs(blocks, self.force)
         self.rows = self._rows()
         self.words = Words(blocks, self.rows.block)
@@ -57,8 +63,8 @@ class _Builder:
         own = force[block]
         point, there = words.numbers((0, 1, 2))
         spoken = self.epochs.of(0, block)
-        unit = np.where(own[:, Group.INCH] == 1, INCH, MM)
-        relative = (own[:, Group.RELATIVE] != 0) | (own[:, Group.MOTION] == Drive.CYCLE)
+        unit = np.where(own[:, Modal.INCH] == 1, INCH, MM)
+        relative = (own[:, Modal.RELATIVE] != 0) | (own[:, Modal.MOTION] == Drive.CYCLE)
         value = np.empty((len(block), 6))
         for k in range(3):
             column = np.where(relative, np.nan, point.value[:, k])
@@ -84,11 +90,11 @@ class _Builder:
         """Returns the blocks that go somewhere."""
         blocks, force = self.blocks, self.force
         column, block = blocks.column, blocks.block
-        motion, tip = force[block, Group.MOTION], force[block, Group.TIP]
-        goes = (column < Column.I) | ((column >= Column.J1) & (column <= Column.J6))
-        arc = (column >= Column.I) & (column <= Column.R)
+        motion, tip = force[block, Modal.MOTION], force[block, Modal.TIP]
+        goes = (column < WordColumn.I) | ((column >= WordColumn.J1) & (column <= WordColumn.J6))
+        arc = (column >= WordColumn.I) & (column <= WordColumn.R)
         goes |= arc & np.isin(motion, (Drive.RIGHT, Drive.LEFT, Drive.THROUGH))
-        goes |= arc & (column <= Column.K) & (tip == 2)
+        goes |= arc & (column <= WordColumn.K) & (tip == 2)
         moving = np.zeros(len(blocks.first), np.bool_)
         moving[block[goes]] = True
         moving[list(blocks.findings.silent)] = False
@@ -102,17 +108,17 @@ class _Builder:
         vector, by_vector = words.numbers((6, 7, 8))
         if self.vocabulary.names[Turn.VECTOR][3] == b"I":
             ijk, there = words.numbers((9, 10, 11))
-            mine = (own[:, Group.TIP] == 2) & (own[:, Group.MOTION] < Drive.RIGHT)
+            mine = (own[:, Modal.TIP] == 2) & (own[:, Modal.MOTION] < Drive.RIGHT)
             by_vector, vector = there & mine[:, None], chosen(mine, ijk, vector)
-        jointed = words.numbers(tuple(range(Column.J1, Column.J6 + 1)))[1].any(axis=1)
+        jointed = words.numbers(tuple(range(WordColumn.J1, WordColumn.J6 + 1)))[1].any(axis=1)
         said = np.where(by_vector.any(axis=1), 2.0, np.where(by_angle.any(axis=1), 1.0, np.nan))
         said[jointed] = np.nan
         epoch = self.epochs.of(3, block)
         mode = inherited(said, np.isfinite(said), epoch)
         turn = np.where(np.isnan(mode), int(Turn.ANGLES), np.nan_to_num(mode)).astype(np.int64)
-        turn[own[:, Group.TIP] == 2] = Turn.VECTOR
+        turn[own[:, Modal.TIP] == 2] = Turn.VECTOR
         turned = np.maximum.accumulate(np.isfinite(said)) if len(said) else np.zeros(0, np.bool_)
-        off = own[:, Group.TIP] == 0
+        off = own[:, Modal.TIP] == 0
         turn[off & ~turned] = Turn.FIXED
         turn[jointed] = Turn.AXES
         vectors = (turn == Turn.VECTOR) & by_vector.any(axis=1)
@@ -132,7 +138,7 @@ class _Builder:
 
     def _joints(self, words: Words, turn: IntArray, value: Array) -> tuple[Numbers, Array]:
         """Axis targets: JT1 to JT6, or JT1 to JT3 with A, B, C for the wrist."""
-        joints, there = words.numbers(tuple(range(Column.J1, Column.J6 + 1)))
+        joints, there = words.numbers(tuple(range(WordColumn.J1, WordColumn.J6 + 1)))
         axes = turn == Turn.AXES
         if not axes.any():
             return joints, value
@@ -203,11 +209,11 @@ class _Builder:
         """
         rows, own = self.rows, reason[place]
         left = ~np.isin(own, (Reason.NONE, Reason.JOINT_TARGET))
-        told = self.words.numbers((Column.X, Column.Y, Column.Z))
-        angles = self.words.numbers((Column.A, Column.B, Column.C))[1]
-        vector = self.words.numbers((Column.AX, Column.AY, Column.AZ))[1]
+        told = self.words.numbers((WordColumn.X, WordColumn.Y, WordColumn.Z))
+        angles = self.words.numbers((WordColumn.A, WordColumn.B, WordColumn.C))[1]
+        vector = self.words.numbers((WordColumn.AX, WordColumn.AY, WordColumn.AZ))[1]
         relative = own == Reason.RELATIVE
-        mixed = relative & (rows.force[:, Group.RELATIVE] == 0) & (told[0].start >= 0).any(axis=1)
+        mixed = relative & (rows.force[:, Modal.RELATIVE] == 0) & (told[0].start >= 0).any(axis=1)
         turns = np.isin(rows.turn, (Turn.ANGLES, Turn.VECTOR))[:, None]
         lacking = np.concatenate([~told[1], turns & ~(angles | vector)], axis=1)
         lost = (self._behind() < 0)[:, None] | np.isnan(rows.value)
@@ -233,18 +239,18 @@ class _Builder:
                 told.add(what)
                 line = int(np.searchsorted(self.blocks.first, place, side="right"))
                 self.notes.say(f"{self.name}:{line}: {what}.")
-        if found.inch is None and (self.blocks.state[:, Group.INCH] == NO_STATE).all():
+        if found.inch is None and (self.blocks.state[:, Modal.INCH] == NO_STATE).all():
             self.notes.say(f"{self.name}:1: the program states no unit: millimetres were taken.")
 
     def _motion(self) -> IntArray:
         rows = self.rows
-        axis_wise = (rows.force[:, Group.AXIS_WISE] == 1) | (rows.turn == Turn.AXES)
+        axis_wise = (rows.force[:, Modal.AXIS_WISE] == 1) | (rows.turn == Turn.AXES)
         return np.where(axis_wise, int(Motion.PTP), int(Motion.LIN))
 
     def _moves(self, arcs: ArcRows) -> IntArray:
         """Returns the rows in file order, rapid ones as joint moves: they cut nothing."""
         table, motion = arcs.spread, arcs.motion(self._motion())
-        rapid = table.rows_of(self.rows.force[:, Group.MOTION] == Drive.RAPID)
+        rapid = table.rows_of(self.rows.force[:, Modal.MOTION] == Drive.RAPID)
         if not rapid.any():
             return np.empty((0, 3), np.int64)
         row = np.arange(table.count)
@@ -252,7 +258,7 @@ class _Builder:
 
     def _behind(self) -> IntArray:
         """Returns the byte (m,) behind the last word of each row, -1 where none may be inserted."""
-        mine = np.flatnonzero((self.blocks.column < Column.J1) & (self.blocks.start >= 0))
+        mine = np.flatnonzero((self.blocks.column < WordColumn.J1) & (self.blocks.start >= 0))
         rows = np.full(len(self.blocks.first), -1)
         rows[self.rows.block] = np.arange(len(self.rows.block))
         place = rows[self.blocks.block[mine]]
@@ -269,8 +275,8 @@ class _Builder:
     def _closed(self) -> BoolArray:
         """Returns the rows (m,) where an absolute coordinate would be another one."""
         force, flags = self.rows.force, self.blocks.findings.flags
-        out = (force[:, Group.RELATIVE] != 0) | (force[:, Group.SHIFTED] != 0)
-        out |= ~np.isin(force[:, Group.MOTION], np.arange(Drive.OTHER))
+        out = (force[:, Modal.RELATIVE] != 0) | (force[:, Modal.SHIFTED] != 0)
+        out |= ~np.isin(force[:, Modal.MOTION], np.arange(Drive.OTHER))
         kinds = (Reason.UNKNOWN_FRAME, Reason.RELATIVE)
         moved = [block for block, why in flags.items() if why in kinds]
         return np.asarray(out | np.isin(self.rows.block, moved))
@@ -279,10 +285,10 @@ class _Builder:
         """Conversational arcs take no third axis and no turn, straight lines no tool axis."""
         out = np.zeros((arcs.spread.count, 6), np.bool_)
         if self.vocabulary.signs[3]:
-            there = self.words.numbers((Column.AX, Column.AY, Column.AZ))[1].any(axis=1)
+            there = self.words.numbers((WordColumn.AX, WordColumn.AY, WordColumn.AZ))[1].any(axis=1)
             out[:, 3:] = arcs.spread.rows_of((self.rows.turn == Turn.VECTOR) & ~there)[:, None]
             out[arcs.ends, 3:] = True
-            third = ACROSS[arcs.spread.rows_of(self.rows.force[:, Group.PLANE])[arcs.ends], 2]
+            third = ACROSS[arcs.spread.rows_of(self.rows.force[:, Modal.PLANE])[arcs.ends], 2]
             out[arcs.ends, third] = True
         return out
 
@@ -296,7 +302,7 @@ class _Builder:
 
     def _status(self, count: int, place: IntArray) -> tuple[IntArray, IntArray]:
         """Returns STAT and TU (n, 2) and where they stand (n, 2, 2); no columns without any."""
-        numbers, given = self.words.numbers((Column.STAT, Column.TU))
+        numbers, given = self.words.numbers((WordColumn.STAT, WordColumn.TU))
         if not given.any():
             return np.empty((count, 0), np.int64), np.empty((count, 0, 2), np.int64)
         whole = given & (numbers.value == np.rint(np.nan_to_num(numbers.value, nan=0.5)))
@@ -333,12 +339,12 @@ class _Builder:
             Reason.INCOMPLETE,
             "what is in force is not certain: state it again behind calls, labels and jumps",
         )
-        give(force[:, Group.RELATIVE] == 1, Reason.RELATIVE, "relative (G91)")
-        motion = force[:, Group.MOTION]
+        give(force[:, Modal.RELATIVE] == 1, Reason.RELATIVE, "relative (G91)")
+        motion = force[:, Modal.MOTION]
         give(motion == Drive.CYCLE, Reason.EXPRESSION, "a cycle moves at every point")
         give(motion == Drive.OTHER, Reason.EXPRESSION, "neither a straight line nor an arc")
         give(
-            force[:, Group.SIDEWAYS] == 1,
+            force[:, Modal.SIDEWAYS] == 1,
             Reason.EXPRESSION,
             "the control moves the path sideways by the radius of the tool (G41, G42, RL, RR)",
         )
@@ -349,7 +355,7 @@ class _Builder:
         self.frames.tell(base[lost_base & ~axes], tool[lost_tool])
         give((lost_base & ~axes) | lost_tool, Reason.UNKNOWN_FRAME, "")
         give(
-            (force[:, Group.SHIFTED] == 1) & ~axes,
+            (force[:, Modal.SHIFTED] == 1) & ~axes,
             Reason.UNKNOWN_FRAME,
             "the coordinates are moved, turned or scaled by the program",
         )
@@ -365,14 +371,14 @@ class _Builder:
 
     def _turn_reasons(self, give: Callable[[BoolArray, Reason, str], None]) -> None:
         rows, force = self.rows, self.rows.force
-        off = (force[:, Group.TIP] == 0) & (rows.turn != Turn.AXES)
+        off = (force[:, Modal.TIP] == 0) & (rows.turn != Turn.AXES)
         give(
             off & (rows.turn != Turn.FIXED),
             Reason.EXPRESSION,
             "rotary words, but the control does not lead the tool point (TRAORI, G43.4, M128)",
         )
         angles = rows.turn == Turn.ANGLES
-        told = force[:, Group.ANGLES]
+        told = force[:, Modal.ANGLES]
         other = (told == 2) | ((told == 1) & (self.rule.angles == "kuka"))
         give(angles & other, Reason.EXPRESSION, "angles of another order than the cell states")
         if not self.rule.angles:
@@ -395,7 +401,7 @@ class _Builder:
     def _increments(self) -> BoolArray:
         """Returns the rows with a number other than 0 that has no point."""
         blocks, found = self.blocks, np.zeros(len(self.blocks.first), np.bool_)
-        mine = np.flatnonzero((blocks.column <= Column.R) & (blocks.start >= 0))
+        mine = np.flatnonzero((blocks.column <= WordColumn.R) & (blocks.start >= 0))
         text = np.frombuffer(blocks.data, np.uint8)
         bare = ~with_point(text, blocks.start[mine], blocks.length[mine])
         found[blocks.block[mine][bare & (blocks.value[mine] != 0.0)]] = True

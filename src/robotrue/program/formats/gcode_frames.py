@@ -10,7 +10,7 @@ import numpy as np
 from robotrue.core.arrays import Array, IntArray
 from robotrue.program.formats.gcode_blocks import Blocks
 from robotrue.program.formats.gcode_kernels import NO_STATE
-from robotrue.program.formats.gcode_vocabulary import NAMED, UNCERTAIN, Group, Vocabulary
+from robotrue.program.formats.gcode_vocabulary import NAMED, UNCERTAIN, Modal, Vocabulary
 from robotrue.program.formats.numbered_frames import NumberedFrames
 from robotrue.program.program import FrameTable
 
@@ -35,7 +35,7 @@ class GcodeFrames:
 
     def columns(self, block: IntArray, force: IntArray) -> tuple[IntArray, IntArray]:
         """Returns frame and tool index (m,) of blocks (m,) with their state (m, groups)."""
-        return self._bases(block, force[:, Group.FRAME]), self._tools(block, force[:, Group.TOOL])
+        return self._bases(block, force[:, Modal.FRAME]), self._tools(block, force[:, Modal.TOOL])
 
     def stacked(self, side: str) -> Array:
         """Returns the matrices."""
@@ -52,7 +52,7 @@ class GcodeFrames:
 
     def _bases(self, block: IntArray, setting: IntArray) -> IntArray:
         """A zero offset is what the program made of it when it called it, or that of the cell."""
-        called = np.flatnonzero(self._blocks.state[:, Group.FRAME] != NO_STATE)
+        called = np.flatnonzero(self._blocks.state[:, Modal.FRAME] != NO_STATE)
         at = np.searchsorted(called, block, side="right") - 1
         since = np.where(at >= 0, called[at] if len(called) else 0, -1)
         made = np.array([each[0] for each in self._blocks.findings.frames], np.int64)

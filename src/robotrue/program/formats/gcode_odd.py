@@ -16,7 +16,13 @@ from robotrue.core.poses import pose
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
 from robotrue.program.formats.gcode_blocks import Findings
-from robotrue.program.formats.gcode_vocabulary import NAMED, UNCERTAIN, Drive, Group, Vocabulary
+from robotrue.program.formats.gcode_vocabulary import (
+    NAMED,
+    UNCERTAIN,
+    Drive,
+    Modal,
+    Vocabulary,
+)
 from robotrue.program.formats.number_text import WHOLE_NUMBER
 from robotrue.program.program import Reason
 
@@ -72,10 +78,10 @@ _DRIVES: Final = {
 }  # fmt: skip
 _OWN_MOVES: Final = (b"CYCLE", b"POCKET", b"HOLES", b"SLOT", b"LONGHOLE", b"MCALL")
 _SETS: Final = {
-    b"TRAORI": (Group.TIP, 1), b"TRAFOOF": (Group.TIP, 0), b"PTP": (Group.AXIS_WISE, 1),
-    b"PTPG0": (Group.AXIS_WISE, UNCERTAIN), b"CP": (Group.AXIS_WISE, 0),
-    b"ORIRPY": (Group.ANGLES, 1), b"ORIEULER": (Group.ANGLES, 2), b"ORIRPY2": (Group.ANGLES, 2),
-    b"ORIMKS": (Group.ANGLES, 2), b"CUT3D": (Group.SIDEWAYS, 1),
+    b"TRAORI": (Modal.TIP, 1), b"TRAFOOF": (Modal.TIP, 0), b"PTP": (Modal.AXIS_WISE, 1),
+    b"PTPG0": (Modal.AXIS_WISE, UNCERTAIN), b"CP": (Modal.AXIS_WISE, 0),
+    b"ORIRPY": (Modal.ANGLES, 1), b"ORIEULER": (Modal.ANGLES, 2), b"ORIRPY2": (Modal.ANGLES, 2),
+    b"ORIMKS": (Modal.ANGLES, 2), b"CUT3D": (Modal.SIDEWAYS, 1),
 }  # fmt: skip
 _MACHINE: Final = ("G53", "G153")
 _HOMES: Final = ("G28", "G30", "G74", "G75", "G27", "M6")
@@ -328,7 +334,7 @@ class _Block:
         elif code == "G54.1" and self._vocabulary.name == "fanuc_gcode":
             match = self._anywhere(_PRESET)
             named = self._out.name(f"G54.1 P{int(match[1])}" if match else "G54.1")
-            self._out.set(self._block, Group.FRAME, NAMED - named)
+            self._out.set(self._block, Modal.FRAME, NAMED - named)
             self._quiet = True
         elif code in _ENDING and not self._anywhere(_POSITION):
             self._out.shift(self._block, _ENDING[code], False)
@@ -357,7 +363,7 @@ class _Block:
         self._out.forget(self._block)
 
     def _tool(self, name: str) -> None:
-        self._out.set(self._block, Group.TOOL, self._out.name(name) + 1)
+        self._out.set(self._block, Modal.TOOL, self._out.name(name) + 1)
 
     def _computed(self) -> bool:
         """``X#101``, ``Z[#1+2]``; ``#100=5`` moves nothing."""
@@ -385,11 +391,11 @@ class _Block:
         if word in _SETS:
             group, value = _SETS[word]
             self._out.set(self._block, group, value)
-            if group == Group.TIP:
+            if group == Modal.TIP:
                 self._out.shift(self._block, "transformation", False)
                 self._out.forget(self._block)
         elif word in _DRIVES:
-            self._out.set(self._block, Group.MOTION, _DRIVES[word])
+            self._out.set(self._block, Modal.MOTION, _DRIVES[word])
         elif word == b"SUPA":
             self._machine()
         elif word in _SHIFTS or word in _CANCELS:

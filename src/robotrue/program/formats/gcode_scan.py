@@ -10,7 +10,7 @@ import numpy as np
 from robotrue.program.formats.gcode_blocks import Blocks, Findings, with_findings
 from robotrue.program.formats.gcode_kernels import NO_STATE, ODD, count_letters, read_blocks
 from robotrue.program.formats.gcode_vocabulary import (
-    Group,
+    Modal,
     Vocabulary,
     code_tables,
     column_table,
@@ -42,7 +42,7 @@ def scan_blocks(
     last = np.append(first[1:], len(data))
     count, room = len(first), int(count_letters(text))
     status, end = np.zeros(count, np.int64), np.zeros(count, np.int64)
-    state = np.full((count, len(Group)), NO_STATE, np.int32)
+    state = np.full((count, len(Modal)), NO_STATE, np.int32)
     block, column = np.empty(room, np.int64), np.empty(room, np.int64)
     start, length, value = np.empty(room, np.int64), np.empty(room, np.int64), np.empty(room)
     size = read_blocks(

@@ -9,9 +9,15 @@ import numpy as np
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.program.formats.gcode_blocks import ALL, Blocks
 from robotrue.program.formats.gcode_kernels import NO_STATE
-from robotrue.program.formats.gcode_vocabulary import Group
+from robotrue.program.formats.gcode_vocabulary import Modal
 
-_ANEW: Final = (Group.INCH, Group.FRAME, Group.TIP, Group.SHIFTED, Group.TOOL)
+_ANEW: Final = (
+    Modal.INCH,
+    Modal.FRAME,
+    Modal.TIP,
+    Modal.SHIFTED,
+    Modal.TOOL,
+)
 """States whose change gives coordinates another meaning."""
 
 
@@ -19,9 +25,9 @@ def in_force(blocks: Blocks) -> IntArray:
     """Returns the state (l, groups) that holds in every block; 0 before anything is said."""
     out = np.empty_like(blocks.state)
     rows = np.arange(len(out))
-    for group in Group:
+    for group in Modal:
         said = blocks.state[:, group]
-        if group == Group.TOOL and blocks.findings.changes:
+        if group == Modal.TOOL and blocks.findings.changes:
             said = _changed_tools(said, blocks.findings.changes)
         last = np.maximum.accumulate(np.where(said != NO_STATE, rows, -1))
         out[:, group] = np.where(last >= 0, said[last], 0)

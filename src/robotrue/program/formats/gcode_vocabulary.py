@@ -26,7 +26,7 @@ NAMED: Final = -10
 """Work frames from here down are names that the slow reader met."""
 
 
-class Group(IntEnum):
+class Modal(IntEnum):
     """States that stay in force until set again."""
 
     MOTION = 0
@@ -44,7 +44,7 @@ class Group(IntEnum):
 
 
 class Drive(IntEnum):
-    """Values of ``Group.MOTION``."""
+    """Values of ``Modal.MOTION``."""
 
     RAPID = 0
     LINE = 1
@@ -55,7 +55,7 @@ class Drive(IntEnum):
     CYCLE = 6  # a canned cycle at every point
 
 
-class Column(IntEnum):
+class WordColumn(IntEnum):
     """Words with a number that is kept."""
 
     X = 0
@@ -93,7 +93,7 @@ class Vocabulary:
         codes: ``G0``, ``G43.4``, ``M128`` to (group, value); group -2 says nothing of places.
         signs: See :func:`.gcode_kernels.read_blocks`.
         names: Addresses of the columns as they are inserted, by :class:`.path_words.Turn`.
-        frames: Names of the zero offsets by their value in ``Group.FRAME``; the first is none.
+        frames: Names of the zero offsets by their value in ``Modal.FRAME``; the first is none.
         increments: A number without a point may count increments.
         groups: States that programs can set, and set again behind a call.
         holder: Where the control keeps its frames and tools, for sentences.
@@ -106,7 +106,7 @@ class Vocabulary:
     names: tuple[tuple[bytes, ...], ...]
     frames: tuple[str, ...]
     increments: bool
-    groups: tuple[Group, ...]
+    groups: tuple[Modal, ...]
     holder: Mapping[str, str]
 
 
@@ -139,18 +139,18 @@ def _each(
 
 
 def _frames(first: int, numbers: Iterable[float]) -> dict[str, tuple[int, int]]:
-    return {f"G{n:g}": (Group.FRAME, k) for k, n in enumerate(numbers, first)}
+    return {f"G{n:g}": (Modal.FRAME, k) for k, n in enumerate(numbers, first)}
 
 
 NOTHING: Final = (-2, 0)
 _POINT: Final = {"X": 0, "Y": 1, "Z": 2, "A": 3, "B": 4, "C": 5}
 _ARC: Final = {"I": 9, "J": 10, "K": 11}
-_MOTION: Final = {f"G{k}": (int(Group.MOTION), k) for k in range(4)}
+_MOTION: Final = {f"G{k}": (int(Modal.MOTION), k) for k in range(4)}
 _COMMON: Final = {
     **_MOTION,
-    **{f"G{17 + k}": (int(Group.PLANE), k) for k in range(3)},
-    "G90": (Group.RELATIVE, 0), "G91": (Group.RELATIVE, 1),
-    "G40": (Group.SIDEWAYS, 0), "G41": (Group.SIDEWAYS, 1), "G42": (Group.SIDEWAYS, 1),
+    **{f"G{17 + k}": (int(Modal.PLANE), k) for k in range(3)},
+    "G90": (Modal.RELATIVE, 0), "G91": (Modal.RELATIVE, 1),
+    "G40": (Modal.SIDEWAYS, 0), "G41": (Modal.SIDEWAYS, 1), "G42": (Modal.SIDEWAYS, 1),
     **_each("G", (94, 95, 96, 97, 93), NOTHING),
 }  # fmt: skip
 _QUIET_M: Final = tuple(set(range(1000)) - {6, 98, 99})
@@ -166,13 +166,13 @@ SINUMERIK: Final = Vocabulary(
     },
     codes={
         **_COMMON,
-        "G70": (Group.INCH, 1), "G700": (Group.INCH, 1),
-        "G71": (Group.INCH, 0), "G710": (Group.INCH, 0),
+        "G70": (Modal.INCH, 1), "G700": (Modal.INCH, 1),
+        "G71": (Modal.INCH, 0), "G710": (Modal.INCH, 0),
         **_frames(0, SINUMERIK_FRAMES),
         **_each("G", (9, 25, 26, 60, 64, *range(601, 604), *range(641, 646), 450, 451), NOTHING),
         **_each("M", _QUIET_M, NOTHING),
-        "G33": (Group.MOTION, Drive.OTHER), "G331": (Group.MOTION, Drive.OTHER),
-        "G332": (Group.MOTION, Drive.OTHER), "G63": (Group.MOTION, Drive.OTHER),
+        "G33": (Modal.MOTION, Drive.OTHER), "G331": (Modal.MOTION, Drive.OTHER),
+        "G332": (Modal.MOTION, Drive.OTHER), "G63": (Modal.MOTION, Drive.OTHER),
     },
     signs=(59, 0, 0, 0),
     names=(
@@ -183,7 +183,7 @@ SINUMERIK: Final = Vocabulary(
     ),
     frames=tuple(f"G{k}" for k in SINUMERIK_FRAMES),
     increments=False,
-    groups=tuple(set(Group) - {Group.CENTRE}),
+    groups=tuple(set(Modal) - {Modal.CENTRE}),
     holder={"base": "its table of zero offsets", "tool": "its table of tools"},
 )  # fmt: skip
 
@@ -193,13 +193,13 @@ FANUC: Final = Vocabulary(
     columns={**_POINT, **_ARC, "R": 15, **dict.fromkeys("NFSHDO", -2)},
     codes={
         **_COMMON,
-        "G20": (Group.INCH, 1), "G21": (Group.INCH, 0),
+        "G20": (Modal.INCH, 1), "G21": (Modal.INCH, 0),
         **_frames(1, range(54, 60)),
-        "G43.4": (Group.TIP, 1), "G43.5": (Group.TIP, 2), "G43": (Group.TIP, 0),
-        "G234": (Group.TIP, 1), "G49": (Group.TIP, 0),
-        "G90.1": (Group.CENTRE, 1), "G91.1": (Group.CENTRE, 0),
-        "G33": (Group.MOTION, Drive.OTHER), "G80": (Group.MOTION, UNCERTAIN),
-        **_each("G", (73, 74, 76, *range(81, 90)), (Group.MOTION, Drive.CYCLE)),
+        "G43.4": (Modal.TIP, 1), "G43.5": (Modal.TIP, 2), "G43": (Modal.TIP, 0),
+        "G234": (Modal.TIP, 1), "G49": (Modal.TIP, 0),
+        "G90.1": (Modal.CENTRE, 1), "G91.1": (Modal.CENTRE, 0),
+        "G33": (Modal.MOTION, Drive.OTHER), "G80": (Modal.MOTION, UNCERTAIN),
+        **_each("G", (73, 74, 76, *range(81, 90)), (Modal.MOTION, Drive.CYCLE)),
         **_each("G", (5, 5.1, 8, 9, 25, 61, 61.1, 64, 67, 98, 99, 13.1), NOTHING),
         **_each("M", _QUIET_M, NOTHING),
     },
@@ -212,7 +212,7 @@ FANUC: Final = Vocabulary(
     ),
     frames=FANUC_FRAMES,
     increments=True,
-    groups=tuple(set(Group) - {Group.AXIS_WISE, Group.ANGLES, Group.CENTRE}),
+    groups=tuple(set(Modal) - {Modal.AXIS_WISE, Modal.ANGLES, Modal.CENTRE}),
     holder={"base": "its work offsets", "tool": "its tool offsets"},
 )  # fmt: skip
 
@@ -224,7 +224,7 @@ HEIDENHAIN: Final = Vocabulary(
     },
     codes={
         **_each("M", sorted(set(_QUIET_M) - {89, 91, 92, 114, 118, 130, 140}), NOTHING),
-        "M128": (Group.TIP, 1), "M129": (Group.TIP, 0),
+        "M128": (Modal.TIP, 1), "M129": (Modal.TIP, 0),
     },
     signs=(59, 0, 0, 1),
     names=(
@@ -236,8 +236,8 @@ HEIDENHAIN: Final = Vocabulary(
     frames=("",),
     increments=False,
     groups=(
-        Group.MOTION, Group.PLANE, Group.FRAME, Group.TIP, Group.SIDEWAYS, Group.SHIFTED,
-        Group.TOOL,
+        Modal.MOTION, Modal.PLANE, Modal.FRAME, Modal.TIP, Modal.SIDEWAYS, Modal.SHIFTED,
+        Modal.TOOL,
     ),
     holder={"base": "its preset table", "tool": "its table of tools"},
 )  # fmt: skip

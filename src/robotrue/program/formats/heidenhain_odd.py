@@ -14,7 +14,13 @@ from typing import Final
 import numpy as np
 
 from robotrue.program.formats.gcode_blocks import Findings
-from robotrue.program.formats.gcode_vocabulary import NAMED, Column, Drive, Group, Vocabulary
+from robotrue.program.formats.gcode_vocabulary import (
+    NAMED,
+    Drive,
+    Modal,
+    Vocabulary,
+    WordColumn,
+)
 from robotrue.program.formats.number_text import WHOLE_NUMBER
 from robotrue.program.program import Reason
 
@@ -88,7 +94,7 @@ class ConversationalReader:
         if not rest or rest.startswith(_SWITCHES) or _PARAMETER.match(rest):
             return
         if function:
-            self.found.set(block, Group.TIP, 0 if function[1] else 1)
+            self.found.set(block, Modal.TIP, 0 if function[1] else 1)
             if b"PATHCTRL VECTOR" in rest or b"REFPNT" in rest:
                 self.found.told.append((first, "TCPM in a form that is not read"))
                 self.found.shift(block, "TCPM", True)
@@ -104,7 +110,7 @@ class ConversationalReader:
         elif rest.startswith((b"CYCL CALL", b"PATTERN", b"APPR", b"DEP", b"FC", b"FL")):
             side = _SIDE.search(rest)
             if rest.startswith((b"APPR", b"DEP")):
-                self.found.set(block, Group.SIDEWAYS, int(bool(side and side[1] != b"0")))
+                self.found.set(block, Modal.SIDEWAYS, int(bool(side and side[1] != b"0")))
             self._own(block, first, rest)
         elif rest.startswith(b"FN") and not _JUMPS.match(rest):
             return
@@ -122,13 +128,13 @@ class ConversationalReader:
     def _tool(self, block: int, rest: bytes) -> None:
         match = re.match(rb'"([^"]*)"|(\d+)', rest)
         if match is None and not rest.startswith((b"S", b"Z", b"X", b"Y", b"F")) and rest:
-            self.found.set(block, Group.TOOL, -1)
+            self.found.set(block, Modal.TOOL, -1)
         elif match is not None:
             named = (match[2] if match[1] is None else match[1]).decode("latin-1")
-            self.found.set(block, Group.TOOL, self.found.name("T" + named) + 1)
+            self.found.set(block, Modal.TOOL, self.found.name("T" + named) + 1)
         axis = re.search(rb"(?<![\w\"])([XYZ])(?=[ \t]|$)", rest)
         if axis:
-            self.found.set(block, Group.PLANE, {b"Z": 0, b"Y": 1, b"X": 2}[axis[1]])
+            self.found.set(block, Modal.PLANE, {b"Z": 0, b"Y": 1, b"X": 2}[axis[1]])
         self.found.forget(block)
 
     def _cycle(self, block: int, first: int, number: int, part: bytes, rest: bytes) -> None:
@@ -142,7 +148,7 @@ class ConversationalReader:
             on = on or (not fresh and self.found.shifts.get(kind, False))
             self._shift(block, first, kind, f"CYCL DEF {number} is {_SHIFTING[number]}", on)
         elif number == 247:
-            self.found.set(block, Group.FRAME, NAMED - self.found.name("preset"))
+            self.found.set(block, Modal.FRAME, NAMED - self.found.name("preset"))
             self._preset = True
             match = _NUMBERED_PRESET.search(rest)
             if match:
@@ -152,7 +158,7 @@ class ConversationalReader:
 
     def _call_preset(self, block: int, match: re.Match[bytes]) -> None:
         named = self.found.name(f"preset {int(match[1])}")
-        self.found.set(block, Group.FRAME, NAMED - named)
+        self.found.set(block, Modal.FRAME, NAMED - named)
         self._preset = False
 
     def _shift(self, block: int, first: int, kind: str, what: str, on: bool) -> None:
@@ -164,7 +170,7 @@ class ConversationalReader:
         for match in _CODE.finditer(rest):
             code = int(match[1])
             if code in (128, 129):
-                self.found.set(block, Group.TIP, int(code == 128))
+                self.found.set(block, Modal.TIP, int(code == 128))
             elif code in (91, 92, 130, 114):
                 self.found.told.append((first, f"M{code}: coordinates of another frame"))
                 self.found.flag(block, Reason.UNKNOWN_FRAME)
@@ -191,13 +197,13 @@ class ConversationalReader:
         self._codes(block, first, text[at + move.end() :])
         sense = re.search(rb"DR([+-])", text[at:])
         if kind in (b"L", b"LN"):
-            self.found.set(block, Group.MOTION, Drive.LINE)
+            self.found.set(block, Modal.MOTION, Drive.LINE)
         elif kind in (b"C", b"CR") and sense:
-            self.found.set(block, Group.MOTION, Drive.LEFT if sense[1] == b"+" else Drive.RIGHT)
+            self.found.set(block, Modal.MOTION, Drive.LEFT if sense[1] == b"+" else Drive.RIGHT)
             if kind == b"C":
                 self._use_pole(block, words)
         else:
-            self.found.set(block, Group.MOTION, Drive.OTHER)
+            self.found.set(block, Modal.MOTION, Drive.OTHER)
             self.found.forget(block)
             words.setdefault(0, (-1, 0, np.nan))
         if odd:
@@ -207,7 +213,7 @@ class ConversationalReader:
         if reason is not None:
             self.found.flag(block, reason)
         if kind != b"CR":
-            words.pop(int(Column.R), None)
+            words.pop(int(WordColumn.R), None)
         self.found.words += [(block, column, *word) for column, word in words.items()]
 
     def _use_pole(self, block: int, words: dict[int, tuple[int, int, float]]) -> None:
@@ -218,13 +224,13 @@ class ConversationalReader:
             if not self._shared:
                 every, user = self.found.words, self._user
                 at = bisect_left(every, user, key=itemgetter(0))
-                arc = range(Column.I, Column.K + 1)
+                arc = range(WordColumn.I, WordColumn.K + 1)
                 every[at:] = [w for w in every[at:] if w[0] != user or w[1] not in arc]
             self._shared = True
             return
         self._user, self._shared = block, False
         for axis, word in self._pole.items():
-            words[Column.I + axis] = word
+            words[WordColumn.I + axis] = word
 
     def _words(
         self, block: int, first: int, text: bytes, at: int
@@ -243,7 +249,7 @@ class ConversationalReader:
             if match is None or match.end() == at:
                 return words, Reason.EXPRESSION, text[at : at + 20].decode("latin-1")
             if side:
-                self.found.set(block, Group.SIDEWAYS, int(side[1] != b"0"))
+                self.found.set(block, Modal.SIDEWAYS, int(side[1] != b"0"))
             elif word:
                 reason = self._word(first, word, words) or reason
             at = match.end()
@@ -253,7 +259,7 @@ class ConversationalReader:
         self, first: int, match: re.Match[bytes], words: dict[int, tuple[int, int, float]]
     ) -> Reason | None:
         name = match[2]
-        column = int(Column.R) if name == b"R" else self._address.get(name)
+        column = int(WordColumn.R) if name == b"R" else self._address.get(name)
         if name in (b"U", b"V", b"W"):
             self.found.told.append((first, f"{name.decode()} moves an axis beside the six"))
             return Reason.EXTERNAL_AXIS

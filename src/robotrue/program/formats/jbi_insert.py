@@ -18,9 +18,9 @@ from robotrue.errors import ShapeError
 from robotrue.program.formats.jbi_scan import P_POINTS, UNITS, Header, JbiScan, scan
 from robotrue.program.formats.move_trail import (
     UNKNOWN,
-    Group,
-    Statement,
+    MoveGroup,
     Trail,
+    TrailStatement,
     groups,
     line_end,
     put_in,
@@ -108,7 +108,7 @@ class _Reader:
             return
         self.run.close()
         if letter == b"L":
-            s = Statement(0, begin, -1, -1, step.target, step.target_end, step.end)
+            s = TrailStatement(0, begin, -1, -1, step.target, step.target_end, step.end)
             self.trail.move(UNKNOWN, row, line, s, obstacle)
         else:
             self.trail.arrive(row)
@@ -148,7 +148,7 @@ class _Writer:
             edits.append((count.start(2), len(count[2]), total))
         return put_in([self.program], [edits])[0]
 
-    def _copies(self, group: Group) -> bytes:
+    def _copies(self, group: MoveGroup) -> bytes:
         s, moves, out = group.statement, self.moves, []
         arc = s.via >= 0
         names = []

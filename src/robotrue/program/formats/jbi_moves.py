@@ -46,7 +46,7 @@ _TAILS: Final = 4096
 
 
 @dataclass(slots=True)
-class Moves:
+class JbiMoves:
     """What is known of every point that a move names.
 
     Attributes:
@@ -80,7 +80,7 @@ def quiet_jobs(files: Sequence[tuple[str, bytes]]) -> tuple[str, ...]:
     )
 
 
-def moves(scan: JbiScan, name: str, harmless: Container[str] = ()) -> Moves:
+def moves(scan: JbiScan, name: str, harmless: Container[str] = ()) -> JbiMoves:
     """Returns what the instructions do.
 
     Args:
@@ -103,7 +103,7 @@ class _Walk:
         self.name, self._harmless = name, harmless
         self._variables: list[int] = []
         self._calls: list[tuple[str, int]] = []
-        self.out = Moves()
+        self.out = JbiMoves()
         self._row = {number: row for row, number in enumerate(scan.names.tolist())}
         self._external = scan.external
         self._run: list[int] = []

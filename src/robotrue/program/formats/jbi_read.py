@@ -12,7 +12,7 @@ from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.units import DEG
 from robotrue.errors import ShapeError
 from robotrue.program.external_axes import COUNT, Carried
-from robotrue.program.formats.jbi_moves import Moves, moves
+from robotrue.program.formats.jbi_moves import JbiMoves, moves
 from robotrue.program.formats.jbi_scan import UNITS, Header, JbiScan, scan
 from robotrue.program.formats.jbi_write import JbiSpans
 from robotrue.program.formats.numbered_frames import NumberedFrames
@@ -41,7 +41,7 @@ def read_jbi(data: bytes, name: str, frames: FrameTable) -> Program:
 
 
 class _Builder:
-    def __init__(self, found: JbiScan, walk: Moves, name: str, given: FrameTable) -> None:
+    def __init__(self, found: JbiScan, walk: JbiMoves, name: str, given: FrameTable) -> None:
         self.scan, self.walk, self.name, self.given = found, walk, name, given
         self.notes: list[str] = []
         self.frames = NumberedFrames(given, name, holder=_HOLDER, zero_is_root=False)

@@ -15,7 +15,7 @@ from robotrue.program.formats.krl_flow import BASE, FOREIGN_BASE, ON_ROBOT, TOOL
 from robotrue.program.formats.krl_frames import UNSURE
 from robotrue.program.formats.krl_modal import Visits, inherit, inherit_external, visits
 from robotrue.program.formats.krl_scan import INLINE_ARC, NOT_CONSTANT, STATEMENT, Scan
-from robotrue.program.formats.krl_walk import MOTION_OF, Walk
+from robotrue.program.formats.krl_walk import MOTION_OF, KrlWalk
 from robotrue.program.formats.krl_write import KrlSpans
 from robotrue.program.formats.target_notes import absent_routine
 from robotrue.program.held import turned_round
@@ -39,7 +39,7 @@ class Settled(NamedTuple):
 class Builder:
     """Turns one walk into programs."""
 
-    def __init__(self, walk: Walk, main: int, given: FrameTable) -> None:
+    def __init__(self, walk: KrlWalk, main: int, given: FrameTable) -> None:
         self.walk, self.main, self.given = walk, main, given
         self.scans, self.story, self.frames = walk.scans, walk.story, walk.frames
         self._lines, self._states = self._solved_frames()

@@ -31,7 +31,7 @@ from robotrue.program.formats.krl_scan import (
     scan,
 )
 from robotrue.program.formats.krl_survey import KrlSurvey, line_edges
-from robotrue.program.formats.krl_walk import Walk
+from robotrue.program.formats.krl_walk import KrlWalk
 from robotrue.program.program import FrameTable
 from robotrue.program.program_chunk import ChunkRules, ReadChunk, Whole
 
@@ -92,7 +92,7 @@ def read_lines(data: bytes, rules: ChunkRules) -> ReadChunk:
     frames = FrameTable(external_axes_at_rest=rules.external_axes_at_rest)
     lines = scan(data, name=rules.name)
     lines = as_motions(lines) if rules.name.lower().endswith(".dat") else with_clauses(lines)
-    walk = Walk([lines], [rules.name], Frames(frames, rules.name))
+    walk = KrlWalk([lines], [rules.name], Frames(frames, rules.name))
     return ReadChunk(Builder(walk, 0, frames).program(0))
 
 

@@ -21,8 +21,8 @@ from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.program.formats.move_trail import (
     UNKNOWN,
-    Statement,
     Trail,
+    TrailStatement,
     groups,
     line_end,
     pose_in,
@@ -113,7 +113,7 @@ class KrlInserter:
         return tuple(put_in(job, edits))
 
 
-def _whole(data: bytes, statement: Statement) -> Statement:
+def _whole(data: bytes, statement: TrailStatement) -> TrailStatement:
     """Returns the statement of a plain line with where its target stands."""
     if statement.target >= 0:
         return statement
@@ -227,7 +227,9 @@ class _Reader:
             obstacle = Obstacle.FORM
         spans = [found.span(i + 1) for i in range(len(rows))]
         auxiliary = spans[0] if len(rows) == 2 else (UNKNOWN, UNKNOWN)
-        statement = Statement(self.file, begin, *auxiliary, *spans[-1], found.end() + len(tail))
+        statement = TrailStatement(
+            self.file, begin, *auxiliary, *spans[-1], found.end() + len(tail)
+        )
         self.trail.move(via, rows[-1], number, statement, obstacle)
 
     def _inline(self, number: int) -> list[int]:

@@ -54,7 +54,7 @@ class SideMoves:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Speeds:
+class KrlSpeeds:
     """What a tool path does not say.
 
     Attributes:
@@ -107,7 +107,7 @@ def machining_program(
     T_flange_tool: Array,
     sides: Sequence[SideMoves],
     last: Array,
-    speeds: Speeds,
+    speeds: KrlSpeeds,
     *,
     remarks: Sequence[str] = (),
 ) -> bytes:
@@ -149,7 +149,7 @@ def _short(value: float) -> str:
     return "0.0" if text in ("0", "-0") else text if "." in text else f"{text}.0"
 
 
-def _side(side: SideMoves, speeds: Speeds) -> list[str]:
+def _side(side: SideMoves, speeds: KrlSpeeds) -> list[str]:
     path = side.path
     lines = [_comment(f"side {path.name} ({_file(path.source)}), {len(path)} points")]
     lines += [f"PTP {_axis_target(axes)}" for axes in side.axes]
@@ -182,7 +182,7 @@ def _targets(position: Array, rotation: Array) -> Iterator[str]:
         yield f"{{X {x:.4f},Y {y:.4f},Z {z:.4f},A {a:.5f},B {b:.5f},C {c:.5f}}}"
 
 
-def _feeds(path: Toolpath, speeds: Speeds) -> Array:
+def _feeds(path: Toolpath, speeds: KrlSpeeds) -> Array:
     """Speeds (n,) m/s of every point."""
     feed = np.where(path.rapid, speeds.rapid, np.where(np.isnan(path.feed), speeds.feed, path.feed))
     bad = np.flatnonzero(~np.isfinite(feed))

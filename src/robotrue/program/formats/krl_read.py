@@ -11,7 +11,7 @@ from robotrue.program.formats.krl_build import Builder
 from robotrue.program.formats.krl_frames import Frames
 from robotrue.program.formats.krl_job import is_job, read_parts
 from robotrue.program.formats.krl_scan import STATEMENT, Scan, scan
-from robotrue.program.formats.krl_walk import Walk
+from robotrue.program.formats.krl_walk import KrlWalk
 from robotrue.program.program import FrameTable, Program
 
 _SIGNS: Final = (
@@ -56,7 +56,7 @@ def _build(
     scans = [scan(data, name=name) for name, data in files]
     stores = [i for i, name in enumerate(names) if name.lower().endswith(".dat")]
     mains = [i for i in range(len(files)) if i not in stores]
-    walk = Walk(scans, names, Frames(frames, names[mains[0]] if mains else names[0]))
+    walk = KrlWalk(scans, names, Frames(frames, names[mains[0]] if mains else names[0]))
     walk.scope.owners = owners
     walk.beside = {name.lower() for name in beside}
     if len(stores) > 1:
@@ -71,7 +71,7 @@ def _build(
     return Builder(walk, main, frames)
 
 
-def _require_content(walk: Walk, main: int) -> None:
+def _require_content(walk: KrlWalk, main: int) -> None:
     """Refuses files without a DEF that hold no motion (main file) or no point (data files)."""
     found, told = walk.scans[main], walk.story.uses or walk.story.definitions
     if main >= 0 and not told and not (found.line_kind > STATEMENT).any():

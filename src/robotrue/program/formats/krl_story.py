@@ -28,7 +28,7 @@ class Called(NamedTuple):
 
 
 @dataclass(slots=True)
-class Story:
+class ParsedKrl:
     """What the walk collects.
 
     Attributes:

@@ -25,7 +25,7 @@ from robotrue.program.formats.krl_scan import (
     STATEMENT,
     Scan,
 )
-from robotrue.program.formats.krl_story import Called, Definition, Story
+from robotrue.program.formats.krl_story import Called, Definition, ParsedKrl
 from robotrue.program.program import Motion, Reason
 
 MOTION_OF: Final = {
@@ -79,7 +79,7 @@ def _clean(text: str | None) -> str:
     return re.sub(r"\s+", "", text or "").lower()
 
 
-class Walk:
+class KrlWalk:
     """One reading of a main file and the data file beside it."""
 
     def __init__(self, scans: list[Scan], names: list[str], frames: Frames) -> None:
@@ -89,7 +89,7 @@ class Walk:
         self.flow = Flow(frames.table.harmless_routines)
         self._storing = False
         self.first = [_first_aggregates(found) for found in scans]
-        self.story = Story([], defaultdict(list), {}, [], {}, [], [], False, [], {}, [], set())
+        self.story = ParsedKrl([], defaultdict(list), {}, [], {}, [], [], False, [], {}, [], set())
         self._current: dict[str, dict[tuple[str, str], Definition]] = defaultdict(dict)
         self._variables: dict[str, Array] = {}
         self._absent: set[str] = set()

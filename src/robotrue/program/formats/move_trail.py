@@ -27,7 +27,7 @@ UNKNOWN: Final = -1
 COLUMNS: Final = 8
 
 
-class Statement(NamedTuple):
+class TrailStatement(NamedTuple):
     """The bytes of a move.
 
     Attributes:
@@ -57,8 +57,8 @@ class Statements:
 
     table: IntArray
 
-    def __getitem__(self, move: int) -> Statement:
-        return Statement(*self.table[move].tolist())
+    def __getitem__(self, move: int) -> TrailStatement:
+        return TrailStatement(*self.table[move].tolist())
 
 
 class Trail:
@@ -94,7 +94,12 @@ class Trail:
         self._used.append(row)
 
     def move(
-        self, via: int, row: int, line: int, statement: Statement, obstacle: int = Obstacle.NONE
+        self,
+        via: int,
+        row: int,
+        line: int,
+        statement: TrailStatement,
+        obstacle: int = Obstacle.NONE,
     ) -> None:
         """The robot moves straight, or on an arc over ``via``, to a target."""
         if row < 0 or (statement.via >= 0 and via < 0):
@@ -152,7 +157,7 @@ class Trail:
         )
 
 
-class Group(NamedTuple):
+class MoveGroup(NamedTuple):
     """The targets to be put into one move.
 
     Attributes:
@@ -162,11 +167,11 @@ class Group(NamedTuple):
     """
 
     move: int
-    statement: Statement
+    statement: TrailStatement
     rows: range
 
 
-def groups(moves: Moves, insertion: Insertion) -> Iterator[Group]:
+def groups(moves: Moves, insertion: Insertion) -> Iterator[MoveGroup]:
     """Yields the moves that get targets, in order.
 
     Raises:
@@ -183,11 +188,11 @@ def groups(moves: Moves, insertion: Insertion) -> Iterator[Group]:
         pattern = [Motion.ARC_VIA, Motion.ARC_END] * (len(motions) // 2)
         if motions != (pattern if arc else [Motion.LIN] * len(motions)):
             raise ShapeError(f"the targets for the move of line {moves.line[move]} do not suit it.")
-        yield Group(move, moves.spans[move], range(begin, end))
+        yield MoveGroup(move, moves.spans[move], range(begin, end))
 
 
 def repeated(
-    data: bytes, statement: Statement, texts: Sequence[bytes], tail: bytes | None = None
+    data: bytes, statement: TrailStatement, texts: Sequence[bytes], tail: bytes | None = None
 ) -> list[bytes]:
     """Returns the statement once for each target of ``texts``, or for each pair of an arc.
 

@@ -12,7 +12,7 @@ from typing import Final
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
-from robotrue.program.formats.move_trail import UNKNOWN, Statement, Trail
+from robotrue.program.formats.move_trail import UNKNOWN, Trail, TrailStatement
 from robotrue.program.formats.number_text import restyled
 from robotrue.program.insertion import Obstacle
 from robotrue.program.program import Program
@@ -75,24 +75,26 @@ class Run:
         self.steps, self.there = [], False
 
     def _straight(self, step: Step) -> None:
-        s = Statement(0, step.begin, -1, -1, step.target, step.target_end, step.end)
+        s = TrailStatement(0, step.begin, -1, -1, step.target, step.target_end, step.end)
         # A copy would be one more point of the run and make other arcs of it.
         self.trail.move(UNKNOWN, step.row, step.line, s, step.obstacle or Obstacle.FORM)
 
     def _arc(self, via: Step, end: Step) -> None:
-        s = Statement(
+        s = TrailStatement(
             0, via.begin, via.target, via.target_end, end.target, end.target_end, via.end, end.begin
         )
         obstacle = via.obstacle or end.obstacle
         self.trail.move(via.row, end.row, end.line, s, obstacle)
 
 
-def pair_of(data: bytes, s: Statement, end: int) -> tuple[tuple[bytes, bytes], tuple[bytes, bytes]]:
+def pair_of(
+    data: bytes, s: TrailStatement, end: int
+) -> tuple[tuple[bytes, bytes], tuple[bytes, bytes]]:
     """Returns what stands before and behind the position in both statements of an arc of a run.
 
     Args:
         data: The file.
-        s: Statement of the arc, with the begin of the second statement as ``other``.
+        s: TrailStatement of the arc, with the begin of the second statement as ``other``.
         end: End of the second statement.
     """
     return (

@@ -23,8 +23,8 @@ from robotrue.program.formats.gcode_arcs import ACROSS
 from robotrue.program.formats.move_trail import (
     COLUMNS,
     UNKNOWN,
-    Statement,
     Statements,
+    TrailStatement,
     groups,
     line_end,
     put_in,
@@ -240,7 +240,7 @@ def _token(program: Program, row: int, column: int, value: float) -> bytes:
     return restyled(style, value, least=_LEAST[int(vector)] + (1 if words.unit[row] > 2e-3 else 0))
 
 
-def _copy(program: Program, row: int, s: Statement, position: Array, rotation: Array) -> bytes:
+def _copy(program: Program, row: int, s: TrailStatement, position: Array, rotation: Array) -> bytes:
     """Returns the line of a point like that of a row."""
     words: PathWords = program.spans
     values = _values(program, row, position, rotation)
@@ -276,7 +276,7 @@ def _is_arc(program: Program, row: int) -> bool:
     return bool(program.motion[row] == Motion.ARC_END)
 
 
-def _straightened(program: Program, row: int, s: Statement) -> list[tuple[int, int, bytes]]:
+def _straightened(program: Program, row: int, s: TrailStatement) -> list[tuple[int, int, bytes]]:
     """Returns what makes the block of an arc one of a line: G1, and no centre or radius."""
     block = _BLOCK.match(program.data, s.begin, s.end)
     end = block.end() if block else s.end

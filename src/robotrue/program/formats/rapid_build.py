@@ -14,7 +14,7 @@ from robotrue.program.external_axes import described
 from robotrue.program.formats.course import DIFFERS
 from robotrue.program.formats.rapid_data import AXIS, NOTHING
 from robotrue.program.formats.rapid_frames import TOOL, WORK
-from robotrue.program.formats.rapid_walk import AXES_SHIFTED, FOREIGN, SHIFTED, Walk
+from robotrue.program.formats.rapid_walk import AXES_SHIFTED, FOREIGN, SHIFTED, RapidWalk
 from robotrue.program.formats.rapid_write import RapidSpans
 from robotrue.program.formats.stored_points import firsts, moves_to
 from robotrue.program.formats.target_notes import TargetNotes, absent_routine
@@ -31,7 +31,7 @@ def _worse(one: IntArray, other: IntArray) -> IntArray:
     return np.where(other != 0, other, one)
 
 
-def build(walk: Walk, given: FrameTable) -> Program:
+def build(walk: RapidWalk, given: FrameTable) -> Program:
     """Returns the program."""
     return _Builder(walk, given).program()
 
@@ -39,7 +39,7 @@ def build(walk: Walk, given: FrameTable) -> Program:
 class _Builder:
     """Columns of one module while reasons are found; rows are points in the order of the walk."""
 
-    def __init__(self, walk: Walk, given: FrameTable) -> None:
+    def __init__(self, walk: RapidWalk, given: FrameTable) -> None:
         story, uses = walk.story, walk.story.uses
         self.walk, self.given, self.count = walk, given, len(story.offset)
         self.kind = np.array(story.kind, np.int64)

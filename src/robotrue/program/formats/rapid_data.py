@@ -17,7 +17,7 @@ from robotrue.program.formats.rapid_scan import (
     ROBTARGET,
     SKIP,
     WORD,
-    Statement,
+    RapidStatement,
     clean,
     fills,
 )
@@ -60,7 +60,7 @@ _READS_FRAMES: Final = re.compile(
 
 
 @dataclass(slots=True)
-class Story:
+class ParsedRapid:
     """What the walk collects.
 
     Attributes:
@@ -108,11 +108,11 @@ class Data:
     def __init__(self, data: bytes, name: str, frames: RapidFrames, course: Course) -> None:
         self.data, self.name, self.frames, self.course = data, name, frames, course
         self.table = NumberTable(data, LAYOUTS, b"!")
-        self.story, self.variables = Story(), Variables()
+        self.story, self.variables = ParsedRapid(), Variables()
         self.place, self.scope = 0, ""
         self._starts = line_starts(data)
 
-    def declare(self, statement: Statement, *, frames_only: bool = False) -> bool:
+    def declare(self, statement: RapidStatement, *, frames_only: bool = False) -> bool:
         """Enters a declaration; returns whether the statement is one."""
         if statement.word not in ("local", "task", "global", "const", "pers", "var"):
             return False

@@ -23,8 +23,8 @@ from robotrue.core.units import MM
 from robotrue.program.formats.move_trail import (
     UNKNOWN,
     Literals,
-    Statement,
     Trail,
+    TrailStatement,
     groups,
     indentation,
     line_end,
@@ -38,13 +38,13 @@ from robotrue.program.formats.rapid_scan import (
     INLINE,
     ROBTARGET,
     Arguments,
+    RapidStatement,
     arguments,
     beginning,
     clean,
     fills,
     next_statement,
 )
-from robotrue.program.formats.rapid_scan import Statement as Words
 from robotrue.program.formats.text_lines import line_starts
 from robotrue.program.insertion import Insertion, Moves, Obstacle, job_rows
 from robotrue.program.program import Motion, Program
@@ -175,7 +175,7 @@ class _Reader:
                 return
             self._statement(statement)
 
-    def _statement(self, statement: Words) -> None:
+    def _statement(self, statement: RapidStatement) -> None:
         word, trail = statement.word, self.trail
         move = move_of(word)
         if move is not None:
@@ -211,7 +211,7 @@ class _Reader:
             self.trail.arrive(row)
             return True
         place = UNKNOWN if obstacle else match.start(3) + zone
-        s = Statement(self.file, match.start(1), -1, -1, begin, end, match.end() - 1, place)
+        s = TrailStatement(self.file, match.start(1), -1, -1, begin, end, match.end() - 1, place)
         line = bisect_right(self.lines, s.begin)
         self.trail.move(UNKNOWN, row, line, s, obstacle)
         return True
@@ -226,7 +226,7 @@ class _Reader:
             return Obstacle.FORM
         return Obstacle.NONE
 
-    def _move(self, statement: Words, motion: Motion) -> None:
+    def _move(self, statement: RapidStatement, motion: Motion) -> None:
         s, word, trail = statement, statement.word, self.trail
         found = arguments(self.data, s.body, s.end)
         count = 2 if motion == Motion.ARC_END else 1
@@ -242,7 +242,7 @@ class _Reader:
         zone = found.places[_ZONE[word]][0] if not obstacle else UNKNOWN
         auxiliary = spans[0] if count == 2 else (UNKNOWN, UNKNOWN)
         line = bisect_right(self.lines, s.start)
-        bytes_ = Statement(self.file, s.start, *auxiliary, *spans[-1], s.end, zone)
+        bytes_ = TrailStatement(self.file, s.start, *auxiliary, *spans[-1], s.end, zone)
         trail.move(rows[0] if count == 2 else UNKNOWN, rows[-1], line, bytes_, obstacle)
 
     def _row(self, begin: int, end: int) -> int:

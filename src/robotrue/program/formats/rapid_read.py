@@ -11,7 +11,7 @@ from robotrue.errors import FormatError
 from robotrue.program.formats.course import Course
 from robotrue.program.formats.rapid_build import build
 from robotrue.program.formats.rapid_frames import RapidFrames
-from robotrue.program.formats.rapid_walk import Walk
+from robotrue.program.formats.rapid_walk import RapidWalk
 from robotrue.program.formats.text_lines import require_text
 from robotrue.program.program import FrameTable, Program
 
@@ -30,9 +30,9 @@ def read_rapid(files: Sequence[tuple[str, bytes]], frames: FrameTable) -> tuple[
     wide = any(_is_wide(data) for _, data in files)
     table = RapidFrames(_by_bytes(frames) if wide else frames, files[0][0], course)
     for name, data in files[1:]:
-        Walk(data, name, table, course).declarations()
+        RapidWalk(data, name, table, course).declarations()
     name, data = files[0]
-    walk = Walk(data, name, table, course)
+    walk = RapidWalk(data, name, table, course)
     walk.all()
     if not walk.story.begun:
         raise FormatError(
@@ -43,7 +43,7 @@ def read_rapid(files: Sequence[tuple[str, bytes]], frames: FrameTable) -> tuple[
         )
     programs = [build(walk, frames)]
     for name, data in files[1:]:
-        programs.append(build(Walk(data, name, table, Course()), frames))
+        programs.append(build(RapidWalk(data, name, table, Course()), frames))
     return tuple(_in_words(each) for each in programs) if wide else tuple(programs)
 
 

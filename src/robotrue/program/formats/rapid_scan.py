@@ -77,7 +77,7 @@ _ALONE: Final = frozenset(
 )
 
 
-class Statement(NamedTuple):
+class RapidStatement(NamedTuple):
     """One statement or control word.
 
     Attributes:
@@ -100,7 +100,7 @@ def beginning(data: bytes) -> int:
     return header.end() if header else 0
 
 
-def next_statement(data: bytes, at: int, name: str) -> tuple[Statement | None, int]:
+def next_statement(data: bytes, at: int, name: str) -> tuple[RapidStatement | None, int]:
     """Returns the first statement from a byte on, None at the end of the file, and its end.
 
     Raises:
@@ -116,18 +116,18 @@ def next_statement(data: bytes, at: int, name: str) -> tuple[Statement | None, i
             break
         end = _nameless(data, at, name)
         if data[at : at + 1] == b"%":
-            return Statement("late", at, at, end - 1), end
+            return RapidStatement("late", at, at, end - 1), end
         at = end
     word, body = match[0].decode("latin-1").lower(), match.end()
     if word in _ALONE:
-        return Statement(word, at, body, body), body
+        return RapidStatement(word, at, body, body), body
     statement = _control(data, word, at, body)
     if statement is not None:
         return statement, statement.end
     ended = _BODY.match(data, body)
     if ended is None:
         raise _endless(data, at, name)
-    return Statement(word, at, body, ended.end() - 1), ended.end()
+    return RapidStatement(word, at, body, ended.end() - 1), ended.end()
 
 
 def _nameless(data: bytes, at: int, name: str) -> int:
@@ -148,32 +148,32 @@ def _nameless(data: bytes, at: int, name: str) -> int:
     return end.end()
 
 
-def _control(data: bytes, word: str, at: int, body: int) -> Statement | None:
+def _control(data: bytes, word: str, at: int, body: int) -> RapidStatement | None:
     """Returns a statement that does not end with ``;``, or None if this one does."""
     if word in _HEADS:
         head = _HEADS[word].match(data, body)
         if head is None or head[1] == b";":
             return None
-        return Statement(word + " then" if word == "if" else word, at, body, head.end())
+        return RapidStatement(word + " then" if word == "if" else word, at, body, head.end())
     if word in ("case", "default"):
         end = _CASE.match(data, body)
-        return Statement(word, at, body, end.end()) if end else None
+        return RapidStatement(word, at, body, end.end()) if end else None
     if word == "test":
         end = _TEST.match(data, body)
-        return Statement(word, at, body, end.start(1)) if end and end[1] != b";" else None
+        return RapidStatement(word, at, body, end.start(1)) if end and end[1] != b";" else None
     if word in ("proc", "func", "trap", "module", "record"):
         end = (_FUNCTION if word == "func" else _NAMED).match(data, body)
-        return Statement(word, at, body, end.end()) if end else None
+        return RapidStatement(word, at, body, end.end()) if end else None
     if word == "error":
         end = _BRACKETED.match(data, body)
-        return Statement(word, at, body, end.end() if end else body)
+        return RapidStatement(word, at, body, end.end() if end else body)
     if word in ("local", "task"):
         gap = SKIP.match(data, body)
         after = NAME.match(data, gap.end() if gap else body)
         if after and after[0].lower() in (b"proc", b"func", b"trap", b"record"):
-            return Statement("prefix", at, body, after.start())
+            return RapidStatement("prefix", at, body, after.start())
     end = _LABEL.match(data, body)
-    return Statement("label", at, at, end.end()) if end else None
+    return RapidStatement("label", at, at, end.end()) if end else None
 
 
 def _endless(data: bytes, at: int, name: str) -> FormatError:

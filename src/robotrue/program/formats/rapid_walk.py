@@ -15,7 +15,7 @@ from robotrue.program.formats.rapid_scan import (
     INLINE,
     ROBTARGET,
     WORD,
-    Statement,
+    RapidStatement,
     beginning,
     clean,
     fills,
@@ -66,7 +66,7 @@ _COMPACT: Final = re.compile(
 )
 
 
-class Walk(Data):
+class RapidWalk(Data):
     """One reading of a module, with frames from the files beside it."""
 
     def __init__(self, data: bytes, name: str, frames: RapidFrames, course: Course) -> None:
@@ -137,7 +137,7 @@ class Walk(Data):
             return False
         return re.fullmatch(r"[\w\x80-\xff]+", name) is not None
 
-    def _statement(self, statement: Statement) -> None:
+    def _statement(self, statement: RapidStatement) -> None:
         word = statement.word
         move = move_of(word)
         if move is not None:
@@ -150,7 +150,7 @@ class Walk(Data):
             if not self.assign(statement.start, statement.end):
                 self._instruction(statement)
 
-    def _instruction(self, statement: Statement) -> None:
+    def _instruction(self, statement: RapidStatement) -> None:
         """What is neither motion nor assignment: an instruction, or a call of a routine."""
         start, end, word = statement.body, statement.end, statement.word
         self.mention(start, end, word)
@@ -166,7 +166,7 @@ class Walk(Data):
             self.story.flags[point] = Reason.EXPRESSION
             self.story.notes.append((match.start(), f"{word} is no motion that is followed"))
 
-    def _control(self, statement: Statement, word: str) -> bool:
+    def _control(self, statement: RapidStatement, word: str) -> bool:
         """Follows branches, loops, jumps and routines; returns whether the word is one of them."""
         course, at = self.course, self.place
         if word in ("if then", "test"):
@@ -194,7 +194,7 @@ class Walk(Data):
         self.mention(statement.body, statement.end, "")
         return True
 
-    def _section(self, statement: Statement, word: str) -> bool:
+    def _section(self, statement: RapidStatement, word: str) -> bool:
         """Follows the parts a module is made of; returns whether the word is one of them."""
         if word in ("proc", "func", "trap"):
             self._routine(statement, word)
@@ -212,10 +212,10 @@ class Walk(Data):
             return word == "prefix" or self._in_record
         return True
 
-    def _text(self, statement: Statement) -> str:
+    def _text(self, statement: RapidStatement) -> str:
         return clean(self.data[statement.body : statement.end])
 
-    def _routine(self, statement: Statement, word: str) -> None:
+    def _routine(self, statement: RapidStatement, word: str) -> None:
         before, _, parameters = self._text(statement).partition("(")
         names = before.split()
         self.scope = names[-1].lower() if names else ""
@@ -227,7 +227,7 @@ class Walk(Data):
             if match:
                 self.variables.declare(self.scope, match[1].lower(), "parameter").outside = True
 
-    def _compact(self, statement: Statement) -> None:
+    def _compact(self, statement: RapidStatement) -> None:
         """``IF condition instruction;``: the instruction runs on one of two ways."""
         self.course.branch(self.place, opens=True)
         match = _COMPACT.match(self.data, statement.body, statement.end)
@@ -243,7 +243,7 @@ class Walk(Data):
             start, body = match.start(1), match.end(1)
             self.mention(statement.body, start, "")
             self._statement(
-                Statement(match[1].decode("latin-1").lower(), start, body, statement.end)
+                RapidStatement(match[1].decode("latin-1").lower(), start, body, statement.end)
             )
         self.place += 1
         self.course.join(self.place)

@@ -50,12 +50,12 @@ class UrScript:
         from robotrue.program.formats.text_lines import require_text
         from robotrue.program.formats.urscript_build import build
         from robotrue.program.formats.urscript_scan import quieted, routines
-        from robotrue.program.formats.urscript_walk import Walk
+        from robotrue.program.formats.urscript_walk import ScriptWalk
 
         require_text(data, name)
         code = quieted(data)
         found = routines(code, name)
-        walk = Walk(code, found, frames.harmless_routines)
+        walk = ScriptWalk(code, found, frames.harmless_routines)
         walk.all()
         if len(found) == 1 and not walk.moves:
             raise FormatError(

@@ -23,7 +23,7 @@ from robotrue.program.formats.urscript_walk import (
     JOINTS,
     NOTHING,
     TOOL,
-    Walk,
+    ScriptWalk,
 )
 from robotrue.program.formats.urscript_write import UrSpans
 from robotrue.program.program import FrameTable, Motion, Program, Reason
@@ -37,7 +37,7 @@ _SENTENCES: Final = {
 }
 
 
-def build(walk: Walk, data: bytes, name: str, given: FrameTable) -> Program:
+def build(walk: ScriptWalk, data: bytes, name: str, given: FrameTable) -> Program:
     """Returns the program. Without ``set_tcp`` the tool is the table's; poses are in the base."""
     return _Builder(walk, data, name, given).program()
 
@@ -45,7 +45,7 @@ def build(walk: Walk, data: bytes, name: str, given: FrameTable) -> Program:
 class _Builder:
     """Columns of one script while reasons are found; rows are points in the order of the walk."""
 
-    def __init__(self, walk: Walk, data: bytes, name: str, given: FrameTable) -> None:
+    def __init__(self, walk: ScriptWalk, data: bytes, name: str, given: FrameTable) -> None:
         story, uses = walk.story, walk.story.uses
         self.walk, self.data, self.name, self.count = walk, data, name, len(story.offset)
         self.kind = np.array(story.kind, np.int64)

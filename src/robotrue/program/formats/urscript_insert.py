@@ -20,10 +20,10 @@ from robotrue.core.arrays import Array
 from robotrue.errors import ConfigurationError
 from robotrue.program.formats.move_trail import (
     UNKNOWN,
-    Group,
     Literals,
-    Statement,
+    MoveGroup,
     Trail,
+    TrailStatement,
     groups,
     indentation,
     line_end,
@@ -104,7 +104,7 @@ def _literals(job: Sequence[Program]) -> Literals:
     return Literals([program.spans.numbers.start[:, 0] for program in job])
 
 
-def _parts(program: Program, ends: list[int], insertion: Insertion, group: Group) -> float:
+def _parts(program: Program, ends: list[int], insertion: Insertion, group: MoveGroup) -> float:
     """Returns the length in m of the shortest part of a move, along chords."""
     rows = list(group.rows)[1::2] if group.statement.via >= 0 else list(group.rows)
     points = np.concatenate(
@@ -172,7 +172,7 @@ class _Reader:
                 self.tails[key] = obstacle
         begin = match.start(1)
         line = bisect_right(self.lines, begin)
-        s = Statement(self.file, begin, -1, -1, *match.span(2), match.end(3) + 1)
+        s = TrailStatement(self.file, begin, -1, -1, *match.span(2), match.end(3) + 1)
         self.trail.move(UNKNOWN, self.literals.row(self.file, *match.span(2)), line, s, obstacle)
         return True
 
@@ -189,7 +189,7 @@ class _Reader:
         auxiliary = found[0][1] if count == 2 else (UNKNOWN, UNKNOWN)
         begin = move.start(1)
         line = bisect_right(self.lines, begin)
-        statement = Statement(self.file, begin, *auxiliary, *found[-1][1], close + 1)
+        statement = TrailStatement(self.file, begin, *auxiliary, *found[-1][1], close + 1)
         self.trail.move(
             found[0][0] if count == 2 else UNKNOWN, found[-1][0], line, statement, obstacle
         )
@@ -228,7 +228,7 @@ def _zero(text: bytes) -> bool:
     return match is not None and float(match[1]) == 0.0
 
 
-def _blended(data: bytes, s: Statement, part: float, name: str, line: int) -> bytes:
+def _blended(data: bytes, s: TrailStatement, part: float, name: str, line: int) -> bytes:
     """Returns what stands behind the target of a copy: the same, with a blend that fits."""
     tail = data[s.target_end : s.end]
     code = quieted(tail)

@@ -74,7 +74,7 @@ _CARRIED: Final = re.compile(rb"(?<!\w)track_conveyor_\w+\s*\(")
 
 
 @dataclass(slots=True)
-class Story:
+class ParsedScript:
     """What the walk collects.
 
     Attributes:
@@ -105,7 +105,7 @@ class Story:
     outside: list[tuple[str, int]] = field(default_factory=list)
 
 
-class Walk:
+class ScriptWalk:
     """One reading of a script.
 
     Args:
@@ -118,7 +118,7 @@ class Walk:
         self._harmless = harmless
         self.code, self.course = code, Course()
         self.table = NumberTable(code, (tuple(range(6)), tuple(range(6))), b"#")
-        self.story, self.variables = Story(), Variables()
+        self.story, self.variables = ParsedScript(), Variables()
         self._at, self._scope, self._routines = 0, "", routines
         self._own = {routine.name for routine in routines if routine.name}
         self._blocks: list[str] = []

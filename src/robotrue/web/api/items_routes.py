@@ -11,6 +11,7 @@ from pydantic import BaseModel
 from robotrue.errors import ConfigurationError
 from robotrue.store import items, journal
 from robotrue.store.nouns import NOUNS, Noun
+from robotrue.store.query_defaults import LIMIT, SORT
 from robotrue.store.records import ItemQuery as Asked
 from robotrue.store.records import ItemRecord
 from robotrue.store.workspace import Workspace
@@ -48,9 +49,9 @@ def router(server: ServerContext) -> APIRouter:
     def list_items(
         noun: NounName,
         text: Annotated[str, Query(max_length=200)] = "",
-        sort: Annotated[str, Query(max_length=40)] = "-created",
+        sort: Annotated[str, Query(max_length=40)] = SORT,
         offset: Annotated[int, Query(ge=0, le=10_000_000)] = 0,
-        limit: Annotated[int, Query(ge=1, le=items.MOST)] = 50,
+        limit: Annotated[int, Query(ge=1, le=items.MOST)] = LIMIT,
         deleted: bool = False,
     ) -> ItemListing:
         """The latest versions of all items of a noun, a page of them."""
@@ -111,7 +112,7 @@ def router(server: ServerContext) -> APIRouter:
     def list_journal(
         item: Annotated[str | None, Query(max_length=40)] = None,
         offset: Annotated[int, Query(ge=0, le=10_000_000)] = 0,
-        limit: Annotated[int, Query(ge=1, le=items.MOST)] = 50,
+        limit: Annotated[int, Query(ge=1, le=items.MOST)] = LIMIT,
     ) -> ItemListing:
         """What was done and when, the newest first."""
         page = journal.entries(workspace, item=item, offset=offset, limit=limit)

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from robotrue.app.job_parameters import check_parameters, parameter_schemas
 from robotrue.errors import ConfigurationError
 from robotrue.store import jobs
+from robotrue.store.query_defaults import LIMIT
 from robotrue.web.page_context import ServerContext
 from robotrue.web.problems import MissingError
 
@@ -75,7 +76,7 @@ def router(server: ServerContext) -> APIRouter:
         state: Annotated[str | None, Query(max_length=40)] = None,
         kind: Annotated[str | None, Query(max_length=40)] = None,
         offset: Annotated[int, Query(ge=0, le=10_000_000)] = 0,
-        limit: Annotated[int, Query(ge=1, le=1000)] = 50,
+        limit: Annotated[int, Query(ge=1, le=1000)] = LIMIT,
     ) -> Jobs:
         """Jobs, the newest first; of one state or kind, or all."""
         page = jobs.search(workspace, state=state, kind=kind, offset=offset, limit=limit)

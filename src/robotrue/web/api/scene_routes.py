@@ -9,6 +9,7 @@ from fastapi import APIRouter, Path, Query
 from fastapi.responses import Response
 
 from robotrue.app.workbench import workbench_calls as calls
+from robotrue.program.compensation_defaults import TOLERANCE_MM
 from robotrue.store.nouns import CELL, MEASUREMENT, MODEL, PROGRAM
 from robotrue.web.api.items_routes import get_item
 from robotrue.web.page_context import ServerContext
@@ -53,7 +54,7 @@ def router(server: ServerContext) -> APIRouter:
     async def judge_program(
         id: Id,
         model: Annotated[str, Query(max_length=40)],
-        tolerance_mm: Annotated[float, Query(gt=0.0, le=1000.0)] = 0.5,
+        tolerance_mm: Annotated[float, Query(gt=0.0, le=1000.0)] = TOLERANCE_MM,
         strict: bool = False,
         version: Version = None,
     ) -> Response:

@@ -10,9 +10,11 @@ from fastapi.responses import Response
 from pydantic import BaseModel, Field
 
 from robotrue.app.workbench import workbench_calls as calls
+from robotrue.planning.plan_defaults import LEAN_DEG, ROUGH_MM, TIP_AXIS
 from robotrue.store.nouns import DOCUMENT, REGISTRATION
 from robotrue.store.records import ItemRecord
 from robotrue.store.workspace import Workspace
+from robotrue.validation.registration_defaults import FIT
 from robotrue.web.api.documents import record_document
 from robotrue.web.api.intake_routes import UploadId
 from robotrue.web.api.items_routes import get_item
@@ -50,15 +52,15 @@ class Begin(BaseModel):
     reads: Literal["joints", "position"] = "joints"
     axes: Literal["controller", "model"] = "controller"
     frame: Annotated[str, Field(max_length=200)] = ""
-    tip_axis: Literal["+x", "-x", "+y", "-y", "+z", "-z"] = "+z"
-    lean_deg: Annotated[float, Field(ge=0.0, le=60.0)] = 15.0
-    rough_mm: Annotated[float, Field(ge=0.1, le=1000.0)] = 20.0
+    tip_axis: Literal["+x", "-x", "+y", "-y", "+z", "-z"] = TIP_AXIS
+    lean_deg: Annotated[float, Field(ge=0.0, le=60.0)] = LEAN_DEG
+    rough_mm: Annotated[float, Field(ge=0.1, le=1000.0)] = ROUGH_MM
     touch_sigma_mm: Annotated[float, Field(gt=0.0, lt=100.0)] | None = None
     robot_sigma_mm: Length | None = None
     tool_sigma_mm: Length | None = None
     tolerance_mm: Length | None = None
     probe_radius_mm: Length = 0.0
-    fit: Literal["auto", "frame", "joint"] = "auto"
+    fit: Literal["auto", "frame", "joint"] = FIT
 
 
 class Entered(BaseModel):

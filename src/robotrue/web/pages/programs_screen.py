@@ -9,13 +9,13 @@ from markupsafe import Markup
 from robotrue.app.compensation_request import CompensateRequest
 from robotrue.app.request import fields_of
 from robotrue.app.workbench import workbench_calls as calls
+from robotrue.program.compensation_defaults import TOLERANCE_MM
 from robotrue.store.nouns import PROGRAM, ProgramRecord
 from robotrue.store.records import ItemQuery
 from robotrue.web.page_context import PageContext, Screen
 from robotrue.web.parts.reports import Reports, find_reports
 from robotrue.web.parts.request_form import RequestForm
 
-TOLERANCE_MM: Final = 0.5
 AFTER: Final = "after"
 """Stage of a compensated program; ``store.programs`` would bring all readers with it."""
 NOTES: Final = 8

@@ -1,0 +1,10 @@
+"""Defaults of a registration, without the libraries that make one."""
+
+from __future__ import annotations
+
+from typing import Final
+
+TOUCH_MM: Final = 0.1
+"""One touch, per axis: a tip or ball by hand or by a trigger."""
+FIT: Final = "auto"
+"""The touches move the arm where they tell enough of it."""
