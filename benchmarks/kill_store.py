@@ -186,7 +186,7 @@ def _judged(
         while jobs.search(workspace, state="running", limit=1).total and time.monotonic() < until:
             reclaim(workspace)  # the last ones killed
             time.sleep(0.05)
-        Worker(workspace, {"write": f"{__name__}:write"}, ProcessEngine("fork")).run(
+        Worker(workspace, {"write": f"{__name__}:write"}, ProcessEngine("fork"), slots=1).run(
             until_idle=True, stop=lambda: False
         )
         states = Counter(jobs.status(workspace, id).state for id in submitted)

@@ -6,6 +6,7 @@ import sys
 import time
 
 from robotrue.online import rtde
+from robotrue.online.device_defaults import RTDE_PORT
 
 VALUES = {
     "timestamp": ("DOUBLE", (0.0,)),
@@ -56,7 +57,7 @@ def serve(link, until):
 def main():
     with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as server:
         server.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        server.bind((sys.argv[1], rtde.PORT))
+        server.bind((sys.argv[1], RTDE_PORT))
         server.listen(1)
         server.settimeout(30.0)
         sys.stdout.write("ready\n")

@@ -13,7 +13,8 @@ from rdt_records import RdtRecord, force_sample, write_record
 
 from robotrue.core.units import MM
 from robotrue.errors import FormatError
-from robotrue.online import egm, rdt, rsi, rsi_answer, rtde
+from robotrue.online import egm, rdt, rsi, rsi_answer
+from robotrue.online.device_defaults import RTDE_PORT
 from robotrue.online.robot_correction import Correction, CorrectionMode
 from robotrue.online.rsi_config import parse_rsi_config
 
@@ -193,7 +194,7 @@ def test_ur_rtde_reads_our_packets():
         try:
             assert robot.stdout is not None
             if robot.stdout.readline().strip() != "ready":
-                pytest.skip(f"{RTDE_HOST}:{rtde.PORT} cannot be had")
+                pytest.skip(f"{RTDE_HOST}:{RTDE_PORT} cannot be had")
             client = peer.RTDEReceiveInterface(RTDE_HOST, 500.0, list(RTDE_NAMES))
             joints, pose = client.getActualQ(), client.getActualTCPPose()
             client.disconnect()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dis
 import logging
 import sys
 from collections.abc import Callable
@@ -122,9 +123,10 @@ def _stamp(kernel: Any) -> str:
 
 
 def _names(code: CodeType) -> set[str]:
-    """Global names that a function, or one inside it, uses."""
+    """Global names that a function, or one inside it, uses; not the names of attributes."""
     inside = [_names(const) for const in code.co_consts if isinstance(const, CodeType)]
-    return set(code.co_names).union(*inside)
+    own = {each.argval for each in dis.get_instructions(code) if each.opname == "LOAD_GLOBAL"}
+    return own.union(*inside)
 
 
 def _describe_value(value: Any) -> str:
