@@ -6,7 +6,7 @@ import json
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any, Final
+from typing import Any
 
 from rich import box
 from rich.console import Console
@@ -15,7 +15,6 @@ from rich.table import Table
 from rich.text import Text
 
 from robotrue.app.presentation import count as count
-from robotrue.app.reporting import Message
 from robotrue.core.json_values import json_values
 from robotrue.core.provenance import (
     Provenance,
@@ -32,20 +31,6 @@ PIPED_WIDTH = 160
 def say(text: str) -> None:
     """Writes one remark to stderr, on one line: the terminal wraps, a log does not."""
     stderr.print(text, markup=False, soft_wrap=True)
-
-
-class Terminal:
-    """A reporter that writes messages to stderr and shows no progress."""
-
-    def report(self, message: Message) -> None:
-        """Writes one line."""
-        say(str(message))
-
-    def step(self, text: str, done: int, of: int) -> None:
-        """Shows nothing: the commands that use it draw their own bar."""
-
-
-TERMINAL: Final = Terminal()
 
 
 def say_mark(provenance: Provenance | None) -> None:
