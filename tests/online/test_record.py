@@ -236,9 +236,9 @@ def test_killed_while_it_writes(tmp_path: Path) -> None:
         with subprocess.Popen(command, stdout=subprocess.PIPE) as process:  # noqa: S603
             assert process.stdout is not None
             while process.stdout.readline():  # however slow the disk is
-                if sum(len(f.content.sequence) for f in StreamRecord(path).frames()) >= 1000 * (
-                    kill + 1
-                ):
+                # the thread that writes may not have made the first segment yet
+                frames = StreamRecord(path).frames() if segments(path) else ()
+                if sum(len(f.content.sequence) for f in frames) >= 1000 * (kill + 1):
                     break
             process.send_signal(signal.SIGKILL)
     frames = list(StreamRecord(path).frames())
