@@ -276,12 +276,12 @@ def models() -> Iterator[str]:
 
 def online() -> Iterator[str]:
     """Yields schemes of sources with their options, and of sinks."""
-    from robotrue.online.addresses import OPTIONS
+    from robotrue.online.addresses import PROTOCOLS, protocol_of
     from robotrue.online.sink_addresses import EXAMPLES
 
-    for scheme, options in OPTIONS.items():
+    for scheme in PROTOCOLS:
         yield f"source {scheme}"
-        yield from (f"source {scheme} {each}" for each in options)
+        yield from (f"source {scheme} {each}" for each in protocol_of(f"{scheme}://").options)
     yield from (f"sink {example.partition(':')[0]}" for example in EXAMPLES)
 
 

@@ -6,7 +6,7 @@ import pytest
 from online_cases import CONFIG, NETFT
 
 from robotrue.errors import ConfigurationError, RobotrueError
-from robotrue.online.addresses import EXAMPLES, OPTIONS, SourceSettings, open_stream
+from robotrue.online.addresses import PROTOCOLS, SourceSettings, open_stream, protocol_of
 from robotrue.online.answering_link import AVAILABLE, AnsweringLink
 from robotrue.online.rdt import RdtDevice
 from robotrue.online.rdt_link import RdtSource
@@ -138,8 +138,9 @@ def test_only_robots_with_a_way_to_take_them_are_sent_corrections(address):
 
 
 def test_every_scheme_has_an_example_with_options_it_takes():
-    assert [e.partition("://")[0] for e in EXAMPLES] == list(OPTIONS)
-    for example in EXAMPLES:
-        scheme, _, rest = example.partition("://")
+    for scheme in PROTOCOLS:
+        protocol = protocol_of(f"{scheme}://")
+        stated, _, rest = protocol.example.partition("://")
+        assert stated == scheme
         for pair in filter(None, rest.partition("?")[2].split("&")):
-            assert pair.partition("=")[0] in OPTIONS[scheme]
+            assert pair.partition("=")[0] in protocol.options

@@ -21,7 +21,7 @@ import sys
 import time
 from collections.abc import AsyncIterator, Callable
 from dataclasses import replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -36,12 +36,11 @@ from robotrue.online.answering_wire import (
     read_message,
     write_message,
 )
-from robotrue.online.blocks import Block
-from robotrue.online.egm_link import EgmForce, EgmSource
+from robotrue.online.blocks import Block, ForceBlock
 from robotrue.online.guard import CorrectionGuard, GuardState
+from robotrue.online.link import StreamSource
 from robotrue.online.robot_correction import Correction, CorrectionMode
-from robotrue.online.robot_link import RobotLink
-from robotrue.online.rsi_link import RsiSettings, RsiSource
+from robotrue.online.stream_protocol import AnsweringRobot, ForceWithJoints
 from robotrue.online.udp import prompt_answers
 
 _BEAT: Final = 0.03
@@ -83,26 +82,23 @@ def _stay_in_memory() -> None:
         ctypes.CDLL(None).mlockall(_RESIDENT)
 
 
-def _open_link(opening: Opening) -> tuple[CorrectionGuard | None, RobotLink[Any]]:
-    guard, before, settings = None, opening.before, opening.settings
+def _open_link(opening: Opening) -> tuple[CorrectionGuard | None, AnsweringRobot]:
+    guard, before = None, opening.before
     if opening.limits is not None and opening.mode is not None:
         guard = CorrectionGuard(opening.limits, opening.mode)
         if before is not None and before.guard is not None:
             guard.resume(before.guard, before.why)
-    link = None if before is None else before.link
-    if isinstance(settings, RsiSettings):
-        return guard, RsiSource(settings, guard, before=link)
-    return guard, EgmSource(settings, guard, before=link)
+    return guard, opening.settings.open_link(guard, None if before is None else before.link)
 
 
 class _Answering:
     """The loop beside the answering thread: samples and counters out, what is wanted in."""
 
     def __init__(
-        self, pipe: socket.socket, link: RobotLink[Any], guard: CorrectionGuard | None
+        self, pipe: socket.socket, link: AnsweringRobot, guard: CorrectionGuard | None
     ) -> None:
         self._pipe, self._link, self._guard = pipe, link, guard
-        self._force: EgmForce | None = None
+        self._force: StreamSource[ForceBlock] | None = None
         self._sending = asyncio.Lock()
         self._alone = False
         self._told = float("-inf")
@@ -144,7 +140,11 @@ class _Answering:
     def _fulfil(self, request: LinkRequest) -> bool:
         """Does one thing; returns whether the service need not be told at once how it stands."""
         guard = self._guard
-        if request.do == "force" and isinstance(self._link, EgmSource) and self._force is None:
+        if (
+            request.do == "force"
+            and isinstance(self._link, ForceWithJoints)
+            and self._force is None
+        ):
             self._force = self._link.force()
             self._pump(self._force.blocks())
         elif guard is None:

@@ -34,7 +34,6 @@ from robotrue.online.answering_wire import (
     write_message,
 )
 from robotrue.online.blocks import ForceBlock, JointBlock
-from robotrue.online.egm_link import EgmSettings
 from robotrue.online.guard import CorrectionGuard, CorrectionLimits, GuardState
 from robotrue.online.link import Health
 from robotrue.online.record_frames import frame_content
@@ -124,8 +123,7 @@ class AnsweringLink:
     where it was, and stays there until it is armed.
 
     Args:
-        settings: :class:`~robotrue.online.rsi_link.RsiSettings` or
-            :class:`~robotrue.online.egm_link.EgmSettings`.
+        settings: Of the link, one of :data:`~robotrue.online.answering_wire.LinkSettings`.
         guard: Asked for each answer, in the other process; None corrects nothing.
 
     Raises:
@@ -136,7 +134,7 @@ class AnsweringLink:
         if not AVAILABLE:
             raise ConfigurationError(
                 "an answering process on a system other than Linux.",
-                hint="RsiSource or EgmSource, which answer in a thread.",
+                hint="settings.open_link(), which answers in a thread.",
             )
         if guard is not None:
             settings.check_corrections()
@@ -173,10 +171,10 @@ class AnsweringLink:
         """Returns the measured force of the same messages as a source of its own; always one.
 
         Raises:
-            ConfigurationError: The controller is no ABB.
+            ConfigurationError: The controller sends none.
         """
-        if not isinstance(self.settings, EgmSettings):
-            raise ConfigurationError("force of a KUKA controller, which sends none by RSI alone.")
+        if not self.settings.sends_force:
+            raise ConfigurationError(f"force of {self.settings.name}, which sends none.")
         if self._force is None:
             self._force = RemoteStream(
                 f"{self.settings.name} force", self.settings.waiting, self._restart_process

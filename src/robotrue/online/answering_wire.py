@@ -30,6 +30,7 @@ from robotrue.online.sequence import SequenceState
 from robotrue.online.udp import Address
 
 LinkSettings = RsiSettings | EgmSettings
+"""Of controllers that can be answered by a process of their own."""
 B = TypeVar("B", JointBlock, ForceBlock)
 M = TypeVar("M")
 

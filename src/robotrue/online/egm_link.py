@@ -11,7 +11,7 @@ from __future__ import annotations
 import time
 from collections.abc import AsyncIterator
 from dataclasses import dataclass
-from typing import Final
+from typing import ClassVar, Final
 
 from robotrue.errors import ConfigurationError, FormatError
 from robotrue.online.blocks import Flag, ForceBlock, JointBlock
@@ -30,6 +30,14 @@ from robotrue.online.link import Corrector, Health
 from robotrue.online.robot_correction import CorrectionMode
 from robotrue.online.robot_link import LinkState, RobotLink
 from robotrue.online.sequence import SequenceState, advance
+from robotrue.online.stream_protocol import (
+    CORRECTION_MODES,
+    FORCE_FRAMES,
+    Role,
+    StreamProtocol,
+    StreamSettings,
+    read_own_address,
+)
 from robotrue.online.udp import CROWDED, Address, Inbox
 
 _CYCLE: Final = 4e-3
@@ -62,6 +70,15 @@ class EgmSettings:
     port: int = EGM_PORT
     waiting: int = CROWDED
     peer: Address | None = None
+    sends_force: ClassVar[bool] = True
+
+    def open_link(self, corrector: Corrector | None, before: LinkState | None = None) -> EgmSource:
+        """Returns the link, which listens and answers from now on.
+
+        Raises:
+            ConfigurationError: As :class:`EgmSource`.
+        """
+        return EgmSource(self, corrector, before=before)
 
     def check_corrections(self) -> CorrectionMode:
         """Returns the mode, if corrections can be sent safely.
@@ -237,3 +254,57 @@ class EgmForce:
     def end(self, fault: BaseException | None) -> None:
         """Says that no more will come."""
         self._inbox.close(fault)
+
+
+OPTIONS: Final = {
+    "robotware": "6 or 7",
+    "mode": "absolute",
+    "frame": "sensor, tool or base, axes of the measured force",
+}
+
+
+def name_egm_link(address: str) -> str:
+    """Returns what the link of an address is called.
+
+    Raises:
+        ConfigurationError: An address or option that cannot be read.
+    """
+    return read_own_address(address, EGM_PORT, OPTIONS)[0].shown
+
+
+def read_egm_address(address: str, role: Role, settings: StreamSettings) -> EgmSettings:
+    """Returns the settings of a link to an ABB controller.
+
+    Raises:
+        ConfigurationError: An option or value that is none, or RobotWare is not stated.
+    """
+    where, options = read_own_address(address, EGM_PORT, OPTIONS)
+    generation = options.word("robotware", ("6", "7"))
+    if generation is None:
+        raise ConfigurationError(
+            "RobotWare 6 or 7 is not stated, and their messages are taken for each other without "
+            "an error.",
+            source=address,
+            hint="egm://0.0.0.0:6510?robotware=7",
+        )
+    mode = options.word("mode", CORRECTION_MODES)
+    return EgmSettings(
+        name=where.shown,
+        generation=RobotWare.SIX if generation == "6" else RobotWare.SEVEN,
+        mode=None if mode is None else CorrectionMode(mode),
+        force_frame=options.word("frame", FORCE_FRAMES) or "sensor",
+        host=where.host,
+        port=where.port,
+        peer=settings.peer,
+    )
+
+
+PROTOCOL: Final = StreamProtocol(
+    example="egm://0.0.0.0:6510?robotware=7",
+    options=OPTIONS,
+    read=read_egm_address,
+    takes_corrections=True,
+    takes_path_axes=True,
+    link_of_force=name_egm_link,
+    force_rate=1.0 / _CYCLE,
+)

@@ -20,6 +20,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array, IntArray
+from robotrue.core.files import read_bytes
 from robotrue.errors import ConfigurationError
 from robotrue.online.blocks import Flag, ForceBlock
 from robotrue.online.device_defaults import RDT_PORT, RDT_SILENCE_S
@@ -39,6 +40,13 @@ from robotrue.online.rdt import (
     write_request,
 )
 from robotrue.online.sequence import SequenceState, advance_block
+from robotrue.online.stream_protocol import (
+    FORCE_FRAMES,
+    Role,
+    StreamProtocol,
+    StreamSettings,
+    read_device_address,
+)
 from robotrue.online.udp import TOLD, tell_arrivals, time_waited
 
 Told = list[tuple[int, int, bytes]]
@@ -348,3 +356,52 @@ def _fetch_page(page: str) -> bytes:
         raise OSError(f"{page}: {cause.code} {cause.reason}") from cause
     except urllib.error.URLError as cause:
         raise OSError(f"{page}: {cause.reason}") from cause
+
+
+OPTIONS: Final = {
+    "scale": "FILE or http, netftapi2.xml of the sensor",
+    "rate": "records per second in Hz",
+    "device": "net or axia",
+    "frame": "sensor, tool or base",
+    "silence": "s",
+}
+
+
+def read_rdt_address(address: str, role: Role, settings: StreamSettings) -> RdtSource:
+    """Returns the forces of an ATI sensor.
+
+    Raises:
+        ConfigurationError: An option or value that is none, or no scale.
+        FormatError: A scale that cannot be read.
+    """
+    where, options = read_device_address(address, RDT_PORT, OPTIONS)
+    stated = options.text("scale")
+    page, scale, rate = "", None, None
+    if stated == "http":
+        page = f"http://{where.host}/netftapi2.xml"
+    elif stated is not None and stated.startswith("http://"):
+        page = stated
+    elif stated is not None:
+        data = read_bytes(stated)
+        scale, rate = parse_netftapi(data, stated), parse_rate(data, stated)
+    return RdtSource(
+        RdtSettings(
+            name=where.shown,
+            host=where.host,
+            port=where.port,
+            scale=scale,
+            page=page,
+            device=RdtDevice(options.word("device", [d.value for d in RdtDevice]) or "net"),
+            rate=options.number("rate", "Hz") if options.has("rate") else rate,
+            frame=options.word("frame", FORCE_FRAMES) or "sensor",
+            silence=options.number("silence", "s", default=RDT_SILENCE_S),
+        )
+    )
+
+
+PROTOCOL: Final = StreamProtocol(
+    example="rdt://192.168.1.1?scale=netftapi2.xml&rate=7000Hz",
+    options=OPTIONS,
+    read=read_rdt_address,
+    lacks={"robot": "a force sensor knows no joints"},
+)

@@ -15,7 +15,9 @@ import numpy as np
 from robotrue.errors import ConfigurationError
 from robotrue.online.blocks import Block, Flag, ForceBlock, JointBlock
 from robotrue.online.link import Health
+from robotrue.online.net_address import AddressOptions
 from robotrue.online.replay_blocks import Repeats, force_blocks, joint_blocks
+from robotrue.online.stream_protocol import FORCE_FRAMES, Role, StreamProtocol, StreamSettings
 
 _TICK: Final = 5e-3
 """s between two blocks in real time."""
@@ -152,3 +154,45 @@ class _Pace:
         now = self._origin + (time.monotonic() - self._begun) * self._speed
         later = times > now  # a sample without a time comes with those before it
         return int(np.argmax(later)) if later.any() else len(times)
+
+
+OPTIONS: Final = {
+    "speed": "times as fast as recorded; without it as fast as it goes",
+    "from": "ROW, the first that is played",
+    "repeat": "how often, or forever",
+    "period": "s from one repetition to the next",
+    "frame": "sensor, tool or base, axes of recorded forces",
+}
+
+
+def read_replay_address(
+    address: str, role: Role, settings: StreamSettings
+) -> ReplayJoints | ReplayForce:
+    """Returns the joints or the forces of a record.
+
+    Raises:
+        ConfigurationError: No such file, or an option or value that is none.
+    """
+    path, options = AddressOptions.of_path(address, OPTIONS)
+    if not Path(path).is_file():
+        raise ConfigurationError(
+            f"there is no file {path!r}.", source=address, hint="replay://PATH/TO/record.csv"
+        )
+    forever = options.text("repeat") == "forever"
+    times = None if forever else options.whole("repeat", "", default=1)
+    made = ReplaySettings(
+        name=f"replay://{path}",
+        path=path,
+        speed=options.number("speed", "") if options.has("speed") else None,
+        start=options.whole("from", "", default=0) + settings.start_row,
+        repeats=Repeats(
+            times=times, period=options.number("period", "s") if options.has("period") else None
+        ),
+        frame=options.word("frame", FORCE_FRAMES) or "sensor",
+    )
+    return ReplayJoints(made) if role == "robot" else ReplayForce(made)
+
+
+PROTOCOL: Final = StreamProtocol(
+    example="replay://record.csv", options=OPTIONS, read=read_replay_address
+)

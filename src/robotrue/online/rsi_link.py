@@ -9,10 +9,11 @@ from __future__ import annotations
 import time
 from collections import deque
 from dataclasses import dataclass
-from typing import Final
+from typing import ClassVar, Final
 
 from robotrue.errors import ConfigurationError, FormatError
 from robotrue.online.blocks import JointBlock
+from robotrue.online.device_defaults import RSI_CYCLE_MS, RSI_PORT
 from robotrue.online.link import Corrector
 from robotrue.online.robot_correction import Correction, CorrectionMode, no_correction
 from robotrue.online.robot_link import LinkState, RobotLink
@@ -29,8 +30,15 @@ from robotrue.online.rsi import (
 )
 from robotrue.online.rsi_answer import SenWriter
 from robotrue.online.rsi_booking import RsiBooking
-from robotrue.online.rsi_config import RsiConfig
+from robotrue.online.rsi_config import RsiConfig, read_rsi_config, usual_rsi_config
 from robotrue.online.sequence import advance
+from robotrue.online.stream_protocol import (
+    CORRECTION_MODES,
+    Role,
+    StreamProtocol,
+    StreamSettings,
+    read_own_address,
+)
 from robotrue.online.udp import CROWDED, Address
 
 _REMEMBERED: Final = 128
@@ -62,6 +70,15 @@ class RsiSettings:
     waiting: int = CROWDED
     peer: Address | None = None
     trust_restart: bool = False
+    sends_force: ClassVar[bool] = False
+
+    def open_link(self, corrector: Corrector | None, before: LinkState | None = None) -> RsiSource:
+        """Returns the link, which listens and answers from now on.
+
+        Raises:
+            ConfigurationError: As :class:`RsiSource`.
+        """
+        return RsiSource(self, corrector, before=before)
 
     def check_corrections(self) -> CorrectionMode:
         """Returns the mode, if corrections can be sent safely.
@@ -215,3 +232,52 @@ class RsiSource(RobotLink[SeenPacket]):
 
     def _block(self, kept: list[SeenPacket]) -> JointBlock:
         return rob_block(kept)
+
+
+OPTIONS: Final = {
+    "config": "FILE, EthernetConfig.xml of the controller",
+    "cycle": "4ms or 12ms",
+    "mode": "relative or absolute, as RSI_ON of the running program says",
+}
+
+
+def read_rsi_address(address: str, role: Role, settings: StreamSettings) -> RsiSettings:
+    """Returns the settings of a link to a KUKA controller.
+
+    Raises:
+        ConfigurationError: An option or value that is none, or another port than its file states.
+        FormatError: A configuration that cannot be read.
+    """
+    where, options = read_own_address(address, RSI_PORT, OPTIONS)
+    mode = options.word("mode", CORRECTION_MODES)
+    path = options.text("config")
+    if path is None:
+        config = usual_rsi_config(where.host, where.port, hold=mode != "relative")
+    else:
+        config = read_rsi_config(path)
+        where, _ = read_own_address(address, config.port, OPTIONS)
+        if where.port not in (0, config.port):
+            raise ConfigurationError(
+                f"port {where.port}, but the controller sends to {config.port} by its {path}.",
+                source=where.shown,
+                hint=f"rsi://{where.host}:{config.port}",
+            )
+    return RsiSettings(
+        name=where.shown,
+        config=config,
+        cycle_ms=options.whole("cycle", "ms", default=RSI_CYCLE_MS),
+        mode=None if mode is None else CorrectionMode(mode),
+        host=where.host,
+        port=where.port,
+        peer=settings.peer,
+        trust_restart=settings.trust_restart,
+    )
+
+
+PROTOCOL: Final = StreamProtocol(
+    example="rsi://0.0.0.0:49152?config=EthernetConfig.xml&cycle=4ms",
+    options=OPTIONS,
+    read=read_rsi_address,
+    lacks={"force": "a KUKA controller sends no force by RSI alone"},
+    takes_corrections=True,
+)

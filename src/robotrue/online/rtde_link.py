@@ -21,6 +21,12 @@ from robotrue.online.blocks import Flag, ForceBlock, JointBlock
 from robotrue.online.device_defaults import RTDE_PORT, RTDE_RATE_HZ, RTDE_SILENCE_S
 from robotrue.online.link import Health
 from robotrue.online.sequence import SequenceState, advance, advance_block
+from robotrue.online.stream_protocol import (
+    Role,
+    StreamProtocol,
+    StreamSettings,
+    read_device_address,
+)
 
 _RETRY: Final = (0.2, 2.0)
 """s between attempts to reach a controller that is not there: the first, and the longest."""
@@ -268,3 +274,31 @@ class _Talk:
             if not data:
                 raise EOFError("the controller closed it")
             self.rest += data
+
+
+OPTIONS: Final = {"rate": "packets per second in Hz, up to 500", "silence": "s"}
+
+
+def read_rtde_address(address: str, role: Role, settings: StreamSettings) -> RtdeSource | RtdeForce:
+    """Returns the joints or the forces of a Universal Robots controller.
+
+    Raises:
+        ConfigurationError: An option or value that is none.
+    """
+    where, options = read_device_address(address, RTDE_PORT, OPTIONS)
+    made = RtdeSettings(
+        name=where.shown,
+        host=where.host,
+        port=where.port,
+        rate=options.number("rate", "Hz", default=RTDE_RATE_HZ),
+        silence=options.number("silence", "s", default=RTDE_SILENCE_S),
+    )
+    return RtdeSource(made) if role == "robot" else RtdeForce(made)
+
+
+PROTOCOL: Final = StreamProtocol(
+    example="rtde://192.168.0.10?rate=500Hz",
+    options=OPTIONS,
+    read=read_rtde_address,
+    force_rate=RTDE_RATE_HZ,
+)

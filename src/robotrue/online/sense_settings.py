@@ -15,6 +15,7 @@ from robotrue.core.provenance import Provenance, read_provenance, simulation_mar
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
+from robotrue.online.addresses import protocol_of, require_answers
 from robotrue.online.answering_link import answering_guard
 from robotrue.online.corrections import Corrections, PathAxes, fixed_axes
 from robotrue.online.guard import CorrectionLimits
@@ -95,12 +96,10 @@ def force_rate(settings: SenseSettings) -> float:
         return settings.rate
     if stated and stated[0].lower().removesuffix("hz").replace(".", "", 1).isdigit():
         return float(stated[0].lower().removesuffix("hz"))
-    scheme = settings.force.partition("://")[0].lower()
-    if scheme == "egm":
-        return 250.0
-    if scheme == "rtde":
-        return 500.0
-    if scheme != "replay":
+    usual = protocol_of(settings.force, "force").force_rate
+    if usual is not None:
+        return usual
+    if not settings.force.lower().startswith("replay://"):
         raise ConfigurationError(
             "the force samples per second are not stated.",
             source=without_password(settings.force),
@@ -177,23 +176,15 @@ def correction_limits(
     )
 
 
-def answers(robot: str) -> bool:
-    """Returns whether the robot of an address is one that waits for answers."""
-    return robot.lower().startswith(("rsi://", "egm://"))
-
-
 def require_correctable(robot: str, axes: str) -> None:
     """Passes if the robot of an address takes corrections in such axes.
 
     Raises:
         ConfigurationError: It takes none, or none in the axes of its path.
     """
-    if not answers(robot):
-        raise ConfigurationError(
-            f"corrections to {without_password(robot)}: only rsi:// and egm:// robots take them.",
-            hint="leave --correct out.",
-        )
-    if axes == "path" and not robot.lower().startswith("egm://"):
+    protocol = protocol_of(robot)
+    require_answers(without_password(robot), protocol)
+    if axes == "path" and not protocol.takes_path_axes:
         raise ConfigurationError(
             f"--correct-in path with {without_password(robot)}: only egm:// controllers take a "
             "correction in the axes of their path.",

@@ -20,7 +20,7 @@ from robotrue.cell.config import read_cell
 from robotrue.core.files import sha256_of_file
 from robotrue.core.provenance import Provenance, merge, simulation_mark
 from robotrue.errors import ConfigurationError, ModelMismatchError
-from robotrue.online.addresses import SourceSettings, open_stream
+from robotrue.online.addresses import SourceSettings, open_stream, protocol_of
 from robotrue.online.blocks import ForceBlock, JointBlock
 from robotrue.online.clock_alignment import read_clock
 from robotrue.online.corrections import Corrections
@@ -32,7 +32,6 @@ from robotrue.online.record_writer import RecordWriter
 from robotrue.online.resume import Resumed, read_estimates_after, resume
 from robotrue.online.sense_settings import (
     SenseSettings,
-    answers,
     corrections_of,
     force_rate,
     path_of,
@@ -102,7 +101,11 @@ def run_service(
         begin_note(correction.host, correction.limits.shift, confirmed=correction.confirm_zero)
     writer = None if settings.record is None else RecordWriter(settings.record, header)
     try:
-        with prompt_answers() if answers(settings.robot) else contextlib.nullcontext():
+        with (
+            prompt_answers()
+            if protocol_of(settings.robot).takes_corrections
+            else contextlib.nullcontext()
+        ):
             return asyncio.run(
                 _serve(settings, cell, chain, corrections, writer, resumed, origins, watch)
             )
