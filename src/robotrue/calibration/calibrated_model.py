@@ -91,11 +91,9 @@ class CalibratedModel(Columns):
     root: Annotated[Array | None, Column("p c")] = None
     inflation: float = 1.0
 
-    def _known_sizes(self) -> dict[str, int]:
-        return {"e": len(self.robot.errors), "k": sum(term.size for term in self.terms)}
-
-    def _check_rules(self) -> None:
+    def __post_init__(self) -> None:
         """Drops errors the robot may carry."""
+        self._check_columns(e=len(self.robot.errors), k=sum(term.size for term in self.terms))
         object.__setattr__(self, "robot", self.robot.nominal())
 
     @property

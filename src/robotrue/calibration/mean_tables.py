@@ -43,8 +43,10 @@ class MeanTables(Columns):
     scale: Annotated[Array, Column("features")]
     weights: Annotated[Array, Column("m 3", unit="m")]
 
-    def _known_sizes(self) -> dict[str, int]:
-        return {"dof": self.robot.dof, "features": 2 * self.robot.dof}
+    def __post_init__(self) -> None:
+        """Checks shapes and values."""
+        dof = len(self.robot.d)
+        self._check_columns(dof=dof, features=2 * dof)
 
 
 def rigid_tables(robot: RobotModel) -> MeanTables:

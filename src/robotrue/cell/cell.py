@@ -98,24 +98,19 @@ class Cell(Columns):
     files: Mapping[str, bytes] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Fills the defaults that depend on other fields, then checks shapes."""
+        """Fills the defaults that depend on other fields, then checks shapes and values.
+
+        Raises:
+            ShapeError: A column of another shape, a direction of length zero, or a repeatability
+                below zero.
+        """
         if np.size(self.T_flange_target) == 0:
             object.__setattr__(self, "T_flange_target", self.robot.T_flange_tool)
         if self.tracker_position is None and self.frame == "tracker":
             object.__setattr__(self, "tracker_position", np.zeros(3))
         if self.tracker_place is None and self.frame == "base":
             object.__setattr__(self, "tracker_place", self.tracker_position)
-        Columns.__post_init__(self)
-
-    def _known_sizes(self) -> dict[str, int]:
-        return {"dof": self.robot.dof}
-
-    def _check_rules(self) -> None:
-        """Normalises the direction of the reflector and checks the repeatability.
-
-        Raises:
-            ShapeError: A direction of length zero, or a repeatability below zero.
-        """
+        self._check_columns(dof=len(self.robot.d))
         if self.target_axis is not None:
             length = float(np.linalg.norm(self.target_axis))
             if not length > 0.0:

@@ -234,13 +234,14 @@ def calibrated_arm(tables: MeanTables, tools: Array, keep_tool_error: BoolArray)
         arm["nominal"]["constant"] = link_constants(nominal, tool)
         arm["actual"]["constant"] = link_constants(robot, tool @ error_of_tool if keep else tool)
         _write_closed_form(arm["closed"], robot, tool)
-    arms["masses"] = link_masses(robot)
+    frames = link_frames(robot)
+    arms["masses"] = link_masses(robot, frames)
     arms["coupling"], arms["uncoupling"] = robot.joint_map, np.linalg.inv(robot.joint_map)
     arms["coupled"] = not np.array_equal(robot.joint_map, np.eye(DOF))
     arms["zero"], arms["offset"] = robot.theta, robot.error("theta")
     arms["gear"], arms["compliance"] = robot.error("gear"), robot.error("compliance")
     arms["backlash"], arms["feature_scale"] = tables.backlash, tables.scale
-    arms["flange"] = link_frames(robot)[-1, :3]
+    arms["flange"] = frames[-1, :3]
     arms["limits"], arms["length"] = robot.limits, 0.5 * robot.reach
     harmonics, ripple = _ripple(tables)
     return CalibratedArm(

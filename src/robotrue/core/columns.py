@@ -17,7 +17,7 @@ needs ``__len__``.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, fields
 from types import NoneType, UnionType
 from typing import (
@@ -26,6 +26,7 @@ from typing import (
     Final,
     NamedTuple,
     Self,
+    TypeAlias,
     TypeVar,
     Union,
     get_args,
@@ -34,6 +35,7 @@ from typing import (
 )
 
 import numpy as np
+import numpy.typing as npt
 
 from robotrue.core.arrays import BoolArray, IntArray
 from robotrue.core.json_values import json_values
@@ -43,8 +45,14 @@ ROWS: Final = "n"
 """The size that counts the rows of a table."""
 FREE: Final = "_"
 """A dimension that no other field shares."""
-Rows = slice | IntArray | BoolArray
+Rows: TypeAlias = slice | IntArray | BoolArray
 """Which rows: a slice, indices or a mask."""
+Values: TypeAlias = npt.NDArray[np.generic]
+"""An array of any element type."""
+Size: TypeAlias = int | str | None
+"""A dimension: a number, a name, or None where it is free."""
+Sizes: TypeAlias = dict[Size, int]
+Fill: TypeAlias = float | str | Callable[..., npt.ArrayLike] | None
 
 
 EMPTY: Final[Any] = ()
@@ -74,20 +82,20 @@ class Column:
     unit: str = ""
     nan: bool = False
     inf: bool = False
-    fill: float | str | Callable[..., Any] | None = None
+    fill: Fill = None
 
 
 class _Field(NamedTuple):
     """A field with a :class:`Column`, read once per class."""
 
     name: str
-    sizes: tuple[int | str | None, ...]
-    dtype: Any
+    sizes: tuple[Size, ...]
+    dtype: np.dtype[np.generic] | None
     """Element type; None where the field is a tuple or a table of its own."""
-    refused: Any
+    refused: Callable[[Values], BoolArray] | None
     """The function that marks values not allowed; None where all are."""
-    fill: float | str | Callable[..., Any] | None
-    to_tuple: Callable[[Any], tuple[Any, ...]] | None
+    fill: Fill
+    to_tuple: Callable[[Iterable[object]], tuple[object, ...]] | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,8 +112,23 @@ class Columns:
         Raises:
             ShapeError: A column of another shape, or a value that is not finite.
         """
+        self._check_columns()
+        self._check_rules()
+
+    def _check_columns(self, **known: int) -> None:
+        """Checks and freezes every declared column.
+
+        A class with sizes that no column states, such as the joints of a robot, has its own
+        ``__post_init__``, which calls this with them.
+
+        Args:
+            known: Such sizes by name.
+
+        Raises:
+            ShapeError: A column of another shape, or a value that is not finite.
+        """
         owner = type(self)
-        sizes: dict[Any, int] = {**self._known_sizes()}
+        sizes: Sizes = dict(known.items())
         for field in _FIELDS.get(owner) or _read_fields(owner):
             value = getattr(self, field.name)
             if value is None:
@@ -113,19 +136,14 @@ class Columns:
             checked = _check_column(owner, field, value, sizes)
             if checked is not value:
                 object.__setattr__(self, field.name, checked)
-        self._check_rules()
-
-    def _known_sizes(self) -> Mapping[str, int]:
-        """Returns sizes that no column states, such as the joints of a robot; none by default."""
-        return {}
 
     def _check_rules(self) -> None:
         """Checks what shapes cannot say; nothing by default."""
 
-    def _set_column(self, name: str, values: Any) -> None:
+    def _set_column(self, name: str, values: npt.ArrayLike) -> None:
         """Replaces a column by values of its own shape; for a class that normalises its input."""
         field = next(f for f in _read_fields(type(self)) if f.name == name)
-        sizes: dict[Any, int] = {}
+        sizes: Sizes = {}
         _check_shape(type(self), field, np.shape(getattr(self, name)), sizes)
         object.__setattr__(self, name, _check_column(type(self), field, values, sizes))
 
@@ -147,7 +165,7 @@ class Columns:
 T = TypeVar("T", bound=Columns)
 
 
-def concat(tables: Sequence[T], **merged: Any) -> T:
+def concat(tables: Sequence[T], **merged: object) -> T:
     """Returns the rows of several tables in one.
 
     Args:
@@ -161,7 +179,7 @@ def concat(tables: Sequence[T], **merged: Any) -> T:
         raise ShapeError("tables to join: none, expected one or more.")
     first = tables[0]
     by_name = {field.name: field for field in _read_fields(type(first))}
-    values: dict[str, Any] = {}
+    values: dict[str, object] = {}
     for name in (f.name for f in fields(first) if f.init and f.name not in merged):
         parts = [getattr(table, name) for table in tables]
         field = by_name.get(name)
@@ -177,20 +195,19 @@ def concat(tables: Sequence[T], **merged: Any) -> T:
     return type(first)(**values, **merged)
 
 
-def _join_column(parts: list[Any]) -> Any:
+def _join_column(parts: list[Any]) -> object:
     if isinstance(parts[0], Columns):
         return concat(parts)
     if isinstance(parts[0], tuple):
         return tuple(value for part in parts for value in part)
-    array: Any = np.concatenate(parts)
-    return _freeze(array)
+    return _freeze(np.concatenate(parts))
 
 
-def _are_equal(one: Any, other: Any) -> bool:
+def _are_equal(one: object, other: object) -> bool:
     if one is other:
         return True
-    if isinstance(one, np.ndarray) or isinstance(other, np.ndarray):
-        return np.array_equal(one, other)
+    if isinstance(one, np.ndarray):
+        return isinstance(other, np.ndarray) and np.array_equal(one, other)
     if isinstance(one, Columns):
         return type(one) is type(other) and all(
             _are_equal(getattr(one, f.name), getattr(other, f.name)) for f in fields(one)
@@ -198,10 +215,9 @@ def _are_equal(one: Any, other: Any) -> bool:
     return bool(one == other)
 
 
-def _take_rows(value: Any, rows: Any) -> Any:
+def _take_rows(value: Values | Columns | tuple[object, ...], rows: Rows) -> object:
     if isinstance(value, np.ndarray):
-        part: Any = value[rows]
-        return _freeze(part)
+        return _freeze(value[rows])
     if isinstance(value, Columns):
         return value.take(rows)
     if isinstance(rows, slice):
@@ -209,20 +225,21 @@ def _take_rows(value: Any, rows: Any) -> Any:
     return tuple(value[k] for k in np.arange(len(value))[rows])
 
 
-def _freeze(array: Any) -> Any:
+def _freeze(array: Values) -> Values:
     array.flags.writeable = False
     return array
 
 
-def _json_document(value: Any) -> Any:
-    if hasattr(value, "document"):
-        return value.document()
+def _json_document(value: object) -> object:
+    document = getattr(value, "document", None)
+    if document is not None:
+        return document()
     if isinstance(value, list | tuple):
         return [_json_document(each) for each in value]
     return json_values(value)
 
 
-def _check_column(owner: type, field: _Field, value: Any, sizes: dict[Any, int]) -> Any:
+def _check_column(owner: type, field: _Field, value: Any, sizes: Sizes) -> object:
     """Returns the value frozen; sizes that it states first are added to the known ones.
 
     Links build blocks at some thousand a second: the usual case makes no generator and no call
@@ -253,7 +270,7 @@ def _check_column(owner: type, field: _Field, value: Any, sizes: dict[Any, int])
     return array
 
 
-def _check_shape(owner: type, field: _Field, shape: tuple[int, ...], sizes: dict[Any, int]) -> None:
+def _check_shape(owner: type, field: _Field, shape: tuple[int, ...], sizes: Sizes) -> None:
     """Passes if the shape fits; a size met for the first time is set by its column.
 
     Numbers are entered as sizes of their own, so that one look-up serves both.
@@ -273,29 +290,30 @@ def _check_shape(owner: type, field: _Field, shape: tuple[int, ...], sizes: dict
         raise ShapeError(f"{owner.__name__}.{field.name} has shape {shape}, expected ({expected}).")
 
 
-def _fill_empty(field: _Field, empty: Any, sizes: dict[Any, int]) -> Any:
+def _fill_empty(field: _Field, empty: Values, sizes: Sizes) -> Values:
     """Returns what an array without values stands for, as far as its sizes are known.
 
     A list without rows has no second dimension; it gets that of its column.
     """
-    shape: list[Any] = [s if isinstance(s, int) else sizes.get(s) for s in field.sizes]
-    if field.fill is None or None in shape:
+    shape = [s if isinstance(s, int) else sizes.get(s) for s in field.sizes]
+    known = [size for size in shape if size is not None]
+    if field.fill is None or len(known) < len(shape):
         rest = [size or 0 for size in shape[1:]]
-        return np.empty((0, *rest), dtype=field.dtype) if empty.shape == (0,) else empty
+        return np.empty((0, *rest), dtype=empty.dtype) if empty.shape == (0,) else empty
     if callable(field.fill):
-        return np.array(field.fill(*shape), dtype=field.dtype)
-    return np.full(shape, field.fill, dtype=field.dtype)
+        return np.array(field.fill(*shape), dtype=empty.dtype)
+    return np.full(known, field.fill, dtype=empty.dtype)
 
 
-def _to_text(values: Any) -> tuple[str, ...]:
+def _to_text(values: Iterable[object]) -> tuple[str, ...]:
     return tuple(map(str, values))
 
 
-def _is_not_finite(array: Any) -> Any:
-    return ~np.isfinite(array)
+def _is_not_finite(array: Values) -> BoolArray:
+    return np.logical_not(np.isfinite(array))
 
 
-_REFUSED: Final = {
+_REFUSED: Final[dict[tuple[bool, bool], Callable[[Values], BoolArray] | None]] = {
     (False, False): _is_not_finite,
     (True, False): np.isinf,
     (False, True): np.isnan,
@@ -317,7 +335,7 @@ def _read_fields(table: type) -> tuple[_Field, ...]:
     return _FIELDS[table]
 
 
-def _read_field(name: str, column: Column, kind: Any) -> _Field:
+def _read_field(name: str, column: Column, kind: object) -> _Field:
     sizes = tuple(
         None if word == FREE else int(word) if word.isdigit() else word
         for word in column.shape.split()

@@ -48,11 +48,9 @@ class CompliantArm(Columns):
     stiffness: Annotated[Array, Column("dof", unit="N m/rad", inf=True)]
     direction: Annotated[Array, Column("3")]
 
-    def _known_sizes(self) -> dict[str, int]:
-        return {"dof": self.robot.dof}
-
-    def _check_rules(self) -> None:
+    def __post_init__(self) -> None:
         """Checks the values."""
+        self._check_columns(dof=self.robot.dof)
         if not (self.stiffness > 0.0).all():
             raise ConfigurationError(
                 f"stiffness {self.stiffness} N m/rad, expected numbers above zero.",

@@ -60,11 +60,9 @@ class FrequencyResponse(Columns):
     source: str
     provenance: Provenance = MEASURED
 
-    def _known_sizes(self) -> dict[str, int]:
-        return {"r": len(self.response_axes), "e": len(self.excitation_axes)}
-
-    def _check_rules(self) -> None:
+    def __post_init__(self) -> None:
         """Checks axes, order and band."""
+        self._check_columns(r=len(self.response_axes), e=len(self.excitation_axes))
         for name in ("response_axes", "excitation_axes"):
             _check_axes(getattr(self, name), name)
         rising = (np.diff(self.frequency) > 0.0).all()

@@ -57,11 +57,9 @@ class ModalModel(Columns):
     source: str
     provenance: Provenance = MEASURED
 
-    def _known_sizes(self) -> dict[str, int]:
-        return {"r": len(self.response_axes), "e": len(self.excitation_axes)}
-
-    def _check_rules(self) -> None:
+    def __post_init__(self) -> None:
         """Checks the values."""
+        self._check_columns(r=len(self.response_axes), e=len(self.excitation_axes))
         if not set(self.response_axes) | set(self.excitation_axes) <= set(AXES):
             raise ConfigurationError(f"axes of a modal model are some of {AXES}.")
         if not ((self.poles.imag > 0.0) & (self.poles.real < 0.0)).all():

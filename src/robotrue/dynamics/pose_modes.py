@@ -55,11 +55,9 @@ class FlexibleArm(Columns):
     _links: Records = field(init=False, repr=False)
     _bodies: tuple[Array, Array, Array] = field(init=False, repr=False)
 
-    def _known_sizes(self) -> dict[str, int]:
-        return {"n": self.robot.dof}
-
-    def _check_rules(self) -> None:
+    def __post_init__(self) -> None:
         """Checks signs, packs the bodies for the kernel."""
+        self._check_columns(n=self.robot.dof)
         if not (self.stiffness > 0.0).all():
             raise ShapeError(f"stiffness {self.stiffness} N m/rad, expected above zero.")
         if not ((self.damping > 0.0) & (self.damping < 1.0)).all():

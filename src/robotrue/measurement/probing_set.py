@@ -92,16 +92,14 @@ class ProbingSet(Columns):
     lines: Annotated[IntArray, Column("n", fill=count_rows)] = EMPTY
     provenance: Provenance = MEASURED
 
-    def _known_sizes(self) -> dict[str, int]:
-        return {"touched_by_arm": len(self.names) if np.size(self.joints) else 0}
-
-    def _check_rules(self) -> None:
+    def __post_init__(self) -> None:
         """Normalises directions; checks indices and what each touch needs.
 
         Raises:
             ShapeError: Wrong indices, a normal of length zero, a row with neither joints nor
                 position, a socket that is not in the set or has points of its own.
         """
+        self._check_columns(touched_by_arm=len(self.names) if np.size(self.joints) else 0)
         self._set_column("normal", self._unit_normals())
         self._check_rows()
         self._check_parts()

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
 import numpy as np
 
@@ -137,9 +137,10 @@ class LinearModel(Columns):
     unmodelled: UnmodelledErrors
     root: Annotated[Array, Column("p _")]
 
-    def _known_sizes(self) -> dict[Any, int]:
+    def __post_init__(self) -> None:
+        """Checks shapes and values."""
         dof = self.robot.dof
-        return {"p": 7 * dof + 12 + 2 * dof * len(self.unmodelled.ripple) + dof}
+        self._check_columns(p=7 * dof + 12 + 2 * dof * len(self.unmodelled.ripple) + dof)
 
     @property
     def size(self) -> int:

@@ -22,7 +22,7 @@ The path has points between far ones: moves are straight, and a point is added e
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
 import numpy as np
 
@@ -180,8 +180,9 @@ class Posed(Columns):
     limit_margin: float
     wrist_angle: float
 
-    def _known_sizes(self) -> dict[Any, int]:
-        return {"n": len(self.path)}
+    def __post_init__(self) -> None:
+        """Checks shapes and values."""
+        self._check_columns(n=len(self.path))
 
 
 def resolve_spin(

@@ -103,8 +103,9 @@ class Program(Columns):
     spans: Any = None
     path: Annotated[IntArray, Column("_ 3")] = EMPTY
 
-    def _known_sizes(self) -> dict[Any, int]:
-        return {"w": WORDS[self.words_of]}
+    def __post_init__(self) -> None:
+        """Checks shapes and values."""
+        self._check_columns(w=WORDS[self.words_of])
 
     def __len__(self) -> int:
         return len(self.position)

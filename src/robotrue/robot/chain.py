@@ -16,8 +16,6 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 
 from robotrue.core.arrays import Array
-from robotrue.core.poses import pose
-from robotrue.core.rotations import matrix_from_abc
 from robotrue.robot.model import RobotModel
 
 X: Final = 0
@@ -78,10 +76,8 @@ def link_constants(robot: RobotModel, T_flange_tool: Array | None = None) -> Arr
     if T_flange_tool is None:
         T_flange_tool = robot.T_flange_tool @ error_pose(robot.error("tool"))
     before, behind = around_joints(robot)
-    constants = [error_pose(robot.error("base")) @ before[0]]
-    constants += [behind[i] @ before[i + 1] for i in range(robot.dof - 1)]
-    constants.append(behind[-1] @ T_flange_tool)
-    return np.array([constant[:3] for constant in constants])
+    first, last = error_pose(robot.error("base")) @ before[:1], behind[-1:] @ T_flange_tool
+    return np.concatenate([first, behind[:-1] @ before[1:], last])[:, :3]
 
 
 def links_of(
@@ -98,13 +94,17 @@ def link_frames(robot: RobotModel) -> Array:
 
     Centres of mass and inertias of a robot model are given in link frames; the last is the flange.
     """
-    return np.array(around_joints(robot.nominal())[1])
+    return around_joints(robot.nominal())[1]
 
 
-def link_masses(robot: RobotModel) -> np.ndarray[tuple[int], np.dtype[np.void]]:
-    """Returns the masses of the links as one record of :func:`masses_dtype`, shape (1,)."""
+def link_masses(robot: RobotModel, frames: Array) -> np.ndarray[tuple[int], np.dtype[np.void]]:
+    """Returns the masses of the links as one record of :func:`masses_dtype`, shape (1,).
+
+    Args:
+        robot: The arm.
+        frames: Its :func:`link_frames`.
+    """
     masses = np.zeros(1, masses_dtype(robot.dof))
-    frames = link_frames(robot)
     centre = np.einsum("nij,nj->ni", frames[:, :3, :3], robot.link_com) + frames[:, :3, 3]
     masses["moment"][0, :, :3] = robot.link_mass[:, None] * centre
     masses["moment"][0, :, 3] = robot.link_mass
@@ -115,31 +115,30 @@ def link_masses(robot: RobotModel) -> np.ndarray[tuple[int], np.dtype[np.void]]:
 
 def error_pose(values: Array) -> Array:
     """Returns Tx Ty Tz Rx Ry Rz (4, 4) of six errors, m and rad."""
-    turned = turn_about("x", values[3]) @ turn_about("y", values[4]) @ turn_about("z", values[5])
-    return pose(turned[:3, :3], values[:3])
+    T = turn_about(X, values[3]) @ turn_about(Y, values[4]) @ turn_about(Z, values[5])
+    T[:3, 3] = values[:3]
+    return T
 
 
-def around_joints(robot: RobotModel) -> tuple[list[Array], list[Array]]:
-    """Returns the constant transforms before and behind the turn of each joint, (4, 4) each."""
-    d = robot.d + robot.error("d")
-    a = robot.a + robot.error("a")
-    alpha = robot.alpha + robot.error("alpha")
-    beta = robot.error("beta")
-    before, behind = [], []
-    for i in range(robot.dof):
-        along_z = pose(np.eye(3), np.array([0.0, 0.0, d[i]]))
-        side = pose(np.eye(3), np.array([a[i], 0.0, 0.0]))
-        if robot.convention == "dh":
-            before.append(np.eye(4))
-            behind.append(along_z @ side @ turn_about("x", alpha[i]) @ turn_about("y", beta[i]))
-        else:
-            before.append(turn_about("x", alpha[i]) @ side @ turn_about("y", beta[i]))
-            behind.append(along_z)
-    return before, behind
+def around_joints(robot: RobotModel) -> tuple[Array, Array]:
+    """Returns the constant transforms (n, 4, 4) before and behind the turn of each joint."""
+    still = np.tile(np.eye(4), (robot.dof, 1, 1))
+    along_z, side = still.copy(), still.copy()
+    along_z[:, Z, ORIGIN] = robot.d + robot.error("d")
+    side[:, X, ORIGIN] = robot.a + robot.error("a")
+    twist = turn_about(X, robot.alpha + robot.error("alpha"))
+    tilt = turn_about(Y, robot.error("beta"))
+    if robot.convention == "dh":
+        return still, along_z @ side @ twist @ tilt
+    return twist @ side @ tilt, along_z
 
 
-def turn_about(axis: str, angle: float) -> Array:
-    """Returns the pose (4, 4) turned by an angle in rad about x, y or z."""
-    abc = np.zeros(3)
-    abc["zyx".index(axis)] = angle
-    return pose(matrix_from_abc(abc), np.zeros(3))
+def turn_about(axis: int, angle: Array | float) -> Array:
+    """Returns the pose (..., 4, 4) turned by angles (...) in rad about X, Y or Z."""
+    following, last = (axis + 1) % 3, (axis + 2) % 3
+    T = np.zeros((*np.shape(angle), 4, 4))
+    T[..., axis, axis] = T[..., ORIGIN, ORIGIN] = 1.0
+    T[..., following, following] = T[..., last, last] = np.cos(angle)
+    T[..., last, following] = np.sin(angle)
+    T[..., following, last] = -T[..., last, following]
+    return T

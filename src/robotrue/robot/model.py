@@ -149,15 +149,13 @@ class RobotModel(Columns):
     controller: Configuration | None = None
     maker: str = "generic"
 
-    def _known_sizes(self) -> dict[str, int]:
-        return {"n": len(self.d), "errors": len(PER_JOINT) * len(self.d) + 12}
-
-    def _check_rules(self) -> None:
-        """Checks convention and limits."""
+    def __post_init__(self) -> None:
+        """Checks shapes, convention and limits."""
+        n = len(self.d)
+        self._check_columns(n=n, errors=len(PER_JOINT) * n + 12)
         if self.convention not in ("dh", "mdh"):
             raise ConfigurationError(f"convention {self.convention!r}, expected 'dh' or 'mdh'.")
         if self.controller is None:
-            n = len(self.d)
             object.__setattr__(
                 self, "controller", Configuration(sign=np.ones(n), offset=np.zeros(n))
             )
@@ -181,6 +179,8 @@ class RobotModel(Columns):
 
     def nominal(self) -> RobotModel:
         """Returns the robot the controller believes in: all errors zero, rigid."""
+        if not self.errors.any():
+            return self
         return replace(self, errors=np.zeros_like(self.errors))
 
     def with_errors(self, errors: Array) -> RobotModel:
@@ -189,8 +189,11 @@ class RobotModel(Columns):
 
     def with_tool(self, T_flange_tool: Array) -> RobotModel:
         """Returns the robot with another tool; the errors of the old tool do not carry over."""
+        tool = parameter_slice(self.dof, "tool")
+        if np.array_equal(T_flange_tool, self.T_flange_tool) and not self.errors[tool].any():
+            return self
         errors = self.errors.copy()
-        errors[parameter_slice(self.dof, "tool")] = 0.0
+        errors[tool] = 0.0
         return replace(self, T_flange_tool=T_flange_tool, errors=errors)
 
 

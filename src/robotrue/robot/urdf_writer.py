@@ -13,7 +13,7 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply
 from robotrue.errors import ConfigurationError
-from robotrue.robot.chain import around_joints, error_pose, turn_about
+from robotrue.robot.chain import Z, around_joints, error_pose, turn_about
 from robotrue.robot.model import RobotModel
 
 
@@ -38,7 +38,7 @@ def to_urdf(robot: RobotModel, *, geometry_only: bool = False) -> str:
     parent, gap = "base_link", error_pose(robot.error("base"))
     for i in range(robot.dof):
         name = f"link_{i + 1}"
-        turn = turn_about("z", float(robot.theta[i] + robot.error("theta")[i]))
+        turn = turn_about(Z, float(robot.theta[i] + robot.error("theta")[i]))
         origin, link = before[i] @ turn, after[i]
         if robot.convention == "mdh":  # the joint stands at its link: Tz(d) commutes with it
             origin, link = origin @ after[i], np.eye(4)

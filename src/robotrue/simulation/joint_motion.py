@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Any, Final, Protocol
+from typing import Annotated, Final, Protocol
 
 import numpy as np
 
@@ -55,11 +55,9 @@ class Jog(Columns):
     amplitude: float = math.radians(5.0)
     period: float = 4.0
 
-    def _known_sizes(self) -> dict[Any, int]:
-        return {"dof": self.robot.dof}
-
-    def _check_rules(self) -> None:
+    def __post_init__(self) -> None:
         """Checks the values."""
+        self._check_columns(dof=self.robot.dof)
         if not 1 <= self.axis <= self.robot.dof or not self.period > 0.0:
             raise ConfigurationError(
                 f"jog of axis {self.axis} in {self.period:g} s, expected an axis from 1 to "

@@ -9,7 +9,7 @@ cannot take are empty (NaN): they are not points without error.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any, Final, Literal, TypeAlias
+from typing import Annotated, Final, Literal, TypeAlias
 
 import numpy as np
 from scipy.special import chdtri
@@ -69,8 +69,9 @@ class WorkspaceMap(Columns):
     error: Annotated[Array, Column("n 3", unit="m", nan=True)]
     covariance: Annotated[Array, Column("n 3 3", unit="m^2", nan=True)]
 
-    def _known_sizes(self) -> dict[Any, int]:
-        return {"n": int(np.prod(self.counts))}
+    def __post_init__(self) -> None:
+        """Checks shapes and values."""
+        self._check_columns(n=int(np.prod(self.counts)))
 
     @property
     def reachable(self) -> BoolArray:

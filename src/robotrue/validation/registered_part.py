@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Final, Literal
 
 import numpy as np
 from scipy.stats import chi2
@@ -54,8 +54,9 @@ class FoundFrame(Columns):
     reasons: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
 
-    def _known_sizes(self) -> dict[Any, int]:
-        return {"n": len(self.registration.names)}
+    def __post_init__(self) -> None:
+        """Checks shapes and values."""
+        self._check_columns(n=len(self.registration.names))
 
     @property
     def verdict(self) -> str:

@@ -13,7 +13,7 @@ Source of the test: Feng, Liang, Xi 2018, J. Xiamen Univ. Nat. Sci. 57(5), secti
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any, Final, Literal, TypeAlias
+from typing import Annotated, Final, Literal, TypeAlias
 
 import numpy as np
 from scipy.stats import chi2, f, t
@@ -54,10 +54,7 @@ class SlotTest(Columns):
     R_part_second: Annotated[Array, Column("3 3")]
     frames: Frames = "shared"
 
-    def _known_sizes(self) -> dict[Any, int]:
-        return {"k": len(self.names)}
-
-    def _check_rules(self) -> None:
+    def __post_init__(self) -> None:
         """Checks readings and sizes, makes the direction unit.
 
         Raises:
@@ -65,6 +62,7 @@ class SlotTest(Columns):
             ImplausibleDataError: A step above 100 mm.
             ConfigurationError: ``frames`` is neither word.
         """
+        self._check_columns(k=len(self.names))
         empty = [n for n, row in zip(self.names, self.step, strict=True) if np.isnan(row).all()]
         if empty or not self.names:
             raise ShapeError(f"slots without a reading: {', '.join(empty) or 'all'}.")
