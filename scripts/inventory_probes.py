@@ -267,7 +267,7 @@ def models() -> Iterator[str]:
     """Yields calibration methods, kinds of archives, and parts of drilling models."""
     from robotrue.calibration.archive import KINDS
     from robotrue.calibration.methods import METHODS
-    from robotrue.drilling.correction import KINDS as DRILLING
+    from robotrue.drilling.correction_trials import KINDS as DRILLING
 
     yield from (f"method {each}" for each in METHODS)
     yield from (f"archive {each}" for each in KINDS)

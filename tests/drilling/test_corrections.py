@@ -9,13 +9,8 @@ import pytest
 
 from robotrue.core.units import DEG
 from robotrue.drilling.campaign import Campaign, conditions, reading_errors
-from robotrue.drilling.correction import (
-    choose_kind,
-    fit_correction,
-    held_out_blocks,
-    residual_tilt,
-    try_all,
-)
+from robotrue.drilling.correction import fit_correction, residual_tilt
+from robotrue.drilling.correction_trials import choose_trial, held_out_blocks, try_all
 from robotrue.drilling.evaluate import evaluate_test
 from robotrue.drilling.foot import FLAT, Skin
 from robotrue.drilling.foot_model import fit_model
@@ -101,7 +96,7 @@ def test_regions_hold_what_they_say() -> None:
 
 def test_the_simplest_correction_wins_where_nothing_more_is_to_be_learned() -> None:
     machine, campaign, _ = campaigns(5, 60)
-    assert choose_kind(try_all(machine.foot, campaign)) == "interactions"
+    assert choose_trial(try_all(machine.foot, campaign)).kind == "interactions"
 
 
 def test_blocks_hold_out_whole_forces_and_whole_directions() -> None:

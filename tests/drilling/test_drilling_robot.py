@@ -29,7 +29,8 @@ from robotrue.simulation.rsi_controller import RsiControllerSettings, run
 TILT = np.array([1.5, -0.8]) * DEG
 FOUND = HoleAdjustment(
     tilt=TILT, covariance=np.eye(2) * 1e-10,
-    move=HeadMove(axes=TILT, turn=TILT, shift=np.full(3, np.nan)), notes=(),
+    move=HeadMove(axes=TILT, turn=TILT, shift=np.full(3, np.nan)),
+    theoretical=TILT, notes=(),
 )  # fmt: skip
 
 

@@ -10,7 +10,8 @@ import pytest
 
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.adjust import adjustment
-from robotrue.drilling.campaign import Campaign, check_campaign
+from robotrue.drilling.campaign import Campaign
+from robotrue.drilling.campaign_checks import check_campaign
 from robotrue.drilling.campaign_csv import read_campaign, write_campaign
 from robotrue.drilling.foot import Foot
 from robotrue.drilling.foot_file import read_foot

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, get_args
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.campaign import Clamps
 from robotrue.drilling.correction import CorrectedReadings
+from robotrue.drilling.drill_defaults import Position
 from robotrue.drilling.foot_model import NormalModel, estimate_tilt
 from robotrue.drilling.head import HeadMove, normal_from_tilt, squaring_move
 from robotrue.errors import ImplausibleDataError
@@ -29,12 +30,14 @@ class HoleAdjustment:
         tilt: (2,) rad, of the surface in the spindle's frame, corrected.
         covariance: (2, 2) rad^2.
         move: What the five axes do.
+        theoretical: (2,) rad, where A and B would go by the readings as they are.
         notes: What the operator should know.
     """
 
     tilt: Array
     covariance: Array
     move: HeadMove
+    theoretical: Array
     notes: tuple[str, ...]
 
 
@@ -54,9 +57,16 @@ def adjustment(model: NormalModel, clamps: Clamps, axes: Array) -> HoleAdjustmen
     _refuse_force(model, clamps)
     found = estimate_tilt(model, clamps)
     _refuse_plane(model, found)
-    move = squaring_move(model.head, axes, normal_from_tilt(model.head.order, found.tilt[0]))
+    move, uncorrected = (
+        squaring_move(model.head, axes, normal_from_tilt(model.head.order, tilt[0]))
+        for tilt in (found.tilt, found.seen)
+    )
     return HoleAdjustment(
-        tilt=found.tilt[0], covariance=found.covariance[0], move=move, notes=_notes(model, clamps)
+        tilt=found.tilt[0],
+        covariance=found.covariance[0],
+        move=move,
+        theoretical=uncorrected.axes,
+        notes=_notes(model, clamps),
     )
 
 
@@ -73,6 +83,15 @@ def move_document(move: HeadMove) -> dict[str, float]:
         **{f"{n}_deg": v / DEG for n, v in zip("AB", move.axes.tolist(), strict=True)},
         **{f"d{n}_deg": v / DEG for n, v in zip("AB", move.turn.tolist(), strict=True)},
         **{f"d{n}_mm": v / MM for n, v in zip("XYZ", move.shift.tolist(), strict=True)},
+    }
+
+
+def targets_document(found: HoleAdjustment) -> dict[str, float]:
+    """Returns targets of A and B by the readings as they are, and what is added to them, deg."""
+    added = found.move.axes - found.theoretical
+    return {
+        **{f"{n}_theoretical_deg": v / DEG for n, v in zip("AB", found.theoretical, strict=True)},
+        **{f"{n}_compensation_deg": v / DEG for n, v in zip("AB", added, strict=True)},
     }
 
 
@@ -133,4 +152,22 @@ def _notes(model: NormalModel, clamps: Clamps) -> tuple[str, ...]:
         notes.append(
             f"height is {height / MM:g} mm, the campaign covers {low / MM:g} to {high / MM:g} mm."
         )
-    return tuple(notes)
+    return (*notes, *_position_notes(model, clamps))
+
+
+def _position_notes(model: NormalModel, clamps: Clamps) -> list[str]:
+    """Machine positions that the correction uses, outside what its campaign covered."""
+    here = np.concatenate([clamps.place[0], clamps.axes[0]]).tolist()
+    limits = dict(
+        zip(get_args(Position), zip(here, model.envelope.positions, strict=True), strict=True)
+    )
+    notes = []
+    for name in model.correction.inputs:
+        value, (low, high) = limits[name]
+        size, unit = (MM, "mm") if name in "XY" else (DEG, "deg")
+        if not low <= value <= high:
+            notes.append(
+                f"{name} is {value / size:g} {unit}, the campaign covers {low / size:g} to "
+                f"{high / size:g} {unit}."
+            )
+    return notes

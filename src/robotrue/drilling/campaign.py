@@ -1,35 +1,27 @@
-"""A campaign: clamps at known tilts, forces and heights, what the sensors said, and its checks."""
+"""A campaign: clamps at known tilts, forces and heights, and what the sensors said."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import permutations
 from typing import Annotated, Final
 
 import numpy as np
 
 from robotrue.core.arrays import Array
-from robotrue.core.columns import Column, Columns
+from robotrue.core.columns import EMPTY, Column, Columns
 from robotrue.core.provenance import MEASURED, Provenance
-from robotrue.core.units import DEG, MM
+from robotrue.core.units import DEG
+from robotrue.drilling.drill_defaults import Position
 from robotrue.drilling.foot import Foot, plane_under, readings
 from robotrue.drilling.head import AXIS_ORDER, AxisOrder, normal_from_tilt, tilt_from_normal
-from robotrue.errors import ImplausibleDataError, ObservabilityError
+from robotrue.errors import ImplausibleDataError
 
 FORCE: Final = 1000.0
 """N, one unit of force of :class:`Conditions`."""
 HEIGHT: Final = 0.1
 """m, one unit of height likewise."""
-FEWEST: Final = 8
-"""Clamps below which nothing can be said of a sensor."""
-STUCK: Final = 0.1
-"""Share of the travel it should make, below which a sensor is stuck."""
-BETTER: Final = 0.5
-"""Share of the error another order of sensors must leave to be the likely one."""
-SLOPE: Final = (0.8, 1.25)
-"""What a sensor may show per metre of travel; outside it is in another unit."""
-SHUFFLED: Final = 6
-"""Most sensors whose orders are all tried."""
+TURN: Final = 10.0 * DEG
+"""rad, one unit of a machine's A and B likewise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,12 +34,16 @@ class Clamps(Columns):
         height: (n,) m, position of the Z axis.
         approach: n labels of how the foot was brought down; blank is the one way a cell always
             does it, out of the foot's own rest position.
+        place: (n, 2) m, X and Y of the machine; NaN where they are not recorded.
+        axes: (n, 2) rad, A and B as the machine counts them, at the clamp; NaN likewise.
     """
 
     readings: Annotated[Array, Column("n k")]
     force: Annotated[Array, Column("n", unit="N")]
     height: Annotated[Array, Column("n", unit="m")]
     approach: Annotated[tuple[str, ...], Column("n", fill="")] = ()
+    place: Annotated[Array, Column("n 2", unit="m", nan=True, fill=np.nan)] = EMPTY
+    axes: Annotated[Array, Column("n 2", unit="rad", nan=True, fill=np.nan)] = EMPTY
 
     def __len__(self) -> int:
         return len(self.readings)
@@ -105,12 +101,20 @@ class Conditions(Columns):
         b: (n,) deg, about y.
         force: (n,) kN.
         height: (n,) in 100 mm.
+        x: (n,) m, of the machine; NaN where it is not recorded.
+        y: (n,) m, likewise.
+        axis_a: (n,) 10 deg, A as the machine counts it; NaN likewise.
+        axis_b: (n,) 10 deg, B likewise.
     """
 
     a: Annotated[Array, Column("n", unit="deg")]
     b: Annotated[Array, Column("n", unit="deg")]
     force: Annotated[Array, Column("n", unit="kN")]
     height: Annotated[Array, Column("n", unit="100 mm")]
+    x: Annotated[Array, Column("n", unit="m", nan=True, fill=np.nan)] = EMPTY
+    y: Annotated[Array, Column("n", unit="m", nan=True, fill=np.nan)] = EMPTY
+    axis_a: Annotated[Array, Column("n", unit="10 deg", nan=True, fill=np.nan)] = EMPTY
+    axis_b: Annotated[Array, Column("n", unit="10 deg", nan=True, fill=np.nan)] = EMPTY
 
     def __len__(self) -> int:
         return len(self.a)
@@ -119,6 +123,24 @@ class Conditions(Columns):
     def table(self) -> Array:
         """(n, 4) a, b, force, height."""
         return np.stack([self.a, self.b, self.force, self.height], axis=-1)
+
+    def positions(self, inputs: tuple[Position, ...]) -> Array:
+        """Returns the columns (n, i) of machine positions that a correction uses.
+
+        Raises:
+            ImplausibleDataError: One of them is not recorded at every clamp.
+        """
+        named = {"X": self.x, "Y": self.y, "A": self.axis_a, "B": self.axis_b}
+        out = np.stack([named[name] for name in inputs], axis=-1) if inputs else self.table[:, :0]
+        missing = [name for name in inputs if not np.isfinite(named[name]).all()]
+        if missing:
+            raise ImplausibleDataError(
+                f"the correction uses the machine's {', '.join(missing)}; "
+                f"{'they are' if len(missing) > 1 else 'it is'} not recorded at every clamp.",
+                hint="columns X_mm, Y_mm, axis_A_deg, axis_B_deg of a file, X_mm, Y_mm of a "
+                "stream, --at and --xy of `drill adjust`; or fit with --inputs none.",
+            )
+        return out
 
 
 def conditions(foot: Foot, order: AxisOrder, clamps: Clamps) -> Conditions:
@@ -129,92 +151,12 @@ def conditions(foot: Foot, order: AxisOrder, clamps: Clamps) -> Conditions:
     """
     tilt = tilt_seen(foot, order, clamps.readings) / DEG
     return Conditions(
-        a=tilt[:, 0], b=tilt[:, 1], force=clamps.force / FORCE, height=clamps.height / HEIGHT
+        a=tilt[:, 0],
+        b=tilt[:, 1],
+        force=clamps.force / FORCE,
+        height=clamps.height / HEIGHT,
+        x=clamps.place[:, 0],
+        y=clamps.place[:, 1],
+        axis_a=clamps.axes[:, 0] / TURN,
+        axis_b=clamps.axes[:, 1] / TURN,
     )
-
-
-def check_campaign(foot: Foot, campaign: Campaign) -> None:
-    """Checks that the readings are those of this foot at these tilts.
-
-    Raises:
-        ObservabilityError: Too few clamps, or tilts that do not vary.
-        ImplausibleDataError: A stuck sensor, exchanged sensors, another unit or sign.
-    """
-    n = len(campaign)
-    if n < FEWEST:
-        raise ObservabilityError(
-            f"{n} clamps, at least {FEWEST} are needed to learn anything of a foot.",
-            source=campaign.source or None,
-            hint="clamp 15 times or more, with different tilts, forces and heights.",
-        )
-    expected = readings(foot, campaign.normal, np.zeros(n))
-    travel = np.ptp(expected, axis=0)
-    if not (travel > 20.0 * foot.reading_sigma).all():
-        raise ObservabilityError(
-            f"the tilts move the sensors by {travel.min() / MM:.4f} mm only.",
-            source=campaign.source or None,
-            hint="tilt the head by some degrees either way.",
-        )
-    measured = campaign.clamps.readings
-    _check_stuck(campaign, measured, travel)
-    _check_slopes(campaign, measured, expected)
-    _check_order(campaign, measured, expected)
-
-
-def _check_stuck(campaign: Campaign, measured: Array, travel: Array) -> None:
-    made = np.ptp(measured, axis=0)
-    still = np.flatnonzero(made < STUCK * travel)
-    if len(still) == len(travel):
-        return  # another unit; said there
-    if len(still):
-        k = int(still[0])
-        raise ImplausibleDataError(
-            f"sensor {k + 1} moves by {made[k] / MM:.4f} mm where {travel[k] / MM:.4f} mm are "
-            "expected: it is stuck, or not connected.",
-            source=campaign.source or None,
-            hint="free the sensor and clamp again.",
-        )
-
-
-def _check_slopes(campaign: Campaign, measured: Array, expected: Array) -> None:
-    """One slope for all sensors at once: an exchange leaves it small, but not another unit."""
-    size = float(np.ptp(measured, axis=0).mean() / np.ptp(expected, axis=0).mean())
-    if SLOPE[0] <= size <= SLOPE[1]:
-        return
-    raise ImplausibleDataError(
-        f"the readings travel {size:.4g} times as far as the tilts say.",
-        source=campaign.source or None,
-        hint="check the unit of the readings, radius_mm of the foot, and that a_deg and b_deg are "
-        "degrees.",
-    )
-
-
-def _check_order(campaign: Campaign, measured: Array, expected: Array) -> None:
-    stated = _offset_free_rms(measured, expected)
-    if _offset_free_rms(-measured, expected) < BETTER * stated:
-        raise ImplausibleDataError(
-            "the readings fall where they should grow.",
-            source=campaign.source or None,
-            hint="a reading grows where the surface is farther from the foot: turn its sign, or "
-            "that of a_deg and b_deg.",
-        )
-    sensors = measured.shape[1]
-    if sensors > SHUFFLED:
-        return
-    best = min(
-        permutations(range(sensors)), key=lambda p: _offset_free_rms(measured[:, list(p)], expected)
-    )
-    if _offset_free_rms(measured[:, list(best)], expected) < BETTER * stated:
-        said = ", ".join(f"column {p + 1} is sensor {k + 1}" for k, p in enumerate(best) if p != k)
-        raise ImplausibleDataError(
-            f"the readings fit the tilts when {said}: sensors are exchanged, or their angles run "
-            "the other way round.",
-            source=campaign.source or None,
-            hint="exchange the columns, or angles_deg of the foot.",
-        )
-
-
-def _offset_free_rms(measured: Array, expected: Array) -> float:
-    """Root mean square (m) of what is left once every sensor's own offset is taken out."""
-    off = measured - expected
-    return float(np.sqrt(np.mean((off - off.mean(axis=0)) ** 2)))

@@ -3,7 +3,8 @@
 Columns, in any order: ``a_deg, b_deg`` (true tilt), ``force_N``, ``z_mm``, and the readings of
 sensors 1 to k as ``d1_mm, d2_mm, ...`` (less their zero), as ``raw1_mm, ...`` or as
 ``raw1_counts, ...``. The last two need the foot's zero. Optionally ``approach``: a label of how the
-foot came down; blank is the usual way.
+foot came down; blank is the usual way; and where the machine stood: ``X_mm, Y_mm`` and
+``axis_A_deg, axis_B_deg`` as it counts them.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.core.provenance import MEASURED, Provenance
 from robotrue.core.units import DEG, MM, UM
-from robotrue.drilling.campaign import Campaign, Clamps, check_campaign
+from robotrue.drilling.campaign import Campaign, Clamps
+from robotrue.drilling.campaign_checks import check_campaign
 from robotrue.drilling.campaign_plan import CampaignPlan
 from robotrue.drilling.foot_file import FootSetup, read_foot
 from robotrue.drilling.foot_model import NormalModel
@@ -30,6 +32,8 @@ from robotrue.measurement.formats.sheet_file import read_sheet
 TILT: Final = ("a_deg", "b_deg")
 CONDITIONS: Final = ("force_N", "z_mm")
 APPROACH: Final = "approach"
+PLACE: Final = ("X_mm", "Y_mm")
+AXES: Final = ("axis_A_deg", "axis_B_deg")
 LEFT: Final = ("left_a_deg", "left_b_deg")
 HOLE: Final = "hole"
 FORMS: Final = ("d{}_mm", "raw{}_mm", "raw{}_counts")
@@ -118,6 +122,9 @@ def write_campaign(path: str | Path, campaign: Campaign) -> None:
     columns |= {f"d{k + 1}_mm": _print(d / MM, ".6f") for k, d in enumerate(clamps.readings.T)}
     conditions = (_print(clamps.force, ".3f"), _print(clamps.height / MM, ".3f"))
     columns |= dict(zip(CONDITIONS, conditions, strict=True)) | {APPROACH: clamps.approach}
+    for names, values in ((PLACE, clamps.place / MM), (AXES, clamps.axes / DEG)):
+        if np.isfinite(values).all():
+            columns |= dict(zip(names, (_print(v, ".6f") for v in values.T), strict=True))
     write_columns(path, columns, campaign.provenance)
 
 
@@ -213,7 +220,7 @@ def _read_clamps(sheet: Sheet, setup: FootSetup, beside: tuple[str, ...]) -> Cla
         said = "several forms of readings" if forms else "no readings"
         raise sheet.fault(f"{said} among the columns {', '.join(sheet.header)}.", FORMS_HINT)
     names = tuple(forms[0].format(k + 1) for k in range(sensors))
-    known = (*beside, *names, *CONDITIONS, APPROACH)
+    known = (*beside, *names, *CONDITIONS, APPROACH, *PLACE, *AXES)
     keys = set(map(column_key, known))
     unknown = [name for name in sheet.header if column_key(name) not in keys]
     if unknown:
@@ -227,7 +234,20 @@ def _read_clamps(sheet: Sheet, setup: FootSetup, beside: tuple[str, ...]) -> Cla
         force=force,
         height=height * MM,
         approach=sheet.column(APPROACH) if sheet.has(APPROACH) else (),
+        place=_recorded(sheet, PLACE) * MM,
+        axes=_recorded(sheet, AXES) * DEG,
     )
+
+
+def _recorded(sheet: Sheet, names: tuple[str, str]) -> Array:
+    """(n, 2) machine positions in the file's units; NaN without both columns.
+
+    Raises:
+        FormatError: One column without the other, or a cell that is not a finite number.
+    """
+    if not any(sheet.has(name) for name in names):
+        return np.full((len(sheet), 2), np.nan)
+    return sheet.numbers(names)
 
 
 def _print(values: Array, digits: str) -> list[str]:

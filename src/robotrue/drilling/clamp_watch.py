@@ -16,7 +16,7 @@ from typing import Annotated, Final
 import numpy as np
 
 from robotrue.core.arrays import Array
-from robotrue.core.columns import Column, Columns
+from robotrue.core.columns import EMPTY, Column, Columns
 from robotrue.core.units import DEG, MM, UM
 from robotrue.drilling.campaign import Clamps
 from robotrue.drilling.drill_defaults import (
@@ -84,7 +84,8 @@ class FootSample(Columns):
         readings: (k,) m, less their zero.
         force: N.
         height: m, of the Z axis.
-        axes: (2,) rad, A and B as the machine counts them.
+        axes: (2,) rad, A and B as the machine counts them; 0 where a robot carries the foot.
+        place: (2,) m, X and Y of the machine; NaN where it does not send them.
     """
 
     time: float
@@ -92,6 +93,7 @@ class FootSample(Columns):
     force: float
     height: float
     axes: Annotated[Array, Column("2", unit="rad")]
+    place: Annotated[Array, Column("2", unit="m", nan=True, fill=np.nan)] = EMPTY
 
     def _check_rules(self) -> None:
         """A sample that is not finite is for the caller to leave out."""
@@ -214,6 +216,8 @@ class ClampWatch:
             force=np.array([np.mean([s.force for s in self._rest])]),
             height=np.array([np.mean([s.height for s in self._rest])]),
             approach=(self._approach,),
+            place=np.mean([s.place for s in self._rest], axis=0)[None],
+            axes=_mean_axes(self._rest)[None],
         )
 
 

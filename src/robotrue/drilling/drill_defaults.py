@@ -11,6 +11,14 @@ from typing import Final, Literal, TypeAlias
 
 Kind: TypeAlias = Literal["patent", "interactions", "quadratic", "cubic", "gp", "physics"]
 """Corrections of readings, from the simplest to the richest."""
+Corrects: TypeAlias = Literal["readings", "joints"]
+"""What a correction is subtracted from: the readings, or the targets of A and B."""
+CORRECTS: Final[Corrects] = "readings"
+Position: TypeAlias = Literal["X", "Y", "A", "B"]
+"""Machine positions that may be causes of a reading error besides tilt, force and height."""
+Inputs: TypeAlias = Literal["auto", "none", "AB", "XY", "XYAB"]
+"""Which of them a fit uses; auto: those that win on held-out blocks."""
+MACHINE_INPUTS: Final[Inputs] = "auto"
 By: TypeAlias = Literal["information", "chance"]
 """How the clamps of a campaign are chosen."""
 CHOSEN_BY: Final = "information"

@@ -11,8 +11,9 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.core.provenance import marked_document
 from robotrue.core.units import DEG, MM, UM
-from robotrue.drilling.campaign import Campaign, conditions, reading_errors, tilt_seen
-from robotrue.drilling.correction import Trial, residual_tilt, squared_distance
+from robotrue.drilling.campaign import Campaign, conditions, tilt_seen
+from robotrue.drilling.correction import learning_errors, residual_tilt
+from robotrue.drilling.correction_trials import Trial, squared_distance
 from robotrue.drilling.foot_model import NormalModel, Residuals, estimate_tilt
 from robotrue.drilling.head import normal_from_tilt, tilt_between
 from robotrue.drilling.regression import LinearCorrection, fit_linear, significance
@@ -92,18 +93,10 @@ def model_document(model: NormalModel, trials: Sequence[Trial] = ()) -> dict[str
     """Returns a model as JSON values in deg, mm and N, with the trials it was chosen by."""
     values = {
         "kind": model.kind,
+        "inputs": list(model.correction.inputs),
+        "corrects": model.correction.corrects,
         "held_out_mean_deg": model.left / DEG,
-        "trials": [
-            {
-                "kind": trial.kind,
-                "held_out_mean_deg": trial.mean / DEG,
-                "held_out_p95_deg": float(np.percentile(trial.residual, 95.0)) / DEG
-                if len(trial.residual)
-                else None,
-                "reason": trial.reason,
-            }
-            for trial in trials
-        ],
+        "trials": [{"kind": trial.kind, **trial_document(trial)} for trial in trials],
         "envelope": {
             "force_N": model.envelope.force.tolist(),
             "z_mm": (model.envelope.height / MM).tolist(),
@@ -117,25 +110,46 @@ def model_document(model: NormalModel, trials: Sequence[Trial] = ()) -> dict[str
     return marked_document(values, model.provenance)
 
 
+def trial_document(trial: Trial) -> dict[str, Any]:
+    """Returns what a trial left on held-out blocks as JSON values in deg."""
+    known = len(trial.residual) > 0
+    return {
+        "held_out_mean_deg": trial.mean / DEG,
+        "held_out_p95_deg": float(np.percentile(trial.residual, 95.0)) / DEG if known else None,
+        "reason": trial.reason,
+    }
+
+
 def terms_of(model: NormalModel, data: Campaign) -> list[dict[str, Any]]:
     """Returns the significance of each term.
 
     The terms are the patent's five where the patent's regression was asked for or the clamps are
-    few, and the eight with interactions otherwise.
+    few, and the eight with interactions otherwise; machine positions that are inputs come last. Of
+    a correction of joint targets they are those of a and b, in deg.
     """
     if model.patent is None:
         return []
     causes = conditions(model.foot, data.order, data.clamps)
     fitted = model.patent
     if len(data) > ENOUGH and model.kind != "patent":
-        fitted = fit_linear("interactions", causes, reading_errors(model.foot, data))
+        learned = model.correction
+        fitted = fit_linear(
+            "interactions",
+            causes,
+            learning_errors(model.foot, data, learned.corrects),
+            inputs=learned.inputs,
+            corrects=learned.corrects,
+        )
     if not isinstance(fitted, LinearCorrection):
         return []
+    outputs, size, unit = slice(None), UM, "um"
+    if fitted.corrects == "joints":
+        outputs, size, unit = slice(2), DEG * float(np.mean(model.foot.radius)), "deg"
     return [
         {
             "term": term.term,
-            "coefficient_um": (term.coefficient / UM).tolist(),
-            "deviation_um": (term.deviation / UM).tolist(),
+            f"coefficient_{unit}": (term.coefficient[outputs] / size).tolist(),
+            f"deviation_{unit}": (term.deviation[outputs] / size).tolist(),
             "t": term.t.tolist(),
             "significant": bool(np.max(np.abs(term.t)) > CLEAR),
         }

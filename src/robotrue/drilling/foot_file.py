@@ -87,6 +87,7 @@ class FootSetup:
         head: The rotary axes; None where the file has no ``[head]``.
         count: m per count; None where readings are lengths.
         zero: (k,) m, readings on the mandrel; None where readings are given less it.
+        zero_in_counts: Whether the file states that zero in counts.
         source: The file.
     """
 
@@ -95,6 +96,7 @@ class FootSetup:
     count: float | None
     zero: Array | None
     source: str
+    zero_in_counts: bool = False
 
 
 def read_foot(path: str | Path) -> FootSetup:
@@ -144,6 +146,7 @@ def _setup(file: FootFile, path: str | Path) -> FootSetup:
         count=None if table.count_um is None else table.count_um * UM,
         zero=_zero(table, k),
         source=str(path),
+        zero_in_counts=table.zero_counts is not None,
     )
 
 

@@ -8,22 +8,24 @@ from typing import Annotated, Final
 import numpy as np
 
 from robotrue.core.arrays import Array
-from robotrue.core.columns import Column, Columns
+from robotrue.core.columns import EMPTY, Column, Columns
 from robotrue.core.provenance import MEASURED, Provenance
 from robotrue.core.units import DEG
 from robotrue.drilling.campaign import Campaign, Clamps, conditions
 from robotrue.drilling.correction import (
     CorrectedReadings,
     ReadingCorrection,
+    correct_readings,
+    fit_correction,
+)
+from robotrue.drilling.correction_trials import (
     Step,
     Trial,
-    choose_kind,
-    correct_readings,
+    choose_trial,
     cross_validate,
-    fit_correction,
     try_all,
 )
-from robotrue.drilling.drill_defaults import Kind
+from robotrue.drilling.drill_defaults import CORRECTS, Corrects, Kind, Position
 from robotrue.drilling.foot import Foot
 from robotrue.drilling.head import Head
 from robotrue.drilling.refinement import Refinement, Watch
@@ -42,12 +44,14 @@ class Envelope(Columns):
         height: (2,) m, lowest and highest.
         tilt: rad, largest tilt the readings showed.
         approach: Labels of how the foot was brought down.
+        positions: (4, 2) lowest and highest X, Y (m), A, B (rad); NaN where not recorded.
     """
 
     force: Annotated[Array, Column("2", unit="N")]
     height: Annotated[Array, Column("2", unit="m")]
     tilt: float
     approach: tuple[str, ...]
+    positions: Annotated[Array, Column("4 2", nan=True, fill=np.nan)] = EMPTY
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,6 +144,8 @@ def fit_model(
     campaign: Campaign,
     *,
     kind: Kind | None = None,
+    inputs: tuple[Position, ...] = (),
+    corrects: Corrects = CORRECTS,
     digest: str = "",
     step: Step = lambda what, done, of: None,
 ) -> tuple[NormalModel, tuple[Trial, ...]]:
@@ -150,6 +156,8 @@ def fit_model(
         head: The rotary axes; their order is that of the campaign's tilts.
         campaign: Clamps with known tilts.
         kind: The correction to take; the one that wins on held-out forces and tilts without it.
+        inputs: Machine positions among the causes.
+        corrects: Readings, or the targets of A and B.
         digest: SHA-256 of the campaign's file.
         step: Hears which correction is on trial, how many were and of how many.
 
@@ -162,26 +170,18 @@ def fit_model(
             f"the campaign's tilts are in order {campaign.order}, the head's is {head.order}."
         )
     trials = (
-        try_all(foot, campaign, step=step)
+        try_all(foot, campaign, inputs=inputs, corrects=corrects, step=step)
         if kind is None
-        else (cross_validate(kind, foot, campaign),)
+        else (cross_validate(kind, foot, campaign, inputs=inputs, corrects=corrects),)
     )
-    best = choose_kind(trials)
-    trial = next(trial for trial in trials if trial.kind == best)
-    clamps = campaign.clamps
-    c = conditions(foot, campaign.order, clamps)
+    trial = choose_trial(trials)
     model = NormalModel(
         foot=foot,
         head=head,
-        kind=best,
-        correction=fit_correction(best, foot, campaign),
-        patent=_patent(foot, campaign),
-        envelope=Envelope(
-            force=np.array([clamps.force.min(), clamps.force.max()]),
-            height=np.array([clamps.height.min(), clamps.height.max()]),
-            tilt=float(np.hypot(c.a, c.b).max()) * DEG,
-            approach=tuple(sorted(set(clamps.approach))),
-        ),
+        kind=trial.kind,
+        correction=fit_correction(trial.kind, foot, campaign, inputs=inputs, corrects=corrects),
+        patent=_patent(foot, campaign, inputs, corrects),
+        envelope=_envelope(foot, campaign),
         left=trial.mean,
         stretch=trial.stretch,
         campaign=digest,
@@ -191,8 +191,23 @@ def fit_model(
     return model, trials
 
 
-def _patent(foot: Foot, campaign: Campaign) -> ReadingCorrection | None:
+def _envelope(foot: Foot, campaign: Campaign) -> Envelope:
+    clamps = campaign.clamps
+    c = conditions(foot, campaign.order, clamps)
+    positions = np.concatenate([clamps.place, clamps.axes], axis=1)
+    return Envelope(
+        force=np.array([clamps.force.min(), clamps.force.max()]),
+        height=np.array([clamps.height.min(), clamps.height.max()]),
+        tilt=float(np.hypot(c.a, c.b).max()) * DEG,
+        approach=tuple(sorted(set(clamps.approach))),
+        positions=np.stack([positions.min(axis=0), positions.max(axis=0)], axis=-1),
+    )
+
+
+def _patent(
+    foot: Foot, campaign: Campaign, inputs: tuple[Position, ...], corrects: Corrects
+) -> ReadingCorrection | None:
     try:
-        return fit_correction("patent", foot, campaign)
+        return fit_correction("patent", foot, campaign, inputs=inputs, corrects=corrects)
     except ObservabilityError:
         return None

@@ -1,7 +1,8 @@
 """Named values of a machine as samples of its foot, and as what a reference found.
 
 A foot: ``d1_mm, d2_mm, ...`` (less their zero), or ``raw1_mm, ...`` or ``raw1_counts, ...`` with
-the foot's zero; ``force_N``, ``z_mm``, and ``A_deg, B_deg`` as the machine counts its axes.
+the foot's zero; ``force_N``, ``z_mm``, and ``A_deg, B_deg`` as the machine counts its axes;
+optionally ``X_mm, Y_mm``.
 A reference: ``left_a_deg, left_b_deg``.
 """
 
@@ -14,7 +15,14 @@ import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM
-from robotrue.drilling.campaign_csv import FORMS, FORMS_HINT, LEFT, STEEPEST, readings_less_zero
+from robotrue.drilling.campaign_csv import (
+    FORMS,
+    FORMS_HINT,
+    LEFT,
+    PLACE,
+    STEEPEST,
+    readings_less_zero,
+)
 from robotrue.drilling.clamp_watch import FootSample
 from robotrue.drilling.foot_file import FootSetup
 from robotrue.errors import FormatError, ImplausibleDataError
@@ -58,6 +66,7 @@ def foot_sample(
         force=float(force),
         height=float(height * MM),
         axes=_select_values(values, ("A_deg", "B_deg")) * DEG if head else np.zeros(2),
+        place=np.array([values.get(name, np.nan) for name in PLACE]) * MM,
     )
 
 

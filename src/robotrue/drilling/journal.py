@@ -29,6 +29,7 @@ from robotrue.core.provenance import MEASURED
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.adjust import move_document, surface_document
 from robotrue.drilling.campaign import Clamps
+from robotrue.drilling.campaign_csv import PLACE
 from robotrue.drilling.foot_model import NormalModel, estimate_tilt
 from robotrue.drilling.hole_session import SIMULATED, HoleAnswer, MovedHole
 from robotrue.drilling.journal_lines import foreign_line, whole_lines
@@ -164,6 +165,9 @@ class Journal(AbstractContextManager["Journal"]):
                 "at_A_deg": float(answer.axes[0] / DEG),
                 "at_B_deg": float(answer.axes[1] / DEG),
             }
+            for name, v in zip(PLACE, (answer.clamps.place[0] / MM).tolist(), strict=True):
+                if isfinite(v):
+                    line[name] = v
         self._put(line)
 
     def write_reference(self, document: Mapping[str, Any], *, sigma: float, records: int) -> None:
@@ -229,6 +233,8 @@ def _read_move(entry: Mapping[str, Any]) -> MovedHole:
         force=np.array([entry["force_N"]], dtype=np.float64),
         height=np.array([entry["z_mm"]], dtype=np.float64) * MM,
         approach=(str(entry["approach"]),),
+        place=np.array([[float(entry.get(name, np.nan)) for name in PLACE]]) * MM,
+        axes=np.array([[float(entry.get(f"at_{n}_deg", np.nan)) for n in "AB"]]) * DEG,
     )
     tilt = np.array([float(entry[f"{n}_deg"]) for n in "ab"]) * DEG
     return MovedHole(clamps=clamps, tilt=tilt, version=int(entry["version"]))

@@ -14,7 +14,7 @@ from robotrue.core.arrays import Array
 from robotrue.core.provenance import provenance_from
 from robotrue.drilling.campaign import Conditions
 from robotrue.drilling.correction import ReadingCorrection
-from robotrue.drilling.drill_defaults import Kind
+from robotrue.drilling.drill_defaults import CORRECTS, Corrects, Kind, Position
 from robotrue.drilling.foot import Foot, Skin
 from robotrue.drilling.foot_model import Envelope, Frozen, NormalModel
 from robotrue.drilling.head import Head
@@ -89,6 +89,7 @@ def to_archive(model: NormalModel) -> Archive:
         "p_pivot_tip": model.head.p_pivot_tip,
         "force": model.envelope.force,
         "height": model.envelope.height,
+        "positions": model.envelope.positions,
     }
     for name, state in (("refinement", model.refinement), ("monitor", model.monitor)):
         document[name] |= {key: getattr(state, key) for key in _NUMBERS[name]}
@@ -160,7 +161,15 @@ def _read_envelope(stated: Mapping[str, Any], archive: Archive) -> Envelope:
     force, height, tilt = archive.array("force"), archive.array("height"), float(stated["tilt"])
     if force[0] > force[1] or height[0] > height[1] or not 0.0 < tilt < 1.6:
         raise ArchiveError("an envelope whose lowest is above its highest, or of no tilt.")
-    return Envelope(force=force, height=height, tilt=tilt, approach=tuple(stated["approach"]))
+    known = "positions" in archive.arrays
+    positions = archive.array("positions", finite=False) if known else np.full((4, 2), np.nan)
+    return Envelope(
+        force=force,
+        height=height,
+        tilt=tilt,
+        approach=tuple(stated["approach"]),
+        positions=positions,
+    )
 
 
 def _read_foot(d: Mapping[str, Any], archive: Archive) -> Foot:
@@ -179,14 +188,17 @@ def _read_foot(d: Mapping[str, Any], archive: Archive) -> Foot:
 
 def _store_correction(correction: ReadingCorrection) -> tuple[dict[str, Any], dict[str, Array]]:
     """What a correction is, for the document, and its arrays."""
+    used = {"inputs": list(correction.inputs), "corrects": correction.corrects}
     if isinstance(correction, LinearCorrection):
-        stated = {"form": "linear", "family": correction.family}
+        stated = {"form": "linear", "family": correction.family, **used}
         return stated, {key: getattr(correction, key) for key in _ARRAYS["linear"]}
     if not isinstance(correction, PhysicsCorrection):
         raise ArchiveError(f"a correction of type {type(correction).__name__} has no file form.")
     learned = np.isfinite(correction.theta)
-    return {"form": "process", "widening": correction.widening}, {
-        "causes": correction.causes.table,
+    causes = correction.causes
+    positions = causes.positions(correction.inputs)
+    return {"form": "process", "widening": correction.widening, **used}, {
+        "causes": np.concatenate([causes.table, positions], axis=1),
         "errors": correction.errors,
         "theta": np.where(learned, correction.theta, 0.0),
         "learned": learned.astype(np.float64),
@@ -196,13 +208,26 @@ def _store_correction(correction: ReadingCorrection) -> tuple[dict[str, Any], di
 def _read_correction(name: str, archive: Archive) -> ReadingCorrection:
     stated = archive.document[name]
     form = "linear" if stated["form"] == "linear" else "process"
+    inputs, corrects = _read_use(stated)
     values = {key: archive.array(f"{name}_{key}") for key in _ARRAYS[form]}
     if form == "linear":
-        return LinearCorrection(family=stated["family"], **values)
-    a, b, force, height = values["causes"].T
+        return LinearCorrection(family=stated["family"], inputs=inputs, corrects=corrects, **values)
+    a, b, force, height, *positions = values["causes"].T
+    names = {"X": "x", "Y": "y", "A": "axis_a", "B": "axis_b"}
+    recorded = {names[name]: column for name, column in zip(inputs, positions, strict=True)}
     return PhysicsCorrection(
-        causes=Conditions(a=a, b=b, force=force, height=height),
+        causes=Conditions(a=a, b=b, force=force, height=height, **recorded),
         errors=values["errors"],
         theta=np.where(values["learned"] > 0.0, values["theta"], -np.inf),
         widening=float(stated["widening"]),
+        inputs=inputs,
+        corrects=corrects,
     )
+
+
+def _read_use(stated: Mapping[str, Any]) -> tuple[tuple[Position, ...], Corrects]:
+    """Inputs and what is corrected; models written before had none and corrected readings."""
+    inputs, corrects = tuple(stated.get("inputs", ())), stated.get("corrects", CORRECTS)
+    if not set(inputs) <= set(get_args(Position)) or corrects not in get_args(Corrects):
+        raise ArchiveError(f"a correction of {corrects!r} with the inputs {inputs}.")
+    return inputs, corrects

@@ -8,6 +8,9 @@ of one deviation per group, a smooth rest, and noise:
 
     1; a, b; F; z; F a, F b; F^2; a^2, a b, b^2; (1, t_a, t_b) exp(-F / F_0); rest; noise.
 
+Each machine position that is an input is one more group of one column and one more cause of the
+rest.
+
 t is the direction of the tilt from where the foot hangs at rest, (a_0, b_0). The foot is free when
 it meets the skin and turns towards it until the joint's friction stops it: it stays behind by an
 angle that the growing clamp force takes away, along the way it turned. That is the group with
@@ -30,6 +33,7 @@ from robotrue.core.arrays import Array
 from robotrue.core.columns import Column, Columns
 from robotrue.core.units import MM, UM
 from robotrue.drilling.campaign import Conditions
+from robotrue.drilling.drill_defaults import CORRECTS, Corrects, Position
 from robotrue.errors import ShapeError
 
 WIDTHS: Final = np.log(np.array([1.0, 0.1, 0.5, 0.02, 0.05, 0.2, 0.0025, 0.1]) * MM)
@@ -44,6 +48,11 @@ FADING: Final = float(np.log(0.6))
 """Log of F_0 in kN."""
 SPREAD: Final = np.array([1.0] * len(WIDTHS) + [1.0, 0.7, 0.7, 0.7, 1.0, 0.5, 0.3, 0.3, 0.7])
 """Deviation of the prior of each of theta: log widths, rest, F_0; a_0 and b_0 in deg; log noise."""
+_NOISE: Final = len(SPREAD) - 1
+"""Index of the log noise; behind it the log widths of the inputs, then their log lengths."""
+INPUT: Final = np.log(np.array([0.03 * MM, 3.0]))
+"""Log width (m per unit) and log length (units) of a machine position: 30 deg, 3 m."""
+INPUT_SPREAD: Final = np.array([1.0, 0.7])
 STILL: Final = 0.02  # deg: a tilt seen smaller than this has no sure direction
 
 
@@ -87,28 +96,36 @@ def _friction(c: Conditions, fading: float, rest: Array) -> tuple[Array, Array, 
     return np.stack([fades, fades * x / size, fades * y / size], axis=-1), x, y, size
 
 
-def start(reading_sigma: float, *, rest_alone: bool) -> Array:
-    """Returns theta (17,) where the search begins: its prior mean.
+def start(reading_sigma: float, *, rest_alone: bool, inputs: int = 0) -> Array:
+    """Returns theta (17 + 2 inputs,) where the search begins: its prior mean.
 
     With ``rest_alone`` the smooth rest has to carry what the groups would: the groups but the
     offset are none, the rest begins as wide as the error.
     """
     rest = REST + np.array([np.log(WIDE / REST_AMPLITUDE), 0.0, 0.0, 0.0, 0.0]) * rest_alone
-    return np.concatenate([WIDTHS, rest, [FADING, 0.0, 0.0, np.log(reading_sigma)]])
+    base = [WIDTHS, rest, [FADING, 0.0, 0.0, np.log(reading_sigma)]]
+    return np.concatenate([*base, np.repeat(INPUT, inputs)])
 
 
-def fix_values(*, rest_alone: bool) -> Array:
-    """Returns theta (17,): the values that are not learned, NaN where they are."""
-    out = np.full(len(SPREAD), np.nan)
+def fix_values(*, rest_alone: bool, inputs: int = 0) -> Array:
+    """Returns theta (17 + 2 inputs,): the values that are not learned, NaN where they are."""
+    out = np.full(len(SPREAD) + 2 * inputs, np.nan)
     if rest_alone:
         out[1 : len(WIDTHS)] = -np.inf
-        out[len(WIDTHS) + 5 : -1] = FADING, 0.0, 0.0
+        out[len(WIDTHS) + 5 : _NOISE] = FADING, 0.0, 0.0
+        out[_NOISE + 1 : _NOISE + 1 + inputs] = -np.inf
     return out
 
 
+def prior_spread(inputs: int) -> Array:
+    """Returns the deviation (17 + 2 inputs,) of the prior of theta."""
+    return np.concatenate([SPREAD, np.repeat(INPUT_SPREAD, inputs)])
+
+
 def bounds(mean: Array) -> Array:
-    """Returns the limits (17, 2) of theta: four deviations of the prior on either side."""
-    return np.stack([mean - 4.0 * SPREAD, mean + 4.0 * SPREAD], axis=-1)
+    """Returns the limits (p, 2) of theta: four deviations of the prior on either side."""
+    spread = prior_spread((len(mean) - len(SPREAD)) // 2)
+    return np.stack([mean - 4.0 * spread, mean + 4.0 * spread], axis=-1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,43 +135,57 @@ class PhysicsCorrection(Columns):
     Attributes:
         causes: The n clamps it was learned from.
         errors: (n, k) m, their reading errors.
-        theta: (17,) log hyper-parameters in the order of :data:`SPREAD`; -inf: not there.
+        theta: (17 + 2 inputs,) log hyper-parameters in the order of :data:`SPREAD`, then widths and
+            lengths of the inputs; -inf: not there.
         widening: Factor on the variance, for hyper-parameters are known no better than few clamps
             tell.
+        inputs: Machine positions among the causes.
+        corrects: What the errors are of.
     """
 
     causes: Annotated[Conditions, Column("n")]
     errors: Annotated[Array, Column("n k", unit="m")]
-    theta: Annotated[Array, Column(f"{len(SPREAD)}", inf=True)]
+    theta: Annotated[Array, Column("t", inf=True)]
     widening: float = 1.0
+    inputs: tuple[Position, ...] = ()
+    corrects: Corrects = CORRECTS
 
     def _check_rules(self) -> None:
         """Checks the values."""
         if not self.widening > 0.0:
             raise ShapeError(f"widening is {self.widening:g}, expected above 0.")
+        expected = len(SPREAD) + 2 * len(self.inputs)
+        if len(self.theta) != expected:
+            raise ShapeError(f"theta has {len(self.theta)} values, expected {expected}.")
 
     def predict(self, c: Conditions) -> tuple[Array, Array]:
         """Returns the expected error (m, k) m and its variance (m,) m^2 without the readings' own.
 
         The sensors share the variance, for they share causes and hyper-parameters.
         """
-        known = signal_covariance(self.theta, self.causes, self.causes)
+        known = signal_covariance(self.theta, self.causes, self.causes, self.inputs)
         solved = _solve_errors(self.theta, known, self.errors)
-        across = signal_covariance(self.theta, c, self.causes)
+        across = signal_covariance(self.theta, c, self.causes, self.inputs)
         spread = solved.whiten_rows(across.T)
-        own = _own(self.theta, c)
+        own = _own(self.theta, c, self.inputs)
         variance = np.maximum(own - np.sum(spread**2, axis=0), 0.0)
-        noise = float(np.exp(2.0 * self.theta[-1]))
+        noise = float(np.exp(2.0 * self.theta[_NOISE]))
         return across @ solved.alpha, variance + (self.widening - 1.0) * (variance + noise)
 
     @property
     def noise(self) -> Array:
         """(k,) m, deviation of one reading that no cause explains."""
-        return np.full(self.errors.shape[1], float(np.exp(self.theta[-1])))
+        return np.full(self.errors.shape[1], float(np.exp(self.theta[_NOISE])))
 
 
 def fit_physics(
-    causes: Conditions, errors: Array, reading_sigma: float, *, rest_alone: bool = False
+    causes: Conditions,
+    errors: Array,
+    reading_sigma: float,
+    *,
+    rest_alone: bool = False,
+    inputs: tuple[Position, ...] = (),
+    corrects: Corrects = CORRECTS,
 ) -> PhysicsCorrection:
     """Returns the correction of largest evidence times prior.
 
@@ -163,78 +194,111 @@ def fit_physics(
         errors: (n, k) m, measured less theoretical readings.
         reading_sigma: m, scatter of a reading: the prior mean of the noise.
         rest_alone: A plain Gaussian process: offset, smooth rest and noise only.
+        inputs: Machine positions among the causes.
+        corrects: What the errors are of.
 
     Raises:
         ObservabilityError: Clamps too alike for the scatter of the readings.
     """
-    mean = start(reading_sigma, rest_alone=rest_alone)
-    fixed = fix_values(rest_alone=rest_alone)
-    free = np.isnan(fixed)
+    mean = start(reading_sigma, rest_alone=rest_alone, inputs=len(inputs))
+    fixed = fix_values(rest_alone=rest_alone, inputs=len(inputs))
+    free, width = np.isnan(fixed), prior_spread(len(inputs))
 
     def log_posterior(theta: Array) -> tuple[float, Array]:
-        value, gradient = log_evidence(theta, causes, errors)
-        off = np.where(free, (theta - mean) / SPREAD, 0.0)
-        return value - 0.5 * float(off @ off), gradient - off / SPREAD
+        value, gradient = log_evidence(theta, causes, errors, inputs)
+        off = np.where(free, (theta - mean) / width, 0.0)
+        return value - 0.5 * float(off @ off), gradient - off / width
 
     def leave_out(theta: Array) -> tuple[Array, Array]:
-        covariance = signal_covariance(theta, causes, causes)
+        covariance = signal_covariance(theta, causes, causes, inputs)
         return _solve_errors(theta, covariance, errors).predict_left_out()
 
     limits = bounds(mean)
     theta = search_theta(log_posterior, mean, limits, fixed)
     widening = inflation_factor(log_posterior, leave_out, theta, limits, free)
-    return PhysicsCorrection(causes=causes, errors=errors, theta=theta, widening=widening)
+    return PhysicsCorrection(
+        causes=causes,
+        errors=errors,
+        theta=theta,
+        widening=widening,
+        inputs=inputs,
+        corrects=corrects,
+    )
 
 
-def log_evidence(theta: Array, causes: Conditions, errors: Array) -> tuple[float, Array]:
-    """Returns the log evidence of all sensors and its gradient (17,) by theta."""
+def log_evidence(
+    theta: Array, causes: Conditions, errors: Array, inputs: tuple[Position, ...] = ()
+) -> tuple[float, Array]:
+    """Returns the log evidence of all sensors and its gradient (17 + 2 inputs,) by theta."""
     fading, place = _friction_of(theta)
-    parts, rest = _covariance_parts(theta, causes, causes)
-    noise = float(np.exp(2.0 * theta[-1]))
+    parts, rest = _covariance_parts(theta, causes, causes, inputs)
+    noise, more = float(np.exp(2.0 * theta[_NOISE])), len(inputs)
     solved = _solve_errors(theta, np.add.reduce(parts) + rest, errors)
     half = 0.5 * solved.sensitivity()
     gradient = np.empty(len(theta))
-    gradient[:_G] = [2.0 * np.sum(half * part) for part in parts]
+    by_width = [2.0 * np.sum(half * part) for part in parts]
+    gradient[:_G], gradient[_NOISE + 1 : _NOISE + 1 + more] = by_width[:_G], by_width[_G:]
     weighted = half * rest
     gradient[_G] = 2.0 * weighted.sum()
-    z = causes.table / np.exp(theta[_G + 1 : _G + 5])
-    gradient[_G + 1 : _G + 5] = 2.0 * (
-        weighted.sum(axis=0) @ z**2 - np.einsum("ij,ij->j", z, weighted @ z)
-    )
+    z = _scaled(theta, causes, inputs)
+    by_length = 2.0 * (weighted.sum(axis=0) @ z**2 - np.einsum("ij,ij->j", z, weighted @ z))
+    gradient[_G + 1 : _G + 5], gradient[_NOISE + 1 + more :] = by_length[:4], by_length[4:]
     faded = (causes.force[:, None] + causes.force) / fading
-    gradient[_G + 5] = np.sum(half * parts[-1] * faded)
+    gradient[_G + 5] = np.sum(half * parts[_G - 1] * faded)
     moved = friction_by_rest(causes, fading, place)
     turned = 2.0 * np.exp(2.0 * theta[_G - 1]) * (half @ _friction(causes, fading, place)[0])
     gradient[_G + 6 : _G + 8] = np.einsum("inj,nj->i", moved, turned)
-    gradient[-1] = 2.0 * noise * np.trace(half)
+    gradient[_NOISE] = 2.0 * noise * np.trace(half)
     return solved.log_evidence, gradient
 
 
-def signal_covariance(theta: Array, c: Conditions, other: Conditions) -> Array:
+def signal_covariance(
+    theta: Array, c: Conditions, other: Conditions, inputs: tuple[Position, ...] = ()
+) -> Array:
     """Returns the covariance (m, n) m^2 of what is not noise between two sets of clamps."""
-    parts, rest = _covariance_parts(theta, c, other)
+    parts, rest = _covariance_parts(theta, c, other, inputs)
     return np.asarray(np.add.reduce([rest, *parts]))
 
 
-def _covariance_parts(theta: Array, c: Conditions, other: Conditions) -> tuple[list[Array], Array]:
-    """(m, n) covariance of each group, and of the smooth rest."""
-    length = np.exp(theta[_G + 1 : _G + 5])
-    rest = np.exp(2.0 * theta[_G]) * correlation(c.table / length, other.table / length)
-    own, others = (groups(each, *_friction_of(theta)) for each in (c, other))
-    parts = [np.exp(2.0 * w) * (g @ h.T) for w, g, h in zip(theta, own, others, strict=False)]
+def _covariance_parts(
+    theta: Array, c: Conditions, other: Conditions, inputs: tuple[Position, ...]
+) -> tuple[list[Array], Array]:
+    """(m, n) covariance of each group and of each input, and of the smooth rest."""
+    places = _scaled(theta, c, inputs), _scaled(theta, other, inputs)
+    rest = np.exp(2.0 * theta[_G]) * correlation(*places)
+    own, others = (_all_groups(theta, each, inputs) for each in (c, other))
+    widths = _widths(theta, len(inputs))
+    parts = [np.exp(2.0 * w) * (g @ h.T) for w, g, h in zip(widths, own, others, strict=True)]
     return parts, np.asarray(rest)
+
+
+def _all_groups(theta: Array, c: Conditions, inputs: tuple[Position, ...]) -> list[Array]:
+    """Columns (n, .) of each group, then (n, 1) of each input."""
+    return [*groups(c, *_friction_of(theta)), *c.positions(inputs).T[:, :, None]]
+
+
+def _widths(theta: Array, inputs: int) -> Array:
+    """Log widths of the groups, then of the inputs."""
+    return np.concatenate([theta[:_G], theta[_NOISE + 1 : _NOISE + 1 + inputs]])
+
+
+def _scaled(theta: Array, c: Conditions, inputs: tuple[Position, ...]) -> Array:
+    """(n, 4 + inputs) causes over the lengths of the smooth rest."""
+    length = np.concatenate([theta[_G + 1 : _G + 5], theta[_NOISE + 1 + len(inputs) :]])
+    return np.asarray(np.concatenate([c.table, c.positions(inputs)], axis=1) / np.exp(length))
 
 
 def _solve_errors(theta: Array, covariance: Array, errors: Array) -> Solved:
     """Solves errors (n, k) against their covariance (n, n) with the noise added."""
-    noise = np.exp(2.0 * theta[-1]) * np.eye(len(errors))
+    noise = np.exp(2.0 * theta[_NOISE]) * np.eye(len(errors))
     return solve(covariance + noise, errors, np.empty((len(errors), 0)))
 
 
-def _own(theta: Array, c: Conditions) -> Array:
+def _own(theta: Array, c: Conditions, inputs: tuple[Position, ...]) -> Array:
     """(m,) variance of what is not noise."""
     out = np.full(len(c.a), np.exp(2.0 * theta[_G]))
-    for width, g in zip(theta[:_G], groups(c, *_friction_of(theta)), strict=True):
+    widths = _widths(theta, len(inputs))
+    for width, g in zip(widths, _all_groups(theta, c, inputs), strict=True):
         out += np.exp(2.0 * width) * np.sum(g**2, axis=1)
     return out
 

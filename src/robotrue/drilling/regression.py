@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement
 from typing import Annotated, Final, Literal, TypeAlias
 
@@ -11,6 +11,7 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.core.columns import Column, Columns
 from robotrue.drilling.campaign import Conditions
+from robotrue.drilling.drill_defaults import CORRECTS, Corrects, Position
 from robotrue.errors import ObservabilityError
 
 Family: TypeAlias = Literal["patent", "interactions", "quadratic", "cubic"]
@@ -27,12 +28,16 @@ class LinearCorrection(Columns):
         coefficients: (p, k) m per unit of the term.
         covariance: (p, p) of the coefficients over the square of a sensor's noise.
         sigma: (k,) m, deviation of one reading that the terms do not explain.
+        inputs: Machine positions among the terms.
+        corrects: What the errors are of.
     """
 
     family: Family
     coefficients: Annotated[Array, Column("p k")]
     covariance: Annotated[Array, Column("p p")]
     sigma: Annotated[Array, Column("k")]
+    inputs: tuple[Position, ...] = ()
+    corrects: Corrects = CORRECTS
 
     @property
     def noise(self) -> Array:
@@ -41,12 +46,19 @@ class LinearCorrection(Columns):
 
     def predict(self, c: Conditions) -> tuple[Array, Array]:
         """Returns the expected error (m, k) m and its variance (m, k) m^2, the noise left out."""
-        _, x = columns(self.family, c)
+        _, x = columns(self.family, c, self.inputs)
         share = np.einsum("ij,jk,ik->i", x, self.covariance, x)
         return x @ self.coefficients, share[:, None] * self.sigma**2
 
 
-def fit_linear(family: Family, causes: Conditions, errors: Array) -> LinearCorrection:
+def fit_linear(
+    family: Family,
+    causes: Conditions,
+    errors: Array,
+    *,
+    inputs: tuple[Position, ...] = (),
+    corrects: Corrects = CORRECTS,
+) -> LinearCorrection:
     """Returns the least-squares fit of the patent's step 7, or a ridge for the polynomials.
 
     Ridge acts on every term but the constant; its strength is the one of least error when each
@@ -56,14 +68,16 @@ def fit_linear(family: Family, causes: Conditions, errors: Array) -> LinearCorre
         family: Which terms.
         causes: n clamps.
         errors: (n, k) m, measured less theoretical readings.
+        inputs: Machine positions among the terms.
+        corrects: What the errors are of.
 
     Raises:
         ObservabilityError: Fewer clamps than terms, or terms that the campaign cannot tell apart.
     """
-    names, x = columns(family, causes)
+    names, x = columns(family, causes, inputs)
     n, p = x.shape
     if family in ("quadratic", "cubic"):
-        return _ridge(family, x, errors)
+        return replace(_ridge(family, x, errors), inputs=inputs, corrects=corrects)
     if n <= p:
         raise ObservabilityError(
             f"{n} clamps for the {p} terms {', '.join(names)}.",
@@ -84,6 +98,8 @@ def fit_linear(family: Family, causes: Conditions, errors: Array) -> LinearCorre
         coefficients=coefficients,
         covariance=inverse @ inverse.T,
         sigma=np.sqrt(np.sum(rest**2, axis=0) / (n - p)),
+        inputs=inputs,
+        corrects=corrects,
     )
 
 
@@ -131,7 +147,7 @@ class Significance:
 
 def significance(fitted: LinearCorrection, causes: Conditions) -> tuple[Significance, ...]:
     """Returns each term's coefficient, deviation and t, of a least-squares fit."""
-    names, _ = columns(fitted.family, causes)
+    names, _ = columns(fitted.family, causes, fitted.inputs)
     deviation = np.sqrt(np.diag(fitted.covariance))[:, None] * fitted.sigma
     return tuple(
         Significance(
@@ -144,14 +160,18 @@ def significance(fitted: LinearCorrection, causes: Conditions) -> tuple[Signific
     )
 
 
-def columns(family: Family, c: Conditions) -> tuple[tuple[str, ...], Array]:
+def columns(
+    family: Family, c: Conditions, inputs: tuple[Position, ...] = ()
+) -> tuple[tuple[str, ...], Array]:
     """Returns the names of a family's terms and their columns (n, p), the constant first.
 
     ``patent`` are the terms of the patent's step 7; ``interactions`` adds F a, F b and F^2;
-    ``quadratic`` and ``cubic`` are all products of two and three.
+    ``quadratic`` and ``cubic`` are all products of two and three. Machine positions enter all of
+    them beside a, b, F and z.
     """
     named: list[tuple[str, Array]] = [("1", np.ones(len(c.a)))]
     single = [("a", c.a), ("b", c.b), ("F", c.force), ("z", c.height)]
+    single += zip(inputs, c.positions(inputs).T, strict=True)
     named += single
     if family == "interactions":
         named += [("F a", c.force * c.a), ("F b", c.force * c.b), ("F F", c.force**2)]

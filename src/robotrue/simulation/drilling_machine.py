@@ -6,7 +6,7 @@ by 310 at 1 kN. Everything made with it is simulated.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -45,6 +45,7 @@ class DrillingMachine:
         friction: rad, angle the foot's joint stays behind by without force.
         fading: N, force that takes it down to 1/e.
         noise: m, scatter of a reading.
+        sag: (2, 2) rad of a and b per rad of the machine's A and B.
     """
 
     foot: Foot
@@ -63,6 +64,7 @@ class DrillingMachine:
     friction: float
     fading: float
     noise: float
+    sag: Array = field(default_factory=lambda: np.zeros((2, 2)))
 
 
 def drilling_machine(
@@ -72,6 +74,8 @@ def drilling_machine(
     friction: bool = False,
     order: AxisOrder = AXIS_ORDER,
     skin: Skin = FLAT,
+    foot: Foot | None = None,
+    sag: Array | None = None,
 ) -> DrillingMachine:
     """Returns the machine of a seed; the same with and without nonlinear terms and friction.
 
@@ -81,47 +85,53 @@ def drilling_machine(
         friction: With friction in the foot's joint.
         order: Axis order of the head.
         skin: What sensors without a foot plate look at, known to the cell.
+        foot: The sensors as drawn, with their skin; three on a radius of 60 mm without.
+        sag: (2, 2) rad of a and b per rad of the machine's A and B; none without.
     """
     random = np.random.default_rng(seed)
-    foot = Foot(radius=np.full(3, 60.0 * MM), angle=np.array([90.0, 210.0, 330.0]) * DEG, skin=skin)
-    seat = foot.seat + random.uniform(-0.25, 0.25, (3, 2)) * MM
+    if foot is None:
+        seats = np.array([90.0, 210.0, 330.0]) * DEG
+        foot = Foot(radius=np.full(3, 60.0 * MM), angle=seats, skin=skin)
+    k = len(foot.radius)
+    seat = foot.seat + random.uniform(-0.25, 0.25, (k, 2)) * MM
     built = replace(
         foot,
         radius=np.hypot(seat[:, 0], seat[:, 1]),
         angle=np.arctan2(seat[:, 1], seat[:, 0]),
     )
-    pattern = random.normal(size=3)
+    pattern = random.normal(size=k)
     pattern -= pattern.mean()
     pattern *= 0.35 * MM / np.abs(pattern).max()
     rest = (
-        random.choice([-1.0, 1.0]) * random.uniform(0.15, 0.3) + random.normal(0.0, 0.1, 3)
+        random.choice([-1.0, 1.0]) * random.uniform(0.15, 0.3) + random.normal(0.0, 0.1, k)
     ) * MM
     machine = DrillingMachine(
         foot=foot,
         built=built,
         order=order,
-        gain=1.0 + random.uniform(-0.006, 0.006, 3),
-        offset=rest + random.normal(0.0, 0.005, 3) * MM,
+        gain=1.0 + random.uniform(-0.006, 0.006, k),
+        offset=rest + random.normal(0.0, 0.005, k) * MM,
         axis_zero=random.uniform(-0.10, 0.10, 2) * DEG,
         axis_scale=1.0 + random.uniform(-0.01, 0.01, 2),
         by_force=pattern,
-        by_force_squared=0.35 * pattern * random.uniform(0.5, 1.5, 3),
-        by_height=random.normal(0.0, 0.004, 3) * MM,
+        by_force_squared=0.35 * pattern * random.uniform(0.5, 1.5, k),
+        by_height=random.normal(0.0, 0.004, k) * MM,
         yielding=random.uniform(0.008, 0.020, 2),
-        by_force_tilt=random.normal(0.0, 0.020, (3, 2)) * MM,
-        by_force_bend=random.normal(0.0, 0.0025, (3, 3)) * MM,
+        by_force_tilt=random.normal(0.0, 0.020, (k, 2)) * MM,
+        by_force_bend=random.normal(0.0, 0.0025, (k, 3)) * MM,
         friction=0.12 * DEG if friction else 0.0,
         fading=60.0 * 9.81,
         noise=2.0 * UM,
+        sag=np.zeros((2, 2)) if sag is None else sag,
     )
     if nonlinear:
         return machine
-    none = np.zeros(3)
+    none = np.zeros(k)
     return replace(
         machine,
         by_force_squared=none,
-        by_force_tilt=np.zeros((3, 2)),
-        by_force_bend=np.zeros((3, 3)),
+        by_force_tilt=np.zeros((k, 2)),
+        by_force_bend=np.zeros((k, 3)),
     )
 
 
@@ -133,6 +143,7 @@ def clamp(
     random: np.random.Generator,
     *,
     approach: str = RECENTRED,
+    axes: Array | None = None,
 ) -> Clamps:
     """Returns the readings of clamps made one after the other (simulated).
 
@@ -143,9 +154,12 @@ def clamp(
         height: (n,) m.
         random: Of the readings' scatter.
         approach: :data:`RECENTRED` or :data:`AS_LEFT`.
+        axes: (n, 2) rad, A and B of the machine; 0, and not recorded, without.
     """
     load, z = force / FORCE, height / HEIGHT
     true = tilt * machine.axis_scale * (1.0 - machine.yielding * load[:, None])
+    if axes is not None:
+        true = true + axes @ machine.sag.T
     followed = _stop_short(machine, true + machine.axis_zero, force, approach)
     angle = tilt / DEG
     a, b = angle.T
@@ -156,7 +170,13 @@ def clamp(
     seen += z[:, None] * machine.by_height
     seen += load[:, None] * (angle @ machine.by_force_tilt.T + bend @ machine.by_force_bend.T)
     seen += random.normal(0.0, machine.noise, seen.shape)
-    return Clamps(readings=seen, force=force, height=height, approach=(approach,) * len(seen))
+    return Clamps(
+        readings=seen,
+        force=force,
+        height=height,
+        approach=(approach,) * len(seen),
+        axes=np.full((len(seen), 2), np.nan) if axes is None else axes,
+    )
 
 
 def _stop_short(machine: DrillingMachine, tilt: Array, force: Array, approach: str) -> Array:
@@ -180,6 +200,7 @@ def random_campaign(
     held_out: bool = False,
     approach: str = RECENTRED,
     largest: float = 4.0 * DEG,
+    swing: float = 0.0,
 ) -> Campaign:
     """Returns a campaign of random tilts on five forces and three heights (simulated).
 
@@ -190,6 +211,7 @@ def random_campaign(
         held_out: Forces and heights anywhere between, as production has them.
         approach: How the foot is brought down.
         largest: rad, tilt of each axis.
+        swing: rad, up to which A and B of the machine stand either way; 0: not recorded.
     """
     tilt = random.uniform(-largest, largest, (count, 2))
     if held_out:
@@ -199,6 +221,7 @@ def random_campaign(
         grid = np.array([(f, z) for f in (0, 25, 50, 75, 100) for z in (-1, 0, 1)], dtype=float)
         chosen = grid[np.arange(count) % len(grid)]
         force, height = chosen[:, 0] * 9.81, chosen[:, 1] * HEIGHT
-    clamps = clamp(machine, tilt, force, height, random, approach=approach)
+    axes = random.uniform(-swing, swing, (count, 2)) if swing else None
+    clamps = clamp(machine, tilt, force, height, random, approach=approach, axes=axes)
     origin = Provenance(simulated=True, instrument="pressure foot")
     return Campaign(clamps=clamps, tilt=tilt, order=machine.order, provenance=origin)

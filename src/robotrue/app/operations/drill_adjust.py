@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from robotrue.app.context import Context
-from robotrue.app.drill_fields import CarryingRobot, DrillModel, FootAngles
+from robotrue.app.drill_fields import CarryingRobot, DrillModel, FootAngles, ZeroFoot
 from robotrue.app.operation import Operation
 from robotrue.app.plain_result import PlainResult
 from robotrue.app.presentation import Facts, Note, Text
@@ -17,6 +17,9 @@ from robotrue.drilling.drill_defaults import FOOT_ABC_DEG
 from robotrue.errors import ConfigurationError
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
+    from robotrue.core.arrays import Array
     from robotrue.drilling.adjust import HoleAdjustment
     from robotrue.drilling.foot_model import NormalModel
     from robotrue.drilling.robot_adjust import RobotMove
@@ -26,10 +29,21 @@ class DrillAdjustRequest(Request):
     """Which model answers which readings, and who makes the move."""
 
     model: DrillModel
-    reading: Annotated[str, Option(help="d1,d2,d3 in mm, less their zero.")]
+    reading: Annotated[str | None, Option(help="d1,d2,d3 in mm, less their zero.")] = None
+    raw: Annotated[
+        str | None,
+        Option(
+            help="In place of --reading: raw1,raw2,raw3 as the sensors show them, in counts where "
+            "the foot file has zero_counts, else in mm; with --foot."
+        ),
+    ] = None
+    foot: ZeroFoot = None
     force: Annotated[float, Option(help="Clamp force in N.")]
     z: Annotated[float, Option(help="Position of the Z axis in mm.")]
     at: Annotated[str | None, Option(help="A,B of the machine now, in deg; default 0,0.")] = None
+    xy: Annotated[
+        str | None, Option(help="X,Y of the machine in mm, for a model that uses them.")
+    ] = None
     approach: Annotated[str, Option(help="How the foot came down; default the usual way.")] = ""
     robot: CarryingRobot = None
     joints_deg: Annotated[
@@ -54,17 +68,21 @@ def run(request: DrillAdjustRequest, context: Context) -> PlainResult:
         ImplausibleDataError: Readings, a force or a tilt that the model does not cover.
     """
     from robotrue.app.registered import opened, provenance_used
-    from robotrue.drilling.adjust import move_document, surface_document
+    from robotrue.drilling.adjust import move_document, surface_document, targets_document
     from robotrue.drilling.drill_defaults import MODEL
     from robotrue.drilling.model_archive import read_model
     from robotrue.drilling.robot_adjust import robot_fragment
 
     (path,) = context.document_files(request.model, MODEL)
     model = read_model(path)
-    found = _adjustment(request, model)
+    found = _adjustment(request, model, path)
     origins = [model.provenance]
     if request.robot is None:
-        made: dict[str, Any] = {"move": move_document(found.move), "notes": _notes(found)}
+        made: dict[str, Any] = {
+            "move": move_document(found.move),
+            "targets": targets_document(found),
+            "notes": _notes(found),
+        }
         text = _head_program(request, found)
     else:
         move = _robot_move(request, model, found)
@@ -85,23 +103,57 @@ def run(request: DrillAdjustRequest, context: Context) -> PlainResult:
     )
 
 
-def _adjustment(request: DrillAdjustRequest, model: NormalModel) -> HoleAdjustment:
+def _adjustment(request: DrillAdjustRequest, model: NormalModel, path: Path) -> HoleAdjustment:
     import numpy as np
 
     from robotrue.app.number_options import parse_numbers
     from robotrue.drilling.adjust import adjustment
     from robotrue.drilling.campaign import Clamps
 
-    sensors = len(model.foot.radius)
-    readings = parse_numbers("--reading", request.reading, sensors, form="d1,d2,d3") * MM
+    at = None if request.robot is not None else request.at
     clamps = Clamps(
-        readings=readings[None],
+        readings=_readings(request, model, path)[None],
         force=np.array([request.force]),
         height=np.array([request.z * MM]),
         approach=(request.approach,),
+        place=_pair("--xy", request.xy, "X,Y")[None] * MM,
+        axes=_pair("--at", at, "A,B")[None] * DEG,
     )
     axes = parse_numbers("--at", request.at or "0,0", 2, form="A,B") * DEG
     return adjustment(model, clamps, axes)
+
+
+def _readings(request: DrillAdjustRequest, model: NormalModel, path: Path) -> Array:
+    """(k,) m, less their zero.
+
+    Raises:
+        ConfigurationError: Not one of --reading and --raw, or --raw without a foot file's zero.
+    """
+    from robotrue.app.number_options import parse_numbers
+    from robotrue.drilling.campaign_csv import FORMS, readings_less_zero, setup_of
+
+    sensors = len(model.foot.radius)
+    if (request.reading is None) == (request.raw is None):
+        raise ConfigurationError(
+            "give the readings once.", hint="--reading d1,d2,d3, or --raw with --foot FOOT."
+        )
+    if request.raw is None:
+        return parse_numbers("--reading", request.reading or "", sensors, form="d1,d2,d3") * MM
+    setup = setup_of(model, path, request.foot)
+    form = FORMS[1] if not setup.zero_in_counts else FORMS[2]
+    raw = parse_numbers("--raw", request.raw, sensors, form="raw1,raw2,raw3")
+    readings: Array = readings_less_zero(raw[None], form, setup)[0]
+    return readings
+
+
+def _pair(option: str, stated: str | None, form: str) -> Array:
+    """Two numbers; NaN where they are not stated."""
+    import numpy as np
+
+    from robotrue.app.number_options import parse_numbers
+
+    missing: Array = np.full(2, np.nan)
+    return missing if stated is None else parse_numbers(option, stated, 2, form=form)
 
 
 def _head_program(request: DrillAdjustRequest, found: HoleAdjustment) -> str:
@@ -167,7 +219,15 @@ def _facts(document: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
         move = document["move"]
         shift = ", ".join(f"{move[f'd{axis}_mm']:+.4f} mm" for axis in "XYZ")
         turned = f"{move['A_deg']:.4f}, {move['B_deg']:.4f} deg"
-        return (surface, ("A, B to", turned), ("X, Y, Z by", shift))
+        targets = document["targets"]
+        bare = ", ".join(f"{targets[f'{axis}_theoretical_deg']:.4f}" for axis in "AB")
+        added = ", ".join(f"{targets[f'{axis}_compensation_deg']:+.4f}" for axis in "AB")
+        return (
+            surface,
+            ("A, B to", turned),
+            ("of that", f"{bare} deg by the readings as they are, {added} deg learned"),
+            ("X, Y, Z by", shift),
+        )
     robot = document["robot"]
     joints = ", ".join(f"{v:.4f}" for v in robot["joints_deg"])
     turned = f"{robot['turn_deg']:.4f} deg about the tip"

@@ -14,12 +14,12 @@ from robotrue.app.presentation import Block, Note, Table
 from robotrue.app.request import ON_COMMAND_LINE, InputFile, Item, Option, Reference, Request
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG
-from robotrue.drilling.drill_defaults import Kind
+from robotrue.drilling.drill_defaults import CORRECTS, MACHINE_INPUTS, Corrects, Inputs, Kind
 from robotrue.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from robotrue.app.workspace_context import WorkspaceContext
-    from robotrue.drilling.correction import Trial
+    from robotrue.drilling.correction_trials import Trial
     from robotrue.drilling.foot_model import NormalModel
     from robotrue.store.workspace import Transaction
 
@@ -47,6 +47,17 @@ class DrillFitRequest(Request):
             "cubic, gp or physics."
         ),
     ] = "auto"
+    inputs: Annotated[
+        Inputs,
+        Option(
+            help="Machine positions among the causes: auto (what wins on held-out blocks), none, "
+            "AB, XY or XYAB; columns X_mm, Y_mm, axis_A_deg, axis_B_deg."
+        ),
+    ] = MACHINE_INPUTS
+    corrects: Annotated[
+        Corrects,
+        Option(help="What is corrected: readings, or joints (the targets of A and B)."),
+    ] = CORRECTS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,6 +67,7 @@ class FootLearned:
     Attributes:
         model: What was learned.
         trials: Of the corrections it was chosen from.
+        input_trials: Of the machine positions that were tried as causes.
         terms: Significance of each term, JSON values.
         clamps: Of the campaign.
         output: File of the model.
@@ -64,6 +76,7 @@ class FootLearned:
 
     model: NormalModel
     trials: tuple[Trial, ...]
+    input_trials: tuple[Trial, ...]
     terms: Sequence[Mapping[str, Any]]
     clamps: int
     output: Path
@@ -71,41 +84,71 @@ class FootLearned:
 
     def document(self) -> Mapping[str, Any]:
         """Returns the model as JSON values in deg, mm and N."""
-        from robotrue.drilling.evaluate import model_document
+        from robotrue.drilling.evaluate import model_document, trial_document
 
         numbers = model_document(self.model, self.trials)
-        return {"output": str(self.output), **numbers, "terms": self.terms}
+        tried = [{"inputs": [*t.inputs], **trial_document(t)} for t in self.input_trials]
+        return {
+            "output": str(self.output),
+            **numbers,
+            "input_trials": tried,
+            "terms": self.terms,
+        }
 
     def blocks(self) -> Iterable[Block]:
         """Returns the trials and the terms."""
+        used = self.model.correction.inputs
+        if self.input_trials:
+            named = tuple(
+                (t, "".join(t.inputs) or "none", t.inputs == used) for t in self.input_trials
+            )
+            yield Table(
+                title="Machine positions as causes: tilt left on blocks held out",
+                columns=("inputs", "mean deg", "p95 deg"),
+                rows=tuple(_trial_row(*each) for each in named),
+            )
         yield Table(
             title="Tilt left on forces and tilts held out",
             columns=("correction", "mean deg", "p95 deg"),
-            rows=tuple(_trial_row(each, self.model.kind) for each in self.trials),
+            rows=tuple(_trial_row(t, t.kind, t.kind == self.model.kind) for t in self.trials),
         )
         if self.terms:
-            yield Table(
-                title="Terms per sensor, um per unit (deg, kN, 100 mm)",
-                columns=("term", "coefficient", "t", ""),
-                rows=tuple(_term_row(each) for each in self.terms),
-            )
-        yield Note(f"{self.model.kind} learned from {self.clamps} clamps, written to {self.output}")
+            yield self._terms_table()
+        beside = f" with {', '.join(used)}" if used else ""
+        of = "targets of A and B" if self.model.correction.corrects == "joints" else "readings"
+        yield Note(
+            f"{self.model.kind}{beside} learned from {self.clamps} clamps, corrects the {of}, "
+            f"written to {self.output}"
+        )
+
+    def _terms_table(self) -> Table:
+        unit, of = ("um", "sensor")
+        if self.model.correction.corrects == "joints":
+            unit, of = ("deg", "axis")
+        what = "The patent's weights" if self.model.kind == "patent" else "Terms"
+        return Table(
+            title=f"{what} per {of}, {unit} per unit (deg, kN, 100 mm; X, Y m; A, B 10 deg)",
+            columns=("term", "coefficient", "deviation", "t", ""),
+            rows=tuple(_term_row(each, unit) for each in self.terms),
+        )
 
 
-def _trial_row(trial: Trial, chosen: str) -> tuple[str, ...]:
+def _trial_row(trial: Trial, name: str, chosen: bool) -> tuple[str, ...]:
     import numpy as np
 
-    name = trial.kind + (" (chosen)" if trial.kind == chosen else "")
+    name += " (chosen)" if chosen else ""
     if not len(trial.residual):
         return (name, "-", trial.reason)
     worst = np.percentile(trial.residual, 95.0)
     return (name, f"{trial.mean / DEG:.4f}", f"{worst / DEG:.4f}")
 
 
-def _term_row(term: Mapping[str, Any]) -> tuple[str, ...]:
+def _term_row(term: Mapping[str, Any], unit: str) -> tuple[str, ...]:
+    digits = "9.1f" if unit == "um" else "9.5f"
     return (
         term["term"],
-        " ".join(f"{v:9.1f}" for v in term["coefficient_um"]),
+        " ".join(f"{v:{digits}}" for v in term[f"coefficient_{unit}"]),
+        " ".join(f"{v:{digits}}" for v in term[f"deviation_{unit}"]),
         " ".join(f"{v:7.1f}" for v in term["t"]),
         "" if term["significant"] else "not significant",
     )
@@ -120,8 +163,9 @@ def run(request: DrillFitRequest, context: Context) -> FootLearned:
     """
     import numpy as np
 
-    from robotrue.drilling.campaign import check_campaign
+    from robotrue.drilling.campaign_checks import campaign_warnings, check_campaign
     from robotrue.drilling.campaign_csv import read_campaign
+    from robotrue.drilling.correction_trials import resolve_inputs
     from robotrue.drilling.drill_defaults import CAMPAIGN, campaign_parts
     from robotrue.drilling.evaluate import terms_of
     from robotrue.drilling.foot_file import read_foot
@@ -144,13 +188,26 @@ def run(request: DrillFitRequest, context: Context) -> FootLearned:
         )
     data, digest = read_campaign(rows, setup, head.order)
     check_campaign(setup.foot, data)
+    for warning in campaign_warnings(setup.foot, data):
+        context.note(warning)
     wanted = None if request.kind == "auto" else request.kind
-    model, trials = fit_model(setup.foot, head, data, kind=wanted, digest=digest, step=context.step)
+    used, tried = resolve_inputs(request.inputs, setup.foot, data, corrects=request.corrects)
+    model, trials = fit_model(
+        setup.foot,
+        head,
+        data,
+        kind=wanted,
+        inputs=used,
+        corrects=request.corrects,
+        digest=digest,
+        step=context.step,
+    )
     output = context.output(request.output)
     write_model(output, model)
     return FootLearned(
         model=model,
         trials=trials,
+        input_trials=tried,
         terms=terms_of(model, data),
         clamps=len(data),
         output=output,

@@ -33,7 +33,7 @@ from robotrue.drilling.drill_defaults import (
     STEADY_N,
     STEADY_UM,
 )
-from robotrue.errors import ModelMismatchError
+from robotrue.errors import ConfigurationError, ModelMismatchError
 
 if TYPE_CHECKING:
     from robotrue.drilling.clamp_watch import ClampSettings
@@ -113,6 +113,7 @@ def run(request: DrillRunRequest, context: Context) -> DrillServed:
 
     Raises:
         ModelMismatchError: A journal of a later version of the model.
+        ConfigurationError: A model that uses positions of a head, and a robot carries the foot.
     """
     import asyncio
 
@@ -127,6 +128,13 @@ def run(request: DrillRunRequest, context: Context) -> DrillServed:
 
     (path,) = context.document_files(request.model, MODEL)
     model, settings = read_model(path), _settings(request)
+    if request.robot is not None and model.correction.inputs:
+        raise ConfigurationError(
+            f"the model uses the positions {', '.join(model.correction.inputs)} of a five-axis "
+            "head; a robot carries the foot.",
+            source=path,
+            hint="fit the campaign with --inputs none.",
+        )
     setup = setup_of(model, path, request.foot)
     with Journal(request.journal) as kept:
         model, said = _replay(request, model, kept, path)

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from robotrue.core.units import DEG, MM
-from robotrue.drilling.campaign import check_campaign
+from robotrue.drilling.campaign_checks import check_campaign
 from robotrue.drilling.campaign_csv import read_campaign
 from robotrue.drilling.drill_defaults import CAMPAIGN, JOURNAL, MODEL
 from robotrue.drilling.evaluate import model_document

@@ -1,0 +1,194 @@
+"""Whether a campaign is one of this foot, and what it cannot tell."""
+
+from __future__ import annotations
+
+from itertools import permutations
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array
+from robotrue.core.units import MM
+from robotrue.drilling.campaign import Campaign
+from robotrue.drilling.correction_trials import usable_positions
+from robotrue.drilling.foot import Foot, readings
+from robotrue.drilling.head import normal_from_tilt
+from robotrue.errors import ImplausibleDataError, ObservabilityError
+
+FEWEST: Final = 8
+"""Clamps below which nothing can be said of a sensor."""
+STUCK: Final = 0.1
+"""Share of the travel it should make, below which a sensor is stuck."""
+BETTER: Final = 0.5
+"""Share of the error another order of sensors must leave to be the likely one."""
+SLOPE: Final = (0.8, 1.25)
+"""What a sensor may show per metre of travel; outside it is in another unit."""
+SHUFFLED: Final = 6
+"""Most sensors whose orders are all tried."""
+ONE_FORCE: Final = 1.0
+"""N of spread below which all clamps are at one force."""
+ONE_HEIGHT: Final = 0.1 * MM
+"""m of spread likewise for the height."""
+SMALLEST_FORCE: Final = 5.0
+"""N that the hardest clamp of a campaign reaches, in any usual unit but kN."""
+
+
+def check_campaign(foot: Foot, campaign: Campaign) -> None:
+    """Checks that the readings are those of this foot at these tilts.
+
+    Raises:
+        ObservabilityError: Too few clamps, or tilts that do not vary.
+        ImplausibleDataError: A stuck sensor, exchanged sensors, another unit or sign.
+    """
+    n = len(campaign)
+    if n < FEWEST:
+        raise ObservabilityError(
+            f"{n} clamps, at least {FEWEST} are needed to learn anything of a foot.",
+            source=campaign.source or None,
+            hint="clamp 15 times or more, with different tilts, forces and heights.",
+        )
+    expected = readings(foot, campaign.normal, np.zeros(n))
+    travel = np.ptp(expected, axis=0)
+    if not (travel > 20.0 * foot.reading_sigma).all():
+        raise ObservabilityError(
+            f"the tilts move the sensors by {travel.min() / MM:.4f} mm only.",
+            source=campaign.source or None,
+            hint="tilt the head by some degrees either way.",
+        )
+    measured = campaign.clamps.readings
+    _check_stuck(campaign, measured, travel)
+    _check_slopes(campaign, measured, expected)
+    _check_order(foot, campaign, measured, expected)
+    _check_force(campaign)
+
+
+def campaign_warnings(foot: Foot, campaign: Campaign) -> tuple[str, ...]:
+    """Returns what a campaign cannot tell, a sentence each with what to do."""
+    force, height = campaign.clamps.force, campaign.clamps.height
+    warnings = []
+    if np.ptp(force) < ONE_FORCE:
+        warnings.append(
+            f"all {len(campaign)} clamps are at {force.mean():.0f} N: what the force does cannot "
+            "be learned, and a clamp at another force is refused. Try: two forces or more, such as "
+            "drill plan --forces-n 0,250,500."
+        )
+    if np.ptp(height) < ONE_HEIGHT:
+        warnings.append(
+            f"all {len(campaign)} clamps are at z {height.mean() / MM:.1f} mm: what the height "
+            "does cannot be learned. Try: two heights or more, such as drill plan --z-mm -100,100."
+        )
+    _, reasons = usable_positions(foot, campaign)
+    warnings += [
+        f"{reason}: it is not used as a cause. Try: calibration planes that face different ways "
+        "or stand in different places."
+        for reason in reasons.values()
+    ]
+    return tuple(warnings)
+
+
+def _check_stuck(campaign: Campaign, measured: Array, travel: Array) -> None:
+    made = np.ptp(measured, axis=0)
+    still = np.flatnonzero(made < STUCK * travel)
+    if len(still) == len(travel):
+        return  # another unit; said there
+    if len(still):
+        k = int(still[0])
+        raise ImplausibleDataError(
+            f"sensor {k + 1} moves by {made[k] / MM:.4f} mm where {travel[k] / MM:.4f} mm are "
+            "expected: it is stuck, or not connected.",
+            source=campaign.source or None,
+            hint="free the sensor and clamp again.",
+        )
+
+
+def _check_slopes(campaign: Campaign, measured: Array, expected: Array) -> None:
+    """One slope for all sensors at once: an exchange leaves it small, but not another unit."""
+    size = float(np.ptp(measured, axis=0).mean() / np.ptp(expected, axis=0).mean())
+    if SLOPE[0] <= size <= SLOPE[1]:
+        return
+    raise ImplausibleDataError(
+        f"the readings travel {size:.4g} times as far as the tilts say.",
+        source=campaign.source or None,
+        hint="check the unit of the readings, radius_mm of the foot, and that a_deg and b_deg are "
+        "degrees.",
+    )
+
+
+def _check_order(foot: Foot, campaign: Campaign, measured: Array, expected: Array) -> None:
+    """Exchanged sensors or tilts, or another sign: whichever explains the readings best."""
+    stated = _offset_free_rms(measured, expected)
+    if _offset_free_rms(-measured, expected) < BETTER * stated:
+        raise ImplausibleDataError(
+            "the readings fall where they should grow.",
+            source=campaign.source or None,
+            hint="a reading grows where the surface is farther from the foot: turn its sign, or "
+            "that of a_deg and b_deg.",
+        )
+    causes = [_best_order(measured, expected), _best_tilts(foot, campaign)]
+    left, said, hint = min(causes, key=lambda cause: cause[0])
+    if left < BETTER * stated:
+        raise ImplausibleDataError(
+            f"the readings fit the tilts when {said}: {left / MM:.3f} mm rms are left, "
+            f"{stated / MM:.3f} mm as stated.",
+            source=campaign.source or None,
+            hint=hint,
+        )
+
+
+def _best_order(measured: Array, expected: Array) -> tuple[float, str, str]:
+    """Error (m) left by the best order of the sensors, what it says, and what to try."""
+    sensors = measured.shape[1]
+    if sensors > SHUFFLED:
+        return np.inf, "", ""
+    left, best = min(
+        (_offset_free_rms(measured[:, list(p)], expected), p) for p in permutations(range(sensors))
+    )
+    said = ", ".join(f"column {p + 1} is sensor {k + 1}" for k, p in enumerate(best) if p != k)
+    return (
+        left,
+        f"{said}: sensors are exchanged, or their angles run the other way round",
+        "exchange the columns, or angles_deg of the foot.",
+    )
+
+
+def _best_tilts(foot: Foot, campaign: Campaign) -> tuple[float, str, str]:
+    """The same of exchanged columns of the tilt, or one with the other sign."""
+    a, b = campaign.tilt.T
+    others = {
+        "the columns a_deg and b_deg are exchanged": np.stack([b, a], axis=-1),
+        "a_deg has the other sign": np.stack([-a, b], axis=-1),
+        "b_deg has the other sign": np.stack([a, -b], axis=-1),
+    }
+    height = np.zeros(len(campaign))
+    left, said = min(
+        (
+            _offset_free_rms(
+                campaign.clamps.readings,
+                readings(foot, normal_from_tilt(campaign.order, tilt), height),
+            ),
+            said,
+        )
+        for said, tilt in others.items()
+    )
+    return (
+        left,
+        said,
+        "A turns about x, B about y, by the right-hand rule; or angles_deg of the foot do not run "
+        "from x towards y.",
+    )
+
+
+def _offset_free_rms(measured: Array, expected: Array) -> float:
+    """Root mean square (m) of what is left once every sensor's own offset is taken out."""
+    off = measured - expected
+    return float(np.sqrt(np.mean((off - off.mean(axis=0)) ** 2)))
+
+
+def _check_force(campaign: Campaign) -> None:
+    largest = float(np.abs(campaign.clamps.force).max())
+    if 0.0 < largest < SMALLEST_FORCE:
+        raise ImplausibleDataError(
+            f"the largest clamp force is {largest:g} N, expected {SMALLEST_FORCE:g} N or more.",
+            source=campaign.source or None,
+            hint="force_N is in newtons: kN times 1000, kg times 9.81.",
+        )
