@@ -39,10 +39,13 @@ from robotrue.drilling.foot_model import fit_model
 from robotrue.drilling.head import Head
 from robotrue.drilling.model_archive import from_archive as drilling_from
 from robotrue.drilling.model_archive import to_archive as drilling_archive
+from robotrue.dynamics.components import components_of
 from robotrue.dynamics.deviation import DeviationModel, DeviationSettings, deviation_from_archive
 from robotrue.dynamics.deviation_physics import CompliantArm, StaticCompliance
 from robotrue.dynamics.flange_sensor import HeldTool, held_tool_from_archive
 from robotrue.dynamics.modal import ModalModel, modal_model_from_archive
+from robotrue.dynamics.paper_regression import PaperModel, paper_from_archive
+from robotrue.dynamics.support_vectors import SupportVectors
 from robotrue.dynamics.windows import WindowSet
 from robotrue.errors import ArchiveError
 from robotrue.robot.presets import preset
@@ -93,6 +96,16 @@ def samples() -> dict[str, bytes]:
         theta=np.log([1e-5, 0.3, 1e-5, 0.1, 1e-5]),
         row=StaticCompliance(value=np.full(3, 1e-7), sd=np.full(3, 1e-8)),
     )  # fmt: skip
+    components = components_of(np.column_stack([windows.joints, random.normal(size=(16, 2))]))
+    paper = PaperModel(
+        arm=bent.arm, windows=windows, held_out=1e-6,
+        components=components,
+        machine=SupportVectors(
+            vectors=random.normal(size=(5, components.count)),
+            weights=random.normal(size=5), intercept=0.1,
+            penalty=10.0, gamma=0.1, tube=0.2,
+        ),
+    )  # fmt: skip
     vector = np.array([0.1, 0.2, 0.3])
     tool = HeldTool(
         mass=12.0, centre=vector, weight_in_base=117.0 * vector, force_offset=vector,
@@ -113,7 +126,8 @@ def samples() -> dict[str, bytes]:
         out[name] = Archive(
             kind=whole.kind, schema=whole.schema, document=document, arrays=whole.arrays
         )
-    out |= {"deviation": bent.to_archive(), "tool": tool.to_archive(source="x")}
+    out |= {"deviation": bent.to_archive(), "paper": paper.to_archive()}
+    out |= {"tool": tool.to_archive(source="x")}
     out["modal"] = modal.to_archive()
     machine, head = drilling_machine(1), Head(p_pivot_tip=np.array([0.0, 0.0, -350.0]) * MM)
     campaign = random_campaign(machine, 20, random, largest=3.0 * DEG)
@@ -129,6 +143,7 @@ READERS: dict[str, Callable[[Archive], object]] = {
     "held-tool": held_tool_from_archive,
     "modal-model": modal_model_from_archive,
     "dynamic-deviation": deviation_from_archive,
+    "jin2022-deviation": paper_from_archive,
 }
 
 
@@ -139,6 +154,7 @@ def read(name: str, data: bytes) -> object:
         model = open_model(archive)
         return unpack_cell(archive.document.get("cell", {}), model.robot)
     kind = {"tool": "held-tool", "modal": "modal-model", "deviation": "dynamic-deviation"}
+    kind["paper"] = "jin2022-deviation"
     return READERS[kind.get(name, "drilling-normal")](archive)
 
 

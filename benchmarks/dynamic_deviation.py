@@ -21,7 +21,8 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.core.units import UM
 from robotrue.dynamics.deviation_physics import CompliantArm, physics_terms
-from robotrue.dynamics.deviation_validation import Score, folds, scores
+from robotrue.dynamics.deviation_validation import Score, scores
+from robotrue.dynamics.window_folds import folds
 from robotrue.dynamics.windows import WindowSet
 from robotrue_reproductions.jin2022.jin_tables import arm_of, row_of_hammer
 from robotrue_reproductions.jin2022.milling_experiment import milling_experiment

@@ -18,8 +18,8 @@ from matplotlib.axes import Axes
 from robotrue.core.arrays import Array
 from robotrue.core.units import MM, UM
 from robotrue.dynamics.deviation import fit_deviation
-from robotrue.dynamics.deviation_validation import folds
 from robotrue.dynamics.paper_regression import fit_paper
+from robotrue.dynamics.window_folds import folds
 from robotrue.dynamics.windows import WindowSet
 from robotrue.report.figure import AFTER, BAND, BEFORE, CAUTION, INK, Drawing, png
 from robotrue_reproductions.jin2022.jin_tables import arm_of, row_of_hammer
@@ -65,7 +65,7 @@ def panel(
         known, asked = data.take(train), data.take(test)
         found = fit_deviation(known, arm, row=row).predict(asked)
         ours[test], sd[test] = found.error, found.sd
-        paper[test] = fit_paper(known).predict(asked)
+        paper[test] = fit_paper(known, arm).predict(asked).error
     along = experiment.along[: len(data)][held] / MM
     shown = {"measured": data.measured, "predicted": data.predicted, "paper": paper, "ours": ours}
     values = {name: value[held] / UM for name, value in shown.items()}

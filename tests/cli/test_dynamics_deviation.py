@@ -58,6 +58,31 @@ def test_fit_then_judge_new_windows(folder):
     assert len(lines) == 13
 
 
+def test_fit_of_the_paper_prints_its_tables_and_is_used(folder):
+    model, out = folder / "jin.robotrue", folder / "e.csv"
+    arguments = ("fit", folder / "w.csv", "--cell", folder / "cell.toml", "--method", "jin2022")
+    result = call(*arguments, "-o", model)
+    assert result.exit_code == 0, result.output
+    for word in (
+        "table 1",
+        "eigenvalue",
+        "contribution %",
+        "table 3",
+        "support vectors",
+        "rmse um",
+    ):
+        assert word in result.output
+    document = json.loads(call(*arguments, "-o", model, "--json").stdout)
+    assert document["method"] == "jin2022"
+    assert len(document["table1"]["rows"]) == 48
+    assert sum(document["table2"]["eigenvalues"]) == pytest.approx(8.0)
+    assert len(document["table3"]["loadings"]) == document["table2"]["components"]
+    result = call("validate", folder / "w.csv", "--model", model, "-o", out, "--json")
+    assert result.exit_code == 0, result.output
+    found = {s["method"]: s for s in json.loads(result.stdout)["scores"]}
+    assert found["paper"]["rmse_um"] == document["rmse_um"]["training"]
+
+
 def test_validate_by_held_out_windows(folder):
     result = call(
         "validate", folder / "w.csv", "--cell", folder / "cell.toml", "--split", "unseen", "--json"

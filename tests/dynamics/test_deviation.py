@@ -9,10 +9,10 @@ from window_cases import FACTORS, planted, stated_arm
 
 from robotrue.core.archive import archive_bytes, read_archive
 from robotrue.core.units import DEG, UM
+from robotrue.dynamics.components import components_of
 from robotrue.dynamics.deviation import (
     WIDER,
     DeviationSettings,
-    WindowTrust,
     deviation_from_archive,
     fit_deviation,
 )
@@ -23,10 +23,12 @@ from robotrue.dynamics.deviation_physics import (
     physics_terms,
     static_compliance,
 )
-from robotrue.dynamics.deviation_validation import folds, scores
+from robotrue.dynamics.deviation_validation import scores
 from robotrue.dynamics.formats.windows_csv import read_windows, write_windows
 from robotrue.dynamics.interpolation import response_curve
-from robotrue.dynamics.paper_regression import components_of, fit_paper
+from robotrue.dynamics.learned_deviation import WindowTrust
+from robotrue.dynamics.paper_regression import fit_paper
+from robotrue.dynamics.window_folds import folds
 from robotrue.dynamics.windows import concatenate_windows
 from robotrue.errors import (
     ArchiveError,
@@ -101,18 +103,22 @@ def test_model_opens_again_with_the_same_numbers(model, tmp_path):
 def test_model_of_the_first_schema_opens(model, tmp_path):
     """Written before there was a static row: no such arrays, schema 1."""
     new = replace(model, row=None).to_archive()
-    assert new.schema == 2
+    assert new.schema == 3
     arrays = {name: v for name, v in new.arrays.items() if name not in ("row", "row_sd")}
     path = tmp_path / "first.robotrue"
     path.write_bytes(archive_bytes(replace(new, schema=1, arrays=arrays)))
     again = deviation_from_archive(read_archive(path))
     assert again.row is None
+    settings = {k: v for k, v in new.document["settings"].items() if k != "force_drift"}
+    document = {**new.document, "settings": settings}
+    older = deviation_from_archive(replace(new, schema=2, document=document))
+    assert older.settings.force_drift == 0.0
     windows = planted(passes=(1, 3), each=20, seed=4)
     found, asked = again.predict(windows), replace(model, row=None).predict(windows)
     np.testing.assert_array_equal(found.error, asked.error)
     np.testing.assert_array_equal(found.sd, asked.sd)
-    with pytest.raises(ArchiveError, match="this robotrue reads 1 to 2"):
-        deviation_from_archive(replace(new, schema=3))
+    with pytest.raises(ArchiveError, match="this robotrue reads 1 to 3"):
+        deviation_from_archive(replace(new, schema=4))
 
 
 def test_variance_is_the_diagonal_of_the_covariance():
@@ -122,7 +128,8 @@ def test_variance_is_the_diagonal_of_the_covariance():
         joints=rng.normal(size=(7, 6)),
         place=rng.normal(size=(7, 3)),
         member=np.array([0, 0, 0, 1, 1, 2, 2]),
-        drift=rng.normal(size=(7, 3)) * 1e-6,
+        way=np.linspace(0.0, 1.0, 7),
+        drift=rng.normal(size=(7, 6)) * 1e-6,
     )
     prior = np.array([0.1, 1.0, 2.0])
     full = covariance(rows, rows, CENTRE, prior)
@@ -179,9 +186,9 @@ def test_scores_rank_the_methods_on_unseen_poses():
 def test_paper_interpolates_and_its_components_are_orthonormal():
     windows = planted(passes=(0,), each=60)
     train, test = folds(windows, "random")[0]
-    paper = fit_paper(windows.take(train))
+    paper = fit_paper(windows.take(train), stated_arm())
     held = windows.take(test)
-    miss = paper.predict(held) - held.measured
+    miss = paper.predict(held).error - held.measured
     assert np.sqrt((miss**2).mean()) < 0.5 * np.sqrt((held.deviation**2).mean())
     assert paper.components.count <= 4
     with pytest.raises(ImplausibleDataError, match="f_peak_N does not vary"):

@@ -12,8 +12,9 @@ from sensing_cases import part
 from test_sensing import estimated, same
 
 from robotrue.core.units import UM
-from robotrue.dynamics.deviation import WindowTrust, fit_deviation
+from robotrue.dynamics.deviation import fit_deviation
 from robotrue.dynamics.deviation_physics import static_compliance
+from robotrue.dynamics.learned_deviation import WindowTrust
 from robotrue.dynamics.oscillators import join_oscillators
 from robotrue.dynamics.pose_modes import pose_modes
 from robotrue.dynamics.streaming import ModalFilter
@@ -86,14 +87,14 @@ def learned():
     return fit_deviation(concatenate_windows(rows), STATED, row=static_compliance(-OWN.static[1]))
 
 
-def models(*, with_learned=True):
+def models(*, with_learned=True, deviation=None):
     known = 1.0 / STATED.stiffness
     return SensingModels(
         robot=ROBOT,
         rate=RATE,
         compliance=JointCompliance(compliance=known, covariance=np.diag((0.3 * known) ** 2)),
         response=MeasuredResponse(oscillators=OWN, joints=HOME, frame="base"),
-        learned=LearnedPart(model=learned(), spindle=RATE / TURN, window=ROWS / RATE)
+        learned=LearnedPart(model=deviation or learned(), spindle=RATE / TURN, window=ROWS / RATE)
         if with_learned
         else None,
     )

@@ -14,23 +14,22 @@ force is unlike all those learned from, the residual process is left out and phy
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field
-from enum import IntEnum
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
 import numpy as np
 
-from robotrue.calibration.archive import robot_arrays, robot_document, robot_from
+from robotrue.calibration.archive import robot_arrays, robot_document
 from robotrue.calibration.learners.posterior import Solved
 from robotrue.core.archive import Archive, archive_reader
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.columns import Column, Columns
-from robotrue.core.provenance import provenance_from
 from robotrue.core.units import UM
 from robotrue.dynamics.deviation_kernel import (
     NAMES,
     WindowRows,
     covariance,
     learn_sizes,
+    part_of_pass,
     pose_covariance,
     solve_windows,
     variance,
@@ -41,26 +40,25 @@ from robotrue.dynamics.deviation_physics import (
     StaticCompliance,
     physics_terms,
 )
-from robotrue.dynamics.windows import WindowSet, check_for_fit
+from robotrue.dynamics.learned_deviation import (
+    DeviationPrediction,
+    SampleTerms,
+    WindowTrust,
+    arm_arrays,
+    arm_from,
+    windows_arrays,
+    windows_document,
+    windows_from,
+)
+from robotrue.dynamics.windows import WindowSet, check_for_fit, force_range
 from robotrue.errors import ConfigurationError
 
 KIND: Final = "dynamic-deviation"
-SCHEMA: Final = 2
+SCHEMA: Final = 3
 NEAR: Final = 0.5
 """Correlation with the nearest window learned from, below which a pose is one nobody has seen."""
 WIDER: Final = 5.0
 """A static row that the windows contradict is taken for so much less well known."""
-_WINDOWS: Final = ("joints", "force", "force_peak", "force_mean", "predicted")
-FORCE_ROOM: Final = 0.5
-"""How far, over its range, a force may lie outside what was learned from."""
-
-
-class WindowTrust(IntEnum):
-    """How far a window's estimate is to be trusted."""
-
-    INSIDE = 0
-    EXTRAPOLATED = 1
-    INVALID = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,39 +70,23 @@ class DeviationSettings:
         force: m/N, of g where no static row is given.
         offset: m, of b.
         gain: Of c.
-        force_zero: N, of the dynamometer's zero from pass to pass, each axis.
+        force_zero: N, of the dynamometer's zero where a pass begins, each axis.
+        force_drift: N, of how far the zero has moved by the end of a pass, in proportion to the
+            way, each axis.
     """
 
     compliance: float = 0.20
     force: float = 1.0 * UM
     offset: float = 3.0 * UM
     gain: float = 0.2
-    force_zero: float = 0.3
+    force_zero: float = 0.1
+    force_drift: float = 0.6
 
     def __post_init__(self) -> None:
         """Checks signs."""
         for name, value in asdict(self).items():
             if not (np.isfinite(value) and value >= 0.0):
                 raise ConfigurationError(f"prior {name} is {value}, expected zero or more.")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DeviationPrediction:
-    """Error of each window, and how far to trust it.
-
-    Attributes:
-        error: (n,) m, e_w plus deviation; NaN where invalid.
-        deviation: (n,) m.
-        sd: (n,) m, of a measurement of that window.
-        physics: (n,) m, the part of the deviation without residual process.
-        standing: (n,) :class:`WindowTrust`.
-    """
-
-    error: Array
-    deviation: Array
-    sd: Array
-    physics: Array
-    standing: IntArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -153,6 +135,18 @@ class DeviationModel(Columns):
         """What was learned by evidence, SI."""
         return dict(zip(NAMES, np.exp(self.theta).tolist(), strict=True))
 
+    @property
+    def by_sample(self) -> SampleTerms:
+        """What of it follows the slow force sample by sample: all but the residual process."""
+        dof = self.arm.robot.dof
+        return SampleTerms(
+            compliance=self.factors[:dof] / self.arm.stiffness,
+            tool=self.factors[dof : dof + 3],
+            offset=float(self.factors[dof + 3]),
+            gain=float(self.factors[dof + 4]),
+            gain_at=float(self.windows.predicted.mean()),
+        )
+
     def predict(self, windows: WindowSet) -> DeviationPrediction:
         """Returns error, deviation and standard deviation of windows.
 
@@ -168,7 +162,7 @@ class DeviationModel(Columns):
         mean, spread = _priors(self.arm, self.settings, self.row)
         gain_at = float(self.windows.predicted.mean())
         old, known = self._old, self._known
-        new = _rows(self.settings, windows, terms, names, gain_at)
+        new = _rows(self.settings, windows, terms, names, gain_at, old)
         prior = spread**2
         cross = covariance(new, old, self.theta, prior)
         standing = self._standing(windows, terms, new, old)
@@ -192,27 +186,22 @@ class DeviationModel(Columns):
         self, windows: WindowSet, terms: PhysicsTerms, new: WindowRows, old: WindowRows
     ) -> IntArray:
         nearest = pose_covariance(new, old, self.theta).max(axis=1) / np.exp(2.0 * self.theta[0])
-        low, high = self.windows.force.min(axis=0), self.windows.force.max(axis=0)
-        room = FORCE_ROOM * (high - low) + 0.1 * np.abs(self.windows.force).max()
-        strange = ((windows.force < low - room) | (windows.force > high + room)).any(axis=1)
+        low, high = force_range(self.windows)
+        strange = ((windows.force < low) | (windows.force > high)).any(axis=1)
         out = np.where((nearest < NEAR) | strange, WindowTrust.EXTRAPOLATED, WindowTrust.INSIDE)
         return np.asarray(np.where(terms.outside, WindowTrust.INVALID, out), dtype=np.int64)
 
     def to_archive(self) -> Archive:
         """Returns the model as document and arrays (SI)."""
-        w = self.windows
-        document: dict[str, Any] = {
+        document = {
             "robot": robot_document(self.arm.robot),
             "settings": asdict(self.settings),
-            "passes": list(w.passes),
-            "source": w.source,
-            "provenance": w.provenance.to_document(),
+            **windows_document(self.windows),
         }
         arrays = {
             **robot_arrays(self.arm.robot),
-            "stiffness": self.arm.stiffness,
-            "direction": self.arm.direction,
-            **{name: getattr(w, name) for name in (*_WINDOWS, "measured")},
+            **arm_arrays(self.arm),
+            **windows_arrays(self.windows),
             **{name: getattr(self, name) for name in ("theta", "factors", "factors_sd")},
         }
         if self.row is not None:
@@ -267,21 +256,12 @@ def deviation_from_archive(archive: Archive) -> DeviationModel:
     """
     archive.expect(KIND, SCHEMA, hint="a deviation model is what `robotrue dynamics fit` writes.")
     return DeviationModel(
-        arm=CompliantArm(
-            robot=robot_from(archive),
-            stiffness=archive.array("stiffness", finite=False),
-            direction=archive.array("direction"),
+        arm=arm_from(archive),
+        settings=DeviationSettings(
+            # Until schema 2 the zero was taken to stay where it was.
+            **({"force_drift": 0.0} | archive.document["settings"])
         ),
-        settings=DeviationSettings(**archive.document["settings"]),
-        windows=WindowSet(
-            passes=tuple(archive.document["passes"]),
-            source=str(archive.document["source"]),
-            measured=archive.array("measured", finite=False),
-            provenance=provenance_from(
-                archive.document.get("provenance"), before=[archive.document["source"]]
-            ),
-            **{name: archive.array(name) for name in _WINDOWS},
-        ),
+        windows=windows_from(archive),
         theta=archive.array("theta"),
         row=StaticCompliance(value=archive.array("row"), sd=archive.array("row_sd"))
         if "row" in archive.arrays
@@ -315,13 +295,23 @@ def _rows(
     terms: PhysicsTerms,
     names: dict[str, int],
     gain_at: float,
+    known: WindowRows | None = None,
 ) -> WindowRows:
+    """Rows of windows; of a pass that is known, the way is counted as it was."""
     one = np.ones((len(windows), 1))
     centred = (windows.predicted - gain_at)[:, None]
+    member = np.array([names[name] for name in windows.passes], dtype=np.int64)
+    way = part_of_pass(terms.place, member, known)
     return WindowRows(
         basis=np.concatenate([terms.by_joint, -windows.force, one, centred], axis=1),
         joints=windows.joints,
         place=terms.place,
-        member=np.array([names[name] for name in windows.passes], dtype=np.int64),
-        drift=terms.compliance * settings.force_zero,
+        member=member,
+        way=way,
+        drift=np.column_stack(
+            [
+                terms.compliance * settings.force_zero,
+                terms.compliance * settings.force_drift * way[:, None],
+            ]
+        ),
     )

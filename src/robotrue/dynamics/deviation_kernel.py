@@ -5,9 +5,10 @@
     cov = X S X^T                                      factors on the joints, offset, scale
         + a1^2 exp(-|dq|^2 / 2 l1^2)                   what depends on the pose, in every pass
         + [same pass] a2^2 exp(-|dp|^2 / 2 l2^2)       what changes along one pass only
-        + [same pass] d^2 C C^T                        zero of the dynamometer in that pass
+        + [same pass] (d^2 + t t' r^2) C C^T           zero of the dynamometer in that pass
         + w^2                                          from window to window
 
+t is the part of its pass at which a window lies: the zero is set where a pass begins, and drifts.
 Neighbouring windows share their error; taking it as white makes the factors of a single pass look
 known when they are not, and carries them wrongly to other poses.
 """
@@ -52,14 +53,40 @@ class WindowRows(Columns):
         joints: (n, dof) rad.
         place: (n, 3) m.
         member: (n,) number of the pass.
-        drift: (n, 3) m, C times the unsureness d of the dynamometer's zero.
+        way: (n,) t, from 0 where the pass began to 1 where it ended.
+        drift: (n, 6) m, C times the unsureness d of the dynamometer's zero, and C times t r.
     """
 
     basis: Annotated[Array, Column("n q")]
     joints: Annotated[Array, Column("n dof", unit="rad")]
     place: Annotated[Array, Column("n 3", unit="m")]
     member: Annotated[IntArray, Column("n")]
-    drift: Annotated[Array, Column("n 3", unit="m")]
+    way: Annotated[Array, Column("n")]
+    drift: Annotated[Array, Column("n 6", unit="m")]
+
+
+def part_of_pass(place: Array, member: IntArray, known: WindowRows | None) -> Array:
+    """Returns the part (n,) of its pass at which each window lies, by the length of the path.
+
+    Args:
+        place: (n, 3) m, tool points in the order they were cut.
+        member: (n,) number of the pass.
+        known: Windows learned from; a window of their passes has the part of the nearest of them.
+
+    A window that stands alone may be anywhere on its pass: it is taken for the last.
+    """
+    out = np.ones(len(place))
+    for which in np.unique(member):
+        own = np.flatnonzero(member == which)
+        old = np.zeros(0, dtype=np.int64) if known is None else known.member == which
+        if known is not None and np.any(old):
+            nearest = _squared_distance(place[own], known.place[old]).argmin(axis=1)
+            out[own] = known.way[old][nearest]
+        elif len(own) > 1:
+            steps = np.linalg.norm(np.diff(place[own], axis=0), axis=1)
+            length = np.concatenate([[0.0], np.cumsum(steps)])
+            out[own] = length / length[-1] if length[-1] > 0.0 else 1.0
+    return out
 
 
 def pose_covariance(one: WindowRows, two: WindowRows, theta: Array) -> Array:

@@ -10,58 +10,38 @@ Kept as the baseline; :mod:`robotrue.dynamics.deviation` is what robotrue uses.
 
 from __future__ import annotations
 
-import itertools
-import warnings
 from dataclasses import dataclass
-from typing import Annotated, Final, Protocol, Self
+from typing import Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array
-from robotrue.core.columns import Column, Columns
-from robotrue.dynamics.windows import FEWEST, WindowSet
-from robotrue.errors import ImplausibleDataError, ObservabilityError, ShapeError
+from robotrue.calibration.archive import robot_arrays, robot_document
+from robotrue.core.archive import Archive, archive_reader
+from robotrue.core.arrays import Array, BoolArray
+from robotrue.core.columns import Columns
+from robotrue.dynamics.components import SHARE, Components, components_of
+from robotrue.dynamics.deviation_physics import CompliantArm, physics_terms
+from robotrue.dynamics.learned_deviation import (
+    DeviationPrediction,
+    SampleTerms,
+    WindowTrust,
+    arm_arrays,
+    arm_from,
+    windows_arrays,
+    windows_document,
+    windows_from,
+)
+from robotrue.dynamics.support_vectors import SupportVectors, fit_vectors, squared_distance
+from robotrue.dynamics.window_folds import folds
+from robotrue.dynamics.windows import WindowSet, check_for_fit
+from robotrue.errors import ShapeError
 
-SHARE: Final = 0.95
-COLUMNS: Final = (
-    "j1_deg", "j2_deg", "j3_deg", "j4_deg", "j5_deg", "j6_deg", "f_peak_N", "f_mean_N",
-)  # fmt: skip
-PENALTY: Final = (1.0, 10.0, 100.0)
-GAMMA: Final = (0.03, 0.1, 0.3)
-TUBE: Final = (0.05, 0.2)
-"""Searched, with the deviation in its own standard deviations."""
-FOLDS: Final = 5
-LONGEST: Final = 200_000
-"""Steps of the solver; a combination that has not converged by then is judged as it stands."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Components(Columns):
-    """Standardisation and principal components of m columns.
-
-    Attributes:
-        mean: (m,) of each column.
-        deviation: (m,) its standard deviation, divisor N - 1.
-        eigenvalues: (m,) of the correlation matrix, falling.
-        loadings: (m, m), components by columns; the entry of largest size is positive.
-        count: Components kept.
-    """
-
-    mean: Annotated[Array, Column("m")]
-    deviation: Annotated[Array, Column("m")]
-    eigenvalues: Annotated[Array, Column("m")]
-    loadings: Annotated[Array, Column("m m")]
-    count: int
-
-    @property
-    def share(self) -> Array:
-        """(m,) part of the variance that each component carries (eq. 6)."""
-        return np.asarray(self.eigenvalues / self.eigenvalues.sum())
-
-    def scores(self, columns: Array) -> Array:
-        """Returns the kept components (n, count) of columns (n, m): eq. 4 and 5."""
-        standard = (np.asarray(columns) - self.mean) / self.deviation
-        return np.asarray(standard @ self.loadings[:, : self.count])
+KIND: Final = "jin2022-deviation"
+SCHEMA: Final = 1
+_COMPONENTS: Final = ("mean", "deviation", "eigenvalues", "loadings")
+_MACHINE: Final = ("intercept", "penalty", "gamma", "tube")
+LIKE_KNOWN: Final = 0.5
+"""Kernel with the nearest window learned from, below which a window is unlike all of them."""
 
 
 def paper_columns(windows: WindowSet) -> Array:
@@ -72,129 +52,172 @@ def paper_columns(windows: WindowSet) -> Array:
     return np.column_stack([windows.joints, windows.force_peak, windows.force_mean])
 
 
-def components_of(columns: Array, *, share: float = SHARE) -> Components:
-    """Returns the principal components of columns (n, m).
-
-    Raises:
-        ShapeError: Fewer than two rows.
-        ImplausibleDataError: A column that does not vary has no standard deviation to divide by.
-    """
-    values = np.asarray(columns, dtype=np.float64)
-    if values.ndim != 2 or len(values) < 2:
-        raise ShapeError(f"columns have shape {values.shape}, expected two rows or more.")
-    mean, deviation = values.mean(axis=0), values.std(axis=0, ddof=1)
-    flat = np.flatnonzero(deviation <= 1e-12 * np.maximum(np.abs(mean), 1e-300))
-    if flat.size:
-        k = int(flat[0])
-        name = COLUMNS[k] if values.shape[1] == len(COLUMNS) else f"column {k + 1}"
-        raise ImplausibleDataError(
-            f"{name} does not vary over {len(values)} windows; it cannot be standardised.",
-            hint="leave the column out, or check its sensor.",
-        )
-    standard = (values - mean) / deviation
-    value, vector = np.linalg.eigh(standard.T @ standard / (len(values) - 1))
-    value, vector = value[::-1], vector[:, ::-1]
-    largest = np.abs(vector).argmax(axis=0)
-    vector = vector * np.sign(vector[largest, np.arange(len(value))])
-    return Components(
-        mean=mean,
-        deviation=deviation,
-        eigenvalues=np.maximum(value, 0.0),
-        loadings=vector,
-        count=count_components(value, share),
-    )
-
-
-def count_components(eigenvalues: Array, share: float = SHARE) -> int:
-    """Returns how many of the eigenvalues, from the largest, carry a share of their sum."""
-    carried = np.cumsum(eigenvalues) / np.sum(eigenvalues)
-    return int(np.searchsorted(carried, share - 1e-12) + 1)
-
-
-class _Regression(Protocol):
-    """A regression of scikit-learn, which has no types."""
-
-    def fit(self, scores: Array, values: Array, /) -> Self: ...
-
-    def predict(self, scores: Array, /) -> Array: ...
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PaperModel:
-    """Deviation by support vectors on components.
+class PaperModel(Columns):
+    """Deviation by support vectors on components; a :class:`LearnedDeviation`.
 
     Attributes:
-        components: Of the training windows.
-        regression: The fitted support vector regression (scikit-learn).
-        centre: m, mean deviation in training.
-        scale: m, its standard deviation.
-        chosen: C, gamma, epsilon.
+        arm: As stated: its limits and the direction of the error; no stiffness is used.
+        windows: Learned from.
+        components: Of their columns.
+        machine: The fitted regression.
+        held_out: m, root mean square of blocks of the windows held out, C, gamma and epsilon kept.
     """
 
+    arm: CompliantArm
+    windows: WindowSet
     components: Components
-    regression: _Regression
-    centre: float
-    scale: float
-    chosen: tuple[float, float, float]
+    machine: SupportVectors
+    held_out: float
 
-    def predict(self, windows: WindowSet) -> Array:
-        """Returns the error (n,) m of windows: predicted plus learned deviation (eq. 2)."""
-        scores = self.components.scores(paper_columns(windows))
-        return np.asarray(
-            windows.predicted + self.centre + self.scale * self.regression.predict(scores)
+    def _check_rules(self) -> None:
+        """Checks that the parts belong together.
+
+        Raises:
+            ShapeError: They do not.
+        """
+        columns, kept = self.windows.joints.shape[1] + 2, self.components.count
+        if len(self.components.mean) != columns or self.machine.vectors.shape[1] != kept:
+            raise ShapeError(
+                f"{len(self.components.mean)} columns and vectors of "
+                f"{self.machine.vectors.shape[1]} components, expected {columns} and {kept}."
+            )
+        if not (1 <= kept <= columns and (self.components.deviation > 0.0).all()):
+            raise ShapeError(f"{kept} components of columns that vary by less than nothing.")
+        if not (self.held_out >= 0.0 and self.machine.gamma > 0.0):
+            raise ShapeError(f"held-out error {self.held_out} m, gamma {self.machine.gamma}.")
+
+    @property
+    def by_sample(self) -> SampleTerms:
+        """Nothing: the paper's deviation is one number a window."""
+        zero = np.zeros(self.arm.robot.dof)
+        return SampleTerms(compliance=zero, tool=np.zeros(3), offset=0.0, gain=0.0, gain_at=0.0)
+
+    def predict(self, windows: WindowSet) -> DeviationPrediction:
+        """Returns the error of windows: predicted plus learned deviation (eq. 2).
+
+        The paper states no band. Given are the error of held-out blocks where a window is like
+        those learned from, and the scatter of all deviations besides where it is not: there the
+        regression falls back to one constant.
+
+        Raises:
+            ModelMismatchError: Windows of another arm.
+        """
+        columns = paper_columns(windows)
+        outside = physics_terms(self.arm, windows).outside
+        deviation = _deviation_of(self.components, self.machine, self.windows, windows)
+        far = ~self._is_like_known(columns)
+        sd = np.where(far, np.hypot(self.held_out, _scale(self.windows)), self.held_out)
+        deviation[outside] = sd[outside] = np.nan
+        standing = np.where(far, WindowTrust.EXTRAPOLATED, WindowTrust.INSIDE)
+        return DeviationPrediction(
+            error=windows.predicted + deviation,
+            deviation=deviation,
+            sd=sd,
+            physics=np.where(outside, np.nan, 0.0),
+            standing=np.where(outside, WindowTrust.INVALID, standing).astype(np.int64),
         )
 
+    def _is_like_known(self, columns: Array) -> BoolArray:
+        """Whether a window (n,) is near one learned from, in all columns, not the kept ones."""
+        known = self.components.standardise(paper_columns(self.windows))
+        distance = squared_distance(self.components.standardise(columns), known).min(axis=1)
+        return np.asarray(np.exp(-self.machine.gamma * distance) >= LIKE_KNOWN)
 
-def fit_paper(windows: WindowSet, *, share: float = SHARE) -> PaperModel:
+    def to_archive(self) -> Archive:
+        """Returns the model as document and arrays (SI)."""
+        document = {
+            "robot": robot_document(self.arm.robot),
+            "components": self.components.count,
+            **{name: getattr(self.machine, name) for name in _MACHINE},
+            "held_out_m": self.held_out,
+            **windows_document(self.windows),
+        }
+        arrays = {
+            **robot_arrays(self.arm.robot),
+            **arm_arrays(self.arm),
+            **windows_arrays(self.windows),
+            **{name: getattr(self.components, name) for name in _COMPONENTS},
+            "vectors": self.machine.vectors,
+            "weights": self.machine.weights,
+        }
+        return Archive(kind=KIND, schema=SCHEMA, document=document, arrays=arrays)
+
+
+def fit_paper(windows: WindowSet, arm: CompliantArm, *, share: float = SHARE) -> PaperModel:
     """Returns the paper's regression of the deviation on joints, peak and mean force.
 
     Args:
         windows: Measured.
+        arm: Limits of its joints and direction of the error.
         share: Of the variance that the kept components carry.
 
     Raises:
-        ObservabilityError: Too few windows.
-        ImplausibleDataError: A column that does not vary.
+        ObservabilityError: Too few windows, or one that nobody measured.
+        ImplausibleDataError: A column that does not vary, or of another unit.
+        ModelMismatchError: Windows of another arm, or outside its limits.
 
     Fails when: it is asked for poses it has not seen; it then returns its mean and says nothing.
     """
-    if len(windows) < FEWEST:
-        raise ObservabilityError(f"{len(windows)} windows, {FEWEST} are the least.")
-    components = components_of(paper_columns(windows), share=share)
-    scores = components.scores(paper_columns(windows))
-    centre = float(windows.deviation.mean())
-    scale = float(windows.deviation.std()) or 1.0
-    values = (windows.deviation - centre) / scale
-    from sklearn.exceptions import ConvergenceWarning
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ConvergenceWarning)  # judged by its held-out error instead
-        chosen = _choose_settings(scores, values)
-        regression = _machine(*chosen).fit(scores, values)
+    check_for_fit(windows, physics_terms(arm, windows).outside)
+    components, machine = _fit_machine(windows, share)
+    trial = (machine.penalty, machine.gamma, machine.tube)
+    residual = []
+    for train, test in folds(windows, "blocks"):
+        known, held = windows.take(train), windows.take(test)
+        parts = _fit_machine(known, share, trial)
+        residual.append(_deviation_of(*parts, known, held) - held.deviation)
     return PaperModel(
+        arm=arm,
+        windows=windows,
         components=components,
-        regression=regression,
-        centre=centre,
-        scale=scale,
-        chosen=chosen,
+        machine=machine,
+        held_out=float(np.sqrt((np.concatenate(residual) ** 2).mean())),
     )
 
 
-def _choose_settings(scores: Array, values: Array) -> tuple[float, float, float]:
-    """C, gamma, epsilon of least squared error over shuffled folds inside the training windows."""
-    from sklearn.model_selection import PredefinedSplit, cross_val_predict
+@archive_reader
+def paper_from_archive(archive: Archive) -> PaperModel:
+    """Returns the model of an archive.
 
-    folds = PredefinedSplit(np.random.default_rng(0).permutation(len(values)) % FOLDS)
+    Raises:
+        ArchiveError: Another kind, damaged, or written by a newer robotrue.
+    """
+    archive.expect(KIND, SCHEMA, hint="it is what `robotrue dynamics fit --method jin2022` writes.")
+    document = archive.document
+    return PaperModel(
+        arm=arm_from(archive),
+        windows=windows_from(archive),
+        components=Components(
+            count=int(document["components"]),
+            **{name: archive.array(name) for name in _COMPONENTS},
+        ),
+        machine=SupportVectors(
+            vectors=archive.array("vectors"),
+            weights=archive.array("weights"),
+            **{name: float(document[name]) for name in _MACHINE},
+        ),
+        held_out=float(document["held_out_m"]),
+    )
 
-    def miss(trial: tuple[float, float, float]) -> float:
-        guess = cross_val_predict(_machine(*trial), scores, values, cv=folds)
-        return float(((guess - values) ** 2).sum())
 
-    return min(itertools.product(PENALTY, GAMMA, TUBE), key=miss)
+def _fit_machine(
+    windows: WindowSet, share: float, trial: tuple[float, float, float] | None = None
+) -> tuple[Components, SupportVectors]:
+    """Components and regression of windows; C, gamma, epsilon are searched for without a trial."""
+    columns = paper_columns(windows)
+    components = components_of(columns, share=share)
+    values = (windows.deviation - windows.deviation.mean()) / _scale(windows)
+    return components, fit_vectors(components.scores(columns), values, trial)
 
 
-def _machine(penalty: float, gamma: float, tube: float) -> _Regression:
-    from sklearn.svm import SVR
+def _deviation_of(
+    components: Components, machine: SupportVectors, known: WindowSet, asked: WindowSet
+) -> Array:
+    """The deviation (n,) m of windows by what was learned from known ones."""
+    values = machine.values(components.scores(paper_columns(asked)))
+    return np.asarray(known.deviation.mean() + _scale(known) * values)
 
-    machine: _Regression = SVR(kernel="rbf", C=penalty, gamma=gamma, epsilon=tube, max_iter=LONGEST)
-    return machine
+
+def _scale(windows: WindowSet) -> float:
+    return float(windows.deviation.std()) or 1.0

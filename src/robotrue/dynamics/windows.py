@@ -32,6 +32,8 @@ _SMALLEST_PEAK: Final = 1.0
 _OPPOSITE: Final = 0.3
 """Part of the deviation that is left when the sign of the measured error is turned round."""
 SMALLEST_TURN: Final = 0.01 * DEG
+FORCE_ROOM: Final = 0.5
+"""How far, over its range, a force may lie outside what was learned from."""
 _RADIANS: Final = 0.12
 """rad; joints that never exceed this in degrees would be all within 7 deg of zero."""
 
@@ -92,6 +94,13 @@ def concatenate_windows(parts: Sequence[WindowSet]) -> WindowSet:
     if not parts or len({p.joints.shape[1] for p in parts}) != 1:
         raise ShapeError("window sets to join need to be of one arm, and one at least.")
     return concat(parts, source=parts[0].source, provenance=merge(p.provenance for p in parts))
+
+
+def force_range(windows: WindowSet) -> tuple[Array, Array]:
+    """Returns the least and largest mean force (3,) N, base axes, that is like that of windows."""
+    low, high = windows.force.min(axis=0), windows.force.max(axis=0)
+    room = FORCE_ROOM * (high - low) + 0.1 * np.abs(windows.force).max()
+    return low - room, high + room
 
 
 def peaks_per_turn(signal: Array, samples_per_turn: float) -> Array:

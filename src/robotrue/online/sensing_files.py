@@ -17,7 +17,7 @@ from robotrue.core.arrays import Array
 from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, MM
-from robotrue.dynamics.deviation import DeviationModel, deviation_from_archive
+from robotrue.dynamics.deviation_file import read_learned_deviation
 from robotrue.dynamics.flange_sensor import HeldTool, held_tool_from_archive
 from robotrue.dynamics.formats.frf_table import read_frf
 from robotrue.dynamics.frf_checks import check_response, response_remarks
@@ -199,7 +199,7 @@ def provenances(files: SensingFiles) -> dict[str, Provenance]:
     if files.tool is not None:
         made["tool"] = held_tool_from_archive(read_archive(files.tool)).provenance
     if files.deviation is not None:
-        learned = deviation_from_archive(read_archive(files.deviation))
+        learned = read_learned_deviation(files.deviation)
         made["deviation"] = learned.windows.provenance
     return made
 
@@ -213,7 +213,7 @@ def _read_deviation(files: SensingFiles, remarks: list[str]) -> LearnedPart | No
             source=files.deviation,
             hint="--spindle-rpm.",
         )
-    model: DeviationModel = deviation_from_archive(read_archive(files.deviation))
+    model = read_learned_deviation(files.deviation)
     shown = ", ".join(f"{v:g}" for v in model.arm.direction)
     remarks.append(
         f"the learned deviation acts along ({shown}) of base; across it physics stand alone"

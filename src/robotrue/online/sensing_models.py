@@ -20,9 +20,9 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.core.columns import Column, Columns
 from robotrue.core.units import DEG
-from robotrue.dynamics.deviation import DeviationModel
 from robotrue.dynamics.flange_sensor import HeldTool
 from robotrue.dynamics.force import MOST
+from robotrue.dynamics.learned_deviation import LearnedDeviation
 from robotrue.dynamics.oscillators import Oscillators, join_oscillators
 from robotrue.dynamics.pose_modes import FlexibleArm, pose_modes
 from robotrue.errors import ConfigurationError, ModelMismatchError
@@ -122,7 +122,7 @@ class LearnedPart:
         window: s, length of a window.
     """
 
-    model: DeviationModel
+    model: LearnedDeviation
     spindle: float
     window: float = 1.0
 

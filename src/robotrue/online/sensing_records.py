@@ -12,10 +12,10 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.core.poses import inverse
 from robotrue.core.units import STANDARD_GRAVITY
-from robotrue.dynamics.deviation import FORCE_ROOM, DeviationModel
 from robotrue.dynamics.oscillators import Oscillators
 from robotrue.dynamics.predict import RINGS
 from robotrue.dynamics.streaming import ModalFilter
+from robotrue.dynamics.windows import force_range
 from robotrue.errors import ReachError
 from robotrue.online.sensing_models import (
     MeasuredResponse,
@@ -117,7 +117,7 @@ def parameters(
         rows = max(round(learned.window * models.rate), 1)
         memory = (np.ceil(memory / rows) + 1.0) * rows
         p["learned"], p["window"] = 1.0, rows
-        p["offset"] = learned.model.factors[-2]
+        p["offset"] = learned.model.by_sample.offset
     p["memory"] = memory
     return record
 
@@ -198,16 +198,14 @@ def _learned_constants(models: SensingModels) -> dict[str, Array]:
         dof = models.robot.dof
         empty = ("learned_tool", "direction", "force_low", "force_high")
         return {"learned_compliance": np.zeros(dof), **{name: np.zeros(3) for name in empty}}
-    model: DeviationModel = models.learned.model
-    dof, arm = model.arm.robot.dof, model.arm
-    low, high = model.windows.force.min(axis=0), model.windows.force.max(axis=0)
-    room = FORCE_ROOM * (high - low) + 0.1 * np.abs(model.windows.force).max()
+    model = models.learned.model
+    low, high = force_range(model.windows)
     return {
-        "learned_compliance": model.factors[:dof] / arm.stiffness,
-        "learned_tool": np.array(model.factors[dof : dof + 3]),
-        "direction": np.array(arm.direction),
-        "force_low": low - room,
-        "force_high": high + room,
+        "learned_compliance": np.array(model.by_sample.compliance),
+        "learned_tool": np.array(model.by_sample.tool),
+        "direction": np.array(model.arm.direction),
+        "force_low": low,
+        "force_high": high,
     }
 
 

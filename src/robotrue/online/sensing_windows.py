@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from robotrue.core.compiled import EXACT, compiled
-from robotrue.dynamics.deviation import WindowTrust
+from robotrue.dynamics.learned_deviation import WindowTrust
 from robotrue.dynamics.windows import WindowSet
 from robotrue.online.sensing_models import SensingModels
 from robotrue.online.sensing_records import record_dtype
@@ -83,7 +83,8 @@ class WindowDeviation:
         if found.standing[0] == WindowTrust.INVALID:
             self.correction[:] = 0.0, 0.0, INVALID
             return
-        gain = model.factors[-1] * (window.predicted[0] - model.windows.predicted.mean())
+        terms = model.by_sample
+        gain = terms.gain * (window.predicted[0] - terms.gain_at)
         self.correction[0] = found.deviation[0] - found.physics[0] + gain
         self.correction[1] = found.sd[0] ** 2
         self.correction[2] = float(found.standing[0])

@@ -14,10 +14,12 @@ import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM, UM
+from robotrue.dynamics.components import count_components
 from robotrue.dynamics.deviation import fit_deviation
 from robotrue.dynamics.deviation_physics import CompliantArm, StaticCompliance, static_compliance
-from robotrue.dynamics.deviation_validation import METHODS, folds, scores
-from robotrue.dynamics.paper_regression import count_components, fit_paper
+from robotrue.dynamics.deviation_validation import METHODS, scores
+from robotrue.dynamics.paper_regression import fit_paper
+from robotrue.dynamics.window_folds import folds
 from robotrue.robot.forward import forward
 from robotrue.robot.presets import preset
 from robotrue.simulation.milling_arm import SHIFTS, MillingArm, milling_robot
@@ -158,7 +160,7 @@ def as_printed(experiment: MillingExperiment) -> dict[tuple[str, str], float]:
         ("before: e_w only", "largest"): float(np.abs(windows.deviation).max()),
     }
     estimates = {
-        "components and support vectors": fit_paper(known).predict(windows),
+        "components and support vectors": fit_paper(known, arm).predict(windows).error,
         "ours": fit_deviation(known, arm, row=row_of_hammer(experiment)).predict(windows).error,
     }
     for name, estimate in estimates.items():

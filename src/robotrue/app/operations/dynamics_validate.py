@@ -22,8 +22,8 @@ from robotrue.core.units import UM
 from robotrue.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from robotrue.dynamics.deviation import DeviationPrediction
     from robotrue.dynamics.deviation_validation import Score
+    from robotrue.dynamics.learned_deviation import DeviationPrediction
     from robotrue.dynamics.windows import WindowSet
 
 NAMES: Final = {
@@ -82,7 +82,8 @@ def _hold_out(
 ) -> PlainResult:
     """Errors of windows that were held out, by each split."""
     from robotrue.app.dynamics_inputs import read_arm, read_static_row, windows_origin
-    from robotrue.dynamics.deviation_validation import QUESTIONS, scores
+    from robotrue.dynamics.deviation_validation import scores
+    from robotrue.dynamics.window_folds import QUESTIONS
     from robotrue.dynamics.windows import check_direction
 
     arm = read_arm(cell, request.direction)
@@ -111,20 +112,21 @@ def _judge(
     request: DynamicsValidateRequest, path: Path, windows: WindowSet, context: Context
 ) -> PlainResult:
     """What a model says of these windows, and how far off it is where they are measured."""
-    from robotrue.core.archive import read_archive
     from robotrue.core.files import write_atomic
-    from robotrue.dynamics.deviation import deviation_from_archive
+    from robotrue.dynamics.deviation_file import read_learned_deviation
+    from robotrue.dynamics.paper_regression import PaperModel
     from robotrue.dynamics.windows import check_units
 
     check_units(windows)
-    model = deviation_from_archive(read_archive(path))
+    model = read_learned_deviation(path)
     found = model.predict(windows)
     origin = merge([model.windows.provenance, windows.provenance])
     if request.output is not None:
         output = context.output(request.output)
         write_atomic(output, mark_line(origin).encode() + _estimates(windows, found))
         context.inform(f"{count(len(windows), 'window')} written to {output}")
-    values = _document(windows, found)
+    method = "paper" if isinstance(model, PaperModel) else "deviation"
+    values = _document(windows, found, method)
     facts = Facts(
         title=f"{path.name} on {windows.source}",
         rows=(
@@ -138,16 +140,16 @@ def _judge(
     return PlainResult(values=values, shown=(facts,), provenance=origin)
 
 
-def _document(windows: WindowSet, found: DeviationPrediction) -> dict[str, Any]:
+def _document(windows: WindowSet, found: DeviationPrediction, learned: str) -> dict[str, Any]:
     import numpy as np
 
-    from robotrue.dynamics.deviation import WindowTrust
     from robotrue.dynamics.deviation_validation import TWO_SIDED_95
+    from robotrue.dynamics.learned_deviation import WindowTrust
 
     standing = np.bincount(found.standing, minlength=len(WindowTrust))
     known = np.isfinite(windows.measured) & (found.standing != WindowTrust.INVALID)
     scores = []
-    estimates = {"prediction": windows.predicted, "deviation": found.error} if known.any() else {}
+    estimates = {"prediction": windows.predicted, learned: found.error} if known.any() else {}
     for method, estimate in estimates.items():
         miss = np.abs(estimate - windows.measured)[known]
         inside = float((miss <= TWO_SIDED_95 * found.sd[known]).mean())
@@ -157,7 +159,7 @@ def _document(windows: WindowSet, found: DeviationPrediction) -> dict[str, Any]:
                 "rmse_um": float(np.sqrt((miss**2).mean())) / UM,
                 "mean_um": float(miss.mean()) / UM,
                 "max_um": float(miss.max()) / UM,
-                "coverage_95": inside if method == "deviation" else None,
+                "coverage_95": inside if method == learned else None,
             }
         )
     return {
@@ -172,7 +174,7 @@ def _estimates(windows: WindowSet, found: DeviationPrediction) -> bytes:
     import numpy as np
 
     from robotrue.core.csv_text import csv_text
-    from robotrue.dynamics.deviation import WindowTrust
+    from robotrue.dynamics.learned_deviation import WindowTrust
 
     rows = [["pass", "error_um", "sd_um", "deviation_um", "physics_um", "standing"]]
     table = np.column_stack([found.error, found.sd, found.deviation, found.physics]) / UM

@@ -1,0 +1,139 @@
+"""What every learned deviation of the dynamic error gives: estimates of windows, terms of samples.
+
+Compliant joints with a residual process (:mod:`robotrue.dynamics.deviation`) and the paper's
+components with support vectors (:mod:`robotrue.dynamics.paper_regression`) are asked alike by
+commands, the sensing service and pages; only their archives tell them apart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Annotated, Final, Protocol
+
+from robotrue.calibration.archive import robot_from
+from robotrue.core.archive import Archive
+from robotrue.core.arrays import Array, IntArray
+from robotrue.core.columns import Column, Columns
+from robotrue.core.provenance import provenance_from
+from robotrue.dynamics.deviation_physics import CompliantArm
+from robotrue.dynamics.windows import WindowSet
+
+_ARRAYS: Final = ("joints", "force", "force_peak", "force_mean", "predicted")
+
+
+class WindowTrust(IntEnum):
+    """How far a window's estimate is to be trusted."""
+
+    INSIDE = 0
+    EXTRAPOLATED = 1
+    INVALID = 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeviationPrediction:
+    """Error of each window, and how far to trust it.
+
+    Attributes:
+        error: (n,) m, e_w plus deviation; NaN where invalid.
+        deviation: (n,) m.
+        sd: (n,) m, of a measurement of that window.
+        physics: (n,) m, the part of the deviation that compliant joints explain.
+        standing: (n,) :class:`WindowTrust`.
+    """
+
+    error: Array
+    deviation: Array
+    sd: Array
+    physics: Array
+    standing: IntArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SampleTerms(Columns):
+    """The part of a deviation that follows the slow force sample by sample.
+
+    Attributes:
+        compliance: (dof,) rad/(N m), of the joints.
+        tool: (3,) m/N along base x, y, z, taken off.
+        offset: m.
+        gain: Of the predicted error beyond one.
+        gain_at: m, predicted error that the gain counts from.
+    """
+
+    compliance: Annotated[Array, Column("dof", unit="rad/(N m)")]
+    tool: Annotated[Array, Column("3", unit="m/N")]
+    offset: float
+    gain: float
+    gain_at: float
+
+
+class LearnedDeviation(Protocol):
+    """A fitted deviation."""
+
+    @property
+    def arm(self) -> CompliantArm:
+        """The arm as stated."""
+
+    @property
+    def windows(self) -> WindowSet:
+        """Learned from."""
+
+    @property
+    def by_sample(self) -> SampleTerms:
+        """What of it follows the slow force sample by sample."""
+
+    def predict(self, windows: WindowSet) -> DeviationPrediction:
+        """Returns error, deviation and standard deviation of windows."""
+
+    def to_archive(self) -> Archive:
+        """Returns the model as document and arrays (SI)."""
+
+
+def windows_document(windows: WindowSet) -> dict[str, object]:
+    """Returns the JSON values of windows that an archive keeps beside :func:`windows_arrays`."""
+    return {
+        "passes": list(windows.passes),
+        "source": windows.source,
+        "provenance": windows.provenance.to_document(),
+    }
+
+
+def windows_arrays(windows: WindowSet) -> Mapping[str, Array]:
+    """Returns the arrays of windows, SI."""
+    return {name: getattr(windows, name) for name in (*_ARRAYS, "measured")}
+
+
+def windows_from(archive: Archive) -> WindowSet:
+    """Returns the windows that an archive keeps.
+
+    Raises:
+        ArchiveError: An array is missing, or holds what no quantity amounts to.
+    """
+    document = archive.document
+    return WindowSet(
+        passes=tuple(document["passes"]),
+        source=str(document["source"]),
+        measured=archive.array("measured", finite=False),
+        provenance=provenance_from(document.get("provenance"), before=[document["source"]]),
+        **{name: archive.array(name) for name in _ARRAYS},
+    )
+
+
+def arm_arrays(arm: CompliantArm) -> Mapping[str, Array]:
+    """Returns what an archive keeps of an arm beside its robot, SI."""
+    return {"stiffness": arm.stiffness, "direction": arm.direction}
+
+
+def arm_from(archive: Archive) -> CompliantArm:
+    """Returns the arm that an archive keeps.
+
+    Raises:
+        ArchiveError: A part is missing, or cannot be.
+    """
+    return CompliantArm(
+        robot=robot_from(archive),
+        stiffness=archive.array("stiffness", finite=False),
+        direction=archive.array("direction"),
+    )
