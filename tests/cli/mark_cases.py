@@ -116,6 +116,10 @@ def _touches(lab: Lab) -> None:
         lab("points.csv"),
         ProbingSet(names=names, point=points, joints=joints, provenance=lab.origin),
     )
+    write_points(
+        lab("few_points.csv"),
+        ProbingSet(names=names[:4], point=points[:4], joints=joints[:4], provenance=lab.origin),
+    )
     rows = [f"T{k},{x:g},{y:g},{z:g},0,0,1" for k, (x, y, z) in enumerate(CORNERS)]
     lab("features.csv").write_text("\n".join(["name,px_mm,py_mm,pz_mm,ax,ay,az", *rows]) + "\n")
     inner = np.add(CORNERS, [10.0, 10.0, -5.0])
@@ -216,6 +220,10 @@ CASES: Final[Mapping[str, Case]] = {
     "register": Case(
         lambda f: (f("m.rtm"), f("points.csv"), "-o", f("placed.toml"), "--fit", "frame"),
         files=("placed.toml",),
+    ),
+    "register-rounds": Case(
+        lambda f: (f("placed.toml"), f("few_points.csv"), "-o", f("rounds.toml")),
+        files=("rounds.toml",),
     ),
     "program": Case(
         lambda f: (f("placed.toml"), f("top.apt"), "-o", f("job.src"), "--model", f("m.rtm")),

@@ -10,6 +10,7 @@ import numpy as np
 from robotrue.app.presentation import Block, Facts, Note, Table, Text
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
+from robotrue.program.controller_frames import ControllerFrame, controller_frame
 from robotrue.validation.registered_part import FoundFrame, RegisteredPart
 
 SHOWN: Final = 40
@@ -44,6 +45,36 @@ def registration_document(found: RegisteredPart) -> dict[str, Any]:
         "moved_mm": found.moved / MM,
         "parts": parts,
     }
+
+
+def write_frames(
+    frames: Sequence[FoundFrame], formats: Sequence[str], first: int
+) -> tuple[tuple[str, ControllerFrame], ...]:
+    """Returns name and frame of each part as the controllers write it that are asked for.
+
+    Args:
+        frames: Found.
+        formats: Of :func:`~robotrue.program.controller_frames.controller_frame`.
+        first: Number of the first part in the controller's frame table.
+    """
+    return tuple(
+        (
+            frame.name,
+            controller_frame(
+                frame.registration.T_base_part, form, name=frame.name, number=first + k
+            ),
+        )
+        for form in formats
+        for k, frame in enumerate(frames)
+    )
+
+
+def frames_document(frames: Sequence[tuple[str, ControllerFrame]]) -> list[dict[str, str]]:
+    """Returns the frames of controllers as JSON values."""
+    return [
+        {"part": name, "system": frame.system, "order": frame.order, "text": frame.text}
+        for name, frame in frames
+    ]
 
 
 def _names(found: RegisteredPart) -> list[str]:

@@ -45,6 +45,11 @@ CellOrModel: TypeAlias = Annotated[
     Reference,
     Item(noun="cell", argument="CELL|MODEL", help="cell.toml (nominal arm) or model file."),
 ]
+FrameFormats: TypeAlias = Annotated[
+    tuple[str, ...],
+    Option(help="Also print the frame: krl, rapid, fanuc, yaskawa, ur, g54; repeatable."),
+]
+FrameNumber: TypeAlias = Annotated[int, Option(help="Of the controller's frame table.")]
 TouchSigma: TypeAlias = Annotated[
     float, Option(help="One standard deviation per axis of one touch.")
 ]

@@ -22,6 +22,7 @@ from robotrue.errors import ModelMismatchError, ShapeError
 from robotrue.measurement.formats.part_points import ONE_PART
 from robotrue.measurement.probing_set import NO_SURFACE, ProbingSet
 from robotrue.validation.registered_part import FoundFrame, RegisteredPart
+from robotrue.validation.registration_defaults import METHOD
 from robotrue.validation.registration_frame import (
     GOOD,
     CheckedTouches,
@@ -82,7 +83,7 @@ def register(
     Fails when: touches of a flat pattern belong to the mirrored part: they fit it upside down.
     """
     settings = RegistrationSettings() if settings is None else settings
-    _check_rows(arm, touches, parts)
+    check_rows(arm, touches, parts)
     if settings.fit == "joint":
         require_numbers(touches)
     several = len(parts) > 1
@@ -90,9 +91,11 @@ def register(
     for k, name in enumerate(parts):
         mine = touches.subset(touches.part == k)
         with naming(mine, name if several else ""):
-            checked.append(_check_touches(arm, name, mine, settings))
+            checked.append(check_touches(arm, name, mine, settings))
     joint = settings.fit == "joint" or (
-        settings.fit == "auto" and enough_for_joint(arm, touches, settings)
+        settings.fit == "auto"
+        and settings.method == METHOD
+        and enough_for_joint(arm, touches, settings)
     )
     if joint:
         whole = touches if settings.mesh is None else _on_mesh(touches, settings.mesh)
@@ -120,7 +123,13 @@ def _alone(
         return frame_alone(arm, found, settings)
 
 
-def _check_rows(arm: ErrorModel, touches: ProbingSet, parts: Sequence[str]) -> None:
+def check_rows(arm: ErrorModel, touches: ProbingSet, parts: Sequence[str]) -> None:
+    """Passes if touches are of this arm and of the parts named.
+
+    Raises:
+        ModelMismatchError: Joints of another robot.
+        ShapeError: Another number of parts.
+    """
     robot = arm.robot
     if touches.has_joints and touches.joints.shape[1] != robot.dof:
         raise ModelMismatchError(
@@ -132,9 +141,15 @@ def _check_rows(arm: ErrorModel, touches: ProbingSet, parts: Sequence[str]) -> N
         raise ShapeError(f"touches of parts {touches.parts}, names for {len(parts)}: {parts}.")
 
 
-def _check_touches(
+def check_touches(
     arm: ErrorModel, name: str, touches: ProbingSet, settings: RegistrationSettings
 ) -> CheckedTouches:
+    """Returns the touches of one part where a model has the tip, with what cannot be ruled out.
+
+    Raises:
+        ObservabilityError: Collinear or coincident points.
+        ImplausibleDataError: Wrong units, exchanged names, a mirrored part, points off the mesh.
+    """
     in_base = touches.position
     if touches.has_joints:
         in_base = tips(arm, touches.joints, settings)

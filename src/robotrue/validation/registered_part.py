@@ -191,7 +191,8 @@ def _find_doubts(frame: FoundFrame) -> Iterator[str]:
     fit = frame.registration
     if fit.degrees_of_freedom < 1:
         yield "No touch is left over that could contradict the frame: touch one or two more."
-    if not _many_just_beyond(fit) and fit.rms < TOO_GOOD * fit.sigma:
+    spare = fit.degrees_of_freedom > 0
+    if spare and not _many_just_beyond(fit) and fit.rms < TOO_GOOD * fit.sigma:
         yield (
             f"The touches fit to {fit.rms / UM:.2g} um, nobody touches that well: are "
             "planned or computed points in the place of touched ones?"

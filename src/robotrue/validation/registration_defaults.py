@@ -8,3 +8,7 @@ TOUCH_MM: Final = 0.1
 """One touch, per axis: a tip or ball by hand or by a trigger."""
 FIT: Final = "auto"
 """The touches move the arm where they tell enough of it."""
+METHOD: Final = "touches"
+"""Every touch counts, and wrong ones are named."""
+FRAME_NUMBER: Final = 1
+"""First entry of a controller's frame table."""

@@ -12,9 +12,8 @@ from robotrue.calibration.machined import tip_columns, unchanged_covariance
 from robotrue.calibration.model import ErrorModel, Query
 from robotrue.calibration.priors import prior_belief
 from robotrue.calibration.settings import FitSettings
-from robotrue.cell.registration.fit import Noise, Registration
+from robotrue.cell.registration.fit import Noise, Registration, point_residuals
 from robotrue.cell.registration.symmetry import symmetric_alternatives
-from robotrue.cell.registration.touches import fit_touches, touch_gain
 from robotrue.core.arrays import Array
 from robotrue.core.mesh import TriangleMesh
 from robotrue.core.poses import displacement_columns
@@ -24,7 +23,8 @@ from robotrue.measurement.probing_set import NO_SURFACE, ProbingSet
 from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel, parameter_slice
 from robotrue.validation.registered_part import FoundFrame, check_frame
-from robotrue.validation.registration_defaults import FIT, TOUCH_MM
+from robotrue.validation.registration_defaults import FIT, METHOD, TOUCH_MM
+from robotrue.validation.registration_methods import Method, fit_by_method
 from robotrue.validation.touch_checks import check_exchanged, list_names
 
 TOUCH: Final = TOUCH_MM * MM
@@ -46,6 +46,7 @@ class RegistrationSettings:
             0.3 mm.
         tolerance: m that machined points must keep; default: not judged.
         fit: ``auto``, ``frame`` (the model stays as it is) or ``joint``.
+        method: How the frame alone is made of the touches; only ``touches`` goes with ``joint``.
         T_flange_tool: (4, 4) of the tip; default: the tool of the model.
         mesh: The part; touches with a normal then lie on it.
         on_mesh: m, how far a nominal point may be off it.
@@ -57,6 +58,7 @@ class RegistrationSettings:
     tool_sigma: float | None = None
     tolerance: float | None = None
     fit: Literal["auto", "frame", "joint"] = FIT
+    method: Method = METHOD
     T_flange_tool: Array | None = None
     mesh: TriangleMesh | None = None
     on_mesh: float = 0.2 * MM
@@ -85,6 +87,11 @@ class RegistrationSettings:
         if self.fit not in ("auto", "frame", "joint"):
             raise ConfigurationError(
                 f"fit {self.fit!r}, expected auto, frame or joint.", hint="--fit auto"
+            )
+        if self.fit == "joint" and self.method != METHOD:
+            raise ConfigurationError(
+                f"method {self.method} makes the frame alone, fit joint estimates the arm as well.",
+                hint="--fit frame, or leave the method out.",
             )
 
 
@@ -163,21 +170,36 @@ def robot_share(arm: ErrorModel, touches: ProbingSet, settings: RegistrationSett
 
 
 def frame_alone(
-    arm: ErrorModel, found: CheckedTouches, settings: RegistrationSettings
+    arm: ErrorModel,
+    found: CheckedTouches,
+    settings: RegistrationSettings,
+    *,
+    placed: Array | None = None,
+    reasons: tuple[str, ...] = (),
 ) -> FoundFrame:
     """Returns the frame of one part, the model of the arm left as it is.
+
+    Args:
+        arm: The model.
+        found: The touches.
+        settings: Noise, tool, tolerance, method.
+        placed: (4, 4) ``T_base_part`` that stands beside the touches; default: what they give.
+        reasons: Against cutting, found elsewhere.
 
     Raises:
         ObservabilityError: A motion left open.
         ImplausibleDataError: Exchanged names, or half the touches against the rest.
         ConvergenceError: No rest.
     """
-    fit = fit_touches(found.touches, found.in_base, noise=found.noise)
+    fit, gain = fit_by_method(settings.method, found.touches, found.in_base, noise=found.noise)
+    if placed is not None:
+        left = point_residuals(placed, found.touches.point, found.in_base)
+        fit = replace(fit, T_base_part=placed, residuals=left)
     belief = arm_belief(arm, settings) if found.touches.has_joints else None
     machined = None
     if belief is not None:
-        fit, machined = _with_arm(belief, fit, found, settings)
-    return finish_frame(found, fit, machined, settings.tolerance)
+        fit, machined = _with_arm(belief, fit, gain, found, settings)
+    return finish_frame(found, fit, machined, settings.tolerance, reasons)
 
 
 def finish_frame(
@@ -239,14 +261,17 @@ def _other_poses(touches: ProbingSet, in_base: Array, fit: Registration) -> tupl
 
 
 def _with_arm(
-    belief: Belief, fit: Registration, found: CheckedTouches, settings: RegistrationSettings
+    belief: Belief,
+    fit: Registration,
+    gain: Array,
+    found: CheckedTouches,
+    settings: RegistrationSettings,
 ) -> tuple[Registration, Array]:
     """The fit with the arm's own errors in its covariance, and machined points with both.
 
     Neighbouring touches share the arm's error; machining in the same posture shares it too.
     """
     query = touch_query(found.touches.joints, belief.robot, settings)
-    gain = touch_gain(found.touches, found.in_base, fit.T_base_part, fit.believed)
     half = (tip_columns(belief, query) @ belief.root.T).reshape(gain.shape[1], -1)
     visit = belief.white**2 + belief.repeatability**2 + settings.touch**2
     lifted = gain @ half

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.calibration.model import ErrorModel
+from robotrue.cell.registration.recursion import Adjustment, adjust_recursively
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.poses import apply, pose
 from robotrue.core.units import DEG, MM
@@ -25,7 +26,6 @@ from robotrue_reproductions.feng2018.machining_cell import (
     machine,
     touch,
 )
-from robotrue_reproductions.feng2018.recursion import Adjustment, adjust_recursively
 from robotrue_reproductions.feng2018.registration_ways import CORNER, tips
 from robotrue_reproductions.feng2018.slot_experiment import CHECKED
 

@@ -11,11 +11,17 @@ from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block
 from robotrue.app.request import InputFile, Option, Output, Request
-from robotrue.app.request_fields import CellOrModel, ToolSigma, TouchSigma
+from robotrue.app.request_fields import (
+    CellOrModel,
+    FrameFormats,
+    FrameNumber,
+    ToolSigma,
+    TouchSigma,
+)
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError
-from robotrue.validation.registration_defaults import FIT, TOUCH_MM
+from robotrue.validation.registration_defaults import FIT, FRAME_NUMBER, METHOD, TOUCH_MM
 
 if TYPE_CHECKING:
     from robotrue.cell.cell import Cell
@@ -54,6 +60,13 @@ class RegisterRequest(Request):
         Literal["auto", "frame", "joint"],
         Option(help="auto; frame: leave the arm as it is; joint: arm, tool and frame."),
     ] = FIT
+    method: Annotated[
+        Literal["touches", "feng2018", "three-two-one"],
+        Option(
+            help="touches: all count; feng2018: three points, right angle at the first; "
+            "three-two-one: six touches of three faces."
+        ),
+    ] = METHOD
     mesh: Annotated[
         Path | None, InputFile(help="The part (STL): touches with a normal lie on it.")
     ] = None
@@ -66,11 +79,8 @@ class RegisterRequest(Request):
             help="Refined model, where touching moved the arm; default: beside the cell.",
         ),
     ] = None
-    frame_format: Annotated[
-        tuple[str, ...],
-        Option(help="Also print the frame: krl, rapid, fanuc, yaskawa, ur, g54; repeatable."),
-    ] = ()
-    frame_number: Annotated[int, Option(help="Of the controller's frame table.")] = 1
+    frame_format: FrameFormats = ()
+    frame_number: FrameNumber = FRAME_NUMBER
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,16 +103,13 @@ class Registered:
 
     def document(self) -> Mapping[str, Any]:
         """Returns JSON values; mm, deg."""
-        from robotrue.app.registration_view import registration_document
+        from robotrue.app.registration_view import frames_document, registration_document
 
         return {
             "cell": str(self.output),
             "refined_model": None if self.refined_model is None else str(self.refined_model),
             **registration_document(self.found),
-            "frames": [
-                {"part": name, "system": frame.system, "order": frame.order, "text": frame.text}
-                for name, frame in self.frames
-            ],
+            "frames": frames_document(self.frames),
         }
 
     def blocks(self) -> Iterable[Block]:
@@ -126,6 +133,7 @@ def run(request: RegisterRequest, context: Context) -> Registered:
     from robotrue.app.outputs import check_output
     from robotrue.app.registered import opened
     from robotrue.app.registered_cell_file import model_file_of, registered_cell, relative_name
+    from robotrue.app.registration_view import write_frames
     from robotrue.calibration.nominal import NominalModel
     from robotrue.core.files import write_atomic
     from robotrue.measurement.formats.part_points import read_points
@@ -152,7 +160,7 @@ def run(request: RegisterRequest, context: Context) -> Registered:
         parts=file.parts,
         settings=_settings(cell, request),
     )
-    frames = _frames(found, request)
+    frames = write_frames(found.frames, request.frame_format, request.frame_number)
     refined = None if found.refined is None else refined_path
     used = refined or model_file_of(cell, source)
     table = found.table(
@@ -192,6 +200,7 @@ def _settings(cell: Cell, request: RegisterRequest) -> RegistrationSettings:
         tool_sigma=tool,
         tolerance=tolerance,
         fit=request.fit,
+        method=request.method,
         T_flange_tool=cell.robot.T_flange_tool,
         mesh=_mesh(request),
         arm=settings_of(cell),
@@ -207,27 +216,6 @@ def _mesh(request: RegisterRequest) -> TriangleMesh | None:
             hint="--mesh-unit mm",
         )
     return None if request.mesh is None else read_mesh(request.mesh, unit=UNITS[request.mesh_unit])
-
-
-def _frames(
-    found: RegisteredPart, request: RegisterRequest
-) -> tuple[tuple[str, ControllerFrame], ...]:
-    """The frames as the controllers write them that are asked for."""
-    from robotrue.program.controller_frames import controller_frame
-
-    return tuple(
-        (
-            frame.name,
-            controller_frame(
-                frame.registration.T_base_part,
-                form,
-                name=frame.name,
-                number=request.frame_number + k,
-            ),
-        )
-        for form in request.frame_format
-        for k, frame in enumerate(found.frames)
-    )
 
 
 OPERATION: Final = Operation(request=RegisterRequest, run=run)

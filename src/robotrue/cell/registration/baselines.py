@@ -88,7 +88,7 @@ def fit_feature_frame(
     check_corner(base, labels, tolerance=4.0 * right_angle, where="base")
     T_part_feature = feature_frame(part)
     T_base_part = feature_frame(base) @ inverse(T_part_feature)
-    gain = _gain(base, T_part_feature, T_base_part)
+    gain = feature_frame_gain(base, T_part_feature)
     return Registration(
         method="feature-frame",
         T_base_part=T_base_part,
@@ -101,8 +101,15 @@ def fit_feature_frame(
     )
 
 
-def _gain(base: Array, T_part_feature: Array, T_base_part: Array) -> Array:
-    """Returns (6, 9): step of the frame per error of K, L, M, by central differences."""
+def feature_frame_gain(base: Array, T_part_feature: Array) -> Array:
+    """Returns (6, 9): step of the frame (origin, left rotation vector) per error of K, L, M.
+
+    By central differences.
+
+    Args:
+        base: (3, 3) m, K, L, M as touched.
+        T_part_feature: (4, 4) of the nominal ones, :func:`feature_frame`.
+    """
     out = np.empty((6, 9))
     for i in range(9):
         shift = np.zeros(9)

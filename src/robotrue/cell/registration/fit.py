@@ -82,6 +82,8 @@ class Registration(Columns):
         sigma: m per axis (per touch of a surface), the noise the covariance was scaled with.
         sigma_source: ``stated``, or ``residuals`` where nothing was stated.
         degrees_of_freedom: Equations of the believed touches less six.
+        least_squares: m^2, sum of squared residuals that least squares leave of the same touches;
+            not given where the fit is least squares.
     """
 
     method: str
@@ -93,6 +95,7 @@ class Registration(Columns):
     sigma: float
     sigma_source: str
     degrees_of_freedom: int
+    least_squares: float | None = None
 
     @property
     def distances(self) -> Array:
@@ -117,7 +120,9 @@ class Registration(Columns):
         """
         if self.degrees_of_freedom < 1:
             return float("nan")
-        square = float((self.distances[self.believed] ** 2).sum())
+        square = self.least_squares
+        if square is None:
+            square = float((self.distances[self.believed] ** 2).sum())
         return float(np.sqrt(square / self.degrees_of_freedom) / self.sigma)
 
 

@@ -48,7 +48,7 @@ class Pass:
     """One pass: run the model's points, touch the part's, correct the model.
 
     Attributes:
-        deviation: (3, 3) m in base, touched less run K, L, M, before the correction.
+        deviation: (n, 3) m in base, touched less run points, before the correction.
         angles: (3,) rad, correction about the model's z, y, x.
         shift: (3,) m, correction of K in base.
         significance: Squared length of the correction over what touching alone makes of it (the
@@ -63,12 +63,12 @@ class Pass:
 
     @property
     def error(self) -> Array:
-        """Distances of the touched K, L, M from the run ones, (3,) m."""
+        """Distances of the touched points from the run ones, (n,) m."""
         return np.asarray(np.linalg.norm(self.deviation, axis=1))
 
     @property
     def worst(self) -> float:
-        """Largest of the three errors, m."""
+        """Largest of the errors, m."""
         return float(self.error.max())
 
     @property
@@ -86,19 +86,19 @@ class Adjustment:
         covariance: (6, 6) of its origin (m) and left rotation vector (rad), from the touching
             alone; the robot's own error is not in it.
         passes: Every pass.
-        verdict: Why it ended.
+        verdict: Why it ended, one of the words of :data:`Verdict` or of that of rounds.
         floor: m, worst of the three mean deviations over the settled passes, in which the touching
             averages out; NaN without one.
         oscillation: m, standard deviation of the worst error over them; NaN with fewer than two.
         swing: m, largest less smallest of them; NaN with fewer than two.
-        distortion: (3,) m, how much longer KL, LM, MK are when touched than drawn, mean over the
-            settled passes: no pose of the model removes it.
+        distortion: (n,) m, how much longer the way from each point to the next is when touched than
+            drawn, mean over the settled passes: no pose of the model removes it.
     """
 
     T_base_part: Array
     covariance: Array
     passes: tuple[Pass, ...]
-    verdict: Verdict
+    verdict: str
     floor: float
     oscillation: float
     swing: float
@@ -181,7 +181,7 @@ def adjust_recursively(
                 significance=_significance(run, touched, angles, own * min(len(passes) + 1, 2)),
             )
         )
-        lengths.append(_sides(touched) - _sides(part))
+        lengths.append(side_lengths(touched) - side_lengths(part))
         now = passes[-1]
         if now.worst <= position_tolerance and now.angle <= angle_tolerance:
             verdict = "within tolerance"
@@ -197,7 +197,10 @@ def adjust_recursively(
             break
         T = _apply_correction(T, run, angles, shift)
     covariance = fit_feature_frame(part, touched, sigma=sigma, right_angle=np.inf).covariance
-    return _summary(T, covariance, passes, lengths, verdict, limit)
+    # Settled: from the last significant correction on; what it left is the first settled error.
+    large = [i for i, p in enumerate(passes) if p.significance > limit]
+    first = large[-1] + 1 if large else 0
+    return summarise(T, covariance, passes, lengths, verdict, first=first)
 
 
 def _apply_correction(T: Array, run: Array, angles: Array, shift: Array) -> Array:
@@ -224,8 +227,9 @@ def _significance(run: Array, touched: Array, angles: Array, covariance: Array) 
     return float(step @ np.linalg.solve(covariance, step))
 
 
-def _sides(points: Array) -> Array:
-    return np.asarray(np.linalg.norm(points[[1, 2, 0]] - points, axis=1))
+def side_lengths(points: Array) -> Array:
+    """Returns the distance (n,) m of each point (n, 3) m from the next, the last from the first."""
+    return np.asarray(np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1))
 
 
 def _diverges(passes: list[Pass], limit: float) -> bool:
@@ -236,23 +240,31 @@ def _diverges(passes: list[Pass], limit: float) -> bool:
     return real and len(growing) == 3 and all(growing)
 
 
-def _summary(
-    T: Array,
+def summarise(
+    T_base_part: Array,
     covariance: Array,
     passes: list[Pass],
     lengths: list[Array],
-    verdict: Verdict,
-    limit: float,
+    verdict: str,
+    *,
+    first: int,
 ) -> Adjustment:
-    # Settled: from the last significant correction on; what it left is the first settled error.
-    large = [i for i, p in enumerate(passes) if p.significance > limit]
-    first = large[-1] + 1 if large else 0
+    """Returns where passes ended, with floor and oscillation told apart.
+
+    Args:
+        T_base_part: (4, 4) the adjusted pose.
+        covariance: (6, 6) of it, from the touching alone.
+        passes: All.
+        lengths: (n,) m of each pass, see ``distortion``.
+        verdict: Why it ended.
+        first: Pass from which on nothing but touching changes the errors.
+    """
     worst = np.array([p.worst for p in passes[first:]])
     deviation = np.array([p.deviation for p in passes[first:]])
-    drift = np.array(lengths[first:] or [np.full(3, np.nan)])
+    drift = np.array(lengths[first:] or [np.full(len(lengths[-1]), np.nan)])
     several = len(worst) > 1
     return Adjustment(
-        T_base_part=frozen(T, (4, 4), "T_base_part"),
+        T_base_part=frozen(T_base_part, (4, 4), "T_base_part"),
         covariance=frozen(covariance, (6, 6), "covariance"),
         passes=tuple(passes),
         verdict=verdict,
@@ -261,7 +273,7 @@ def _summary(
         else float("nan"),
         oscillation=float(worst.std(ddof=1)) if several else float("nan"),
         swing=float(np.ptp(worst)) if several else float("nan"),
-        distortion=frozen(drift.mean(axis=0), (3,), "distortion", allow_nan=True),
+        distortion=frozen(drift.mean(axis=0), (None,), "distortion", allow_nan=True),
     )
 
 
