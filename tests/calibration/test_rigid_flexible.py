@@ -9,7 +9,7 @@ import pytest
 from planted_arm import PAYLOAD, arm, measure, planted, postures
 
 from robotrue.calibration.archive import open_model
-from robotrue.calibration.arm import linearise_arm
+from robotrue.calibration.arm import prepare_arm
 from robotrue.calibration.methods import FitSettings, fit
 from robotrue.calibration.model import Query
 from robotrue.core.archive import Archive, write_archive
@@ -61,8 +61,8 @@ def test_archives_of_other_kinds_and_schemas_are_refused(model):
 
 def test_another_tool_drops_the_measured_tools_errors(model, joints):
     same = model.robot.T_flange_tool
-    own = linearise_arm(model.actual, joints, PAYLOAD)
-    other = linearise_arm(model.actual, joints, PAYLOAD, same)
+    own = prepare_arm(model.actual).linearise(joints, PAYLOAD)
+    other = prepare_arm(model.actual, same).linearise(joints, PAYLOAD)
     shift = np.linalg.norm(model.actual.error("tool")[:3])
     assert np.abs(np.linalg.norm(own.error - other.error, axis=1) - shift).max() < 1e-6
     assert not other.columns[:, :, -6:].any()
@@ -70,7 +70,7 @@ def test_another_tool_drops_the_measured_tools_errors(model, joints):
 
 
 def test_prediction_moves_along_its_jacobian(model, joints):
-    jacobian = linearise_arm(model.actual, joints, PAYLOAD).columns
+    jacobian = prepare_arm(model.actual).linearise(joints, PAYLOAD).columns
     step = 1e-7 * np.random.default_rng(1).standard_normal(len(model.errors))
     step[36:42] *= 1e-4
     up = replace(model, errors=model.errors + step).predict(Query(joints=joints, load=PAYLOAD))

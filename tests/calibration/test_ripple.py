@@ -12,9 +12,9 @@ from robotrue.calibration.learned import LearnedParts, fit_learned
 from robotrue.calibration.methods import FitSettings
 from robotrue.calibration.model import Query
 from robotrue.calibration.terms.ripple import Ripple, harmonics
-from robotrue.calibration.terms.term import ArmPostures, Sensitivity
+from robotrue.calibration.terms.term import ArmPostures
 from robotrue.measurement.measurement_set import MeasurementSet
-from robotrue.robot.forward import forward
+from robotrue.robot.forward import Sensitivity, forward
 from robotrue.robot.statics import deflect_arm
 
 SETTINGS = FitSettings(payload=PAYLOAD, repeatability=6e-5)

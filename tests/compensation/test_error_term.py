@@ -23,7 +23,7 @@ from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel, Query
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.terms import term_registry
-from robotrue.calibration.terms.term import ArmPostures, Effect, Sensitivity, Term
+from robotrue.calibration.terms.term import ArmPostures, Effect, Term
 from robotrue.calibration.transfer import TransferSource, fit_transfer
 from robotrue.calibration.update import update_model
 from robotrue.compensation import CompensationSettings, Status, compensate
@@ -31,7 +31,7 @@ from robotrue.core.archive import archive_bytes
 from robotrue.core.arrays import Array
 from robotrue.errors import ArchiveError
 from robotrue.measurement.measurement_set import MeasurementSet
-from robotrue.robot.forward import forward
+from robotrue.robot.forward import Sensitivity, forward
 from robotrue.robot.model import RobotModel, parameter_slice
 from robotrue.robot.statics import deflect_arm
 from robotrue.validation.validate import validate

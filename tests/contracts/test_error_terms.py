@@ -8,15 +8,15 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from robotrue.calibration.arm import linearise_arm, term_columns
+from robotrue.calibration.arm import prepare_arm, term_columns
 from robotrue.calibration.mean_tables import rigid_tables
 from robotrue.calibration.terms import term_registry
 from robotrue.calibration.terms.backlash import Backlash
 from robotrue.calibration.terms.ripple import Ripple, harmonics
 from robotrue.calibration.terms.smooth import SmoothBasis, SmoothResidual
-from robotrue.calibration.terms.term import ArmPostures, Effect, Term, sensitivity_of
+from robotrue.calibration.terms.term import ArmPostures, Effect, Term
 from robotrue.core.arrays import Array
-from robotrue.robot.forward import forward, parameter_jacobian, walk
+from robotrue.robot.forward import forward, parameter_jacobian, sensitivity_of, walk
 from robotrue.robot.model import RobotModel
 from robotrue.robot.presets import preset
 from robotrue.robot.statics import NO_LOAD, deflect_arm, drive_torque
@@ -61,14 +61,16 @@ def values_of(term: Term) -> Array:
 
 
 def error(term: Term, values: Array) -> Array:
-    at = linearise_arm(ROBOT, JOINTS, NO_LOAD, terms=(term,), values=values, approach=APPROACH)
+    arm = prepare_arm(ROBOT, terms=(term,), values=values)
+    at = arm.linearise(JOINTS, NO_LOAD, APPROACH)
     return at.error
 
 
 @pytest.mark.parametrize("term", [*TERMS.values(), Phased(dof=6)], ids=[*TERMS, "not linear"])
 def test_columns_are_the_derivative_of_the_error(term: Term) -> None:
     values = values_of(term) + (0.3 if not term.linear else 0.0)
-    at = linearise_arm(ROBOT, JOINTS, NO_LOAD, terms=(term,), values=values, approach=APPROACH)
+    arm = prepare_arm(ROBOT, terms=(term,), values=values)
+    at = arm.linearise(JOINTS, NO_LOAD, APPROACH)
     columns = at.columns[:, :, len(ROBOT.errors) :]
     assert columns.shape == (12, 3, term.size) == (12, 3, len(term.parameters))
     for k, step in enumerate(STEP * np.eye(term.size)):

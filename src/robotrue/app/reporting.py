@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 
@@ -15,15 +15,18 @@ class Message:
         text: The line, without its label.
         label: ``note`` for what deserves attention; empty for plain information.
         document: The same as JSON values, where a service answers while it runs.
+        line: The text with its label before it.
     """
 
     text: str
     label: str = ""
     document: Mapping[str, Any] | None = None
+    line: str = field(init=False, repr=False)
 
-    def __str__(self) -> str:
-        """Returns the line with its label."""
-        return f"{self.label}: {self.text}" if self.label else self.text
+    def __post_init__(self) -> None:
+        """Puts the label before the text."""
+        line = f"{self.label}: {self.text}" if self.label else self.text
+        object.__setattr__(self, "line", line)
 
 
 def note(text: str) -> Message:

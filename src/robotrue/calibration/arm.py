@@ -14,10 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotrue.calibration.terms.term import ArmPostures, Term, sensitivity_of
+from robotrue.calibration.terms.term import ArmPostures, Term
 from robotrue.core.arrays import Array
 from robotrue.core.rotations import rotation_vector_from_matrix
-from robotrue.robot.forward import forward, parameter_jacobian, walk
+from robotrue.robot.forward import forward, parameter_jacobian, sensitivity_of, walk
 from robotrue.robot.model import RobotModel, parameter_slice
 from robotrue.robot.statics import Load, drive_torque
 
@@ -41,65 +41,106 @@ class LinearArm:
     uncarried: Array
 
 
-def linearise_arm(
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ArmWithTerms:
+    """An arm, its terms and the tool that is asked about: what does not change between postures.
+
+    Attributes:
+        actual: The arm with its errors and that tool.
+        nominal: The same without errors.
+        compliance: (dof,) rad/(N m).
+        terms: Beyond the error vector.
+        values: (k,) their parameters, one term after the other; zeros if None.
+        other_tool: Columns of another tool than was measured, whose errors are not known; None
+            where it is the measured one.
+    """
+
+    actual: RobotModel
+    nominal: RobotModel
+    compliance: Array
+    terms: Sequence[Term]
+    values: Array | None
+    other_tool: slice | None
+
+    def linearise(
+        self,
+        joints: Array,
+        load: Load,
+        approach: Array | None = None,
+        temperature: Array | None = None,
+    ) -> LinearArm:
+        """Returns the error of the arm, linearised.
+
+        Args:
+            joints: (n, dof) rad.
+            load: One row or n.
+            approach: (n, dof) sign of the last motion; unknown if not given.
+            temperature: (n,) K; unknown if not given.
+        """
+        commanded = forward(self.nominal, joints)
+        at = ArmPostures(
+            joints=joints,
+            torque=drive_torque(self.nominal, joints, load),
+            approach=np.empty(0) if approach is None else approach,
+            temperature=np.empty(0) if temperature is None else temperature,
+        )
+        shift = at.torque * self.compliance
+        lift, uncarried = np.zeros((len(joints), 3)), np.zeros(len(joints))
+        for term, part in parts_of(self.terms, self.values):
+            effect = term.effect(self.actual, at, part)
+            if effect.drive_shift is not None:
+                shift = shift + effect.drive_shift
+            if effect.tip_shift is not None:
+                lift = lift + effect.tip_shift
+            if effect.uncarried is not None:
+                uncarried = uncarried + effect.uncarried
+            if self.other_tool is not None:
+                uncarried = uncarried + effect.other_tool
+        state = walk(self.actual, joints, shift)
+        jacobian = parameter_jacobian(self.actual, state, joints, at.torque)[:, :3]
+        by = sensitivity_of(self.actual, jacobian)
+        learned = [
+            term.columns(self.actual, at, by, part)
+            for term, part in parts_of(self.terms, self.values)
+        ]
+        columns = np.concatenate([jacobian, *learned], axis=2)
+        if self.other_tool is not None:
+            columns[:, :, self.other_tool] = 0.0
+        turn = rotation_vector_from_matrix(state.rotation @ np.swapaxes(commanded[:, :3, :3], 1, 2))
+        tip = state.position + lift
+        return LinearArm(
+            tip=tip,
+            error=tip - commanded[:, :3, 3],
+            turn=turn,
+            columns=columns,
+            uncarried=uncarried,
+        )
+
+
+def prepare_arm(
     actual: RobotModel,
-    joints: Array,
-    load: Load,
     T_flange_tool: Array | None = None,
     *,
     terms: Sequence[Term] = (),
     values: Array | None = None,
-    approach: Array | None = None,
-    temperature: Array | None = None,
-) -> LinearArm:
-    """Returns the error of the arm, linearised.
+) -> ArmWithTerms:
+    """Returns an arm ready to be linearised.
 
     Args:
         actual: The arm with its errors, and the tool that was measured.
-        joints: (n, dof) rad.
-        load: One row or n.
         T_flange_tool: Another tool; its columns of tool errors are zero.
         terms: Beyond the error vector.
         values: (k,) their parameters, one term after the other.
-        approach: (n, dof) sign of the last motion; unknown if not given.
-        temperature: (n,) K; unknown if not given.
     """
     if T_flange_tool is not None:
         actual = actual.with_tool(T_flange_tool)
-    commanded = forward(actual.nominal(), joints)
-    at = ArmPostures(
-        joints=joints,
-        torque=drive_torque(actual, joints, load),
-        approach=np.empty(0) if approach is None else approach,
-        temperature=np.empty(0) if temperature is None else temperature,
-    )
-    shift = at.torque * actual.error("compliance")
-    lift, uncarried = np.zeros((len(joints), 3)), np.zeros(len(joints))
-    for term, part in parts_of(terms, values):
-        effect = term.effect(actual, at, part)
-        if effect.drive_shift is not None:
-            shift = shift + effect.drive_shift
-        if effect.tip_shift is not None:
-            lift = lift + effect.tip_shift
-        if effect.uncarried is not None:
-            uncarried = uncarried + effect.uncarried
-        if T_flange_tool is not None:
-            uncarried = uncarried + effect.other_tool
-    state = walk(actual, joints, shift)
-    jacobian = parameter_jacobian(actual, state, joints, at.torque)[:, :3]
-    by = sensitivity_of(actual, jacobian)
-    learned = [term.columns(actual, at, by, part) for term, part in parts_of(terms, values)]
-    columns = np.concatenate([jacobian, *learned], axis=2)
-    if T_flange_tool is not None:
-        columns[:, :, parameter_slice(actual.dof, "tool")] = 0.0
-    turn = rotation_vector_from_matrix(state.rotation @ np.swapaxes(commanded[:, :3, :3], 1, 2))
-    tip = state.position + lift
-    return LinearArm(
-        tip=tip,
-        error=tip - commanded[:, :3, 3],
-        turn=turn,
-        columns=columns,
-        uncarried=uncarried,
+    return ArmWithTerms(
+        actual=actual,
+        nominal=actual.nominal(),
+        compliance=actual.error("compliance"),
+        terms=terms,
+        values=values,
+        other_tool=None if T_flange_tool is None else parameter_slice(actual.dof, "tool"),
     )
 
 

@@ -17,7 +17,7 @@ from typing import Annotated, Final
 import numpy as np
 
 from robotrue.calibration.archive import robot_arrays, robot_document
-from robotrue.calibration.arm import LinearArm, linearise_arm, parts_of
+from robotrue.calibration.arm import ArmWithTerms, LinearArm, parts_of, prepare_arm
 from robotrue.calibration.belief import Belief, compress_root, standard_terms
 from robotrue.calibration.evidence import spread
 from robotrue.calibration.mean_tables import MeanTables, rigid_tables
@@ -75,6 +75,7 @@ class CalibratedModel(Columns):
         columns: (c,) which of [robot errors, parameters] the root is over.
         root: (p, c) R; R'R is the posterior covariance of those. None: ``covariance`` is all.
         inflation: Factor on the covariance from held-out blocks.
+        actual: The arm with its identified errors and the measured tool.
     """
 
     robot: RobotModel
@@ -90,21 +91,19 @@ class CalibratedModel(Columns):
     columns: Annotated[Array, Column("c")] = EMPTY
     root: Annotated[Array | None, Column("p c")] = None
     inflation: float = 1.0
+    actual: RobotModel = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        """Drops errors the robot may carry."""
+        """Checks shapes and values; drops errors the robot may carry."""
         self._check_columns(e=len(self.robot.errors), k=sum(term.size for term in self.terms))
-        object.__setattr__(self, "robot", self.robot.nominal())
+        robot = self.robot.nominal()
+        object.__setattr__(self, "robot", robot)
+        object.__setattr__(self, "actual", robot.with_errors(self.errors))
 
     @property
     def calibrated(self) -> bool:
         """True: it comes from measurements."""
         return True
-
-    @property
-    def actual(self) -> RobotModel:
-        """The arm with its identified errors and the measured tool."""
-        return self.robot.with_errors(self.errors)
 
     def belief(self) -> Belief:
         """Returns the joint posterior; terms that were never learned are zero and certain."""
@@ -142,8 +141,9 @@ class CalibratedModel(Columns):
         query = query.expand(self.robot.dof)
         n = len(query.joints)
         error, turn, covariance = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3, 3))
+        arm = self._arm(query)
         for part, rows in query.chunks(_ROWS):
-            at, columns = self._linear(rows)
+            at, columns = self._linear(arm, rows)
             error[part], turn[part] = at.error, at.turn
             if self.root is None:
                 covariance[part] = columns @ self.covariance @ np.swapaxes(columns, 1, 2)
@@ -160,7 +160,8 @@ class CalibratedModel(Columns):
         Raises:
             ShapeError: Joints or approach of another robot.
         """
-        at, columns = self._linear(query.expand(self.robot.dof))
+        query = query.expand(self.robot.dof)
+        at, columns = self._linear(self._arm(query), query)
         rows = columns.reshape(3 * len(columns), -1)
         own = np.diag(np.repeat(at.uncarried + self._visit, 3))
         if self.root is None:
@@ -175,18 +176,12 @@ class CalibratedModel(Columns):
         """Variance per axis of one visit, m^2."""
         return self.white**2 + self.repeatability**2
 
-    def _linear(self, rows: Query) -> tuple[LinearArm, Array]:
+    def _arm(self, query: Query) -> ArmWithTerms:
+        return prepare_arm(self.actual, query.T_flange_tool, terms=self.terms, values=self.values)
+
+    def _linear(self, arm: ArmWithTerms, rows: Query) -> tuple[LinearArm, Array]:
         """The arm, linearised, and d(error)/d(what the posterior is over)."""
-        at = linearise_arm(
-            self.actual,
-            rows.joints,
-            rows.load,
-            rows.T_flange_tool,
-            terms=self.terms,
-            values=self.values,
-            approach=rows.approach,
-            temperature=rows.temperature,
-        )
+        at = arm.linearise(rows.joints, rows.load, rows.approach, rows.temperature)
         if self.root is None:
             return at, at.columns
         return at, at.columns[:, :, self.columns.astype(np.int64)]

@@ -95,9 +95,10 @@ def estimate(
         ModelMismatchError: Another number of joints.
         ConvergenceError: The estimator did not settle.
     """
-    if measurements.dof != robot.dof:
+    count, joints = measurements.joints.shape
+    if joints != robot.dof:
         raise ModelMismatchError(
-            f"measurements have {measurements.dof} joints, robot {robot.name} has {robot.dof}."
+            f"measurements have {joints} joints, robot {robot.name} has {robot.dof}."
         )
     robot, layout, start = start_state(robot, measurements, tool_sd=settings.scales.tool, line=True)
     if layout.stations:
@@ -118,7 +119,7 @@ def estimate(
         repeatability=settings.repeatability_sd,
         rotation_sd=settings.rotation_sd,
     )
-    _require_numbers(measurements, settings)
+    _require_numbers(count, settings)
     posterior = maximise(observations, prior, layout, settings.solver)
     seen = analyse(
         posterior.state.robot,
@@ -128,22 +129,22 @@ def estimate(
         settings.payload,
         stiffness_stated=settings.stiffness is not None,
     )
-    _require_determined(posterior, seen, len(measurements), settings)
-    screened, residual = _by_row(posterior, observations, len(measurements))
+    _require_determined(posterior, seen, count, settings)
+    screened, residual = _by_row(posterior, observations, count)
     return Estimate(
         posterior=posterior,
         identifiability=seen,
-        verdict=_verdict(seen, posterior, measurements.source_row[screened], len(measurements)),
+        verdict=_verdict(seen, posterior, measurements.source_row[screened], count),
         screened=screened,
         residual=residual,
         measurements=measurements,
     )
 
 
-def _require_numbers(measurements: MeasurementSet, settings: FitSettings) -> None:
-    if len(measurements) < 4 and not settings.lean_on_prior:
+def _require_numbers(poses: int, settings: FitSettings) -> None:
+    if poses < 4 and not settings.lean_on_prior:
         raise ObservabilityError(
-            f"{len(measurements)} measured poses; even base and tool need 4.",
+            f"{poses} measured poses; even base and tool need 4.",
             hint="measure 30 to 60 poses spread over the joint ranges.",
         )
 

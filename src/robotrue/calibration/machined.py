@@ -32,7 +32,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from robotrue.calibration.arm import linearise_arm, parts_of
+from robotrue.calibration.arm import parts_of, prepare_arm
 from robotrue.calibration.belief import Belief
 from robotrue.calibration.model import Query
 from robotrue.calibration.parameters import ParameterLayout
@@ -82,18 +82,10 @@ def tip_columns(
             hint="take belief and frames from the same estimate.",
         )
     columns, tip = np.zeros((n, 3, len(belief.mean))), np.empty((n, 3))
+    arm = prepare_arm(belief.actual, query.T_flange_tool, terms=belief.terms, values=belief.values)
     for rows, some in query.chunks(ROWS):
-        arm = linearise_arm(
-            belief.actual,
-            some.joints,
-            some.load,
-            some.T_flange_tool,
-            terms=belief.terms,
-            values=belief.values,
-            approach=some.approach,
-            temperature=some.temperature,
-        )
-        columns[rows, :, : belief.end], tip[rows] = arm.columns, arm.tip
+        at = arm.linearise(some.joints, some.load, some.approach, some.temperature)
+        columns[rows, :, : belief.end], tip[rows] = at.columns, at.tip
     number = _frame_numbers(frames, part, n)
     for k, T in frames.items():
         mine, turn = number == k, T[:3, :3].T

@@ -45,7 +45,7 @@ class MeanTables(Columns):
 
     def __post_init__(self) -> None:
         """Checks shapes and values."""
-        dof = len(self.robot.d)
+        dof = self.robot.dof
         self._check_columns(dof=dof, features=2 * dof)
 
 

@@ -257,12 +257,13 @@ def observations_of(
     loads = payload.fill_rows(
         measurements.payload_mass, measurements.wrench, measurements.payload_com
     )
-    in_base = np.full(len(measurements), IN_BASE)
+    torque = drive_torque(robot, measurements.joints, loads)
+    in_base = np.full(len(torque), IN_BASE)
     covariance = measurements.covariance + repeatability**2 * np.eye(3)
     posed = measurements.has_rotation
     visits = ArmVisits(
         joints=measurements.joints,
-        torque=drive_torque(robot, measurements.joints, loads),
+        torque=torque,
         approach=measurements.approach,
         temperature=measurements.temperature,
         target=measurements.target,
@@ -331,10 +332,9 @@ def seen_points(
         mine = target == k
         rotation[mine] = chain.flange_rotation[mine] @ T[:3, :3]
         point[mine] = chain.flange_position[mine] + chain.flange_rotation[mine] @ T[:3, 3]
+    moved = parameter_jacobian(robot, replace(chain, position=point), joints, torque)[:, :count]
     out = np.zeros((len(joints), count, layout.size))
-    out[:, :, : layout.robot_size] = parameter_jacobian(
-        robot, replace(chain, position=point), joints, torque
-    )[:, :count]
+    out[:, :, : layout.robot_size] = moved
     blocks = layout.blocks
     for k in state.T_flange_target:
         mine = target == k

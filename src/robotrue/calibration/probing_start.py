@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.calibration.arm import linearise_arm
+from robotrue.calibration.arm import prepare_arm
 from robotrue.calibration.belief import Belief
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.graduated import GAUSS_POINT, agreeing
@@ -35,8 +35,8 @@ FEWEST_ROBUST: Final = 5
 
 def tips(belief: Belief, joints: Array, payload: Load) -> Array:
     """Returns where a belief puts the tip, (n, 3) m in base, its smooth residual included."""
-    terms, values = belief.terms, belief.values
-    return linearise_arm(belief.actual, joints, payload, terms=terms, values=values).tip
+    arm = prepare_arm(belief.actual, terms=belief.terms, values=belief.values)
+    return arm.linearise(joints, payload).tip
 
 
 def start_frames(

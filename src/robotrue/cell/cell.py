@@ -110,7 +110,7 @@ class Cell(Columns):
             object.__setattr__(self, "tracker_position", np.zeros(3))
         if self.tracker_place is None and self.frame == "base":
             object.__setattr__(self, "tracker_place", self.tracker_position)
-        self._check_columns(dof=len(self.robot.d))
+        self._check_columns(dof=self.robot.dof)
         if self.target_axis is not None:
             length = float(np.linalg.norm(self.target_axis))
             if not length > 0.0:

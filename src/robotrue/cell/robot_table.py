@@ -15,7 +15,7 @@ from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 from robotrue.robot.makers import MAKERS, apply_maker
-from robotrue.robot.model import Configuration, RobotModel, nominal_identity
+from robotrue.robot.model import Configuration, RobotModel, same_geometry
 from robotrue.robot.presets import preset, preset_names, read_dh
 
 _REACH: Final = (0.05, 20.0)
@@ -123,7 +123,7 @@ def _with_lists(robot: RobotModel, table: RobotTable) -> RobotModel:
         changes["link_com"] = np.array(table.centre_of_mass_mm) * MM
     if table.gravity_m_per_s2 is not None:
         changes["gravity"] = _gravity(np.array(table.gravity_m_per_s2))
-    return replace(robot, **changes)
+    return replace(robot, **changes) if changes else robot
 
 
 def _gravity(vector: Array) -> Array:
@@ -176,7 +176,7 @@ def _like_preset(robot: RobotModel) -> RobotModel | None:
     if robot.name not in preset_names():
         return None
     known = preset(robot.name)
-    same = nominal_identity(known).same(nominal_identity(robot)) and known.maker == robot.maker
+    same = same_geometry(known, robot) and known.maker == robot.maker
     return known if same and _counting(known) == _counting(robot) else None
 
 

@@ -32,7 +32,7 @@ class TerminalReporter:
     def report(self, message: Message) -> None:
         """Writes one line."""
         if message.document is None or not self._as_json:
-            say(str(message))
+            say(message.line)
             return
         sys.stdout.write(json.dumps(message.document, allow_nan=False) + "\n")
         sys.stdout.flush()
@@ -90,7 +90,7 @@ def show_result(result: Result, *, as_json: bool) -> None:
         if document is not None:
             emit_json(document, None if "simulated" in document else result.provenance)
         return
-    for block in result.blocks():
+    for block in tuple(result.blocks()):
         _show(block, result.provenance)
 
 

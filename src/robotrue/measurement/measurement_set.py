@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from robotrue.core.arrays import Array
+from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.columns import EMPTY, Column, Columns, concat, count_rows
 from robotrue.core.provenance import MEASURED, Provenance, merge
 from robotrue.errors import ShapeError
@@ -44,6 +44,8 @@ class MeasurementSet(Columns):
         source_row: (n,) one-based line in the source file.
         sources: Per group: file name and SHA-256, ``"grid.csv sha256:ab12..."``.
         provenance: Simulated or measured, instrument and files of all rows.
+        dof: Number of joints.
+        has_rotation: (n,) True where the full pose was measured.
     """
 
     joints: Annotated[Array, Column("n dof", unit="rad")]
@@ -66,9 +68,14 @@ class MeasurementSet(Columns):
     source_row: Annotated[npt.NDArray[np.int64], Column("n", fill=count_rows)] = EMPTY
     sources: tuple[str, ...] = ()
     provenance: Provenance = MEASURED
+    dof: int = field(init=False, repr=False)
+    has_rotation: BoolArray = field(init=False, repr=False)
 
     def _check_rules(self) -> None:
         """Every group needs a name."""
+        object.__setattr__(self, "dof", self.joints.shape[1])
+        posed = np.isfinite(self.rotation).all(axis=(1, 2))
+        object.__setattr__(self, "has_rotation", posed)
         if len(self) and int(self.group.max()) >= len(self.group_names):
             raise ShapeError(
                 f"group {int(self.group.max())} has no name: {len(self.group_names)} names given."
@@ -76,16 +83,6 @@ class MeasurementSet(Columns):
 
     def __len__(self) -> int:
         return len(self.joints)
-
-    @property
-    def dof(self) -> int:
-        """Number of joints."""
-        return int(self.joints.shape[1])
-
-    @property
-    def has_rotation(self) -> npt.NDArray[np.bool_]:
-        """(n,) True where the full pose was measured."""
-        return np.asarray(np.isfinite(self.rotation).all(axis=(1, 2)))
 
     def file_of(self, row: int) -> str:
         """Returns the name of the file a row was read from; empty if it was made in code."""

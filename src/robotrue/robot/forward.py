@@ -275,6 +275,31 @@ def _columns(state: ChainState, which: slice) -> Array:
     return np.swapaxes(np.concatenate([linear, angular], axis=2), 1, 2)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sensitivity:
+    """How m observed numbers of n postures answer to what an error of the arm can move.
+
+    Attributes:
+        errors: (n, m, 7 dof + 12) by the error vector of the robot.
+        drive: (n, m, dof) by a shift of the drive angles, per rad.
+        shift: (n, m, 3) by a shift of the tool point in base, per m.
+    """
+
+    errors: Array
+    drive: Array
+    shift: Array
+
+
+def sensitivity_of(robot: RobotModel, jacobian: Array) -> Sensitivity:
+    """Returns what follows from d(observed)/d(error vector), (n, m, 7 dof + 12 or more)."""
+    dof = robot.dof
+    return Sensitivity(
+        errors=jacobian[:, :, : len(robot.errors)],
+        drive=jacobian[:, :, parameter_slice(dof, "theta")] @ robot.joint_map,
+        shift=jacobian[:, :, parameter_slice(dof, "base")][:, :, :3],
+    )
+
+
 def wrist_reach(robot: RobotModel) -> float:
     """Returns the largest distance in m of the wrist from the first axis, to about 0.1 %.
 

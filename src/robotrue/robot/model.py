@@ -129,6 +129,7 @@ class RobotModel(Columns):
         errors: (7 n + 12,) SI, layout of :func:`parameter_names`; zero is nominal.
         controller: How the controller counts the axes.
         maker: Brand, chooses the configuration bits (``"kuka"``, ``"abb"``, ...).
+        dof: Number of joints n.
     """
 
     name: str
@@ -148,10 +149,12 @@ class RobotModel(Columns):
     errors: Annotated[Array, Column("errors", fill=0.0)] = EMPTY
     controller: Configuration | None = None
     maker: str = "generic"
+    dof: int = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Checks shapes, convention and limits."""
         n = len(self.d)
+        object.__setattr__(self, "dof", n)
         self._check_columns(n=n, errors=len(PER_JOINT) * n + 12)
         if self.convention not in ("dh", "mdh"):
             raise ConfigurationError(f"convention {self.convention!r}, expected 'dh' or 'mdh'.")
@@ -161,11 +164,6 @@ class RobotModel(Columns):
             )
         if (self.limits[:, 0] >= self.limits[:, 1]).any():
             raise ShapeError("limits: every lower joint limit must be below its upper one.")
-
-    @property
-    def dof(self) -> int:
-        """Number of joints."""
-        return len(self.d)
 
     @property
     def reach(self) -> float:
@@ -203,6 +201,15 @@ def nominal_identity(robot: RobotModel) -> ModelIdentity:
     Convention, DH table, joint coupling and the sense of the joints count; tool, limits, masses and
     identified errors do not: they may differ between touching and machining.
     """
+    return ModelIdentity(kind="nominal", robot=robot.name, sha256=sha256(_nominal_bytes(robot)))
+
+
+def same_geometry(robot: RobotModel, other: RobotModel) -> bool:
+    """Returns whether two arms have one :func:`nominal_identity`, whatever their names."""
+    return _nominal_bytes(robot) == _nominal_bytes(other)
+
+
+def _nominal_bytes(robot: RobotModel) -> bytes:
     parts = [robot.convention.encode()]
     for name in ("theta", "d", "a", "alpha", "joint_map"):
         # A rounded -0.0 is 0.0.
@@ -210,4 +217,4 @@ def nominal_identity(robot: RobotModel) -> ModelIdentity:
             np.round(np.asarray(getattr(robot, name), dtype=np.float64), _IDENTITY_DIGITS) + 0.0
         )
         parts.append(name.encode() + values.tobytes())
-    return ModelIdentity(kind="nominal", robot=robot.name, sha256=sha256(b"\0".join(parts)))
+    return b"\0".join(parts)

@@ -36,6 +36,8 @@ class Load(Columns):
 
     def take(self, rows: Rows) -> Load:
         """Returns the load at some of the poses; a single row serves all and stays single."""
+        if len(self.mass) == len(self.com) == len(self.wrench) == 1:
+            return self
         mass, com, wrench = (
             part if len(part) == 1 else part[rows] for part in (self.mass, self.com, self.wrench)
         )

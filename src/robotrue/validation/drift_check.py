@@ -26,7 +26,7 @@ import numpy as np
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 from scipy.special import chdtrc
 
-from robotrue.calibration.arm import linearise_arm
+from robotrue.calibration.arm import prepare_arm
 from robotrue.calibration.belief import Belief
 from robotrue.calibration.model import ErrorModel, Query
 from robotrue.core.arrays import Array
@@ -205,7 +205,7 @@ def cause_columns(model: ErrorModel, query: Query) -> dict[str, tuple[tuple[str,
         ConfigurationError: A model without physics.
     """
     belief = _checkable(model)
-    jacobian = linearise_arm(belief.actual, query.joints, query.load).columns
+    jacobian = prepare_arm(belief.actual).linearise(query.joints, query.load).columns
     dof = model.robot.dof
     base, tool = parameter_slice(dof, "base"), parameter_slice(dof, "tool")
     found = {

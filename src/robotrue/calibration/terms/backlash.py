@@ -10,10 +10,11 @@ import numpy as np
 
 from robotrue.calibration.evidence import PriorGroup
 from robotrue.calibration.mean_tables import MeanTables
-from robotrue.calibration.terms.term import ArmPostures, Carry, Effect, Sensitivity, Term
+from robotrue.calibration.terms.term import ArmPostures, Carry, Effect, Term
 from robotrue.core.arrays import Array
 from robotrue.errors import ArchiveError
 from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.robot.forward import Sensitivity
 from robotrue.robot.model import RobotModel
 
 START: Final = 1e-5

@@ -20,10 +20,11 @@ import numpy as np
 
 from robotrue.calibration.evidence import PriorGroup
 from robotrue.calibration.mean_tables import MeanTables
-from robotrue.calibration.terms.term import ArmPostures, Carry, Effect, Sensitivity, Term
+from robotrue.calibration.terms.term import ArmPostures, Carry, Effect, Term
 from robotrue.core.arrays import Array, IntArray, frozen
 from robotrue.errors import ArchiveError
 from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.robot.forward import Sensitivity
 from robotrue.robot.model import RobotModel
 
 BANDS: Final = (1, 4, 8, 14, 20, 32, 45, 65, 97, 120, 137, 193, 251, 265)

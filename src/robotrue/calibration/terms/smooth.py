@@ -26,11 +26,12 @@ from robotrue.calibration.evidence import PriorGroup
 from robotrue.calibration.learners.process import centre_rows, log_evidence
 from robotrue.calibration.learners.search import search_theta
 from robotrue.calibration.mean_tables import MeanTables
-from robotrue.calibration.terms.term import ArmPostures, Carry, Effect, Sensitivity, Term
+from robotrue.calibration.terms.term import ArmPostures, Carry, Effect, Term
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.columns import Column, Columns
 from robotrue.errors import ArchiveError
 from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.robot.forward import Sensitivity
 from robotrue.robot.model import RobotModel
 
 NUGGET: Final = 1e-8

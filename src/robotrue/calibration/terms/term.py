@@ -24,6 +24,7 @@ from robotrue.calibration.mean_tables import MeanTables
 from robotrue.core.arrays import Array
 from robotrue.core.columns import EMPTY, Column, Columns
 from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.robot.forward import Sensitivity
 from robotrue.robot.model import RobotModel, parameter_slice
 
 # How values carry over to another campaign or arm: with the correlation of drive errors, of the
@@ -49,31 +50,6 @@ class ArmPostures(Columns):
 
     def __len__(self) -> int:
         return len(self.joints)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Sensitivity:
-    """How m observed numbers of n postures answer to what a term can move.
-
-    Attributes:
-        errors: (n, m, 7 dof + 12) by the error vector of the robot.
-        drive: (n, m, dof) by a shift of the drive angles, per rad.
-        shift: (n, m, 3) by a shift of the tool point in base, per m.
-    """
-
-    errors: Array
-    drive: Array
-    shift: Array
-
-
-def sensitivity_of(robot: RobotModel, jacobian: Array) -> Sensitivity:
-    """Returns what follows from d(observed)/d(error vector), (n, m, 7 dof + 12 or more)."""
-    dof = robot.dof
-    return Sensitivity(
-        errors=jacobian[:, :, : len(robot.errors)],
-        drive=jacobian[:, :, parameter_slice(dof, "theta")] @ robot.joint_map,
-        shift=jacobian[:, :, parameter_slice(dof, "base")][:, :, :3],
-    )
 
 
 def without_errors(tables: MeanTables, groups: Sequence[str]) -> MeanTables:

@@ -103,10 +103,13 @@ def preset(name: str) -> RobotModel:
             if near
             else None,
         )
-    return _build_robot(_preset_tables()[matches[0]])
+    return _build_robot(matches[0])
 
 
-def _build_robot(table: Mapping[str, Any]) -> RobotModel:
+@cache
+def _build_robot(name: str) -> RobotModel:
+    """Returns the robot of a full name; nobody can change it, so one serves all."""
+    table = _preset_tables()[name]
     rows = table["dh"]
     theta, alpha, d, a = read_dh(rows)
     counting = count_axes(
