@@ -158,7 +158,7 @@ def test_a_damaged_archive_is_refused(model):
     missing = {k: v for k, v in whole.arrays.items() if k != "expert1/betas"}
     for archive, match in (
         (replace(whole, arrays=missing), "incomplete"),
-        (replace(whole, schema=2), "schema 2; this robotrue reads 1"),
+        (replace(whole, schema=3), "schema 3; this robotrue reads 1 to 2"),
     ):
         with pytest.raises(ArchiveError, match=match):
             open_model(archive)

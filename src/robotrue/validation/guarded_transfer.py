@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
-from robotrue.calibration.deng2022.transfer_gpr import fit_boosted_poses
+from robotrue.calibration.deng2022.boosted_poses import fit_boosted_poses
 from robotrue.calibration.drift_prior import DriftScales
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel

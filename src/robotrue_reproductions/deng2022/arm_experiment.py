@@ -44,16 +44,23 @@ SWITCHES: Final[dict[str, dict[str, Any]]] = {
     "as chosen": {},
     "T_j by least squares": {"transform": "least-squares"},
     "H_j on all six pose numbers": {"inputs": "pose"},
-    "H_j shrinks to the rotation": {"shrink_to": "rotation"},
+    "H_j shrinks to zero": {"shrink_to": "zero"},
     "lambda 1e-3": {"ridge": "fixed", "ridge_value": 1e-3},
     "lambda 10": {"ridge": "fixed", "ridge_value": 10.0},
     "omega_m on rows of eq. 13": {"alignment_weights": "rows"},
     "one round, no boosting": {"rounds": 1},
-    "eq. 20 with omega_m": {"boosting_weights": True},
+    "eq. 19, each copy of a source row counts": {"source_start": "same"},
+    "eq. 20 without omega_m": {"boosting_weights": "none"},
+    "eq. 20 with the mean omega_m": {"boosting_weights": "mean"},
     "eq. 22 over all rows": {"error_over": "all"},
     "eq. 24 literal": {"source_weights": "literal"},
     "eq. 24 Pardoe": {"source_weights": "pardoe"},
     "eq. 25 literal": {"combination": "literal"},
+    "H_j to zero, copies counted, no omega_m": {
+        "shrink_to": "zero",
+        "source_start": "same",
+        "boosting_weights": "none",
+    },
     "eq. 22, 24, 25 literal": {
         "error_over": "all",
         "source_weights": "literal",
@@ -135,7 +142,12 @@ def arm_results(name: str, seed: int, *, quick: bool = False) -> ArmResults:
 
 
 def _transfer(
-    case: Scenario, source: MeasurementSet, target: MeasurementSet, **values: Any
+    case: Scenario,
+    source: MeasurementSet,
+    target: MeasurementSet,
+    *,
+    inflation: float | None = None,
+    **values: Any,
 ) -> PoseModel:
     return fit_deng2022(
         case.cell.known.measured_robot,
@@ -144,6 +156,7 @@ def _transfer(
         paper_domains(case.attitude),
         case.settings,
         DengReadings(attitude=case.attitude, **values),
+        inflation=inflation,
     )
 
 
@@ -152,7 +165,8 @@ def _with_rule(case: Scenario, rule: TargetRule) -> PoseModel:
     robot = case.cell.known.measured_robot
     plan = paper_plan(robot, case.seed, case.attitude, rule=rule)
     rows = scenarios.paper(replace(case, plan=plan))
-    return _transfer(case, rows.subset(rows.group == 0), rows.subset(rows.group == 1))
+    source, target = rows.subset(rows.group == 0), rows.subset(rows.group == 1)
+    return _transfer(case, source, target, inflation=1.0)
 
 
 def _reread(
@@ -164,7 +178,7 @@ def _reread(
 ) -> PoseModel:
     """The model under other readings; eq. 25 only combines what is there already."""
     if set(values) - {"combination"}:
-        return _transfer(case, source, target, **values)
+        return _transfer(case, source, target, inflation=1.0, **values)
     first, *rest = model.experts
     committee = replace(first.committee, **values)
     return replace(model, experts=(replace(first, committee=committee), *rest))

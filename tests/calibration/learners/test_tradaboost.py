@@ -94,6 +94,26 @@ def test_every_reading_is_its_equations_written_by_hand(domains, reading, over, 
     np.testing.assert_allclose(found.predict(there), expected)
 
 
+def test_measurement_weights_of_each_row_take_the_place_of_three_numbers(domains):
+    X, y, source, source_y = domains
+    given = {"X_source": source, "y_source": source_y}
+    omega = np.array([2.0, 1.0, 0.5])
+    same = TrAdaBoostR2(RIDGE, rounds=4, source_weights="pardoe", output_weights=omega).fit(
+        X, y, **given
+    )
+    rows = {"error_weights": np.tile(omega, (M, 1)), "source_error_weights": np.tile(omega, (N, 1))}
+    each = TrAdaBoostR2(RIDGE, rounds=4, source_weights="pardoe").fit(X, y, **given, **rows)
+    np.testing.assert_allclose(each.weights_, same.weights_)
+    rows["error_weights"] = np.tile(omega, (M, 1)) * (np.arange(M) != 3)[:, None]
+    blind = TrAdaBoostR2(RIDGE, rounds=4).fit(X, y, **given, error_weights=rows["error_weights"])
+    predicted = blind.estimators_[0].predict(X)
+    missed = np.linalg.norm(rows["error_weights"] * (y - predicted), axis=1)
+    assert missed[3] == 0.0
+    assert blind.errors_[0] == pytest.approx(np.mean(missed / missed.max()))
+    with pytest.raises(ShapeError, match=r"error weights of shape \(3,\), expected \(12, 3\)"):
+        TrAdaBoostR2(RIDGE).fit(X, y, error_weights=omega)
+
+
 def test_what_the_printed_equations_do_and_why_they_are_not_the_default(domains):
     X, y, source, source_y = domains
     given = {"X_source": source, "y_source": source_y}

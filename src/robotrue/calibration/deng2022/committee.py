@@ -8,14 +8,16 @@ code that chose the weights.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, Final
 
 import numpy as np
+from scipy.linalg import cho_factor, cho_solve
 
 from robotrue.calibration.deng2022.domains import PRINTED_UNITS
-from robotrue.calibration.deng2022.readings import DengReadings
+from robotrue.calibration.deng2022.readings import DengReadings, Kernel, Mean
 from robotrue.calibration.learners.gaussian_process import GaussianProcess
+from robotrue.calibration.learners.posterior import correlation
 from robotrue.calibration.learners.tradaboost import TrAdaBoostR2, combine_rounds, round_shares
 from robotrue.core.arrays import Array
 from robotrue.core.columns import Column, Columns
@@ -50,8 +52,8 @@ class Committee(Columns):
     length: Annotated[Array, Column("6", unit="mm, deg")]
     amplitude: float
     noise: float
-    kernel: str
-    mean: str
+    kernel: Kernel
+    mean: Mean
     combination: str
     learners: tuple[GaussianProcess, ...]
 
@@ -67,11 +69,35 @@ class Committee(Columns):
         found = [g.predict(X, return_std=True, noisy=False) for g in self.learners]
         each = np.stack([mean for mean, _ in found])
         variance = np.stack([std.mean(axis=1) ** 2 for _, std in found])
-        combined = combine_rounds(each, self.betas, self.combination)
+        combined, spread = self.mix_rounds(each, variance)
+        return combined * MM, spread * MM**2
+
+    def mix_rounds(self, each: Array, variance: Array) -> tuple[Array, Array]:
+        """Returns the combined prediction (n, 3) mm of all rounds and its variance (n,) mm^2.
+
+        Args:
+            each: (T, n, 3) mm, prediction of each round.
+            variance: (T, n) mm^2 of each round.
+        """
         share = round_shares(self.betas)
-        centre = np.tensordot(share, each, axes=1)
-        apart = np.mean((each - centre) ** 2, axis=2)
-        return combined * MM, np.tensordot(share, variance + apart, axes=1) * MM**2
+        apart = np.mean((each - np.tensordot(share, each, axes=1)) ** 2, axis=2)
+        combined = combine_rounds(each, self.betas, self.combination)
+        return combined, np.asarray(np.tensordot(share, variance + apart, axes=1))
+
+    def precision(self, k: int) -> Array:
+        """Returns P (n, n) 1/mm^2 of round k: the rows' precision, the constant mean taken out.
+
+        For any rows T, ``P_TT^-1 (P y)_T`` is what all other rows miss them by, and ``P_TT^-1`` the
+        covariance of that, the noise of T included.
+        """
+        near = correlation(self.inputs / self.length, self.inputs / self.length)
+        covariance = self.amplitude**2 * near
+        covariance.flat[:: len(covariance) + 1] += self.noise**2 / self.weights[k]
+        inverse = cho_solve(cho_factor(covariance, lower=True), np.eye(len(covariance)))
+        if self.mean == "zero":
+            return np.asarray(inverse)
+        total = inverse.sum(axis=0)
+        return np.asarray(inverse - np.outer(total, total) / total.sum())
 
     def document(self) -> dict[str, object]:
         """Returns the JSON part of an archive."""
@@ -108,7 +134,8 @@ def boost(
     readings: DengReadings,
     *,
     target_weight: Array,
-    output_weights: Array | None,
+    source_weight: float = 1.0,
+    error_weights: tuple[Array, Array] | None = None,
 ) -> Committee:
     """Returns the processes of all boosting rounds, eq. 19-25.
 
@@ -117,7 +144,8 @@ def boost(
         source: (k n, 6) and (k n, 3), transferred to the sub-spaces.
         readings: Switches.
         target_weight: (m,) initial weights of eq. 19, relative to a source row.
-        output_weights: (3,) omega_m of eq. 20, or None.
+        source_weight: Initial weight of a source row, relative to a target row.
+        error_weights: omega_m of eq. 20, (m, 3) of the target and (k n, 3) of the source; or None.
     """
     inputs = np.concatenate([source[0], target[0]]) / PRINTED_UNITS
     errors = np.concatenate([source[1], target[1]]) / MM
@@ -127,13 +155,15 @@ def boost(
         source_weights=readings.source_weights,
         error_over=readings.error_over,
         combination=readings.combination,
-        output_weights=output_weights,
     ).fit(
         target[0] / PRINTED_UNITS,
         target[1] / MM,
         sample_weight=target_weight,
         X_source=source[0] / PRINTED_UNITS,
         y_source=source[1] / MM,
+        source_weight=np.full(len(source[0]), source_weight),
+        error_weights=None if error_weights is None else error_weights[0],
+        source_error_weights=None if error_weights is None else error_weights[1],
     )
     return _committee(
         inputs,
@@ -185,25 +215,27 @@ def restore_committee(
         KeyError: A part is missing.
     """
     parts = {name: np.asarray(arrays[prefix + name]) for name in _ARRAYS}
-    kernel, mean = document["kernel"], document["mean"]
-    amplitude, noise = float(document["amplitude"]), float(document["noise"])
+    committee = Committee(
+        **parts,
+        amplitude=float(document["amplitude"]),
+        noise=float(document["noise"]),
+        kernel=document["kernel"],
+        mean=document["mean"],
+        combination=str(document["combination"]),
+        learners=(),
+    )
+    isotropic = committee.kernel == "isotropic"
     process = GaussianProcess(
-        kernel=kernel,
-        mean=mean,
-        length=parts["length"][0] if kernel == "isotropic" else parts["length"],
-        amplitude=amplitude,
-        noise=noise,
+        kernel=committee.kernel,
+        mean=committee.mean,
+        length=committee.length[0] if isotropic else committee.length,
+        amplitude=committee.amplitude,
+        noise=committee.noise,
         intervals="plug-in",
         optimise=False,
     ).fit(parts["inputs"], parts["errors"], sample_weight=parts["weights"][0])
-    return Committee(
-        **parts,
-        amplitude=amplitude,
-        noise=noise,
-        kernel=kernel,
-        mean=mean,
-        combination=str(document["combination"]),
-        learners=(process, *(process.reweight(w) for w in parts["weights"][1:])),
+    return replace(
+        committee, learners=(process, *(process.reweight(w) for w in parts["weights"][1:]))
     )
 
 

@@ -33,7 +33,8 @@ from robotrue.robot.model import RobotModel
 from robotrue.robot.statics import NO_LOAD, Load
 
 KIND: Final = "error-model/deng2022"
-SCHEMA: Final = 1
+SCHEMA: Final = 2
+"""2: with the inflation of each expert; a file of schema 1 has none, which is 1."""
 BOUNDARY: Final = 1.0 * MM
 """A pose this far outside a domain, m or the same on a circle of 1 m, still belongs to it."""
 
@@ -46,11 +47,13 @@ class Expert:
         region: Its domain.
         committee: Predicts there.
         white: m, sd per axis of what a single visit adds to the process, instrument left out.
+        inflation: Factor on the variance of both, from held-out rows.
     """
 
     region: CylinderRegion
     committee: Committee
     white: float
+    inflation: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,7 +122,8 @@ class PoseModel:
             rows = np.flatnonzero(speaks == k)
             if len(rows):
                 error[rows], variance = expert.committee.predict(features[rows])
-                covariance[rows] = (variance + expert.white**2)[:, None, None] * np.eye(3)
+                spread = expert.inflation * (variance + expert.white**2)
+                covariance[rows] = spread[:, None, None] * np.eye(3)
         return Prediction(
             error=error, rotation_error=np.full((n, 3), np.nan), covariance=covariance
         )
@@ -185,7 +189,8 @@ class PoseModel:
         for k, expert in enumerate(self.experts):
             arrays |= expert.committee.arrays(f"expert{k}/")
             arrays[f"expert{k}/limits"] = expert.region.limits
-            experts.append({"white": expert.white, **expert.committee.document()})
+            widths = {"white": expert.white, "inflation": expert.inflation}
+            experts.append({**widths, **expert.committee.document()})
         return Archive(
             kind=KIND,
             schema=SCHEMA,
@@ -237,6 +242,7 @@ def from_archive(archive: Archive) -> PoseModel:
                 region=CylinderRegion(angle=angle, radius=radius, height=height),
                 committee=restore_committee(stated, archive.arrays, f"expert{k}/"),
                 white=_white(stated["white"]),
+                inflation=_inflation(stated.get("inflation", 1.0)),
             )
         )
     return PoseModel(
@@ -253,6 +259,14 @@ def _white(stated: Any) -> float:
     value = float(stated)
     if not 0.0 <= value < 1.0:
         raise ArchiveError(f"a white noise of {value:g} m.")
+    return value
+
+
+def _inflation(stated: Any) -> float:
+    """A factor on a variance, of a file."""
+    value = float(stated)
+    if not 0.0 < value < np.inf:
+        raise ArchiveError(f"an inflation of the variance of {value:g}.")
     return value
 
 

@@ -15,6 +15,8 @@ ShrinkReading: TypeAlias = Literal["zero", "rotation"]
 WeightReading: TypeAlias = Literal["none", "columns", "rows"]
 SourceWeights: TypeAlias = Literal["frozen", "literal", "pardoe", "decay"]
 ErrorOver: TypeAlias = Literal["target", "all"]
+BoostingWeights: TypeAlias = Literal["poses", "mean", "none"]
+SourceStart: TypeAlias = Literal["once", "same"]
 Combination: TypeAlias = Literal["weighted-median", "literal"]
 Kernel: TypeAlias = Literal["ard", "isotropic"]
 Mean: TypeAlias = Literal["constant", "zero"]
@@ -31,7 +33,7 @@ class DengReadings:
     Attributes:
         transform: T_j, eq. 11-12. ``known-angle``: eq. 11 with the angle between the two nominal
             regions and no translation. ``least-squares``: (Xst'Xst)^-1 Xst' Xt from the mapped
-            pairs; for nominal poses it returns the same, transposed. ``literal``: eq. 12 as printed
+            pairs; for nominal poses it returns the same, transpo. ``literal``: eq. 12 as printed
             multiplies n source rows with m mapped rows; it raises and says so.
         attitude: What T_j does to the tool's attitude, which eq. 11 leaves open: it turns with
             joint 1 (rz grows by the angle), or stays as it is in the base.
@@ -40,13 +42,18 @@ class DengReadings:
         ridge: lambda of eq. 14, which the paper does not give. ``leave-one-out``: the value with
             the smallest leave-one-out residual, by sub-space. ``fixed``: ``ridge_value``.
         ridge_value: lambda with positions and errors in mm and angles in deg.
-        shrink_to: Where lambda pulls H_j. ``zero``: as printed; a large lambda then predicts no
-            error at all. ``rotation``: to "the error turns with the pose".
+        shrink_to: Where lambda pulls H_j. ``rotation``: to "the error turns with the pose".
+            ``zero``: as printed; a large lambda then predicts no error at all.
         alignment_weights: omega_m in eq. 13. ``columns``: as printed; a weight on output columns
             cannot change a least-squares solution. ``rows``: each pair by its tracker variance.
             ``none``: without.
         boosting_weights: omega_m in eq. 20-21: errors count in units of what the tracker resolves.
+            ``poses``: three numbers for each pose, as section 2.1 defines them. ``mean``: their
+            mean over the target poses. ``none``: without.
         rounds: N, largest number of boosting rounds.
+        source_start: Eq. 19 gives source rows no weight to begin with. ``once``: the k copies of a
+            source row share the weight of one target row, because it was measured once. ``same``:
+            each copy has the weight of a target row.
         source_weights: Eq. 24. ``literal``: ln(1/beta_t) for every transferred row, some hundred
             times a target row. ``frozen``: stays as it began (two-stage TrAdaBoost.R2).
             ``pardoe``: w beta^e with the beta of TrAdaBoost. ``decay``: see
@@ -55,7 +62,7 @@ class DengReadings:
             rows as printed, which scales the error by the target's share.
         combination: Eq. 25. ``weighted-median``: of the rounds' predictions, weights ln(1/beta_t).
             ``literal``: the sum of the logarithms times a median of beta_t G_t; its scale is wrong.
-        kernel: Eq. 28. ``ard``: a length for each input, inputs standardised. ``isotropic``: one
+        kernel: Eq. 28. ``ard``: a length for each input, inputs standardi. ``isotropic``: one
             length for mm and deg together.
         mean: Eq. 27 has a constant mean, eq. 31 none.
         denominator: Eq. 28 divides by 2 sigma_l where a length scale is squared; learned lengths
@@ -73,10 +80,11 @@ class DengReadings:
     inputs: AlignmentInputs = "positions"
     ridge: RidgeReading = "leave-one-out"
     ridge_value: float = 1e-3
-    shrink_to: ShrinkReading = "zero"
+    shrink_to: ShrinkReading = "rotation"
     alignment_weights: WeightReading = "none"
-    boosting_weights: bool = False
+    boosting_weights: BoostingWeights = "poses"
     rounds: int = 10
+    source_start: SourceStart = "once"
     source_weights: SourceWeights = "frozen"
     error_over: ErrorOver = "target"
     combination: Combination = "weighted-median"

@@ -3,17 +3,13 @@
 ``fit_deng2022`` is eq. 11-32 of Deng et al. 2022 under :class:`DengReadings`; ``fit_pose_gpr`` is
 what the paper compares it with, a Gaussian process on poses of one region. Both need positions in
 base. They are no entries of :data:`robotrue.calibration.methods.METHODS`: they need domains.
-
-``fit_boosted_poses`` takes source and target poses as they are, in base, and lowers the weight of
-rows that do not fit the target (eq. 19-25, with the source not aligned). It is the rival that a
-transfer with knowledge of the arm has to beat, for regions of any shape.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import Annotated, Final
+from dataclasses import asdict, replace
+from functools import partial
+from typing import Final
 
 import numpy as np
 
@@ -30,65 +26,25 @@ from robotrue.calibration.deng2022.domains import (
     check_overlap,
     mapped_pairs,
     overlap_members,
-    pose_features,
+)
+from robotrue.calibration.deng2022.held_out_width import (
+    held_out_inflation,
+    left_out_inflation,
 )
 from robotrue.calibration.deng2022.joined import Expert, PoseModel
+from robotrue.calibration.deng2022.labelled_poses import Labelled, label_poses
+from robotrue.calibration.deng2022.pose_expert import expert_of, pose_summary
 from robotrue.calibration.deng2022.readings import DengReadings
-from robotrue.calibration.lineage import describe_rows
 from robotrue.calibration.settings import FitSettings
 from robotrue.core.arrays import Array
-from robotrue.core.columns import Column, Columns
 from robotrue.core.regions import CylinderRegion
-from robotrue.core.units import DEG, MM
-from robotrue.errors import ModelMismatchError, ObservabilityError
+from robotrue.core.units import DEG
+from robotrue.errors import ObservabilityError
 from robotrue.measurement.measurement_set import MeasurementSet, concatenate
-from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel
 
-_FEWEST_POSES = 8
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Labelled(Columns):
-    """Poses and their errors: the paper's D = {x, y}.
-
-    Attributes:
-        features: (n, 6) m and rad.
-        errors: (n, 3) m, measured minus commanded, base.
-        covariance: (n, 3, 3) m^2 of the measurement.
-    """
-
-    features: Annotated[Array, Column("n 6", unit="m, rad")]
-    errors: Annotated[Array, Column("n 3", unit="m")]
-    covariance: Annotated[Array, Column("n 3 3", unit="m^2")]
-
-
-def label_poses(robot: RobotModel, measurements: MeasurementSet, reference: Array) -> Labelled:
-    """Returns poses and errors of a set in base.
-
-    Args:
-        robot: Nominal arm whose tool is the measured point.
-        measurements: In base.
-        reference: (3,) rad, A, B, C near which attitudes are read.
-
-    Raises:
-        ModelMismatchError: Another number of joints, or a set in a tracker frame.
-    """
-    if measurements.dof != robot.dof:
-        raise ModelMismatchError(
-            f"the measurements have {measurements.dof} joints, {robot.name} has {robot.dof}."
-        )
-    if measurements.frame != "base":
-        raise ModelMismatchError(
-            "the measurements are in a tracker frame; the paper's method has no registration.",
-            hint="register the tracker to the base first.",
-        )
-    poses = forward(robot.nominal(), measurements.joints)
-    return Labelled(
-        features=pose_features(poses, reference),
-        errors=measurements.position - poses[:, :3, 3],
-        covariance=measurements.covariance,
-    )
+FEWEST_POSES: Final = 8
+"""Of the source, or of a region with a process of its own."""
 
 
 def fit_deng2022(
@@ -98,8 +54,12 @@ def fit_deng2022(
     domains: Domains,
     settings: FitSettings,
     readings: DengReadings | None = None,
+    *,
+    inflation: float | None = None,
 ) -> PoseModel:
     """Returns the paper's Tr-GPR: eq. 11-26 on a complete source and few target poses.
+
+    The stated variance is widened by what target rows held out in turn show to be missing.
 
     Args:
         robot: Nominal arm whose ``T_flange_tool`` is the nominal reflector.
@@ -109,10 +69,11 @@ def fit_deng2022(
         domains: Source, target and sub-spaces.
         settings: The repeatability is used.
         readings: How ambiguous equations are read.
+        inflation: Factor on the variance in the target domain; None learns it on held-out rows.
 
     Raises:
         ModelMismatchError: Another robot, or sets that are not in base.
-        ObservabilityError: Too few source poses, or a sub-space without target poses.
+        ObservabilityError: Too few source poses, or too few target poses in a sub-space.
         ConfigurationError: Rule 4, about overlap, is broken.
         ShapeError: The literal reading of eq. 12, which cannot be computed.
     """
@@ -121,21 +82,14 @@ def fit_deng2022(
     reference = attitude_reference(robot, source.joints)
     known, few = (label_poses(robot, rows, reference) for rows in (source, target))
     check_overlap(domains, few.features)
-    pieces, alignments = transfer_rows(known, few, domains, chosen)
-    twice = overlap_members(domains, few.features[:, :3])
-    scale = None
-    if chosen.boosting_weights:
-        scale = measurement_weights(few.errors, few.covariance).mean(axis=0)
-    committee = boost(
-        (few.features, few.errors),
-        pieces,
-        chosen,
-        target_weight=np.where(twice, chosen.overlap_weight, 1.0),
-        output_weights=scale,
-    )
+    committee, alignments = fit_target(known, few, domains, chosen)
+    target_expert = expert_of(domains.target, committee, few, settings)
+    if inflation is None:
+        carry = partial(_carry_errors, known, domains, chosen)
+        inflation = held_out_inflation(committee, few, carry, target_expert.white)
     experts = (
-        expert_of(domains.target, committee, few, settings),
-        expert_of(domains.source, single(known.features, known.errors, chosen), known, settings),
+        replace(target_expert, inflation=inflation),
+        _source_expert(known, domains, chosen, settings),
     )
     return PoseModel(
         robot=robot,
@@ -148,8 +102,71 @@ def fit_deng2022(
             "sub_spaces": [_describe_alignment(a) for a in alignments],
             "rounds": len(committee.betas),
             "betas": committee.betas.tolist(),
+            "inflation": inflation,
         },
     )
+
+
+def fit_target(
+    source: Labelled,
+    target: Labelled,
+    domains: Domains,
+    readings: DengReadings,
+) -> tuple[Committee, tuple[Alignment, ...]]:
+    """Returns the boosted processes of the target domain and the alignments, eq. 11-25.
+
+    Args:
+        source: All source rows.
+        target: Target rows.
+        domains: Source, target and sub-spaces.
+        readings: Switches.
+
+    Raises:
+        ObservabilityError: Too few target poses in a sub-space.
+        ShapeError: The literal reading of eq. 12.
+    """
+    pieces, alignments = transfer_rows(source, target, domains, readings)
+    twice = overlap_members(domains, target.features[:, :3])
+    once = readings.source_start == "once"
+    committee = boost(
+        (target.features, target.errors),
+        pieces,
+        readings,
+        target_weight=np.where(twice, readings.overlap_weight, 1.0),
+        source_weight=1.0 / len(alignments) if once else 1.0,
+        error_weights=_error_weights(source, target, len(alignments), readings),
+    )
+    return committee, alignments
+
+
+def _error_weights(
+    source: Labelled, target: Labelled, copies: int, readings: DengReadings
+) -> tuple[Array, Array] | None:
+    """omega_m of eq. 20 for target rows and for the copies of source rows."""
+    if readings.boosting_weights == "none":
+        return None
+    weights = measurement_weights(target.errors, target.covariance)
+    if readings.boosting_weights == "mean":
+        mean = weights.mean(axis=0)
+        return np.tile(mean, (len(weights), 1)), np.tile(mean, (copies * len(source.errors), 1))
+    carried = measurement_weights(source.errors, source.covariance)
+    return weights, np.tile(carried, (copies, 1))
+
+
+def _carry_errors(
+    source: Labelled, domains: Domains, readings: DengReadings, target: Labelled
+) -> Array:
+    """Source errors in all sub-spaces, aligned to a part of the target rows."""
+    return transfer_rows(source, target, domains, readings)[0][1]
+
+
+def _source_expert(
+    source: Labelled, domains: Domains, readings: DengReadings, settings: FitSettings
+) -> Expert:
+    """The process of the source alone, eq. 26, its width from rows left out."""
+    committee = single(source.features, source.errors, readings)
+    expert = expert_of(domains.source, committee, source, settings)
+    return replace(expert, inflation=left_out_inflation(committee, source, expert.white))
 
 
 def fit_pose_gpr(
@@ -215,112 +232,13 @@ def transfer_rows(
     return (np.concatenate(features), np.concatenate(errors)), tuple(alignments)
 
 
-def expert_of(
-    region: CylinderRegion, committee: Committee, rows: Labelled, settings: FitSettings
-) -> Expert:
-    """Returns the expert of a region; its noise is the learned one without the instrument's.
-
-    That is repeatability and what no pose explains.
-    """
-    instrument = float(np.mean(np.trace(rows.covariance, axis1=1, axis2=2)) / 3.0)
-    left = (committee.noise * MM) ** 2 - instrument
-    white = float(np.sqrt(max(left, settings.repeatability_sd**2)))
-    return Expert(region=region, committee=committee, white=white)
-
-
 def _enough(measurements: MeasurementSet, name: str) -> None:
-    if len(measurements) < _FEWEST_POSES:
+    if len(measurements) < FEWEST_POSES:
         raise ObservabilityError(
-            f"{len(measurements)} {name} poses, expected {_FEWEST_POSES} or more.",
+            f"{len(measurements)} {name} poses, expected {FEWEST_POSES} or more.",
             hint="a complete grid of a small region; the paper takes 126.",
         )
 
 
-def pose_summary(
-    rows: MeasurementSet, method: str, *, inside: str = ", and only inside its domains"
-) -> dict[str, object]:
-    """Returns the JSON values of a model of poses; lengths are SI like everything in an archive.
-
-    Args:
-        rows: All rows it was fitted to.
-        method: Its name.
-        inside: Where it holds, the end of the doubt.
-    """
-    return {
-        "method": method,
-        **describe_rows(rows),
-        "screened_rows": [],
-        "verdict": "conditional",
-        "doubts": [
-            "A model of poses: it holds for the payload, the tool point and the arm configuration "
-            f"that were measured{inside}."
-        ],
-    }
-
-
 def _describe_alignment(alignment: Alignment) -> dict[str, float]:
     return {"angle_deg": alignment.angle / DEG, "ridge": alignment.ridge}
-
-
-READINGS: Final = DengReadings(rounds=5, outside="nearest")
-LEAST: Final = 3
-"""Target poses below which boosting has nothing to weigh the source by."""
-
-
-def fit_boosted_poses(
-    robot: RobotModel,
-    target: MeasurementSet,
-    sources: Sequence[MeasurementSet],
-    settings: FitSettings,
-) -> PoseModel:
-    """Returns a model of poses boosted from sources to the target.
-
-    Args:
-        robot: Nominal arm whose tool is the measured point.
-        target: At least :data:`LEAST` rows in base.
-        sources: In base, at least one.
-        settings: The repeatability is used.
-
-    Raises:
-        ObservabilityError: Too few target rows, or no source.
-        ModelMismatchError: Another number of joints, or sets in a tracker frame.
-    """
-    if len(target) < LEAST or not sources:
-        raise ObservabilityError(
-            f"{len(target)} target poses and {len(sources)} measured sources; boosting asks for "
-            f"{LEAST} and 1."
-        )
-    rows = concatenate([*sources, target])
-    reference = attitude_reference(robot, rows.joints)
-    few = label_poses(robot, target, reference)
-    known = [label_poses(robot, source, reference) for source in sources]
-    committee = boost(
-        (few.features, few.errors),
-        (
-            np.concatenate([k.features for k in known]),
-            np.concatenate([k.errors for k in known]),
-        ),
-        READINGS,
-        target_weight=np.ones(len(target)),
-        output_weights=None,
-    )
-    return PoseModel(
-        robot=robot,
-        experts=(expert_of(_around(rows.position), committee, few, settings),),
-        reference=reference,
-        outside=READINGS.outside,
-        summary={
-            **pose_summary(rows, "boosted poses", inside=""),
-            "target_rows": len(target),
-        },
-    )
-
-
-def _around(points: Array) -> CylinderRegion:
-    """A full ring about joint 1 that holds all points."""
-    radius, height = np.hypot(points[:, 0], points[:, 1]), points[:, 2]
-    return CylinderRegion(
-        angle=(-np.pi, np.pi),
-        radius=(float(radius.min()), float(radius.max())),
-        height=(float(height.min()), float(height.max())),
-    )

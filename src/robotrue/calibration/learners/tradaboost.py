@@ -4,7 +4,8 @@ Deng et al. 2022, eq. 19-26, with a switch for every equation that can be read i
 
 ======  =======================================================================================
 eq. 19  source rows have no initial weight as printed; here 1 / (n + m) times ``source_weight``
-eq. 20  ``|w (y - G)|`` is taken over the outputs: one error and one weight for each row
+eq. 20  ``|w (y - G)|`` is taken over the outputs: one error and one weight for each row. w is one
+        for all rows (``output_weights``), or one for each row and output (``error_weights``)
 eq. 22  weights sum to one over source and target, so that few target rows never reach the limit
         of 0.5: ``error_over="all"`` as printed, "target" divides by the target's share
 eq. 23  target rows: weight times beta^(1 - e); Pardoe and Stone: beta^(-e), the same up to the
@@ -86,6 +87,8 @@ class TrAdaBoostR2(Regressor):
         X_source: npt.ArrayLike | None = None,
         y_source: npt.ArrayLike | None = None,
         source_weight: npt.ArrayLike | None = None,
+        error_weights: npt.ArrayLike | None = None,
+        source_error_weights: npt.ArrayLike | None = None,
     ) -> Self:
         """Returns itself, fitted to target rows and, if given, source rows.
 
@@ -97,16 +100,22 @@ class TrAdaBoostR2(Regressor):
             X_source: (n, d) source inputs, moved into the target's space beforehand.
             y_source: (n,) or (n, k) source outputs.
             source_weight: (n,) initial weights of source rows, ones when None.
+            error_weights: (m, k) measurement weights of eq. 20, of each target row; ones when None.
+            source_error_weights: (n, k), of each source row.
 
         Raises:
             ConfigurationError: A parameter that is not one of its words, or out of range.
-            ShapeError: Source and target of different shape.
+            ShapeError: Source and target of different shape, or weights of another shape.
             ValueError: What scikit-learn's own checks refuse.
         """
         inputs, outputs, weight = self._read_rows(X, y, sample_weight)
         count = len(inputs)
+        scale = self._error_scale(error_weights, outputs.shape)
         source = self._read_source(X_source, y_source, source_weight, (inputs, outputs))
         if source is not None:
+            scale = np.concatenate(
+                [self._error_scale(source_error_weights, source[1].shape), scale]
+            )
             inputs, outputs, weight = (
                 np.concatenate(both) for both in zip(source, (inputs, outputs, weight), strict=True)
             )
@@ -117,7 +126,7 @@ class TrAdaBoostR2(Regressor):
                 "initial weights are zero or more, and those of some target rows are more; "
                 f"the least is {weight.min():g}."
             )
-        self._boost(inputs[used], outputs[used], weight[used], target[used])
+        self._boost(inputs[used], outputs[used], weight[used], target[used], scale[used])
         return self
 
     def predict(self, X: npt.ArrayLike, return_std: bool = False) -> Any:
@@ -139,9 +148,10 @@ class TrAdaBoostR2(Regressor):
         variance = np.tensordot(share, own**2 + (each - centre) ** 2, axes=1)
         return self._drop_axis(combined), self._drop_axis(np.sqrt(variance))
 
-    def _boost(self, inputs: Array, outputs: Array, weight: Array, target: BoolArray) -> None:
+    def _boost(
+        self, inputs: Array, outputs: Array, weight: Array, target: BoolArray, scale: Array
+    ) -> None:
         rows, source = len(inputs), ~target
-        scale = self._output_weights(outputs.shape[1])
         decay = 1.0 / (1.0 + np.sqrt(2.0 * np.log(max(source.sum(), 1)) / self.rounds))
         weight = weight / weight.sum()
         self.estimators_: list[Any] = []
@@ -210,14 +220,21 @@ class TrAdaBoostR2(Regressor):
         each = [np.asarray(e.predict(inputs)).reshape(len(inputs), -1) for e in self.estimators_]
         return np.stack(each)
 
-    def _output_weights(self, outputs: int) -> Array:
-        if self.output_weights is None:
-            return np.ones(outputs)
-        scale = np.asarray(self.output_weights, dtype=np.float64)
-        if scale.shape != (outputs,) or not (np.isfinite(scale) & (scale >= 0.0)).all():
-            raise ShapeError(
-                f"output_weights is {scale.tolist()}, expected {outputs} numbers of zero or more."
-            )
+    def _error_scale(self, stated: npt.ArrayLike | None, shape: tuple[int, ...]) -> Array:
+        """Returns the weights (rows, k) of errors in eq. 20: those of rows times of outputs."""
+        scale = np.ones(shape)
+        for name, value, wanted in (
+            ("output_weights", self.output_weights, shape[1:]),
+            ("error weights", stated, shape),
+        ):
+            if value is None:
+                continue
+            given = np.asarray(value, dtype=np.float64)
+            if given.shape != wanted or not (np.isfinite(given) & (given >= 0.0)).all():
+                raise ShapeError(
+                    f"{name} of shape {given.shape}, expected {wanted} numbers of zero or more."
+                )
+            scale = scale * given
         return scale
 
 
