@@ -76,9 +76,11 @@ def _default(field: RequestField, form: str) -> str:
 
 
 def parameters_of_jobs() -> str:
-    """Returns the table of the kinds of jobs that are made from requests, as Markdown."""
+    """Returns the table of the kinds of jobs that leave items of their own, as Markdown."""
     rows = ["| kind | parameters, and their defaults |", "|---|---|"]
     for kind, operation in job_operations().items():
+        if operation.save is None:  # the options of its command, in cli.md
+            continue
         fields = [field for field in fields_of(operation.request) if field.is_in(JOB)]
         stated = [f"`{field.name}`{_default(field, ' ({})')}" for field in fields]
         rows.append(f"| `{kind}` | {', '.join(stated)} |")

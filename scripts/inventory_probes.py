@@ -181,13 +181,18 @@ def jobs() -> Iterator[str]:
 
 def _stated(operation: Any) -> Iterator[str]:
     """The parameters of a job that is made from a request."""
-    from robotrue.app.request import JOB, Item, Output, fields_of
+    from robotrue.app.job_files import job_fields, result_name
+    from robotrue.app.request import JOB, InputFile, Item, Output
 
     types = {bool: "flag", int: "whole", float: "number"}
-    for field in fields_of(operation.request):
-        if not field.is_in(JOB):
-            continue
-        if isinstance(field.entry, Item):
+    for field in job_fields(operation):
+        if isinstance(field.entry, InputFile):
+            form = "files" if field.many else "file" if field.is_required(JOB) else "file_or_none"
+            yield f"{field.name}: {form}"
+        elif isinstance(field.entry, Output) and operation.save is None:
+            usual = result_name(operation.request, field)
+            yield f"{field.name}: result" + (f" = {usual!r}" if field.required else "_or_none")
+        elif isinstance(field.entry, Item):
             form = (
                 "items"
                 if field.many_in_jobs or field.entry.listed
@@ -202,9 +207,8 @@ def _stated(operation: Any) -> Iterator[str]:
             yield f"{field.name}: texts"
         else:
             form = types.get(field.kind, "text")
-            yield f"{field.name}: {form}" + (
-                "_or_none" if field.default is None else f" = {field.default!r}"
-            )
+            usual = "_or_none" if field.default is None else f" = {field.default!r}"
+            yield f"{field.name}: {form}" + ("" if field.is_required(JOB) else usual)
 
 
 def _value(node: ast.expr, module: Any) -> Any:

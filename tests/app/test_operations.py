@@ -9,11 +9,12 @@ from typing import Any, get_args
 
 import pytest
 
+from robotrue.app.job_files import is_result_folder, job_fields
 from robotrue.app.job_naming import NAMED
 from robotrue.app.job_parameters import parameters_model, stated_parameters
 from robotrue.app.operations.calibrate import CalibrateRequest
 from robotrue.app.registry import job_operations, listings, operation_of
-from robotrue.app.request import JOB, InputFile, Item, ItemVersion, Output, fields_of
+from robotrue.app.request import JOB, InputFile, ItemVersion, Output, fields_of
 from robotrue.calibration.methods import METHODS
 from robotrue.errors import ConfigurationError
 
@@ -33,7 +34,7 @@ def test_operations_are_light_to_import() -> None:
         "import sys\n"
         "from robotrue.app.job_parameters import parameters_model\n"
         "from robotrue.app.registry import job_operations\n"
-        "[parameters_model(each.request) for each in job_operations().values()]\n"
+        "[parameters_model(each) for each in job_operations().values()]\n"
         f"print([name for name in {HEAVY.split()!r} if name in sys.modules])"
     )
     assert in_new_process(code) == "[]"
@@ -69,15 +70,16 @@ def test_an_operation_describes_itself(name: str) -> None:
 def test_a_job_has_the_defaults_of_its_request(name: str) -> None:
     operation = operation_of(name)
     needed: dict[str, Any] = {
-        field.name: ["x"] if field.many else "x"
-        for field in fields_of(operation.request)
-        if field.is_required(JOB) and isinstance(field.entry, Item)
+        field.name: ["x"] if field.many else 1.0 if field.kind is float else "x"
+        for field in job_fields(operation)
+        if field.is_required(JOB) and not isinstance(field.entry, Output)
     }
     request = stated_parameters(operation, needed).request
     for field in fields_of(operation.request):
-        if not field.is_required(JOB) and not isinstance(field.entry, Output):
-            assert getattr(request, field.name) == field.default
-    schema = parameters_model(operation.request).model_json_schema()
+        if field.name not in needed and not isinstance(field.entry, Output):
+            default = getattr(request, field.name)
+            assert default == field.default or is_result_folder(field)
+    schema = parameters_model(operation).model_json_schema()
     assert schema["additionalProperties"] is False
     assert set(NAMED) <= set(schema["properties"])
     assert set(schema.get("required", ())) == set(needed)

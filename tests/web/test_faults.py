@@ -9,6 +9,7 @@ import pytest
 
 from robotrue import errors, web
 from robotrue.app.job_kinds import job_kinds
+from robotrue.app.registry import job_operations
 from robotrue.calibration.methods import METHODS
 from robotrue.errors import FormatError, RobotrueError
 from robotrue.measurement.formats.sheet_file import read_sheet
@@ -16,6 +17,7 @@ from robotrue.report.words import in_chinese
 from robotrue.validation.splits import SplitKind
 from robotrue.web.faults import KINDS, fault_card, refusal
 from robotrue.web.language import Wording
+from robotrue.web.pages.history_screen import kind_name
 from robotrue.web.problems import MissingError, title_of
 from robotrue.web.workers import Unanswered
 
@@ -60,7 +62,12 @@ def test_what_a_calibration_is_at_is_told_in_the_reader_s_words() -> None:
 
 def test_history_names_every_kind_of_job_and_what_happens_to_one() -> None:
     say = Wording("zh")
-    assert all(say.has(f"history.kind_{kind}") for kind in job_kinds())
+    saved = {kind for kind, each in job_operations().items() if each.save is not None}
+    assert all(say.has(f"history.kind_{kind}") for kind in saved)
+    assert {kind_name(say, kind) for kind in set(job_kinds()) - saved} >= {
+        "dynamics fit",
+        "predict",
+    }
     happens = (
         "submitted",
         "begun",

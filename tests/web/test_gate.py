@@ -114,6 +114,8 @@ def test_no_route_whatever_answers_a_stranger(client: Client) -> None:
     routes += [
         ("get", "/vendor/vue/vue.esm-browser.prod.js"),
         ("get", "/vendor/three/index.js"),
+        ("get", "/tools/predict"),
+        ("get", "/tools/predict?job=a"),
         ("get", "/programs?id=a&part=judged"),
         ("get", "/reports/model/a/" + "0" * 64),
         ("get", "//api/items/cell"),

@@ -15,7 +15,7 @@ from robotrue.store.records import ItemQuery
 RAN: Final = "window.__ran=1"
 PAGES: Final = (
     "/", "/plan", "/measurements", "/calibration", "/registration", "/programs", "/drift",
-    "/drilling", "/live", "/history",
+    "/drilling", "/live", "/tools", "/tools/predict", "/tools/diff", "/history",
 )  # fmt: skip
 SCRIPTS: Final = (
     f"<script>{RAN}</script>",

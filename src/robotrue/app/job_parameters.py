@@ -10,11 +10,22 @@ from typing import Annotated, Any
 
 from pydantic import Field, ValidationError, WithJsonSchema, create_model
 
+from robotrue.app.job_files import (
+    FileItem,
+    NoPlaces,
+    Places,
+    file_item,
+    is_result_folder,
+    job_fields,
+    require_result_name,
+    result_name,
+)
 from robotrue.app.job_naming import NAMED, Naming
 from robotrue.app.operation import AnyOperation
 from robotrue.app.registry import job_operations
 from robotrue.app.request import (
     JOB,
+    InputFile,
     Item,
     ItemVersion,
     Option,
@@ -46,6 +57,28 @@ ItemParameter = Annotated[
     ),
 ]
 """An item by its id, the beginning of it, its name, or id and version."""
+FileParameter = Annotated[
+    str | FileItem,
+    WithJsonSchema(
+        {
+            "anyOf": [
+                {"type": "string", "maxLength": 200},
+                {
+                    "type": "object",
+                    "properties": {
+                        "id": {"type": "string", "maxLength": 200},
+                        "version": {"type": ["integer", "null"]},
+                        "file": {"type": "string", "maxLength": 200},
+                    },
+                    "required": ["id"],
+                    "additionalProperties": False,
+                },
+            ]
+        }
+    ),
+]
+"""A file of an item of the workspace; over HTTP also ``{"upload": ID}``, which is kept as one."""
+ResultName = Annotated[str, Field(max_length=200)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,14 +90,28 @@ class Stated:
 
 
 @cache
-def parameters_model(request: type[Request]) -> type[Naming]:
+def parameters_model(operation: AnyOperation) -> type[Naming]:
     """Returns the pydantic model of a job's parameters: the schema of its HTTP body."""
     fields: dict[str, Any] = {
-        field.name: _parameter(field) for field in fields_of(request) if field.is_in(JOB)
+        field.name: _result_parameter(operation.request, field)
+        if isinstance(field.entry, Output) and operation.save is None
+        else _parameter(field)
+        for field in job_fields(operation)
     }
-    name = request.__name__.removesuffix("Request") + "Parameters"
+    name = operation.request.__name__.removesuffix("Request") + "Parameters"
     model: type[Naming] = create_model(name, __base__=Naming, **fields)
     return model
+
+
+def _result_parameter(request: type[Request], field: RequestField) -> tuple[Any, Any]:
+    """The name of a result; one that may be left out is written under its usual name for true."""
+    kind: Any = list[ResultName] if field.many else ResultName
+    default: Any = result_name(request, field) if field.required else None
+    if field.many:
+        default = [] if default is None else [default]
+    elif not field.required:
+        kind = kind | bool | None
+    return Annotated[kind, Field(description=field.entry.help)], default
 
 
 def _parameter(field: RequestField) -> tuple[Any, Any]:
@@ -73,6 +120,8 @@ def _parameter(field: RequestField) -> tuple[Any, Any]:
     default = ... if required else field.default
     if isinstance(field.entry, Output):
         kind, default = bool, False
+    elif isinstance(field.entry, InputFile):
+        kind = FileParameter
     elif isinstance(field.entry, Item):
         kind = ItemParameter
         if _is_listed(field):
@@ -80,7 +129,7 @@ def _parameter(field: RequestField) -> tuple[Any, Any]:
     limits = [each for each in field.info.metadata if not isinstance(each, Option)]
     for limit in limits:
         kind = Annotated[kind, limit]
-    if field.many_in_jobs:
+    if is_list(field):
         kind = Annotated[list[kind], Field(min_length=1)] if required else list[kind]
         default = ... if required else list(field.default or ())
     if field.optional and not required:
@@ -88,15 +137,23 @@ def _parameter(field: RequestField) -> tuple[Any, Any]:
     return Annotated[kind, Field(description=field.entry.help)], default
 
 
-def stated_parameters(operation: AnyOperation, parameters: Mapping[str, Any]) -> Stated:
+def stated_parameters(
+    operation: AnyOperation, parameters: Mapping[str, Any], places: Places | None = None
+) -> Stated:
     """Returns the request that the parameters of a job state.
+
+    Args:
+        operation: That the job is of.
+        parameters: JSON values.
+        places: Of the files of the job; None: only names, where the request is but checked.
 
     Raises:
         ConfigurationError: An unknown parameter, one that is missing, or a value it cannot have.
     """
     request: type[Request] = operation.request
     fields = {field.name: field for field in fields_of(request)}
-    known = {name for name, field in fields.items() if field.is_in(JOB)} | set(NAMED)
+    stated = {field.name: field for field in job_fields(operation)}
+    known = {*stated, *NAMED}
     unknown = sorted(set(parameters) - known)
     if unknown:
         raise ConfigurationError(
@@ -104,20 +161,20 @@ def stated_parameters(operation: AnyOperation, parameters: Mapping[str, Any]) ->
         )
     given = {name: value for name, value in parameters.items() if value is not None}
     for name, value in given.items():
-        if name in fields and fields[name].many_in_jobs and not isinstance(value, list):
+        if name in fields and is_list(fields[name]) and not isinstance(value, list):
             given[name] = [value]
         elif name in fields and isinstance(value, list) and _is_listed(fields[name]):
             given[name] = _only(fields[name], value)
     try:
-        model = parameters_model(request).model_validate(given)
+        model = parameters_model(operation).model_validate(given)
     except ValidationError as error:
         raise _refusal(error, request, fields) from None
-    values: dict[str, Any] = {}
-    for name, field in fields.items():
-        if isinstance(field.entry, Output):
-            if field.entry.saved_as and (not field.is_in(JOB) or getattr(model, name)):
-                values[name] = Path(field.entry.saved_as)
-        elif field.is_in(JOB):
+    place = NoPlaces() if places is None else places
+    values = _saved_values(fields, stated, model) if operation.save else {}
+    if operation.save is None:
+        values = _kept_values(request, model, place)
+    for name, field in stated.items():
+        if not isinstance(field.entry, Output | InputFile):
             value = getattr(model, name)
             listed = value if isinstance(value, list) else [value]
             values[name] = tuple(listed) if field.many else value
@@ -128,6 +185,60 @@ def stated_parameters(operation: AnyOperation, parameters: Mapping[str, Any]) ->
         )
     except ValidationError as error:
         raise _refusal(error, request, fields) from None
+
+
+def _saved_values(
+    fields: Mapping[str, RequestField], stated: Mapping[str, RequestField], model: Naming
+) -> dict[str, Any]:
+    """The outputs of a job with a ``save`` of its own, by the names that it expects."""
+    return {
+        name: Path(field.entry.saved_as)
+        for name, field in fields.items()
+        if isinstance(field.entry, Output)
+        and field.entry.saved_as
+        and (name not in stated or getattr(model, name))
+    }
+
+
+def _kept_values(request: type[Request], model: Naming, places: Places) -> dict[str, Any]:
+    """The files of a job whose result is kept: what it reads, and what it writes under which name.
+
+    Raises:
+        ConfigurationError: A name that cannot be, or two results of one name.
+    """
+    values: dict[str, Any] = {}
+    written: list[str] = []
+    for field in fields_of(request):
+        if isinstance(field.entry, Output):
+            stated = getattr(model, field.name)
+            listed = stated if isinstance(stated, list) else [stated] if stated else []
+            usual = result_name(request, field)
+            names = [
+                usual if each is True else require_result_name(each, request, field)
+                for each in listed
+            ]
+            written += names
+            paths = tuple(places.result_file(name) for name in names)
+            if field.many or paths:
+                values[field.name] = paths if field.many else paths[0]
+        elif isinstance(field.entry, InputFile):
+            stated = getattr(model, field.name)
+            listed = stated if isinstance(stated, list) else [] if stated is None else [stated]
+            if listed:
+                found = places.input_files(field, [file_item(each) for each in listed])
+                values[field.name] = found if field.many else found[0]
+        elif is_result_folder(field) and field.default is not None:
+            values[field.name] = places.result_file(Path(field.default).name)
+    twice = sorted({name for name in written if written.count(name) > 1})
+    if twice:
+        raise ConfigurationError(f"two results of the name {twice[0]!r}.", hint="another name.")
+    return values
+
+
+def is_list(field: RequestField) -> bool:
+    """Returns whether a parameter is a list of values: also the files of a folder are."""
+    folder = isinstance(field.entry, InputFile) and field.entry.folder
+    return field.many_in_jobs or folder
 
 
 def _is_listed(field: RequestField) -> bool:
@@ -157,6 +268,12 @@ def _refusal(
         if name in NAMED:
             return ConfigurationError(f"parameter {name!r} is {fault['input']!r}, expected text.")
         entry = fields[name].entry if name in fields else None
+        if isinstance(entry, InputFile) and fault["type"] == "missing":
+            return ConfigurationError(
+                f"the parameter {name!r} is missing: which file?", hint=entry.help
+            )
+        if entry is not None and not isinstance(entry, Item) and fault["type"] == "missing":
+            return ConfigurationError(f"the parameter {name!r} is missing.", hint=entry.help)
         if isinstance(entry, Item):
             if fault["type"] == "missing":
                 return ConfigurationError(
@@ -171,18 +288,7 @@ def _refusal(
     return refusal(error, request, in_job)
 
 
-def check_parameters(kind: str, parameters: Mapping[str, Any]) -> None:
-    """Passes if a kind of job can be asked with these parameters; kinds of others always pass.
-
-    Raises:
-        ConfigurationError: As :func:`stated_parameters`.
-    """
-    operation = job_operations().get(kind)
-    if operation is not None:
-        stated_parameters(operation, parameters)
-
-
 def parameter_schemas() -> dict[str, Any]:
     """Returns the JSON schema of the parameters of each kind of job."""
-    requests: dict[str, type[Request]] = {k: each.request for k, each in job_operations().items()}
-    return {kind: parameters_model(each).model_json_schema() for kind, each in requests.items()}
+    kinds = job_operations().items()
+    return {kind: parameters_model(each).model_json_schema() for kind, each in kinds}

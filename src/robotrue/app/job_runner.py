@@ -6,27 +6,38 @@ from collections.abc import Mapping
 from typing import Any
 
 from robotrue.app.job_parameters import stated_parameters
+from robotrue.app.job_places import JobPlaces, hide_folder
+from robotrue.app.kept_result import keep_result
+from robotrue.app.operation import AnyOperation
 from robotrue.app.presentation import Note
-from robotrue.app.registry import operation_of
+from robotrue.app.registry import job_operation
 from robotrue.app.workspace_context import WorkspaceContext
-from robotrue.errors import ConfigurationError
 from robotrue.store.jobs_work import Publish, Work
 from robotrue.store.workspace import Transaction
 
 
 def run_job(work: Work) -> Publish:
-    """Runs the operation that a job is of; what it notes and shows become the job's remarks.
+    """Runs the operation that a job is of; what it notes becomes the job's remarks.
 
     Raises:
-        ConfigurationError: No operation of that name saves a result, or parameters that cannot be.
+        ConfigurationError: No job does an operation of that name, or parameters that cannot be.
     """
-    kind = work.job.kind
-    operation = operation_of(kind)
+    operation = job_operation(work.job.kind)
+    with hide_folder(work.folder):
+        return _run(operation, work)
+
+
+def _run(operation: AnyOperation, work: Work) -> Publish:
+    naming = stated_parameters(operation, work.parameters).naming
+    context = WorkspaceContext(work, naming)
     save = operation.save
     if save is None:
-        raise ConfigurationError(f"{kind!r} is no kind of job.")
+        places = JobPlaces(context)
+        request = stated_parameters(operation, work.parameters, places).request
+        places.link_items(request)
+        found = operation.run(request, context)
+        return lambda into: keep_result(found, into, context, places)
     stated = stated_parameters(operation, work.parameters)
-    context = WorkspaceContext(work, stated.naming)
     result = operation.run(stated.request, context)
     for block in result.blocks():
         if isinstance(block, Note):

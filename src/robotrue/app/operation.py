@@ -48,14 +48,17 @@ class Operation(Generic[Q, R]):
         request: Type of what is asked.
         run: Does it; the same on files and in a workspace.
         save: Writes its result into a workspace, with the transaction that ends the job, and
-            returns the job's result; None: no job does it.
+            returns the job's result; None: the result is kept as a document with the files it
+            wrote, see :func:`robotrue.app.kept_result.keep_result`.
         has_document: Whether the command has ``--json``: a run without a result has none.
+        is_service: Whether a run goes on until it is stopped; no job does.
     """
 
     request: type[Q]
     run: Callable[[Q, Context], R]
     save: Callable[[Q, R, Transaction, WorkspaceContext], Mapping[str, Any]] | None = None
     has_document: bool = True
+    is_service: bool = False
 
 
 AnyOperation: TypeAlias = Operation[Any, Any]

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from robotrue.online.record import StreamRecord
 
 RecordFolder: TypeAlias = Annotated[
-    Path, InputFile(argument="RECORD", help="Folder of `sense --record`.")
+    Path, InputFile(argument="RECORD", folder=True, help="Folder of `sense --record`.")
 ]
 SkipDamage: TypeAlias = Annotated[bool, Option(help="Go on behind damage inside a segment.")]
 

@@ -37,6 +37,8 @@ GROUPS: Final[Mapping[str, str]] = {
 The file of ``report calibration`` is ``report_calibration.py``. A file named as its group has no
 command: ``report.py`` is the kind of job.
 """
+OF_THE_WORKSPACE: Final = ("workspace", "jobs")
+"""Groups of what is done to a workspace itself."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,6 +63,11 @@ class Listing:
     def command(self) -> str:
         """Its name on the command line, without the group; empty for a kind of job alone."""
         return self.name.removeprefix(self.group).removeprefix("_").replace("_", "-")
+
+    @property
+    def words(self) -> str:
+        """Its command with the group, as ``dynamics fit``."""
+        return f"{self.group} {self.command}".strip()
 
 
 @cache
@@ -92,5 +99,29 @@ def operation_of(name: str) -> AnyOperation:
 @cache
 def job_operations() -> Mapping[str, AnyOperation]:
     """Returns the operations that jobs can do, by name."""
-    loaded = {each.name: operation_of(each.name) for each in listings()}
-    return {name: each for name, each in loaded.items() if each.save is not None}
+    return {each.name: operation_of(each.name) for each in listings() if not why_no_job(each)}
+
+
+def job_operation(kind: str) -> AnyOperation:
+    """Returns the operation of a kind of job; no other is imported.
+
+    Raises:
+        ConfigurationError: It is no kind of job.
+    """
+    if kind not in {each.name for each in listings()} or why_no_job(Listing(name=kind, help="")):
+        raise ConfigurationError(f"{kind!r} is no kind of job.")
+    return operation_of(kind)
+
+
+def why_no_job(listing: Listing) -> str:
+    """Returns why no job does an operation; empty for one that jobs can do.
+
+    ``service``: it goes on until it is stopped. ``workspace``, ``jobs``: what pages and interface
+    do at once. ``machine``: it prepares this computer and has no result.
+    """
+    operation = operation_of(listing.name)
+    if listing.group in OF_THE_WORKSPACE:
+        return listing.group
+    if operation.is_service:
+        return "service"
+    return "" if operation.has_document else "machine"

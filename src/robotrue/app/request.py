@@ -108,8 +108,16 @@ class Item(Option):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InputFile(Option):
-    """A file that is read and that no workspace has items of."""
+    """A file that is read and that no workspace has items of.
 
+    A job whose result is kept as a document is given it as a file of an item: what came with the
+    request is kept as a document.
+
+    Attributes:
+        folder: A folder of files is read.
+    """
+
+    folder: bool = False
     shells: frozenset[str] = ON_COMMAND_LINE
 
 
@@ -117,8 +125,9 @@ class InputFile(Option):
 class Output(Option):
     """A file to write.
 
-    On the command line its value is the path. A job writes it under ``saved_as``: always, or, where
-    the field is of the shell ``job``, if the parameter of that name is true.
+    On the command line its value is the path. A job with a ``save`` of its own writes it under
+    ``saved_as``: always, or, where the field is of the shell ``job``, if the parameter of that name
+    is true. Any other job is given the file name.
 
     Attributes:
         what: Is written, with its article.

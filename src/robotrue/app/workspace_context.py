@@ -206,7 +206,7 @@ class WorkspaceContext(OpenedInputs):
         made: ItemRecord = documents.add(
             into,
             kind,
-            name=self.naming.name or f"{kind} of {about}",
+            name=self.naming.name or f"{kind} of {about}"[: items.LONGEST_NAME],
             note=self.naming.note,
             files=list(files),
             about=list(links),

@@ -9,6 +9,7 @@ PATHS: Final = {
     "measurements": "M4 20l5-5M9 15a3 3 0 1 0 4-4 3 3 0 0 0-4 4M14 10l3-3M17 3v4h4M4 4h5M4 8h3",
     "calibration": "M12 3v3M12 18v3M3 12h3M18 12h3M12 12m-5 0a5 5 0 1 0 10 0 5 5 0 1 0-10 0M12 12h.01",  # noqa: E501
     "programs": "M5 3h10l4 4v14H5zM15 3v4h4M8.5 12l-2 2.5 2 2.5M15.5 12l2 2.5-2 2.5M13 11l-2 7",
+    "tools": "M14 6a4 4 0 0 1 5-3l-3 3 2 2 3-3a4 4 0 0 1-5 5L8 18a2 2 0 0 1-3-3z",
     "history": "M4 12a8 8 0 1 0 3-6.2M4 4v4h4M12 8v4l3 2",
     "plan": "M4 6h4M4 12h4M4 18h4M12 6h8M12 12h8M12 18h5",
     "registration": "M12 21s7-6 7-11a7 7 0 1 0-14 0c0 5 7 11 7 11M12 10h.01",

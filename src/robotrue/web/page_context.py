@@ -169,6 +169,8 @@ class Screen:
         build: Returns the page.
         parts: What comes later, by name: each fills a place that the page leaves for it.
         styles: Addresses of its own style sheets.
+        below: Further address; what it names in braces is in the query.
+        operations: That it has forms of its own for.
     """
 
     name: str
@@ -176,3 +178,5 @@ class Screen:
     build: Build
     parts: Mapping[str, Build] = field(default_factory=dict)
     styles: tuple[str, ...] = ()
+    below: str = ""
+    operations: tuple[str, ...] = ()

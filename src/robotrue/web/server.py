@@ -179,10 +179,9 @@ def _add_pages(app: FastAPI, server: ServerContext) -> None:
 
 
 def _add_page(app: FastAPI, server: ServerContext, screen: Screen) -> None:
-    @app.get(screen.path, include_in_schema=False)
     async def show(request: Request) -> HTMLResponse:
         view = preferences_from(request.cookies, request.headers.get("accept-language", ""))
-        query = dict(request.query_params)
+        query = {**request.query_params, **request.path_params}
         part = screen.parts.get(query.pop("part", ""))
         shown = await shown_model(server.workspace, query.get("model"))
         context = PageContext(
@@ -197,6 +196,9 @@ def _add_page(app: FastAPI, server: ServerContext, screen: Screen) -> None:
             models=shown.offered,
         )
         return HTMLResponse(await _build_page(context, part))
+
+    for path in filter(None, (screen.path, screen.below)):
+        app.add_api_route(path, show, include_in_schema=False)
 
 
 async def _build_page(context: PageContext, part: Build | None) -> str:

@@ -121,7 +121,8 @@ def run(request: DiffRequest, context: Context) -> ProgramDifference:
         raise ConfigurationError(
             "a process force without --model: errors are not predicted.", hint="--model MODEL"
         )
-    before, after = (context.program_files([each]) for each in (request.before, request.after))
+    before = context.program_files([request.before])
+    after = context.program_files([request.after], folder="after")
     files = compare_jobs(before, after, cell, model, force, home)
     if request.output is not None:
         output = context.output(request.output)

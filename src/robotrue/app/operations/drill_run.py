@@ -209,4 +209,4 @@ def _replay(
     )
 
 
-OPERATION: Final = Operation(request=DrillRunRequest, run=run)
+OPERATION: Final = Operation(request=DrillRunRequest, run=run, is_service=True)

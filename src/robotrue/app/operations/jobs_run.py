@@ -51,4 +51,4 @@ def run(request: JobsRunRequest, context: Context) -> PlainResult:
     return PlainResult(values={"attempts": attempts})
 
 
-OPERATION: Final = Operation(request=JobsRunRequest, run=run)
+OPERATION: Final = Operation(request=JobsRunRequest, run=run, is_service=True)

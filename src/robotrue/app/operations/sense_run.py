@@ -210,4 +210,4 @@ def _result(shot: Snapshot, note: str, origin: Provenance) -> PlainResult:
     )
 
 
-OPERATION: Final = Operation(request=SenseRunRequest, run=run)
+OPERATION: Final = Operation(request=SenseRunRequest, run=run, is_service=True)

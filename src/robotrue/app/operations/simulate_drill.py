@@ -204,4 +204,4 @@ def _figures(tally: DrillingTally) -> PracticeFigures:
     )
 
 
-OPERATION: Final = Operation(request=SimulateDrillRequest, run=run)
+OPERATION: Final = Operation(request=SimulateDrillRequest, run=run, is_service=True)

@@ -83,4 +83,4 @@ def run(request: SimulateEgmRequest, context: Context) -> PlainResult:
     )
 
 
-OPERATION: Final = Operation(request=SimulateEgmRequest, run=run)
+OPERATION: Final = Operation(request=SimulateEgmRequest, run=run, is_service=True)

@@ -142,4 +142,4 @@ def _announce_sensor(
     )
 
 
-OPERATION: Final = Operation(request=SimulateRdtRequest, run=run)
+OPERATION: Final = Operation(request=SimulateRdtRequest, run=run, is_service=True)

@@ -88,4 +88,4 @@ def run(request: SimulateRsiRequest, context: Context) -> PlainResult:
     )
 
 
-OPERATION: Final = Operation(request=SimulateRsiRequest, run=run)
+OPERATION: Final = Operation(request=SimulateRsiRequest, run=run, is_service=True)

@@ -71,4 +71,4 @@ def run(request: SimulateRtdeRequest, context: Context) -> PlainResult:
     return run_until_stopped("Universal Robots controller", serve, seconds=request.seconds)
 
 
-OPERATION: Final = Operation(request=SimulateRtdeRequest, run=run)
+OPERATION: Final = Operation(request=SimulateRtdeRequest, run=run, is_service=True)

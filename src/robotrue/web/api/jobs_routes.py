@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import functools
+from collections.abc import Mapping
 from dataclasses import fields
 from datetime import datetime
 from typing import Annotated, Any
@@ -10,12 +12,16 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Path, Query
 from pydantic import BaseModel, ConfigDict, Field
 
-from robotrue.app.job_parameters import check_parameters, parameter_schemas
+from robotrue.app.job_parameters import parameter_schemas, stated_parameters
+from robotrue.app.kept_inputs import find_incoming
+from robotrue.app.registry import job_operations
 from robotrue.errors import ConfigurationError
 from robotrue.store import jobs
 from robotrue.store.query_defaults import LIMIT
+from robotrue.store.workspace import Workspace
 from robotrue.web.page_context import ServerContext
 from robotrue.web.problems import MissingError
+from robotrue.web.uploads import find_upload, forget
 
 Id = Annotated[str, Path(max_length=40)]
 
@@ -29,8 +35,8 @@ class Asked(BaseModel):
     """A job that is wanted; ``x-parameters-of-kind`` has the schema of the parameters of each kind.
 
     Attributes:
-        kind: calibrate, validate, compensate or plan.
-        parameters: Those of the kind; items by their ids.
+        kind: Name of an operation, as ``calibrate`` or ``dynamics_fit``.
+        parameters: Those of the kind; items by their ids, files also as ``{"upload": ID}``.
     """
 
     model_config = ConfigDict(extra="forbid", json_schema_extra=_with_kinds)
@@ -66,8 +72,7 @@ def router(server: ServerContext) -> APIRouter:
             raise ConfigurationError(
                 f"a job of kind {asked.kind!r}, expected one of {', '.join(known)}."
             )
-        check_parameters(asked.kind, asked.parameters)
-        id = await asyncio.to_thread(jobs.submit, workspace, asked.kind, asked.parameters)
+        id = await asyncio.to_thread(submit_job, workspace, asked.kind, asked.parameters)
         server.job_process.wake()
         return job_document(await asyncio.to_thread(jobs.status, workspace, id))
 
@@ -97,6 +102,24 @@ def router(server: ServerContext) -> APIRouter:
         return job_document(jobs.cancel(workspace, get_job(id).id))
 
     return routes
+
+
+def submit_job(workspace: Workspace, kind: str, parameters: Mapping[str, Any]) -> jobs.JobId:
+    """Returns the id of a job that waits; what came with it is kept as documents it rests on.
+
+    Raises:
+        ConfigurationError: Parameters that cannot be, or no such upload; nothing is kept then.
+    """
+    operation = job_operations().get(kind)
+    if operation is None:  # a kind of others
+        return jobs.submit(workspace, kind, parameters)
+    incoming = find_incoming(operation, parameters, functools.partial(find_upload, workspace))
+    stated_parameters(operation, incoming.checked(parameters))
+    with workspace.write() as into:
+        id = jobs.submit(into, kind, incoming.kept(into, parameters))
+    for each in incoming.paths:  # only what is kept: after a refusal one tries again
+        forget(workspace, each)
+    return id
 
 
 def job_document(job: jobs.Job) -> dict[str, Any]:

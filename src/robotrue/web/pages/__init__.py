@@ -21,6 +21,7 @@ from robotrue.web.pages import (
     plan_screen,
     programs_screen,
     registration_screen,
+    tools_screen,
 )
 
 SCREENS: Final[tuple[Screen, ...]] = (
@@ -33,5 +34,6 @@ SCREENS: Final[tuple[Screen, ...]] = (
     drift_screen.PAGE,
     drilling_screen.PAGE,
     live_screen.PAGE,
+    tools_screen.PAGE,
     history_screen.PAGE,
 )

@@ -101,5 +101,9 @@ def _warnings(context: PageContext, found: Mapping[str, Any]) -> list[Markup]:
 
 
 PAGE: Final = Screen(
-    name="calibration", path="/calibration", build=_build, parts={"learned": _show_learned}
+    name="calibration",
+    path="/calibration",
+    build=_build,
+    parts={"learned": _show_learned},
+    operations=("calibrate", "report"),
 )

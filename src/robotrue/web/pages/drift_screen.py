@@ -125,4 +125,10 @@ def _shifts(cause: Mapping[str, Any]) -> list[str]:
     return shown
 
 
-PAGE: Final = Screen(name="drift", path="/drift", build=_build, styles=("/static/plan.css",))
+PAGE: Final = Screen(
+    name="drift",
+    path="/drift",
+    build=_build,
+    styles=("/static/plan.css",),
+    operations=("drift", "drift_plan", "transfer"),
+)

@@ -94,5 +94,9 @@ def _holes(test: Any) -> list[dict[str, Any]]:
 
 
 PAGE: Final = Screen(
-    name="drilling", path="/drilling", build=_build, styles=("/static/drilling.css",)
+    name="drilling",
+    path="/drilling",
+    build=_build,
+    styles=("/static/drilling.css",),
+    operations=("drill_fit", "drill_report"),
 )

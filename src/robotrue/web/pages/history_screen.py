@@ -9,6 +9,7 @@ from robotrue.store import items, jobs, journal
 from robotrue.store.nouns import DOCUMENT, NOUNS
 from robotrue.store.records import ItemQuery
 from robotrue.store.workspace import Workspace
+from robotrue.web.language import Wording
 from robotrue.web.live_sources import BEGUN, OVER, alarms
 from robotrue.web.page_context import PageContext, Screen
 
@@ -66,9 +67,17 @@ def _describe_entry(
         name, alarm = known.get(str(entry.detail.get("key")), (entry.item[:8], entry.detail))
         return name, PAGES_OF["live"] + entry.item, _alarm(context, alarm)
     kind = kinds.get(entry.item, "")
-    usual = context.say.word("history.kind", kind) if kind else entry.item[:8]
+    usual = kind_name(context.say, kind) if kind else entry.item[:8]
     where = "" if entry.action == GONE else PAGES_OF.get(entry.noun, "")
+    if kind in context.server.settings.kinds:
+        where = f"/tools/{kind}?job="
     return str(entry.detail.get("name") or usual), where and where + entry.item, ""
+
+
+def kind_name(say: Wording, kind: str) -> str:
+    """Returns what a kind of job is called: in the words of the reader, or by its command."""
+    known = say.word("history.kind", kind)
+    return known if known != kind else kind.replace("_", " ")
 
 
 def _alarm(context: PageContext, alarm: Mapping[str, Any]) -> str:

@@ -120,4 +120,5 @@ PAGE: Final = Screen(
     build=_build,
     parts={"shown": _show_promise},
     styles=("/static/plan.css",),
+    operations=("plan",),
 )

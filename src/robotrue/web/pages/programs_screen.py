@@ -105,4 +105,10 @@ def _tolerance(context: PageContext) -> float:
     return context.number("tolerance_mm", TOLERANCE_MM, most=1000.0)
 
 
-PAGE: Final = Screen(name="programs", path="/programs", build=_build, parts={"judged": _judge})
+PAGE: Final = Screen(
+    name="programs",
+    path="/programs",
+    build=_build,
+    parts={"judged": _judge},
+    operations=("compensate", "report"),
+)

@@ -80,5 +80,9 @@ async def _show_registration(context: PageContext, record: RegistrationRecord) -
 
 
 PAGE: Final = Screen(
-    name="registration", path="/registration", build=_build, styles=("/static/touch.css",)
+    name="registration",
+    path="/registration",
+    build=_build,
+    styles=("/static/touch.css",),
+    operations=("register", "probe_plan", "report"),
 )

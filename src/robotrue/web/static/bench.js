@@ -133,16 +133,27 @@
       own((await ask("POST", "/api/jobs", { kind, parameters })).id);
       location.reload();
     });
-  // A form whose fields are the parameters of a job; a name that ends in [] is a list, a checked box true.
-  const jobForm = (kind, form) => {
-    const parameters = {};
-    for (const [name, value] of new FormData(form)) {
-      if (value === "") continue;
-      const type = form.elements[name].type;
-      if (name.endsWith("[]")) (parameters[name.slice(0, -2)] ??= []).push(value);
-      else parameters[name] = type === "number" ? Number(value) : type === "checkbox" ? true : value;
+  // The values of a form; a name that ends in [] is a list, a checked box true, a file is sent and named by its upload.
+  const stated = async (form) => {
+    const found = {}, bar = form.querySelector("[data-progress]");
+    const put = (name, value) => (name.endsWith("[]") ? (found[name.slice(0, -2)] ??= []).push(value) : (found[name] = value));
+    const shown = (share) => bar && ((bar.hidden = false), (bar.firstElementChild.style.width = `${100 * share}%`));
+    for (const field of form.elements) {
+      const { name, type, value } = field;
+      if (!name || field.disabled || type === "submit" || type === "button") continue;
+      if (type === "file") {
+        for (const file of field.files) put(name, { upload: (await send(`/api/files?name=${encodeURIComponent(file.name)}`, file, shown)).id });
+      } else if (type === "checkbox") {
+        if (field.checked) put(name, name.endsWith("[]") ? value : true);
+        else if (field.defaultChecked && !name.endsWith("[]")) put(name, false);
+      } else if (value !== "" && (type !== "radio" || field.checked)) put(name, type === "number" ? Number(value) : "json" in field.dataset ? JSON.parse(value) : value);
     }
-    job(kind, parameters, form.querySelector("button"));
+    return found;
+  };
+  // A form whose fields are the parameters of a job.
+  const jobForm = (kind, form) => {
+    const button = form.querySelector("button");
+    pressed(button, async () => job(kind, await stated(form), button));
   };
   // Makes something of what is on the page, then opens it.
   const make = (url, body, go, button) =>

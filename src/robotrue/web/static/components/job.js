@@ -22,6 +22,7 @@ export default {
       return this.job.text.split(", ").map(word).join(", ");
     },
     result() {
+      if (this.job.state === "done" && this.go.includes("{job}")) return this.go.replace("{job}", this.id);
       const made = this.job.state === "done" && this.job.result?.[this.field];
       return made ? this.go.replace("{id}", made.id) : "";
     },

@@ -1,0 +1,169 @@
+"""The files of one job: inputs copied from the workspace, results that are kept with it."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path, PurePosixPath
+from typing import Any, Final
+
+from robotrue.app.job_files import FileItem
+from robotrue.app.presentation import Block, Note, Table, Text
+from robotrue.app.request import InputFile, Item, Request, RequestField, fields_of
+from robotrue.app.workspace_context import WorkspaceContext
+from robotrue.core.files import read_bytes
+from robotrue.errors import ConfigurationError, RobotrueError
+from robotrue.store import items
+from robotrue.store.cells import copy_cell
+from robotrue.store.layout import copy_files
+from robotrue.store.nouns import CELL, NOUNS, CellRecord
+from robotrue.store.records import ItemRecord, Link
+
+INPUTS: Final = "inputs"
+RESULTS: Final = "results"
+
+
+class JobPlaces:
+    """Where the files of a job lie.
+
+    Attributes:
+        links: To the items that it rests on.
+        subjects: Names of the files that are read, and behind them of the items.
+    """
+
+    def __init__(self, context: WorkspaceContext) -> None:
+        self.links: list[Link] = []
+        self.subjects: list[str] = []
+        self._context = context
+        self._results = context.folder(RESULTS)
+
+    def input_files(self, field: RequestField, stated: Sequence[FileItem]) -> tuple[Path, ...]:
+        """Returns copies of the files that a field reads, with what came beside them.
+
+        Raises:
+            ConfigurationError: No such item or file, or one that names files of this computer.
+        """
+        together = isinstance(field.entry, InputFile) and field.entry.folder
+        found: list[Path] = []
+        for number, each in enumerate(stated, 1):
+            folder = self._context.folder(INPUTS) / field.name
+            folder = folder if together else folder / str(number)
+            folder.mkdir(parents=True, exist_ok=True)
+            found += self._copy(each, folder, several=field.many or together)
+            if together:
+                found = [folder]
+        return tuple(found)
+
+    def result_file(self, name: str) -> Path:
+        """Returns where a result is written."""
+        return self._results / name
+
+    def results(self) -> list[Path]:
+        """Returns the files that were written; a folder is packed as one."""
+        for folder in [each for each in self._results.iterdir() if each.is_dir()]:
+            shutil.make_archive(str(folder), "zip", folder)
+            shutil.rmtree(folder)
+        return sorted(self._results.iterdir())
+
+    def link_items(self, request: Request) -> None:
+        """Notes the items that a request refers to, and that they are there.
+
+        Raises:
+            ConfigurationError: One is not in the workspace, or deleted.
+        """
+        for field in fields_of(type(request)):
+            stated = getattr(request, field.name)
+            if isinstance(field.entry, Item) and stated is not None:
+                for each in stated if isinstance(stated, tuple) else (stated,):
+                    record = self._context.record(NOUNS[field.entry.noun], each)
+                    self.links.append(Link(role=field.name, to=record.ref))
+                    self.subjects.append(record.name)
+
+    def _copy(self, stated: FileItem, folder: Path, *, several: bool) -> list[Path]:
+        """Copies of the files of an item; those that are meant."""
+        workspace = self._context.work.workspace
+        noun, id = items.resolve(workspace, stated.id)
+        record: ItemRecord = items.get(workspace, NOUNS[noun], id, version=stated.version)
+        if record.deleted:
+            raise ConfigurationError(f"{noun} {record.name!r} is deleted.", hint="bring it back.")
+        self.links.append(Link(role=INPUTS, to=record.ref))
+        self.subjects.append(stated.file or record.name)
+        if isinstance(record, CellRecord) and noun == CELL.name:
+            return [copy_cell(workspace, record, folder)]
+        copies = copy_files(workspace, record, folder)
+        meant = [path for path in copies if path.name == stated.file or not stated.file]
+        if not meant:
+            raise ConfigurationError(
+                f"{noun} {record.name!r} has no file {stated.file!r}.",
+                hint=", ".join(path.name for path in copies) or "another item.",
+            )
+        for path in copies:
+            _require_own_files(path)
+        return meant if several else meant[:1]
+
+
+def _require_own_files(path: Path) -> None:
+    """Refuses a TOML that names a file outside of the folder it came to."""
+    if path.suffix.lower() != ".toml":
+        return
+    try:
+        stated = tomllib.loads(read_bytes(path).decode("utf-8-sig", errors="replace"))
+    except tomllib.TOMLDecodeError:  # whoever reads it says where
+        return
+    for text in _texts(stated):
+        named = PurePosixPath(text.replace("\\", "/"))
+        if named.is_absolute() or ".." in named.parts:
+            raise ConfigurationError(
+                f"it names the file {text[:200]!r}, which did not come with it.",
+                source=path.name,
+                hint="choose a cell of the workspace, which brings the files it names.",
+            )
+
+
+def _texts(value: object) -> Iterator[str]:
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, Mapping):
+        for each in value.values():
+            yield from _texts(each)
+    elif isinstance(value, list):
+        for each in value:
+            yield from _texts(each)
+
+
+@contextmanager
+def hide_folder(folder: Path) -> Iterator[None]:
+    """Takes the folder of a job out of what a refusal says: it is of the server, and soon gone."""
+    try:
+        yield
+    except RobotrueError as cause:
+        cause.message = without_folder(cause.message, folder)
+        cause.hint = None if cause.hint is None else without_folder(cause.hint, folder)
+        cause.source = None if cause.source is None else without_folder(cause.source, folder)
+        raise
+
+
+def without_folder(value: Any, folder: Path) -> Any:
+    """Returns JSON values without the folder of a job in front of the names of its files."""
+    if isinstance(value, str):
+        inside = rf"{re.escape(str(folder))}(?:/{RESULTS}|/{INPUTS}(?:/\w+)?(?:/\d+)?)?(?:/|\b)"
+        return re.sub(inside, "", value)
+    if isinstance(value, Mapping):
+        return {name: without_folder(each, folder) for name, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [without_folder(each, folder) for each in value]
+    return value
+
+
+def plain_block(block: Block, folder: Path) -> dict[str, Any]:
+    """Returns a block as JSON values, for the page of a result."""
+    if isinstance(block, Note | Text):
+        return {"form": type(block).__name__.lower(), "text": without_folder(block.text, folder)}
+    rows = without_folder(block.rows, folder)
+    values: dict[str, Any] = {"title": without_folder(block.title, folder), "rows": rows}
+    if isinstance(block, Table):
+        return {"form": "table", **values, "columns": list(block.columns), "words": block.words}
+    return {"form": "facts", **values, "measured": block.measured}

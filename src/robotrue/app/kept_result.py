@@ -1,0 +1,57 @@
+"""The result of an operation without a ``save`` of its own: a document with all that it wrote."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from robotrue.app.job_places import JobPlaces, plain_block, without_folder
+from robotrue.app.operation import Result
+from robotrue.app.workspace_context import WorkspaceContext
+from robotrue.core.json_values import json_values
+from robotrue.core.provenance import marked_document
+from robotrue.store.workspace import Transaction
+
+
+def keep_result(
+    result: Result, into: Transaction, context: WorkspaceContext, places: JobPlaces
+) -> Mapping[str, Any]:
+    """Leaves a document of the kind of the job; returns the result of the job.
+
+    Its files are those that were written and the JSON values of the result; what a terminal would
+    show is in its detail, for the page of the result.
+    """
+    job, folder = context.work.job, context.work.folder
+    values = without_folder(json_values(result.document() or {}), folder)
+    origin = result.provenance
+    marked = values if "simulated" in values else marked_document(values, origin)
+    detail = {
+        "simulated": bool(marked.get("simulated", False)),
+        "provenance": None if origin is None else origin.to_document(),
+        "blocks": [plain_block(each, folder) for each in result.blocks()],
+        "remarks": list(context.work.remarks),
+    }
+    files = places.results()
+    return context.leave_document(
+        into,
+        job.kind.replace("_", " "),
+        next(iter(places.subjects), "no input"),
+        [*files, _write_values(marked, job.kind, folder, files)],
+        list(dict.fromkeys(places.links)),
+        without_folder(json_values(detail), folder),
+    )
+
+
+def _write_values(
+    values: Mapping[str, Any], kind: str, folder: Path, beside: Sequence[Path]
+) -> Path:
+    """The file of the JSON values, by a name that none beside it has."""
+    taken = {path.name for path in beside}
+    name = f"{kind}.json"
+    while name in taken:
+        name = f"_{name}"
+    path = folder / name
+    path.write_text(json.dumps(json_values(values), indent=1, allow_nan=False) + "\n")
+    return path

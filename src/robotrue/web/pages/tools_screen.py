@@ -1,0 +1,208 @@
+"""Tools: every operation with a page made from its request, or the reason why it has none."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from robotrue.app.job_files import INPUT, job_fields
+from robotrue.app.operation import AnyOperation
+from robotrue.app.registry import GROUPS, Listing, job_operations, listings, why_no_job
+from robotrue.app.request import InputFile, Item
+from robotrue.errors import ConfigurationError
+from robotrue.store import items, jobs
+from robotrue.store.nouns import DOCUMENT, NOUNS, DocumentRecord
+from robotrue.store.records import ItemQuery, ItemRecord, Ref
+from robotrue.web.faults import fault_card
+from robotrue.web.page_context import PageContext, Screen
+from robotrue.web.pages.history_screen import PAGES_OF
+from robotrue.web.parts.generated_form import GeneratedForm
+from robotrue.web.problems import kind_words
+
+OFFERED: Final = 50
+"""Items to choose from, the newest."""
+RUNS: Final = 20
+FILES: Final = ("cell", "model", "measurement", "program", "registration")
+"""Nouns whose files can be read besides those of documents."""
+TONES: Final[Mapping[str, str]] = {"done": "good", "failed": "bad", "cancelled": "caution"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ToolRow:
+    """An operation in the list.
+
+    Attributes:
+        name: Of the operation.
+        words: Its command.
+        help: What it does.
+        address: Of its generated page; empty: it has none.
+        pages: That have forms of their own for it.
+        reason: Why it has no page.
+    """
+
+    name: str
+    words: str
+    help: str
+    address: str
+    pages: tuple[Screen, ...]
+    reason: str
+
+
+async def _build(context: PageContext) -> str:
+    name = context.query.get("operation")
+    if name is None:
+        return context.render("tools.html", groups=list(_groups(context)))
+    listing = next((each for each in listings() if each.name == name), None)
+    if listing is None or name not in job_operations():
+        raise ConfigurationError(f"no page is made of the operation {name[:60]!r}.")
+    if "job" in context.query:
+        return await _show_run(context, listing, context.query["job"])
+    return await _show_form(context, listing)
+
+
+def _groups(context: PageContext) -> Iterator[tuple[str, str, list[ToolRow]]]:
+    """Heading, help and operations of each group that has some."""
+    for group in ("", *GROUPS):
+        rows = [_row(context, each) for each in listings() if each.group == group]
+        if rows:
+            title = context.say(f"tools.group_{group}" if group else "tools.general")
+            yield title, GROUPS.get(group, ""), rows
+
+
+def _row(context: PageContext, listing: Listing) -> ToolRow:
+    reason = why_no_job(listing)
+    return ToolRow(
+        name=listing.name,
+        words=listing.words,
+        help=listing.help,
+        address="" if reason else f"/tools/{listing.name}",
+        pages=_own_pages(context, listing.name),
+        reason=reason,
+    )
+
+
+def _own_pages(context: PageContext, name: str) -> tuple[Screen, ...]:
+    return tuple(each for each in context.screens if name in each.operations)
+
+
+async def _show_form(context: PageContext, listing: Listing) -> str:
+    name, operation = listing.name, job_operations()[listing.name]
+    found = (await context.ask(jobs.search, context.workspace, kind=name, limit=RUNS)).items
+    return context.render(
+        "tool.html",
+        name=name,
+        title=listing.words,
+        help=listing.help,
+        pages=_own_pages(context, name),
+        jobs=await context.jobs(name),
+        form=await _form(context, operation),
+        runs=[(each, await _document(context, each)) for each in found if each.over],
+        tones=TONES,
+    )
+
+
+async def _form(context: PageContext, operation: AnyOperation) -> GeneratedForm:
+    """The form with the items and files that its fields may refer to."""
+    fields = job_fields(operation)
+    nouns = {each.entry.noun for each in fields if isinstance(each.entry, Item)}
+    records: dict[str, Sequence[ItemRecord]] = {
+        noun: await context.items(NOUNS[noun], ItemQuery(limit=OFFERED)) for noun in sorted(nouns)
+    }
+    if DOCUMENT.name in records:
+        records[DOCUMENT.name] = [
+            each
+            for each in records[DOCUMENT.name]
+            if isinstance(each, DocumentRecord) and each.attachments and each.kind != INPUT
+        ]
+    reads = any(isinstance(each.entry, InputFile) for each in fields)
+    return GeneratedForm(
+        context=context,
+        request=operation.request,
+        group="tools",
+        operation=operation,
+        records=records,
+        files=await _kept_files(context) if reads else {},
+        chosen={} if context.model is None else {"model": context.model.id},
+    )
+
+
+async def _kept_files(context: PageContext) -> dict[str, Sequence[ItemRecord]]:
+    """Items with files, by the heading they stand under; those without files left out."""
+    say, asked = context.say, ItemQuery(limit=OFFERED)
+    sent = ItemQuery(where={"kind": INPUT}, limit=OFFERED)
+    made = await context.items(DOCUMENT, asked)
+    inputs = await context.items(DOCUMENT, sent)
+    found: dict[str, Sequence[ItemRecord]] = {
+        say("tools.kept_inputs"): inputs,
+        say("tools.kept_results"): [each for each in made if each.kind != INPUT],
+    }
+    for noun in FILES:
+        found[say.word("history.noun", noun)] = await context.items(NOUNS[noun], asked)
+    with_files = {
+        heading: [each for each in records if each.attachments]
+        for heading, records in found.items()
+    }
+    return {heading: records for heading, records in with_files.items() if records}
+
+
+async def _document(context: PageContext, job: jobs.Job) -> ItemRecord | None:
+    """The document that a job left, with the blocks that it shows."""
+    made = (job.result or {}).get("document")
+    if not made:
+        return None
+    record = await context.item(DOCUMENT, made["id"])
+    return record if "blocks" in record.detail else None
+
+
+async def _show_run(context: PageContext, listing: Listing, id: str) -> str:
+    """One run: what it shows, its files, what it rests on, what it failed with."""
+    job = await context.ask(jobs.status, context.workspace, id)
+    if job.kind != listing.name:
+        raise ConfigurationError(f"job {id[:8]!r} is of another kind, {job.kind}.")
+    record, error, fault = await _document(context, job), job.error, ""
+    if error is not None:
+        source = str(error.get("source") or "").rpartition("/")[2]
+        line = f":{error['line']}" if error.get("line") else ""
+        place = f"{source}{line}: " if source else ""
+        kind = kind_words(error["kind"])
+        fault = fault_card(context.say, kind, place + error["message"], error.get("hint"))
+    made = [each for each in (job.result or {}).values() if isinstance(each, Mapping)]
+    left = [Ref(id=each["id"], version=each["version"]) for each in made if "version" in each]
+    rests = [] if record is None else [each.to for each in record.links]
+    shown = [
+        (context.say("tools.left"), [] if record else await _linked(context, left)),
+        (context.say("tools.rests"), await _linked(context, rests)),
+    ]
+    running = [each for each in await context.jobs(job.kind) if not each.over]
+    return context.render(
+        "tool_result.html",
+        name=job.kind,
+        title=listing.words,
+        job=job,
+        record=record,
+        jobs=running,
+        fault=fault,
+        remarks=record.detail["remarks"] if record else job.remarks,
+        linked=[(heading, rows) for heading, rows in shown if rows],
+    )
+
+
+async def _linked(context: PageContext, refs: Sequence[Ref]) -> list[tuple[str, ItemRecord, str]]:
+    """Noun, record and address of items; of a document its files are there instead."""
+    found = []
+    for ref in refs:
+        noun, id = await context.ask(items.resolve, context.workspace, ref.id)
+        record = await context.item(NOUNS[noun], id, ref.version)
+        page = PAGES_OF.get(noun, "")
+        found.append((noun, record, page and page + id))
+    return found
+
+
+PAGE: Final = Screen(
+    name="tools",
+    path="/tools",
+    below="/tools/{operation}",
+    build=_build,
+    styles=("/static/plan.css",),
+)

@@ -1,0 +1,140 @@
+"""The form of any operation, made from its request alone.
+
+Labels are the names of fields and hints their help, where the languages have no words of their own:
+``tools.field_<name>``.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from annotated_types import Gt, Lt
+from markupsafe import Markup
+
+from robotrue.app.job_files import job_fields, result_name
+from robotrue.app.job_parameters import is_list
+from robotrue.app.operation import AnyOperation
+from robotrue.app.request import JOB, InputFile, Item, Output, RequestField
+from robotrue.store.records import ItemRecord
+from robotrue.web.parts.request_form import RequestForm
+from robotrue.web.templating import macro
+
+TEMPLATE: Final = "generated_form.html"
+UNITS: Final[Mapping[str, str]] = {
+    "mm_per_s": "mm/s", "mm_per_min": "mm/min", "um_per_n": "µm/N", "mm": "mm", "um": "µm",
+    "deg": "°", "hz": "Hz", "rpm": "1/min", "ms": "ms", "s": "s", "N": "N", "n": "N", "kg": "kg",
+}  # fmt: skip
+"""How the ends of names that are units are printed."""
+_OPTION: Final = re.compile(r"--([a-z][a-z-]+)")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GeneratedForm(RequestForm):
+    """The form of an operation for one reader.
+
+    Attributes:
+        operation: That a job is to do.
+        files: Items that have files to choose from, by the heading they stand under.
+        chosen: Id of the item that is chosen at first, by noun.
+    """
+
+    operation: AnyOperation
+    files: Mapping[str, Sequence[ItemRecord]] = field(default_factory=dict)
+    chosen: Mapping[str, str] = field(default_factory=dict)
+
+    def parts(self) -> Iterator[tuple[str, Markup]]:
+        """Yields the heading and the fields of each part of the form that has some."""
+        stated = job_fields(self.operation)
+        for part in ("inputs", "settings", "results"):
+            fields = [each for each in stated if _part(each) == part]
+            if fields:
+                yield part, Markup().join(self.control(each) for each in fields)
+
+    def control(self, each: RequestField) -> Markup:
+        """Returns the HTML of one field with its label and its help."""
+        return macro(TEMPLATE, self._kind(each), self, each)
+
+    def _kind(self, each: RequestField) -> str:
+        """The macro that writes a field."""
+        if isinstance(each.entry, InputFile):
+            return "files"
+        if isinstance(each.entry, Item):
+            return "picks" if each.many_in_jobs else "items"
+        if isinstance(each.entry, Output):
+            return "tick" if self.operation.save is not None else "result"
+        if each.kind is bool:
+            return "tick"
+        if each.choices:
+            return "picked_choices" if each.many else "choices"
+        return "number" if each.kind in (int, float) and not each.many else "text"
+
+    def words(self, name: str) -> str:
+        """Returns the label of a field: its words, or its name with the unit in brackets."""
+        key = f"tools.field_{name}"
+        if self.context.say.has(key):
+            return self.context.say(key)
+        for end, unit in UNITS.items():
+            if name.endswith(f"_{end}"):
+                return f"{_as_words(name.removesuffix(f'_{end}'))} ({unit})"
+        return _as_words(name)
+
+    def hint(self, name: str) -> str:
+        """Returns the help of a field, with labels in place of options of the command line."""
+        fields = {each.name: each for each in job_fields(self.operation)}
+        options = {each.option: each.name for each in fields.values()}
+
+        def label(found: re.Match[str]) -> str:
+            known = options.get(found[0], found[1].replace("-", "_"))
+            return f"“{self.words(known)}”" if known in fields else found[0]
+
+        return _OPTION.sub(label, fields[name].entry.help)
+
+    def is_required(self, each: RequestField) -> bool:
+        """Returns whether a job cannot do without a field."""
+        return each.is_required(JOB) and not isinstance(each.entry, Output)
+
+    def is_list(self, each: RequestField) -> bool:
+        """Returns whether a field may have several values."""
+        return is_list(each)
+
+    def first_text(self, each: RequestField) -> str:
+        """Returns the text that stands in a field at first."""
+        return "" if each.default is None or each.many else str(each.default)
+
+    def first_name(self, each: RequestField) -> str:
+        """Returns the name of a result that is always written; empty for one on request."""
+        return self.usual_name(each) if each.required else ""
+
+    def usual_name(self, each: RequestField) -> str:
+        """Returns the name of a result where none is stated."""
+        return result_name(self.request, each)
+
+    def file_value(self, record: ItemRecord, file: str) -> str:
+        """Returns the parameter that means a file of an item."""
+        return json.dumps({"id": record.id, "version": record.version, "file": file})
+
+    def bounds(self, each: RequestField) -> Iterator[tuple[str, str]]:
+        """Yields the attributes ``min`` and ``max`` of a number."""
+        known: dict[str, Any] = dict(RequestForm.bounds(self, each))
+        for limit in each.info.metadata:
+            if isinstance(limit, Gt):
+                known.setdefault("min", f"{float(str(limit.gt)):g}")
+            elif isinstance(limit, Lt):
+                known.setdefault("max", f"{float(str(limit.lt)):g}")
+        if each.entry.least is not None:
+            known.setdefault("min", f"{each.entry.least:g}")
+        yield from known.items()
+
+
+def _part(each: RequestField) -> str:
+    if isinstance(each.entry, Output):
+        return "results"
+    return "inputs" if isinstance(each.entry, Item | InputFile) else "settings"
+
+
+def _as_words(name: str) -> str:
+    return name[:1].upper() + name[1:].replace("_", " ")
