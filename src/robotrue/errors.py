@@ -24,7 +24,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 
 class RobotrueError(Exception):
@@ -52,7 +51,7 @@ class RobotrueError(Exception):
         self.source = str(source) if source is not None else None
         self.line = line
         self.hint = hint
-        self.detail: Mapping[str, Any] = {}
+        self.detail: Mapping[str, object] = {}
         super().__init__(self._compose())
 
     def _compose(self) -> str:

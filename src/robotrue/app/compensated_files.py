@@ -73,7 +73,7 @@ class Rewritten:
 
 def compensate_files(
     request: CompensateRequest, context: Context
-) -> tuple[Mapping[str, Any], Provenance]:
+) -> tuple[Mapping[str, object], Provenance]:
     """Writes the compensated program; returns the counts as JSON values, and what they rest on.
 
     Raises:
@@ -227,7 +227,7 @@ def _write_held(
     result: Compensation,
     force: StatedForce,
     stream: BinaryIO,
-    more: Mapping[str, Any],
+    more: Mapping[str, object],
 ) -> Rewritten:
     """Writes a program that was compensated as a whole."""
     data = write_program(program, result.replacement)
@@ -236,7 +236,7 @@ def _write_held(
     return Rewritten(sha256=sha256(data), counts=counts, held=(program, result))
 
 
-def _counts(summary: Mapping[str, Any], force: StatedForce) -> dict[str, Any]:
+def _counts(summary: Mapping[str, object], force: StatedForce) -> dict[str, object]:
     return {**summary, "force": force.document()} if force.uses else dict(summary)
 
 

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -326,7 +326,7 @@ def _path_table(path: PathCheck) -> ReportTable:
 
 def _results(
     seed: int, selection: Selection, held_out: list[HeldOut], path: PathCheck
-) -> dict[str, Any]:
+) -> dict[str, object]:
     return {
         "simulated": False,
         "seed": seed,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -90,7 +90,7 @@ def demo_results(
     report: ValidationReport,
     runs: HoleRuns,
     compensation: Compensation,
-) -> dict[str, Any]:
+) -> dict[str, object]:
     """Returns the results as JSON values, units in the names."""
     return {
         "simulated": True,

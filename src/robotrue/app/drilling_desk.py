@@ -53,10 +53,10 @@ class Desk:
         self.robot, self.reporter = robot, reporter
         self._session, self._setup, self._journal = session, setup, journal
         self._truth, self._output = truth, output
-        self._answers: OrderedDict[str, dict[str, Any]] = OrderedDict()
+        self._answers: OrderedDict[str, dict[str, object]] = OrderedDict()
         self.moves = self.refusals = self.references = self.alarms = self.unread = 0
 
-    def take(self, sample: SignalSample) -> dict[str, Any] | None:
+    def take(self, sample: SignalSample) -> dict[str, object] | None:
         """Returns what the other side is told about a sample; None if nothing.
 
         Raises:
@@ -89,7 +89,7 @@ class Desk:
         )
         return mark_title(text, self._session.provenance)
 
-    def _foot(self, sample: SignalSample) -> dict[str, Any] | None:
+    def _foot(self, sample: SignalSample) -> dict[str, object] | None:
         try:
             head = self.robot is None
             foot = foot_sample(sample.values, self._setup, sample.host_time, head=head)
@@ -108,7 +108,7 @@ class Desk:
 
     def _by_robot(
         self, answer: HoleAnswer, robot: DrillingRobot
-    ) -> tuple[HoleAnswer, dict[str, Any]]:
+    ) -> tuple[HoleAnswer, dict[str, object]]:
         """The answer as the robot's move, or the refusal it comes to."""
         document, found = answer_document(answer), answer.adjustment
         if found is None:
@@ -120,7 +120,7 @@ class Desk:
             refused = replace(answer, adjustment=None, refused=_said(cause))
             return refused, answer_document(refused)
 
-    def _reference(self, sample: SignalSample) -> dict[str, Any]:
+    def _reference(self, sample: SignalSample) -> dict[str, object]:
         hole = sample.texts.get("hole", "")
         truth = sample.texts.get("truth", self._truth)
         try:
@@ -156,7 +156,7 @@ class Desk:
             self._print(document)
         return document
 
-    def _print(self, document: Mapping[str, Any]) -> None:
+    def _print(self, document: Mapping[str, object]) -> None:
         self.reporter.report(Message(_line(document), document=document))
 
 
@@ -164,7 +164,7 @@ def _said(cause: RobotrueError) -> str:
     return cause.message + (f" ({cause.hint})" if cause.hint else "")
 
 
-def _line(document: Mapping[str, Any]) -> str:
+def _line(document: Mapping[str, object]) -> str:
     status, hole = document["status"], document.get("hole", "")
     if status == "move" and "turn_deg" in document:
         axes = [v for name, v in document.items() if re.fullmatch(r"a\d_deg", name)]

@@ -8,12 +8,12 @@ import time
 from collections import deque
 from collections.abc import AsyncIterator, Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from robotrue.app.number_options import parse_numbers
-from robotrue.app.registered import opened
+from robotrue.app.registered import open_model
 from robotrue.calibration.model import ErrorModel
 from robotrue.core.arrays import Array
 from robotrue.core.rotations import abc_from_matrix, matrix_from_abc
@@ -87,7 +87,7 @@ class DrillingRobot:
             while len(self._recent) > 1 and at - self._recent[1][0] >= self._still:
                 self._recent.popleft()
 
-    def move(self, found: HoleAdjustment, now: float) -> dict[str, Any]:
+    def move(self, found: HoleAdjustment, now: float) -> dict[str, object]:
         """Returns where the robot has to go, as the machine is told it: deg and mm.
 
         Args:
@@ -151,7 +151,7 @@ def carrying_robot(path: Path, foot_abc_deg: str) -> tuple[ErrorModel, Load, Arr
     Raises:
         ConfigurationError: A cell instead of a calibrated model, or no three angles.
     """
-    cell, robot = opened(path)
+    cell, robot = open_model(path)
     if robot is None:
         raise ConfigurationError(
             "a cell, not a calibrated model.", source=path, hint="pass a model of `calibrate`."
@@ -195,8 +195,8 @@ async def followed(robot: DrillingRobot | None) -> AsyncIterator[asyncio.Task[No
 
 
 def with_robot(
-    document: Mapping[str, Any], found: HoleAdjustment, robot: DrillingRobot
-) -> dict[str, Any]:
+    document: Mapping[str, object], found: HoleAdjustment, robot: DrillingRobot
+) -> dict[str, object]:
     """Returns an answer with where the robot has to go instead of a head's axes."""
     head = {f"{d}{axis}_{unit}" for d in ("", "d") for axis in "ABXYZ" for unit in ("deg", "mm")}
     kept = {name: value for name, value in document.items() if name not in head}

@@ -132,7 +132,7 @@ def _error_tables(model: ErrorModel) -> Iterable[Table]:
         )
 
 
-def model_document(stored: ModelFile) -> dict[str, Any]:
+def model_document(stored: ModelFile) -> dict[str, object]:
     """Returns a model file's kind, training summary, identified errors, stiffness and cell."""
     cell = stored.cell
     return {
@@ -152,7 +152,7 @@ def model_document(stored: ModelFile) -> dict[str, Any]:
     }
 
 
-def cell_document(cell: Cell) -> dict[str, Any]:
+def cell_document(cell: Cell) -> dict[str, object]:
     """Returns what was understood of a cell.toml."""
     robot = cell.robot
     home = forward(robot, np.zeros((1, robot.dof)))[0, :3, 3]
@@ -177,7 +177,7 @@ def cell_document(cell: Cell) -> dict[str, Any]:
     }
 
 
-def _controller_document(cell: Cell) -> dict[str, Any]:
+def _controller_document(cell: Cell) -> dict[str, object]:
     told = cell.controller
     return {
         "bases": sorted(told.bases),
@@ -200,7 +200,7 @@ def _controller_document(cell: Cell) -> dict[str, Any]:
     }
 
 
-def _part_document(part: PartTable) -> dict[str, Any]:
+def _part_document(part: PartTable) -> dict[str, object]:
     return {
         "method": part.method,
         "points": part.points_file,
@@ -209,7 +209,7 @@ def _part_document(part: PartTable) -> dict[str, Any]:
     }
 
 
-def _program_identity(known: ProgramIdentity) -> dict[str, Any]:
+def _program_identity(known: ProgramIdentity) -> dict[str, object]:
     """What the file beside a program says of it."""
     return {
         "identity": {
@@ -221,7 +221,7 @@ def _program_identity(known: ProgramIdentity) -> dict[str, Any]:
     }
 
 
-def measurement_document(measurements: MeasurementSet) -> dict[str, Any]:
+def measurement_document(measurements: MeasurementSet) -> dict[str, object]:
     """Returns counts, extent and noise of a measurement file."""
     span = np.ptp(measurements.position, axis=0) / MM
     turns = np.stack([measurements.joints.min(axis=0), measurements.joints.max(axis=0)], axis=1)
@@ -241,7 +241,7 @@ def measurement_document(measurements: MeasurementSet) -> dict[str, Any]:
     }
 
 
-def program_document(job: Sequence[Program]) -> dict[str, Any]:
+def program_document(job: Sequence[Program]) -> dict[str, object]:
     """Returns counts by motion and by reason of a program and its companions."""
     motions: Counter[str] = Counter()
     reasons: Counter[str] = Counter()
@@ -269,7 +269,7 @@ def _is_cell(path: Path, data: bytes) -> bool:
         return False
 
 
-def toolpath_document(path: Toolpath) -> dict[str, Any]:
+def toolpath_document(path: Toolpath) -> dict[str, object]:
     """Returns points, lengths and feeds of a tool path, and what was not understood."""
     feeds = path.feed[path.cutting & np.isfinite(path.feed)] * 60.0 / MM
     return {
@@ -351,7 +351,7 @@ def _whose(model: dict[str, str]) -> str:
     return f"the {model['kind']} {model['robot']} ({model['sha256'][:12]})"
 
 
-def _words(value: Any) -> str:
+def _words(value: object) -> str:
     if isinstance(value, dict):
         return ", ".join(f"{number} {name}" for name, number in value.items()) or "none"
     if isinstance(value, list):

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -56,7 +55,7 @@ def parse_wrench(text: str) -> Array:
     return np.concatenate([numbers, np.zeros(6 - numbers.size)])
 
 
-def _milling_wrench(stated: Mapping[str, Any]) -> Array:
+def _milling_wrench(stated: Mapping[str, object]) -> Array:
     """The mean force of milling (6,) N in path axes, from the keys of ``milling``.
 
     Raises:

@@ -245,7 +245,7 @@ def _is_listed(field: RequestField) -> bool:
     return isinstance(field.entry, Item) and (field.entry.listed or field.entry.single)
 
 
-def _only(field: RequestField, values: list[Any]) -> Any:
+def _only(field: RequestField, values: list[object]) -> object:
     """The one item of a list.
 
     Raises:
@@ -288,7 +288,7 @@ def _refusal(
     return refusal(error, request, in_job)
 
 
-def parameter_schemas() -> dict[str, Any]:
+def parameter_schemas() -> dict[str, object]:
     """Returns the JSON schema of the parameters of each kind of job."""
     kinds = job_operations().items()
     return {kind: parameters_model(each).model_json_schema() for kind, each in kinds}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 from robotrue.app.job_parameters import stated_parameters
 from robotrue.app.job_places import JobPlaces, hide_folder
@@ -43,7 +42,7 @@ def _run(operation: AnyOperation, work: Work) -> Publish:
         if isinstance(block, Note):
             context.inform(block.text)
 
-    def publish(into: Transaction) -> Mapping[str, Any]:
+    def publish(into: Transaction) -> Mapping[str, object]:
         return save(stated.request, result, into, context)
 
     return publish

@@ -24,7 +24,7 @@ class Result(Protocol):
         """Where the data come from that it rests on; None if it rests on none."""
         ...
 
-    def document(self) -> Mapping[str, Any] | None:
+    def document(self) -> Mapping[str, object] | None:
         """Returns JSON values, units in the names; without ``simulated`` they are marked.
 
         None of a service: it has told all.
@@ -56,7 +56,7 @@ class Operation(Generic[Q, R]):
 
     request: type[Q]
     run: Callable[[Q, Context], R]
-    save: Callable[[Q, R, Transaction, WorkspaceContext], Mapping[str, Any]] | None = None
+    save: Callable[[Q, R, Transaction, WorkspaceContext], Mapping[str, object]] | None = None
     has_document: bool = True
     is_service: bool = False
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from robotrue.app.presentation import Block
 from robotrue.core.provenance import Provenance
@@ -21,11 +20,11 @@ class PlainResult:
         provenance: Of the data it rests on; None if it rests on none.
     """
 
-    values: Mapping[str, Any] = field(default_factory=dict)
+    values: Mapping[str, object] = field(default_factory=dict)
     shown: tuple[Block, ...] = ()
     provenance: Provenance | None = None
 
-    def document(self) -> Mapping[str, Any]:
+    def document(self) -> Mapping[str, object]:
         """Returns JSON values."""
         return self.values
 
@@ -45,10 +44,10 @@ class WrittenFiles:
     """
 
     written: tuple[Path, ...]
-    numbers: Mapping[str, Any]
+    numbers: Mapping[str, object]
     provenance: Provenance
 
-    def document(self) -> Mapping[str, Any]:
+    def document(self) -> Mapping[str, object]:
         """Returns JSON values."""
         return {"written": [str(path) for path in self.written], **self.numbers}
 

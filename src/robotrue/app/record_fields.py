@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 from robotrue.app.context import Context
 from robotrue.app.request import InputFile, Option
@@ -17,7 +17,7 @@ RecordFolder: TypeAlias = Annotated[
 SkipDamage: TypeAlias = Annotated[bool, Option(help="Go on behind damage inside a segment.")]
 
 
-def damage_document(record: StreamRecord) -> list[dict[str, Any]]:
+def damage_document(record: StreamRecord) -> list[dict[str, object]]:
     """Returns the bytes that reading the record left out, as JSON values."""
     return [
         {"segment": t.segment.name, "offset": t.offset, "bytes": t.length, "inside": t.inside}

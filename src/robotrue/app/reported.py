@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 from robotrue.app.context import Context
 from robotrue.app.outputs import check_output
@@ -42,7 +42,7 @@ class ReportDraft:
     """
 
     content: ReportContent
-    numbers: Mapping[str, Any]
+    numbers: Mapping[str, object]
     provenance: Provenance
 
 
@@ -87,7 +87,7 @@ def write_draft(draft: ReportDraft, outputs: Sequence[Path], context: Context) -
     return WrittenFiles(written=tuple(written), numbers=draft.numbers, provenance=draft.provenance)
 
 
-def draft_verdict(content: ReportContent, **numbers: Any) -> ReportDraft:
+def draft_verdict(content: ReportContent, **numbers: object) -> ReportDraft:
     """Returns the draft of a report whose verdict is GO or NO-GO."""
     word = "GO" if content.verdict.tone == "good" else "NO-GO"
     return ReportDraft(

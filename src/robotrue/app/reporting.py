@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Protocol
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,7 +20,7 @@ class Message:
 
     text: str
     label: str = ""
-    document: Mapping[str, Any] | None = None
+    document: Mapping[str, object] | None = None
     line: str = field(init=False, repr=False)
 
     def __post_init__(self) -> None:

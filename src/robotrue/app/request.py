@@ -44,7 +44,7 @@ class ItemVersion(BaseModel):
     version: int | None = None
 
 
-def _item_of_text(value: Any) -> Any:
+def _item_of_text(value: object) -> object:
     return ItemVersion(id=value) if isinstance(value, str) else value
 
 
@@ -163,7 +163,7 @@ class RequestField:
     """
 
     name: str
-    kind: Any
+    kind: object
     many: bool
     optional: bool
     required: bool
@@ -240,7 +240,7 @@ def input_paths(request: Request, besides: str = "") -> list[Path]:
     ]
 
 
-def paths_in(value: Any) -> list[Path]:
+def paths_in(value: object) -> list[Path]:
     """Returns the files among the values of a field."""
     values = value if isinstance(value, tuple) else (value,)
     return [each for each in values if isinstance(each, Path)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Final
 
 from pydantic import ValidationError
 
@@ -87,7 +87,7 @@ def _unit(name: str) -> str:
 
 
 def _example(field: RequestField, name_of: Callable[[RequestField], str]) -> str | None:
-    value: Any = field.default
+    value: object = field.default
     if value is None or field.entry.argument:
         return None
     number = f"{value:g}" if isinstance(value, float) else f"{value}"

@@ -20,8 +20,10 @@ from robotrue.errors import ConfigurationError
 from robotrue.simulation.device_defaults import LOCAL_HOST
 
 if TYPE_CHECKING:
+    from robotrue.simulation.online_faults import Fault
     from robotrue.simulation.online_scenario import OnlineScenario
 
+T = TypeVar("T")
 V = TypeVar("V")
 
 Host: TypeAlias = Annotated[str, Option(help="Its own address; 0.0.0.0 lets other computers in.")]
@@ -102,7 +104,7 @@ def run_until_stopped(
     )
 
 
-async def _stoppable(run: Callable[[asyncio.Event], Awaitable[Any]], seconds: float | None) -> Any:
+async def _stoppable(run: Callable[[asyncio.Event], Awaitable[T]], seconds: float | None) -> T:
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
     if seconds is not None:
@@ -129,7 +131,7 @@ def choose(text: str, known: Mapping[str, V], what: str) -> V:
     return known[text]
 
 
-def controller_faults(stated: Sequence[str]) -> tuple[Any, ...]:
+def controller_faults(stated: Sequence[str]) -> tuple[Fault, ...]:
     """Returns the faults of a simulated controller.
 
     Raises:
@@ -154,7 +156,7 @@ def reachable_host(host: str) -> str:
     return LOCAL_HOST if host == "0.0.0.0" else host  # noqa: S104
 
 
-def _json_value(name: str, value: Any) -> Any:
+def _json_value(name: str, value: object) -> object:
     import numpy as np
 
     from robotrue.core.units import MM
@@ -164,7 +166,7 @@ def _json_value(name: str, value: Any) -> Any:
     return value.tolist() if isinstance(value, np.ndarray) else value
 
 
-def _text(value: Any) -> str:
+def _text(value: object) -> str:
     if isinstance(value, list):
         return ", ".join(f"{v:.4f}" for v in value)
     if isinstance(value, float):

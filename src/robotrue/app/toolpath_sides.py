@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from robotrue.app.registered import provenance_used
 from robotrue.cell.cell import Cell
@@ -102,7 +101,7 @@ def identity_of_frame(cell: Cell, frame: PartFrame | None, path: Path) -> Progra
 
 def sides_document(
     job: MachiningJob, frames: Sequence[PartFrame | None], speeds: KrlSpeeds
-) -> dict[str, Any]:
+) -> dict[str, object]:
     """Returns the job as JSON values: mm, deg, s; keys as in the reference."""
     moves = sum(len(each) for each in job.moves)
     return {
@@ -114,7 +113,7 @@ def sides_document(
     }
 
 
-def _side_document(side: Posed, frame: PartFrame | None, speeds: KrlSpeeds) -> dict[str, Any]:
+def _side_document(side: Posed, frame: PartFrame | None, speeds: KrlSpeeds) -> dict[str, object]:
     path = side.path
     return {
         "name": path.name,

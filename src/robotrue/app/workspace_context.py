@@ -191,8 +191,8 @@ class WorkspaceContext(OpenedInputs):
         about: str,
         files: Sequence[Path],
         links: Sequence[Link],
-        detail: Mapping[str, Any],
-    ) -> dict[str, Any]:
+        detail: Mapping[str, object],
+    ) -> dict[str, object]:
         """Adds a document with its files; returns the result of the job.
 
         Args:
@@ -227,6 +227,6 @@ def require_workspace(context: Context) -> WorkspaceContext:
     return context
 
 
-def ref_document(ref: Ref) -> dict[str, Any]:
+def ref_document(ref: Ref) -> dict[str, object]:
     """Returns a version of an item as JSON values."""
     return {"id": ref.id, "version": ref.version}

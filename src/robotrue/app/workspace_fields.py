@@ -61,7 +61,7 @@ def job_result(job: Job, *shown: Block) -> PlainResult:
     return PlainResult(values=job_document(job), shown=shown, provenance=origin)
 
 
-def job_document(job: Job) -> dict[str, Any]:
+def job_document(job: Job) -> dict[str, object]:
     """Returns a job as JSON values."""
     values = asdict(job)
     for name in ("submitted", "started", "finished"):
@@ -75,7 +75,7 @@ def is_simulated(job: Job) -> bool:
     return bool((job.result or {}).get("simulated"))
 
 
-def json_facts(values: Mapping[str, Any], prefix: str = "") -> tuple[tuple[str, str], ...]:
+def json_facts(values: Mapping[str, object], prefix: str = "") -> tuple[tuple[str, str], ...]:
     """Returns names and values as JSON text."""
     return tuple((f"{prefix}{name}", json.dumps(value)) for name, value in values.items())
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 from robotrue.core.arrays import Array
 from robotrue.core.columns import Column, Columns
@@ -37,7 +37,7 @@ class PartFrame(Columns):
     rms: float
     verdict: str
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> dict[str, object]:
         """Returns what a reader wants to know of it, as JSON values: mm and deg."""
         return {
             "name": self.name,

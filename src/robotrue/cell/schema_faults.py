@@ -6,7 +6,7 @@ import difflib
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final, get_args
+from typing import Final, get_args
 
 from pydantic import BaseModel, ValidationError
 
@@ -46,7 +46,7 @@ def _message(
     schema: type[BaseModel],
     kind: str,
     where: Sequence[str | int],
-    facts: Mapping[str, Any],
+    facts: Mapping[str, object],
     value: object,
 ) -> tuple[str, str | None]:
     key = _join_key(where)

@@ -10,6 +10,7 @@ from pathlib import PurePosixPath
 from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 import tomlkit
 from tomlkit.items import Item
 
@@ -24,7 +25,7 @@ _COMMENTS: Final = {
 }
 
 
-def round_digits(values: Any) -> Any:
+def round_digits(values: npt.ArrayLike) -> Any:
     """Returns a number or an array as floats to 1e-12, without what a change of units adds."""
     plain = np.asarray(values, dtype=np.float64).tolist()
 

@@ -6,7 +6,6 @@ import json
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any
 
 from rich import box
 from rich.console import Console
@@ -40,7 +39,7 @@ def say_mark(provenance: Provenance | None) -> None:
         say(text)
 
 
-def emit_json(document: Mapping[str, Any], provenance: Provenance | None = None) -> None:
+def emit_json(document: Mapping[str, object], provenance: Provenance | None = None) -> None:
     """Writes one JSON document to stdout; numbers that are not finite become null.
 
     Args:

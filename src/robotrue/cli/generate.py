@@ -30,7 +30,7 @@ class GeneratedCommand:
     def __init__(self, listing: Listing) -> None:
         self.__name__ = listing.name
         self.__doc__ = listing.help
-        self.__annotations__: dict[str, Any] = {}
+        self.__annotations__: dict[str, object] = {}
         self._listing = listing
 
     @cached_property
@@ -90,7 +90,9 @@ def _parameter(field: RequestField) -> Parameter:
     if isinstance(entry, Output) and entry.suffixes:
         callback = writes(entry.what, *entry.suffixes, only=entry.only)
     if entry.argument:
-        presented: Any = typer.Argument(metavar=entry.argument, help=entry.help, callback=callback)
+        presented: object = typer.Argument(
+            metavar=entry.argument, help=entry.help, callback=callback
+        )
     else:
         names = entry.names
         if field.kind is bool and not names and not entry.paired:
@@ -109,7 +111,7 @@ def _parameter(field: RequestField) -> Parameter:
     )
 
 
-def _blank(field: RequestField) -> Any:
+def _blank(field: RequestField) -> object:
     """A default that counts as false: typer writes 0 beside an option, and nothing for no list."""
     return None if field.many else field.default
 

@@ -6,7 +6,6 @@ import os
 import webbrowser
 from pathlib import Path
 from types import ModuleType
-from typing import Any
 
 from robotrue.app.job_kinds import job_kinds
 from robotrue.cli.console import say
@@ -21,7 +20,7 @@ def run(
     upload_mb: int,
     upload_total_mb: int | None,
     open_browser: bool,
-    **settings: Any,
+    **settings: object,
 ) -> None:
     """Serves a workspace until Ctrl-C."""
     server, made = _server()

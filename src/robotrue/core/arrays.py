@@ -19,6 +19,8 @@ Ints: TypeAlias = npt.NDArray[np.int32]
 """Places in a text below 2 GiB."""
 Integers: TypeAlias = npt.NDArray[np.integer[Any]]
 """Integers of any width."""
+Records: TypeAlias = np.ndarray[tuple[int], np.dtype[np.void]]
+"""Records with named numbers, a row each; a kernel takes one of them as ``np.record``."""
 
 
 def frozen(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -89,7 +89,7 @@ def residuals(left: Array) -> Residuals:
     )
 
 
-def model_document(model: NormalModel, trials: Sequence[Trial] = ()) -> dict[str, Any]:
+def model_document(model: NormalModel, trials: Sequence[Trial] = ()) -> dict[str, object]:
     """Returns a model as JSON values in deg, mm and N, with the trials it was chosen by."""
     values = {
         "kind": model.kind,
@@ -110,7 +110,7 @@ def model_document(model: NormalModel, trials: Sequence[Trial] = ()) -> dict[str
     return marked_document(values, model.provenance)
 
 
-def trial_document(trial: Trial) -> dict[str, Any]:
+def trial_document(trial: Trial) -> dict[str, object]:
     """Returns what a trial left on held-out blocks as JSON values in deg."""
     known = len(trial.residual) > 0
     return {
@@ -120,7 +120,7 @@ def trial_document(trial: Trial) -> dict[str, Any]:
     }
 
 
-def terms_of(model: NormalModel, data: Campaign) -> list[dict[str, Any]]:
+def terms_of(model: NormalModel, data: Campaign) -> list[dict[str, object]]:
     """Returns the significance of each term.
 
     The terms are the patent's five where the patent's regression was asked for or the clamps are
@@ -157,7 +157,7 @@ def terms_of(model: NormalModel, data: Campaign) -> list[dict[str, Any]]:
     ]
 
 
-def evaluation_document(result: TiltEvaluation) -> dict[str, Any]:
+def evaluation_document(result: TiltEvaluation) -> dict[str, object]:
     """Returns an evaluation as JSON values."""
     return {
         "clamps": result.clamps,

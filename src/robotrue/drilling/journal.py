@@ -87,9 +87,9 @@ class JournalState:
     version: int
 
 
-def answer_document(answer: HoleAnswer) -> dict[str, Any]:
+def answer_document(answer: HoleAnswer) -> dict[str, object]:
     """Returns an answer as machine and journal are told it: deg, mm, N."""
-    document: dict[str, Any] = {"hole": answer.hole, "version": answer.version}
+    document: dict[str, object] = {"hole": answer.hole, "version": answer.version}
     if answer.simulated:
         document["simulated"] = True
     if answer.adjustment is None:
@@ -106,7 +106,7 @@ def answer_document(answer: HoleAnswer) -> dict[str, Any]:
 
 def step_document(
     hole: str, step: RecordUpdate, left_deg: tuple[float, float], truth: str
-) -> dict[str, Any]:
+) -> dict[str, object]:
     """Returns what a reference did to the model, as machine and journal are told it."""
     return {
         **({"simulated": True} if step.model.provenance.simulated else {}),
@@ -149,13 +149,13 @@ class Journal(AbstractContextManager["Journal"]):
     def __exit__(self, *failure: object) -> None:
         self._file.close()
 
-    def write_answer(self, answer: HoleAnswer, document: Mapping[str, Any]) -> None:
+    def write_answer(self, answer: HoleAnswer, document: Mapping[str, object]) -> None:
         """Puts an answer on the disk.
 
         Raises:
             FormatError: The disk does not take it: the machine must not move.
         """
-        line: dict[str, Any] = {"kind": "answer", **document}
+        line: dict[str, object] = {"kind": "answer", **document}
         if answer.clamps is not None:
             line |= {
                 "d_mm": (answer.clamps.readings[0] / MM).tolist(),
@@ -170,7 +170,9 @@ class Journal(AbstractContextManager["Journal"]):
                     line[name] = v
         self._put(line)
 
-    def write_reference(self, document: Mapping[str, Any], *, sigma: float, records: int) -> None:
+    def write_reference(
+        self, document: Mapping[str, object], *, sigma: float, records: int
+    ) -> None:
         """Puts what a reference did on the disk.
 
         Args:
@@ -185,7 +187,7 @@ class Journal(AbstractContextManager["Journal"]):
             {"kind": "reference", **document, "sigma_deg": sigma / DEG, "watch_records": records}
         )
 
-    def _put(self, document: Mapping[str, Any]) -> None:
+    def _put(self, document: Mapping[str, object]) -> None:
         at = datetime.now(UTC).isoformat(timespec="milliseconds")
         line = {**document, "written_utc": at}
         data = (json.dumps(line, allow_nan=False) + "\n").encode()

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -56,7 +56,7 @@ class Score:
             return None
         return float((np.abs(self.residual) <= TWO_SIDED_95 * self.sd).mean())
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> dict[str, object]:
         """Returns JSON values."""
         return {
             "split": self.split,

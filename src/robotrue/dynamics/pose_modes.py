@@ -13,11 +13,11 @@ fifty times a second.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated, Final, TypeAlias
+from typing import Annotated, Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array
+from robotrue.core.arrays import Array, Records
 from robotrue.core.columns import EMPTY, Column, Columns
 from robotrue.core.compiled import EXACT, compiled
 from robotrue.dynamics.oscillators import Oscillators, real_modes
@@ -28,7 +28,6 @@ from robotrue.robot.model import RobotModel
 
 LIMIT_SLACK: Final = 1e-6
 """rad; how far beyond a joint limit a pose still counts as inside."""
-Records: TypeAlias = np.ndarray[tuple[int], np.dtype[np.void]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

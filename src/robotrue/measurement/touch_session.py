@@ -69,7 +69,7 @@ class TouchReading:
     sigmas: float | None = None
     off_mm: float | None = None
     radius_mm: float | None = None
-    suspicions: tuple[Mapping[str, Any], ...] = ()
+    suspicions: tuple[Mapping[str, object], ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -179,7 +179,7 @@ class ProbingSession:
         return found
 
 
-def session_document(session: ProbingSession) -> dict[str, Any]:
+def session_document(session: ProbingSession) -> dict[str, object]:
     """Returns a session as JSON values."""
     return asdict(session)
 
@@ -189,7 +189,7 @@ def _sessions() -> TypeAdapter[ProbingSession]:
     return TypeAdapter(ProbingSession)
 
 
-def session_of(document: Mapping[str, Any]) -> ProbingSession:
+def session_of(document: Mapping[str, object]) -> ProbingSession:
     """Returns a session from its JSON values; keys it does not know are passed over.
 
     Raises:

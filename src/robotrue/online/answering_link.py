@@ -314,7 +314,7 @@ class AnsweringLink:
         block = frame_content(frame)
         if isinstance(block, JointBlock):
             self._joints.put(block)
-        elif self._force is not None:
+        elif self._force is not None and isinstance(block, ForceBlock):
             self._force.put(block)
 
     def _take_report(self, report: AnsweringReport) -> None:

@@ -17,7 +17,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -362,7 +362,9 @@ KIND: Final = "robotrue-clock"
 SCHEMA: Final = 1
 
 
-def clock_document(found: ClockAlignment, *, host: bool, sources: dict[str, str]) -> dict[str, Any]:
+def clock_document(
+    found: ClockAlignment, *, host: bool, sources: dict[str, str]
+) -> dict[str, object]:
     """Returns the content of a clock file.
 
     Args:
@@ -386,7 +388,7 @@ def clock_document(found: ClockAlignment, *, host: bool, sources: dict[str, str]
     }
 
 
-def write_clock(path: str | Path, document: dict[str, Any]) -> None:
+def write_clock(path: str | Path, document: dict[str, object]) -> None:
     """Writes a clock file whole or not at all."""
     write_atomic(path, (json.dumps(document, indent=1, sort_keys=True) + "\n").encode())
 

@@ -14,7 +14,7 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, BinaryIO, Final
+from typing import BinaryIO, Final
 
 from robotrue.errors import ArchiveError, FormatError
 from robotrue.online.record_frames import (
@@ -50,7 +50,7 @@ class RecordHeader:
 
     addresses: Mapping[str, str]
     provenance: Mapping[str, str]
-    settings: Mapping[str, Any]
+    settings: Mapping[str, object]
     started: str
     host_to_utc: float
     simulated: tuple[str, ...] = ()

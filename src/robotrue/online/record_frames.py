@@ -37,8 +37,8 @@ _BLOCK: Final = struct.Struct("<IHH16s")
 _ENTRY: Final = struct.Struct("<HcB")
 _TYPES: Final = {b"d": "<f8", b"q": "<i8", b"D": "<c16", b"B": "|u1"}
 
-Arrays: TypeAlias = Mapping[str, npt.NDArray[Any]]
-Document: TypeAlias = Mapping[str, Any]
+Arrays: TypeAlias = Mapping[str, npt.NDArray[np.generic]]
+Document: TypeAlias = Mapping[str, object]
 Content: TypeAlias = JointBlock | ForceBlock | EstimateBlock | Document
 
 
@@ -155,7 +155,7 @@ def frame_from(head: bytes, payload: bytes) -> RecordFrame:
     kind, number = frame_kind(head), frame_number(head)
     try:
         if kind in _COLUMNS:
-            content: Any = _block_from(kind, payload)
+            content: Content | Arrays = _block_from(kind, payload)
         elif kind is Kind.CHECKPOINT:
             content = _arrays_from(payload)
         else:
@@ -165,7 +165,7 @@ def frame_from(head: bytes, payload: bytes) -> RecordFrame:
     return RecordFrame(number=number, kind=kind, content=content)
 
 
-def frame_content(data: bytes) -> Any:
+def frame_content(data: bytes) -> object:
     """Returns the content of the bytes of one sound frame.
 
     Raises:
@@ -199,7 +199,7 @@ def _block_bytes(kind: Kind, block: JointBlock | ForceBlock | EstimateBlock) -> 
     return b"".join(parts)
 
 
-def _values(block: Any, name: str) -> npt.NDArray[Any]:
+def _values(block: Any, name: str) -> npt.NDArray[np.generic]:
     if name == "force":
         return np.asarray(block.wrench[:, :3])
     if name == "torque":
@@ -207,7 +207,7 @@ def _values(block: Any, name: str) -> npt.NDArray[Any]:
     return np.asarray(getattr(block, name))
 
 
-def _says_nothing(values: npt.NDArray[Any], column: _Column, block: Any) -> bool:
+def _says_nothing(values: npt.NDArray[np.generic], column: _Column, block: object) -> bool:
     if column.whole:
         return not values.any()
     if column.name == "host_time" and hasattr(block, "controller_time"):
@@ -242,10 +242,10 @@ def _block_from(kind: Kind, payload: bytes) -> JointBlock | ForceBlock | Estimat
     return ForceBlock(wrench=wrench, frame=name.rstrip(b"\0").decode(), **found)
 
 
-def _arrays_bytes(arrays: Arrays) -> bytes:
+def _arrays_bytes(arrays: Mapping[str, object]) -> bytes:
     parts = [len(arrays).to_bytes(4, "little")]
-    for name, values in arrays.items():
-        values = np.asarray(values)
+    for name, stated in arrays.items():
+        values = np.asarray(stated)
         code = values.dtype.char.replace("l", "q").encode()
         if code not in _TYPES:
             raise ShapeError(
@@ -259,8 +259,9 @@ def _arrays_bytes(arrays: Arrays) -> bytes:
     return b"".join(parts)
 
 
-def _arrays_from(payload: bytes) -> dict[str, npt.NDArray[Any]]:
-    count, at, found = int.from_bytes(payload[:4], "little"), 4, dict[str, npt.NDArray[Any]]()
+def _arrays_from(payload: bytes) -> dict[str, npt.NDArray[np.generic]]:
+    count, at = int.from_bytes(payload[:4], "little"), 4
+    found: dict[str, npt.NDArray[np.generic]] = {}
     for _ in range(count):
         length, code, ndim = _ENTRY.unpack_from(payload, at)
         at += _ENTRY.size

@@ -21,6 +21,7 @@ from robotrue.online.record_frames import Kind, frame_bytes, frame_content
 
 Stream: TypeAlias = Literal["joints", "force"]
 STREAMS: Final[tuple[Stream, Stream]] = ("joints", "force")
+State: TypeAlias = dict[str, npt.NDArray[Any]]
 _JUMP: Final = int(Flag.CLOCK_JUMP)
 
 
@@ -121,9 +122,9 @@ class SensingChain:
         """Returns how a stream's clock stands to the host's."""
         return self._clocks[stream].fix()
 
-    def state(self) -> dict[str, npt.NDArray[Any]]:
+    def state(self) -> State:
         """Returns a checkpoint: all that later estimates depend on."""
-        found: dict[str, npt.NDArray[Any]] = {
+        found: State = {
             f"estimator/{name}": values for name, values in self._estimator.state().items()
         }
         for stream in STREAMS:
@@ -136,7 +137,7 @@ class SensingChain:
         found["count"] = np.array([*(self.rows[s] for s in STREAMS), self.given], dtype=np.int64)
         return found
 
-    def restore(self, state: dict[str, npt.NDArray[Any]]) -> None:
+    def restore(self, state: State) -> None:
         """Goes on from :meth:`state`.
 
         Raises:
@@ -180,7 +181,7 @@ def _mark_doubtful(flags: IntArray, doubt: BoolArray) -> IntArray:
     return np.asarray(flags | np.where(doubt, _JUMP, 0)) if doubt.any() else flags
 
 
-def _part(state: dict[str, npt.NDArray[Any]], prefix: str) -> dict[str, npt.NDArray[Any]]:
+def _part(state: State, prefix: str) -> State:
     return {n.removeprefix(prefix): v for n, v in state.items() if n.startswith(prefix)}
 
 

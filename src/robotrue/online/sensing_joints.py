@@ -7,11 +7,11 @@ samples alone, not on how the streams were cut or how far one ran ahead of the o
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array, IntArray
+from robotrue.core.arrays import Array, IntArray, Records
 from robotrue.core.compiled import EXACT, compiled
 from robotrue.errors import ModelMismatchError
 from robotrue.online.blocks import Flag, JointBlock
@@ -113,8 +113,8 @@ def _write_rows(
     flags: IntArray,
     age: float,
     weighs: bool,
-    links: Any,
-    chain: Any,
+    links: Records,
+    chain: Records,
     zero_angle: Array,
     joint_map: Array,
     last: Array,

@@ -10,11 +10,11 @@ it alone, so any cutting into blocks gives the same numbers. Records as in
 from __future__ import annotations
 
 import math
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array, IntArray
+from robotrue.core.arrays import Array, IntArray, Records
 from robotrue.core.compiled import EXACT, SUMS, compiled
 from robotrue.online.blocks import Flag
 from robotrue.online.estimates import Doubt
@@ -53,9 +53,9 @@ _MOVED: Final = 1e-4
 @compiled(EXACT)
 def ingest(
     first: int, host_time: Array, controller_time: Array, wrench: Array, flags: IntArray,
-    frame: int, rows: Array, parameters: Any, c: Constants, states: Any, watches: Any,
-    windows: Any, poses: Any, joints: Array, wrench_out: Array, doubts: IntArray, force: Array,
-    work: Any,
+    frame: int, rows: Array, parameters: Records, c: Constants, states: Records, watches: Records,
+    windows: Records, poses: Records, joints: Array, wrench_out: Array, doubts: IntArray,
+    force: Array, work: Records,
 ) -> tuple[int, int, int, int]:  # fmt: skip
     """Checks and rotates force samples from ``first`` on until Python is needed.
 
@@ -141,7 +141,7 @@ def ingest(
 
 
 @compiled(EXACT)
-def _find_joints(time: float, rows: Array, s: Any) -> int:
+def _find_joints(time: float, rows: Array, s: np.record) -> int:
     """Returns the last row of joints that came before a time, -1 without; the state keeps it."""
     row = int(s.row)
     while row + 1 < len(rows) and rows[row + 1, 0] <= time:
@@ -151,7 +151,7 @@ def _find_joints(time: float, rows: Array, s: Any) -> int:
 
 
 @compiled(EXACT)
-def _check_clocks(time: float, sent: float, flag: int, p: Any, s: Any) -> int:
+def _check_clocks(time: float, sent: float, flag: int, p: np.record, s: np.record) -> int:
     """Doubts of a sample's clocks and flags; a gap in the sender's clock counts what is missing."""
     doubt = 0
     if not np.isfinite(time) or time < s.last_time:
@@ -168,7 +168,7 @@ def _check_clocks(time: float, sent: float, flag: int, p: Any, s: Any) -> int:
 
 
 @compiled(EXACT)
-def _write_joints(time: float, row: Array, p: Any, c: Constants, q: Array) -> int:
+def _write_joints(time: float, row: Array, p: np.record, c: Constants, q: Array) -> int:
     """Writes the joints of a time; returns doubts about them."""
     doubt, dof = int(row[1]), len(q)
     on = min(time - row[2], row[3])
@@ -193,7 +193,7 @@ def _largest_difference(one: Array, two: Array) -> float:
 
 
 @compiled(EXACT)
-def _restart(now: Array, p: Any, s: Any, window: Any) -> None:
+def _restart(now: Array, p: np.record, s: np.record, window: np.record) -> None:
     """Forgets all but clocks and joints; the low-passes begin at the present wrench."""
     s.started, s.lost, s.left, s.window_left = 1.0, 0.0, p.memory, p.window
     clear_window(window)
@@ -202,7 +202,7 @@ def _restart(now: Array, p: Any, s: Any, window: Any) -> None:
 
 
 @compiled(EXACT)
-def _count_missing(time: float, flag: int, p: Any, s: Any) -> bool:
+def _count_missing(time: float, flag: int, p: np.record, s: np.record) -> bool:
     """Counts the samples that never came; says whether the sender's clock is not to be trusted."""
     if not np.isfinite(time):
         if flag & _FLAG_GAP:
@@ -213,7 +213,7 @@ def _count_missing(time: float, flag: int, p: Any, s: Any) -> bool:
         s.anchor, s.steps = time * p.rate, 0.0
         return False
     s.steps += 1.0
-    s.debt *= _FORGIVEN
+    debt = s.debt = s.debt * _FORGIVEN
     off = time * p.rate - s.anchor - s.steps
     if off < -_OFF_GRID:
         s.anchor, s.steps = time * p.rate, 0.0
@@ -221,17 +221,23 @@ def _count_missing(time: float, flag: int, p: Any, s: Any) -> bool:
         return True
     if off > _OFF_GRID:
         missing = math.floor(off + 0.5)
-        s.debt += min(missing, 2.0)
+        debt = s.debt = debt + min(missing, 2.0)
         s.steps += missing
         s.pending += missing
         off -= missing
     s.anchor += _FOLLOWS * off
-    return bool(s.debt > _MOST_DEBT)
+    return bool(debt > _MOST_DEBT)
 
 
 @compiled(EXACT)
 def _write_wrench(
-    read: Array, frame: int, pose: Any, c: Constants, mass: float, acceleration: Array, out: Array
+    read: Array,
+    frame: int,
+    pose: np.record,
+    c: Constants,
+    mass: float,
+    acceleration: Array,
+    out: Array,
 ) -> None:
     """Writes the wrench of the process on the tool point in base axes, N and N m.
 
@@ -266,8 +272,8 @@ def _write_wrench(
 
 @compiled(SUMS)
 def _write_work(
-    part: float, now: Array, q: Array, pose: Any, c: Constants, p: Any, s: Any, window: Any,
-    force: Array, work: Any,
+    part: float, now: Array, q: Array, pose: np.record, c: Constants, p: np.record, s: np.record,
+    window: np.record, force: Array, work: np.record,
 ) -> None:  # fmt: skip
     """Writes a row of work for the wrench ``part`` of the way from the last sample to this."""
     n = len(q)
@@ -305,7 +311,7 @@ def _write_work(
 
 
 @compiled(EXACT)
-def _check_slow_force(s: Any, p: Any, c: Constants) -> int:
+def _check_slow_force(s: np.record, p: np.record, c: Constants) -> int:
     """A slow force whose moment no cut makes, or unlike those the deviation was learned from."""
     doubt, slow = 0, s.stage_2
     size = math.sqrt(slow[0] ** 2 + slow[1] ** 2 + slow[2] ** 2)
@@ -321,9 +327,9 @@ def _check_slow_force(s: Any, p: Any, c: Constants) -> int:
 
 @compiled(SUMS)
 def combine(
-    count: int, moved: Array, work: Any, parameters: Any, noise: Array, correction: Array,
-    direction: Array, turn: float, states: Any, windows: Any, doubts: IntArray, error: Array,
-    sd: Array, static: Array,
+    count: int, moved: Array, work: Records, parameters: Records, noise: Array, correction: Array,
+    direction: Array, turn: float, states: Records, windows: Records, doubts: IntArray,
+    error: Array, sd: Array, static: Array,
 ) -> None:  # fmt: skip
     """Writes the estimates of rows of work from what the filters made of them.
 

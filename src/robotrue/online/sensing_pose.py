@@ -12,11 +12,11 @@ frequency response, turned along with its axes::
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from robotrue.core.arrays import Array
+from robotrue.core.arrays import Array, Records
 from robotrue.core.compiled import EXACT, compiled
 from robotrue.robot.chain import ORIGIN
 from robotrue.robot.chain_kernels import walk, write_jacobian
@@ -55,8 +55,8 @@ class Constants(NamedTuple):
         projected: Whether what the joints are unsure of counts only across ``direction``.
     """
 
-    links: np.ndarray[tuple[int], np.dtype[np.void]]
-    chain: np.ndarray[tuple[int], np.dtype[np.void]]
+    links: Records
+    chain: Records
     zero_angle: Array
     joint_map: Array
     limits: Array
@@ -82,7 +82,9 @@ class Constants(NamedTuple):
 
 
 @compiled(EXACT)
-def walk_drives(joints: Array, zero_angle: Array, joint_map: Array, links: Any, chain: Any) -> None:
+def walk_drives(
+    joints: Array, zero_angle: Array, joint_map: Array, links: np.record, chain: np.record
+) -> None:
     """Walks a chain at drive joints (dof,) rad."""
     for i in range(len(joints)):
         theta = zero_angle[i]
@@ -93,7 +95,7 @@ def walk_drives(joints: Array, zero_angle: Array, joint_map: Array, links: Any, 
 
 
 @compiled(EXACT)
-def write_pose(joints: Array, frame: int, c: Constants, poses: Any) -> None:
+def write_pose(joints: Array, frame: int, c: Constants, poses: Records) -> None:
     """Writes the numbers of a pose.
 
     Args:
@@ -131,7 +133,7 @@ def write_pose(joints: Array, frame: int, c: Constants, poses: Any) -> None:
 
 
 @compiled(EXACT)
-def _write_bending(n: int, c: Constants, twist: Array, pose: Any) -> None:
+def _write_bending(n: int, c: Constants, twist: Array, pose: np.record) -> None:
     """Writes added, still, physics, spread and zero from the tool's twist per drive (n, 6)."""
     d = c.direction
     pose.added[:], pose.still[:], pose.physics[:] = 0.0, 0.0, 0.0
@@ -170,7 +172,7 @@ def _write_bending(n: int, c: Constants, twist: Array, pose: Any) -> None:
 
 
 @compiled(EXACT)
-def _write_spread(n: int, covariance: Array, push: Array, pose: Any) -> None:
+def _write_spread(n: int, covariance: Array, push: Array, pose: np.record) -> None:
     """Writes the variance per wrench squared that uncertain compliances leave."""
     for i in range(n):
         for j in range(n):

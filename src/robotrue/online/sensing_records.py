@@ -5,11 +5,11 @@ All fields are float64, so that a record is also a row of numbers, as checkpoint
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array
+from robotrue.core.arrays import Array, Records
 from robotrue.core.poses import inverse
 from robotrue.core.units import STANDARD_GRAVITY
 from robotrue.dynamics.oscillators import Oscillators
@@ -80,12 +80,12 @@ WORK_DTYPE: Final = record_dtype(
 added to what the filters make of it."""
 
 
-def new_record(dtype: np.dtype[np.void]) -> np.ndarray[tuple[int], np.dtype[np.void]]:
+def new_record(dtype: np.dtype[np.void]) -> Records:
     """Returns one record of zeros, shape (1,)."""
     return np.zeros(1, dtype)
 
 
-def numbers_of(record: np.ndarray[Any, np.dtype[np.void]]) -> Array:
+def numbers_of(record: Records) -> Array:
     """Returns the numbers of one record (k,), a view."""
     return record.view(np.float64)
 
@@ -96,7 +96,7 @@ _STAGES: Final = 1.5
 
 def parameters(
     models: SensingModels, settings: SensingSettings, own: Oscillators | None
-) -> np.ndarray[tuple[int], np.dtype[np.void]]:
+) -> Records:
     """Returns ``PARAMETERS_DTYPE`` (1,); ``own`` is what is filtered with, or None."""
     record = new_record(PARAMETERS_DTYPE)
     p, held, learned, response = record[0], models.held, models.learned, models.response

@@ -6,11 +6,11 @@ time. They need a few samples to see it; at the start these fall into the time t
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array
+from robotrue.core.arrays import Array, Records
 from robotrue.core.compiled import EXACT, compiled
 from robotrue.online.sensing_records import new_record, record_dtype
 
@@ -32,7 +32,7 @@ HIGHEST, TIMES_HIGHEST, LOWEST, TIMES_LOWEST, RUN = range(5)
 """Extreme values of an axis, how often it was flat there, and its run at one value."""
 
 
-def new_watch() -> np.ndarray[tuple[int], np.dtype[np.void]]:
+def new_watch() -> Records:
     """Returns the state of a watch that has seen nothing."""
     watch = new_record(WATCH_DTYPE)
     watch["last"] = np.nan
@@ -41,7 +41,7 @@ def new_watch() -> np.ndarray[tuple[int], np.dtype[np.void]]:
 
 
 @compiled(EXACT)
-def refuse_force(wrench: Array, largest: float, watch: Any) -> bool:
+def refuse_force(wrench: Array, largest: float, watch: np.record) -> bool:
     """Returns whether a sample is not to be used; ``watch`` is changed."""
     bad, whole, size, still = False, True, 0.0, True
     for c in range(3):

@@ -7,10 +7,11 @@ of milling, a few millimetres of path.
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
+from robotrue.core.arrays import Records
 from robotrue.core.compiled import EXACT, compiled
 from robotrue.dynamics.learned_deviation import WindowTrust
 from robotrue.dynamics.windows import WindowSet
@@ -63,7 +64,7 @@ class WindowDeviation:
         """Knows nothing of the deviation but its physics."""
         self.correction[:] = 0.0, 0.0, EXTRAPOLATED
 
-    def take(self, windows: np.ndarray[tuple[int], np.dtype[np.void]]) -> None:
+    def take(self, windows: Records) -> None:
         """Takes the sums over a whole window (1,), see ``window_dtype``."""
         if self._learned is None:
             return
@@ -90,7 +91,7 @@ class WindowDeviation:
         self.correction[2] = float(found.standing[0])
 
 
-def peaks(sums: Any, turn: float) -> tuple[float, float]:
+def peaks(sums: np.record, turn: float) -> tuple[float, float]:
     """Returns mean peak of displacement (m) and force (N) over the whole turns of a window.
 
     As :func:`robotrue.dynamics.windows.peaks_per_turn`: a turn begun at the end does not count.
@@ -103,7 +104,7 @@ def peaks(sums: Any, turn: float) -> tuple[float, float]:
 
 
 @compiled(EXACT)
-def clear_window(window: Any) -> None:
+def clear_window(window: np.record) -> None:
     """Sets the sums over a window to zero."""
     window.rows = window.turn_peak = window.turn_force = window.peaks = 0.0
     window.force_peaks = window.turns = window.seen = 0.0
@@ -111,7 +112,7 @@ def clear_window(window: Any) -> None:
 
 
 @compiled(EXACT)
-def add_peak(bent: float, pushed: float, turn: float, window: Any) -> None:
+def add_peak(bent: float, pushed: float, turn: float, window: np.record) -> None:
     """Adds a sample to the peaks per turn of the spindle in the window, as ``peaks_per_turn``."""
     seen, turns = window.seen, window.turns
     edge = np.rint(turns * turn)

@@ -11,7 +11,7 @@ import contextlib
 import time
 from collections.abc import AsyncIterator, Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any, Final
+from typing import Final
 
 from robotrue.errors import ConfigurationError, RobotrueError
 from robotrue.online.blocks import ForceBlock, JointBlock
@@ -20,7 +20,7 @@ from robotrue.online.corrections import Corrections
 from robotrue.online.estimates import EstimateBlock
 from robotrue.online.link import Health, Sink, StreamSource, health_document
 from robotrue.online.queues import LatestQueue, LosslessQueue
-from robotrue.online.record_frames import Kind
+from robotrue.online.record_frames import Arrays, Content, Kind
 from robotrue.online.record_writer import RecordWriter
 from robotrue.online.resume import later_than
 from robotrue.online.sensing_chain import STREAMS, SensingChain, Stream
@@ -208,7 +208,7 @@ class _Served:
 
 @dataclass(slots=True, kw_only=True)
 class _Service:
-    sources: dict[Stream, Any]
+    sources: dict[Stream, StreamSource[JointBlock | ForceBlock]]
     chain: SensingChain
     sinks: list[_Served]
     record: RecordWriter | None
@@ -231,7 +231,10 @@ class _Service:
         self.skip_estimates = self.settings.skip_estimates
         serving = await self._open_sinks()
         reading = self._readers()
-        waiting = [asyncio.create_task(stop.wait()), asyncio.create_task(self._look())]
+        waiting: list[asyncio.Task[object]] = [
+            asyncio.create_task(stop.wait()),
+            asyncio.create_task(self._look()),
+        ]
         if self.settings.seconds is not None:
             waiting.append(asyncio.create_task(asyncio.sleep(self.settings.seconds)))
         try:
@@ -266,7 +269,7 @@ class _Service:
         return [asyncio.create_task(self._read(s), name=s) for s in STREAMS]
 
     async def _until_over(
-        self, reading: list[asyncio.Task[None]], waiting: list[asyncio.Task[Any]]
+        self, reading: list[asyncio.Task[None]], waiting: list[asyncio.Task[object]]
     ) -> None:
         """Waits until the forces have ended or a stop is asked for; raises a task's fault."""
         while True:
@@ -281,7 +284,7 @@ class _Service:
     async def _end(
         self,
         reading: list[asyncio.Task[None]],
-        waiting: list[asyncio.Task[Any]],
+        waiting: list[asyncio.Task[object]],
         serving: list[asyncio.Task[None]],
     ) -> None:
         """Zero correction, sources closed, what was read made into estimates, sinks served."""
@@ -313,9 +316,9 @@ class _Service:
             try:
                 async for block in self.sources[stream].blocks():
                     wait = _RETRY[0]
-                    if stream == "force":
+                    if isinstance(block, ForceBlock):
                         await self._let_joints_in(block)
-                    await self._take(stream, block)
+                    await self._take(block)
                 break
             except ConfigurationError:
                 raise  # trying again would not make it right
@@ -346,7 +349,7 @@ class _Service:
 
     async def _read_in_step(self) -> None:
         """Takes recorded streams, always the one that is behind, as fast as they are taken."""
-        streams: dict[Stream, AsyncIterator[Any]] = {
+        streams: dict[Stream, AsyncIterator[JointBlock | ForceBlock]] = {
             s: aiter(self.sources[s].blocks()) for s in STREAMS
         }
         while "force" in streams and not self.stopping:
@@ -360,14 +363,14 @@ class _Service:
                     return  # closed: a stream that goes on another time has not ended
                 await self._give(self.chain.end_stream(stream))
                 continue
-            await self._take(stream, block)
+            await self._take(block)
             while self.record is not None and self.record.crowded:
                 await asyncio.sleep(_ROOM)
             await asyncio.sleep(0)
 
-    async def _take(self, stream: Stream, block: Any) -> None:
+    async def _take(self, block: JointBlock | ForceBlock) -> None:
         """A block into the record, through the chain, and what came of it onwards."""
-        if stream == "force":
+        if isinstance(block, ForceBlock):
             self._keep(Kind.FORCE, block)
             found = self.chain.force(block)
         else:
@@ -399,7 +402,7 @@ class _Service:
             return None
         return block.take(slice(known, None)) if known else block
 
-    def _keep(self, kind: Kind, content: Any) -> None:
+    def _keep(self, kind: Kind, content: Content | Arrays) -> None:
         if self.record is not None:
             self.record.put(kind, content)
 
@@ -439,7 +442,7 @@ class _Service:
         )
 
 
-def snapshot_document(shot: Snapshot) -> dict[str, Any]:
+def snapshot_document(shot: Snapshot) -> dict[str, object]:
     """Returns a snapshot's counters as JSON values; what is not known is null."""
     healths = [*shot.sources.values(), *shot.sinks, *([shot.record] if shot.record else [])]
     return {

@@ -16,7 +16,7 @@ import math
 import threading
 from collections.abc import AsyncIterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Final
+from typing import Final
 
 from robotrue.errors import FormatError, RobotrueError
 from robotrue.online.blocks import Flag
@@ -105,7 +105,7 @@ def read_signals(data: bytes, host_time: float) -> SignalSample:
     )
 
 
-def write_signals(values: Mapping[str, Any]) -> bytes:
+def write_signals(values: Mapping[str, object]) -> bytes:
     """Returns the datagram of named numbers and texts.
 
     Raises:
@@ -120,7 +120,7 @@ def write_signals(values: Mapping[str, Any]) -> bytes:
     return data
 
 
-def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+def _once(pairs: list[tuple[str, object]]) -> dict[str, object]:
     names = [name for name, _ in pairs]
     if len(set(names)) < len(names):
         raise ValueError("a name twice")

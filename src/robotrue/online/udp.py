@@ -19,7 +19,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
-from typing import Any, Final, Generic, TypeVar
+from typing import Final, Generic, TypeVar
 
 from robotrue.errors import ConfigurationError
 
@@ -137,7 +137,7 @@ class UdpEndpoint:
         finally:
             self._closed(fault)
 
-    def _take_datagram(self) -> tuple[bytes, float, tuple[Any, ...]]:
+    def _take_datagram(self) -> tuple[bytes, float, tuple[str, int]]:
         """A datagram, s that it has waited in the system, and its sender."""
         if not _STAMPED:
             data, sender = self._socket.recvfrom(_LARGEST)

@@ -7,7 +7,6 @@ blank: a row that was left blank is refused, not taken for a measurement.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -44,7 +43,7 @@ def measuring_krl(cell: Cell, plan: PosePlan, name: str, trigger_output: int) ->
     )
 
 
-def plan_document(plan: PosePlan) -> dict[str, Any]:
+def plan_document(plan: PosePlan) -> dict[str, object]:
     """Returns the plan as JSON values: mm, deg."""
     expected = plan.expected
     return {

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
-import numba
-
-from robotrue.core.compiled import cached
+from robotrue.core.arrays import Array
+from robotrue.core.compiled import PLAIN, compiled
 
 
-@cached
-@numba.njit
-def carry_sides(axis: Any, before: Any, sides: Any) -> None:
+@compiled(PLAIN)
+def carry_sides(axis: Array, before: Array, sides: Array) -> None:
     """Carries a side vector along axes by the smallest rotations, in place.
 
     Args:

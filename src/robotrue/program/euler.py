@@ -6,7 +6,7 @@ Same formulas, same branches; what they mean is told in :mod:`robotrue.core.rota
 from __future__ import annotations
 
 import math
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -26,7 +26,7 @@ def matrices_from_abc(abc: Array, unit: float) -> Array:
 
 
 @compiled(EXACT)
-def _matrices(abc: Any, unit: Any, out: Any, angle: Any, trig: Any) -> None:
+def _matrices(abc: Array, unit: float, out: Array, angle: Array, trig: Array) -> None:
     for first in range(0, len(abc), _ABREAST):
         count = min(_ABREAST, len(abc) - first)
         for n in range(count):
@@ -41,7 +41,7 @@ def _matrices(abc: Any, unit: Any, out: Any, angle: Any, trig: Any) -> None:
 
 
 @compiled(EXACT, inline=True)
-def _matrix(trig: Any, n: Any, out: Any, i: Any) -> None:
+def _matrix(trig: Array, n: int, out: Array, i: int) -> None:
     """Writes one matrix from the sines and cosines of A, B, C in column ``n``."""
     sa, sb, sc = trig[n], trig[_ABREAST + n], trig[2 * _ABREAST + n]
     ca, cb, cc = trig[3 * _ABREAST + n], trig[4 * _ABREAST + n], trig[5 * _ABREAST + n]
@@ -57,7 +57,7 @@ def _matrix(trig: Any, n: Any, out: Any, i: Any) -> None:
 
 
 @compiled(PLAIN, inline=True)
-def _wrap(angle: Any) -> Any:
+def _wrap(angle: float) -> float:
     if -math.pi <= angle < math.pi:
         return angle
     return angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
@@ -83,7 +83,7 @@ def renew_abc(rotation: Array, rows: IntArray, abc: Array, unit: float) -> None:
 
 
 @compiled(EXACT)
-def _renew(rotation: Any, rows: Any, abc: Any, unit: Any, work: Any) -> None:
+def _renew(rotation: Array, rows: IntArray, abc: Array, unit: float, work: Array) -> None:
     for first in range(0, len(rows), _ABREAST):
         count = min(_ABREAST, len(rows) - first)
         _hand_in(rotation, rows, first, count, abc, unit, work)
@@ -105,7 +105,7 @@ def _renew(rotation: Any, rows: Any, abc: Any, unit: Any, work: Any) -> None:
 
 @compiled(EXACT)
 def _hand_in(
-    rotation: Any, rows: Any, first: Any, count: Any, abc: Any, unit: Any, work: Any
+    rotation: Array, rows: IntArray, first: int, count: int, abc: Array, unit: float, work: Array
 ) -> None:
     """Writes sines and cosines of A, B, C (six rows), and from the ninth row on A, B, C in rad."""
     for n in range(count):
@@ -120,7 +120,7 @@ def _hand_in(
 
 
 @compiled(PLAIN, inline=True)
-def _locked(r: Any, b: Any, near_a: Any, near_c: Any) -> Any:
+def _locked(r: Array, b: float, near_a: float, near_c: float) -> tuple[float, float]:
     """Returns A and C at the lock: R depends on A - sign * C alone, the turn is split evenly."""
     sign = 1.0 if b > 0 else -1.0
     difference = math.atan2(-r[0, 1], r[1, 1])
@@ -129,7 +129,9 @@ def _locked(r: Any, b: Any, near_a: Any, near_c: Any) -> Any:
 
 
 @compiled(PLAIN, inline=True)
-def _nearest(a: Any, b: Any, c: Any, near_a: Any, near_b: Any, near_c: Any) -> Any:
+def _nearest(
+    a: float, b: float, c: float, near_a: float, near_b: float, near_c: float
+) -> tuple[float, float, float]:
     """Returns the triple or its other form, whichever is nearer, at the nearest turns."""
     a1, b1, c1 = _wrap(a - near_a), _wrap(b - near_b), _wrap(c - near_c)
     if not a1 * a1 + b1 * b1 + c1 * c1 < 1.0:  # else the other form is half a turn away

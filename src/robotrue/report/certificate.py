@@ -88,7 +88,7 @@ class CertificateFacts:
     regions: tuple[tuple[str, ErrorStatistics], ...] = ()
     repeats: tuple[RepeatedPose, ...] = ()
     parameters: tuple[Parameter, ...] = ()
-    lineage: tuple[Mapping[str, Any], ...] = ()
+    lineage: tuple[Mapping[str, object], ...] = ()
     unseen: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
     held_out: float | None = None

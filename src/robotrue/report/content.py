@@ -23,7 +23,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from html import escape
-from typing import Any, ClassVar, Final, Literal, TypeAlias
+from typing import ClassVar, Final, Literal, TypeAlias
 
 import numpy as np
 
@@ -131,7 +131,7 @@ class ReportTable:
                     f"expected {len(self.columns)}."
                 )
 
-    def json_block(self) -> dict[str, Any]:
+    def json_block(self) -> dict[str, object]:
         """Returns the rows as JSON values, by the name and unit of each column."""
         names = [f"{c.key or c.title} {c.unit}".strip().replace(" ", "_") for c in self.columns]
         return {
@@ -183,13 +183,13 @@ class Plot(Columns, ABC):
         """Returns the picture as PNG, its title above it."""
         return png(self.drawing(words), title=self.title)
 
-    def json_block(self) -> dict[str, Any]:
+    def json_block(self) -> dict[str, object]:
         """Returns the numbers as JSON values; lengths in mm, angles in deg."""
         values = {key: _shop_value(getattr(self, f), key) for key, f in self.json_keys.items()}
         head = {"title": self.title, "caption": self.caption, "kind": self.kind}
         return {**head, **values, **self._json_more()}
 
-    def _json_more(self) -> dict[str, Any]:
+    def _json_more(self) -> dict[str, object]:
         """Returns what :attr:`json_keys` cannot say; nothing by default."""
         return {}
 
@@ -263,14 +263,14 @@ def finite_or_none(value: float | None) -> float | None:
     return None if value is None or not math.isfinite(value) else value
 
 
-def nullable(values: Array) -> Any:
+def nullable(values: Array) -> object:
     """Returns nested lists, rounded, with None where a value does not exist."""
     if values.ndim > 1:
         return [nullable(part) for part in values]
     return [finite_or_none(round(float(value), 7)) for value in values]
 
 
-def _shop_value(value: Any, key: str) -> Any:
+def _shop_value(value: object, key: str) -> object:
     """Returns a value in the unit that ends its key, as JSON."""
     unit, digits = _UNITS.get(key.rpartition("_")[2], (1.0, None))
     if isinstance(value, np.ndarray):

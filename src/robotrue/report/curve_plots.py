@@ -99,7 +99,7 @@ class PoseCurves(Plot):
         if not any(np.isfinite(s.median).any() for s in self.series):
             raise ShapeError("pose curves: no finite value in any series.")
 
-    def _json_more(self) -> dict[str, Any]:
+    def _json_more(self) -> dict[str, object]:
         return {
             "series": [
                 {

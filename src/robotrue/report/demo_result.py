@@ -6,7 +6,6 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from robotrue.calibration.model import ErrorModel
 from robotrue.core.arrays import Array
@@ -34,7 +33,7 @@ class DemoResult:
 
     folder: Path
     page: Path
-    results: Mapping[str, Any]
+    results: Mapping[str, object]
     tables: tuple[ReportTable, ...]
     simulated: bool
 
@@ -57,7 +56,7 @@ class HoleRuns:
     hole_after: HoleResult
 
 
-def write_report(folder: Path, content: ReportContent, results: Mapping[str, Any]) -> Path:
+def write_report(folder: Path, content: ReportContent, results: Mapping[str, object]) -> Path:
     """Writes ``demo.html``, ``report.json`` and ``results.json``; returns the page's path."""
     page = folder / "demo.html"
     write_atomic(page, report_html(content).encode())

@@ -88,7 +88,7 @@ class ControllerExport:
     before: Loss
     total: Loss
     lost: tuple[Loss, ...]
-    document: Mapping[str, Any]
+    document: Mapping[str, object]
 
     def text(self) -> str:
         """Returns the sheet to read."""
@@ -161,7 +161,7 @@ def _free(dof: int) -> IntArray:
 
 def _document(
     robot: RobotModel, found: ExportableModel, lost: Sequence[Loss], before: Loss, total: Loss
-) -> Mapping[str, Any]:
+) -> Mapping[str, object]:
     sign = np.ones(robot.dof) if robot.controller is None else robot.controller.sign
     offset = sign * np.linalg.solve(robot.joint_map, robot.error("theta"))
     maker = robot.maker if robot.maker in WHERE else "generic"

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -113,7 +113,7 @@ def rigid(robot: RobotModel) -> RobotModel:
     return robot.with_errors(errors)
 
 
-def _urdf_side(found: ExportableModel) -> dict[str, Any]:
+def _urdf_side(found: ExportableModel) -> dict[str, object]:
     t, robot = found.tables, found.tables.robot
     return {
         "format": "robotrue-urdf-side-file",
@@ -146,7 +146,7 @@ def _urdf_side(found: ExportableModel) -> dict[str, Any]:
     }
 
 
-def _list(values: Array) -> Any:
+def _list(values: Array) -> object:
     return np.asarray(values).tolist()
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 
@@ -197,7 +197,7 @@ def mean_position(tables: MeanTables, joints: Array, load: Load) -> Array:
     return np.asarray(position)
 
 
-def loss_document(lost: Sequence[Loss], total: Loss) -> Mapping[str, Any]:
+def loss_document(lost: Sequence[Loss], total: Loss) -> Mapping[str, object]:
     """Returns JSON values: what was left out, mm."""
     return {
         "left_out": [

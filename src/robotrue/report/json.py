@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from typing import Any, Final
+from typing import Final
 
 from robotrue.core.files import sha256
 from robotrue.report.content import Fact, ReportContent, finite_or_none
@@ -28,7 +28,7 @@ def content_sha256(content: ReportContent) -> str:
     return document_sha256(report_document(content))
 
 
-def document_sha256(document: Mapping[str, Any]) -> str:
+def document_sha256(document: Mapping[str, object]) -> str:
     """Returns the SHA-256 of the canonical JSON: keys sorted, no blanks, UTF-8, no hash in it."""
     bare = {key: value for key, value in document.items() if key != HASH}
     text = json.dumps(
@@ -37,12 +37,12 @@ def document_sha256(document: Mapping[str, Any]) -> str:
     return sha256(text.encode("utf-8"))
 
 
-def is_intact(document: Mapping[str, Any]) -> bool:
+def is_intact(document: Mapping[str, object]) -> bool:
     """Returns whether a JSON report still is what its hash was made of."""
     return document.get(HASH) == document_sha256(document)
 
 
-def report_document(content: ReportContent) -> Mapping[str, Any]:
+def report_document(content: ReportContent) -> Mapping[str, object]:
     """Returns the report as JSON values without its hash; lengths in mm, angles in deg."""
     return {
         "format": "robotrue-report",
@@ -80,7 +80,7 @@ def report_document(content: ReportContent) -> Mapping[str, Any]:
     }
 
 
-def _facts(facts: tuple[Fact, ...]) -> Mapping[str, Any]:
+def _facts(facts: tuple[Fact, ...]) -> Mapping[str, object]:
     """Values by name; several of one name as a list."""
     found: dict[str, list[str]] = {}
     for fact in facts:

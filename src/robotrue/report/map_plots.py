@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Final
+from typing import Annotated, ClassVar, Final
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import PathCollection
 from matplotlib.colorbar import Colorbar
 from matplotlib.colors import BoundaryNorm, Colormap, LogNorm, Normalize
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
@@ -61,7 +62,7 @@ class PartMap(Plot):
         if not len(self.point) or not (self.radius > 0.0).all():
             raise ShapeError("part map: one point or more, with radii above 0, are needed.")
 
-    def _json_more(self) -> dict[str, Any]:  # not rounded
+    def _json_more(self) -> dict[str, object]:  # not rounded
         return {
             "group": [int(k) for k in self.group],
             "point_mm": (self.point / MM).tolist(),
@@ -90,7 +91,7 @@ class PartMap(Plot):
         panels = max(len(self.groups), 2)
         return Drawing(draw=draw, width=1.2 + 4.0 * panels, height=3.9, panels=panels)
 
-    def _draw_group(self, ax: Axes, k: int, norm: LogNorm) -> Any:
+    def _draw_group(self, ax: Axes, k: int, norm: LogNorm) -> PathCollection:
         """Draws one panel; returns the coloured points, for the scale."""
         shown, touched = self.group == k, self.touch_group == k
         # the two axes of the part along which the points reach farthest, in order
@@ -185,7 +186,7 @@ class MapSlices(Plot):
         if not np.isfinite(self.values).any():
             raise ShapeError("map slices: no finite value.")
 
-    def _json_more(self) -> dict[str, Any]:
+    def _json_more(self) -> dict[str, object]:
         return {
             self.across_label: self.across.tolist(),
             self.up_label: self.up.tolist(),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -218,7 +218,7 @@ def map_table(error_map: WorkspaceMap) -> str:
     return csv_text([[name for name, _ in columns], *cells])
 
 
-def map_document(error_map: WorkspaceMap, alike: tuple[SectorSimilarity, ...]) -> dict[str, Any]:
+def map_document(error_map: WorkspaceMap, alike: tuple[SectorSimilarity, ...]) -> dict[str, object]:
     """Returns region, grid and the numbers of each sector as JSON values; mm, deg."""
     able = error_map.reachable
     names = sector_names(error_map)
@@ -249,7 +249,7 @@ def map_document(error_map: WorkspaceMap, alike: tuple[SectorSimilarity, ...]) -
     }
 
 
-def _sector(error_map: WorkspaceMap, rows: Array) -> dict[str, Any]:
+def _sector(error_map: WorkspaceMap, rows: Array) -> dict[str, object]:
     if not rows.any():
         return {"in_reach": 0}
     return {

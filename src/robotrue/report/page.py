@@ -86,8 +86,13 @@ def _tile(tile: KeyFigure, words: ReportTexts) -> dict[str, str]:
     }
 
 
-def _block(block: Block, key: str, words: ReportTexts) -> dict[str, Any]:
-    head: dict[str, Any] = {"title": block.title, "caption": block.caption, "svg": "", "table": []}
+def _block(block: Block, key: str, words: ReportTexts) -> dict[str, object]:
+    head: dict[str, object] = {
+        "title": block.title,
+        "caption": block.caption,
+        "svg": "",
+        "table": [],
+    }
     if not isinstance(block, ReportTable):
         return head | {"svg": block.svg(key, words)}
     wordy = [any(isinstance(row[k], str) for row in block.rows) for k in range(len(block.columns))]

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import re
 from importlib.resources import files
+from types import ModuleType
 from typing import Any, Final
 
 from robotrue.errors import ConfigurationError, MissingExtraError
@@ -81,7 +82,7 @@ def _breakable(found: re.Match[str]) -> str:
     return _BREAK.join(text[k : k + _PIECE] for k in range(0, len(text), _PIECE))
 
 
-def _typst() -> Any:
+def _typst() -> ModuleType:
     try:
         import typst
     except ImportError as cause:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -99,7 +99,7 @@ async def run(
         told: Hears the name of every hole once it is done, and the tally so far.
     """
     loop = asyncio.get_running_loop()
-    answers: asyncio.Queue[Mapping[str, Any]] = asyncio.Queue()
+    answers: asyncio.Queue[Mapping[str, object]] = asyncio.Queue()
     transport, _ = await loop.create_datagram_endpoint(
         lambda: Datagrams(lambda data: _read_answer(data, answers)), remote_addr=(host, port)
     )
@@ -129,7 +129,7 @@ class _Machine:
         self,
         settings: DrillingRun,
         transport: asyncio.DatagramTransport,
-        answers: asyncio.Queue[Mapping[str, Any]],
+        answers: asyncio.Queue[Mapping[str, object]],
     ) -> None:
         self._settings, self._transport, self._answers = settings, transport, answers
         self._random = np.random.default_rng(settings.seed)
@@ -172,7 +172,7 @@ class _Machine:
 
     async def _send_clamp(
         self, hole: str, readings: Array, force: float, height: float
-    ) -> Mapping[str, Any] | None:
+    ) -> Mapping[str, object] | None:
         """Sends the clamp until it is answered."""
         while not self._answers.empty():
             self._answers.get_nowait()
@@ -227,7 +227,7 @@ class _Machine:
             return
         self._put(values)
 
-    def _damage(self, values: dict[str, Any]) -> None:
+    def _damage(self, values: dict[str, object]) -> None:
         """A datagram that is lost, comes twice, has no number for a sensor, or is cut short."""
         kind = int(self._faults.integers(4))
         if kind == 0:
@@ -241,13 +241,13 @@ class _Machine:
         else:
             self._transport.sendto(write_signals(values)[:-9])
 
-    def _put(self, values: Mapping[str, Any]) -> None:
+    def _put(self, values: Mapping[str, object]) -> None:
         self._transport.sendto(write_signals({"seq": self._sequence, **values, SIMULATED: 1}))
         self._sequence += 1
         self.tally.sent += 1
 
 
-def _read_answer(data: bytes, answers: asyncio.Queue[Mapping[str, Any]]) -> None:
+def _read_answer(data: bytes, answers: asyncio.Queue[Mapping[str, object]]) -> None:
     """Puts what a datagram says into the queue; what cannot be read is no answer."""
     try:
         sample = read_signals(data, 0.0)

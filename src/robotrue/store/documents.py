@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from robotrue.store import items
 from robotrue.store.nouns import DOCUMENT, DocumentRecord
@@ -19,7 +18,7 @@ def add(
     name: str,
     files: Sequence[Path] = (),
     about: Sequence[Link] = (),
-    detail: Mapping[str, Any] | None = None,
+    detail: Mapping[str, object] | None = None,
     note: str = "",
     id: str | None = None,
 ) -> DocumentRecord:

@@ -61,7 +61,7 @@ def export_project(workspace: Workspace, path: str | Path) -> ExchangeTotals:
 
 
 def _write(workspace: Workspace, bundle: zipfile.ZipFile) -> ExchangeTotals:
-    members: dict[str, dict[str, Any]] = {}
+    members: dict[str, dict[str, object]] = {}
     rows: dict[str, int] = {}
     files = size = 0
     engine = workspace.engine

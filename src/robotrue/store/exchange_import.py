@@ -168,7 +168,7 @@ def _read_tables(
                 connection.execute(insert(table), batch)
 
 
-def _row(table: Table, line: bytes, source: str) -> dict[str, Any]:
+def _row(table: Table, line: bytes, source: str) -> dict[str, object]:
     try:
         stated = json.loads(line)
         if not isinstance(stated, dict) or set(stated) != set(table.columns.keys()):
@@ -183,7 +183,7 @@ def _row(table: Table, line: bytes, source: str) -> dict[str, Any]:
     return stated
 
 
-def _require_sound(connection: Connection, members: Mapping[str, Any], source: str) -> None:
+def _require_sound(connection: Connection, members: Mapping[str, object], source: str) -> None:
     """Refuses rows that no robotrue writes, whatever their hash."""
     held = Base.metadata.tables
     blobs = {f"{r.place}/{r.sha256}" for r in connection.execute(select(held["blobs"]))}
@@ -225,8 +225,8 @@ def _merge(session: Session, staged: Connection, source: str) -> dict[str, int]:
 
 
 def _new(
-    session: Session, table: Table, key: list[str], rows: list[dict[str, Any]], source: str
-) -> list[dict[str, Any]]:
+    session: Session, table: Table, key: list[str], rows: list[dict[str, object]], source: str
+) -> list[dict[str, object]]:
     columns = tuple_(*(table.c[name] for name in key))
     keys = [tuple(row[name] for name in key) for row in rows]
     there = {

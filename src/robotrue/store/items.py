@@ -39,11 +39,11 @@ def add(
     *,
     name: str,
     note: str = "",
-    detail: Mapping[str, Any] | None = None,
+    detail: Mapping[str, object] | None = None,
     links: Sequence[Link] = (),
     files: Iterable[tuple[str, str, bytes | Path]] = (),
     id: str | None = None,
-    **columns: Any,
+    **columns: object,
 ) -> R:
     """Returns a new item, or with an id a new version of it, that has just been written.
 
@@ -69,7 +69,7 @@ def add(
 
 
 def add_version(
-    into: Transaction, noun: Noun[R], before: R, *, links: Sequence[Link] = (), **changes: Any
+    into: Transaction, noun: Noun[R], before: R, *, links: Sequence[Link] = (), **changes: object
 ) -> R:
     """Returns the new version of an item that is as the one before but for some columns."""
     columns = {**_columns(before), **changes}
@@ -79,7 +79,7 @@ def add_version(
 def _insert(
     into: Transaction,
     noun: Noun[R],
-    columns: Mapping[str, Any],
+    columns: Mapping[str, object],
     links: Sequence[Link],
     attachments: Sequence[Attachment],
     id: str | None,
@@ -119,7 +119,7 @@ def _write(
     noun: Noun[R],
     id: str,
     version: int,
-    columns: Mapping[str, Any],
+    columns: Mapping[str, object],
     links: Sequence[Link],
     attachments: Sequence[Attachment],
     action: str,
@@ -418,7 +418,7 @@ def _require_there(session: Session, to: Ref) -> None:
         _row(session, NOUNS[item.noun], to.id, to.version)
 
 
-def _columns(found: ItemRecord) -> dict[str, Any]:
+def _columns(found: ItemRecord) -> dict[str, object]:
     return {f.name: getattr(found, f.name) for f in fields(found) if f.name not in _OWN}
 
 

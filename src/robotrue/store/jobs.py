@@ -71,8 +71,8 @@ class Job:
     progress: float
     text: str
     remarks: tuple[str, ...]
-    result: Mapping[str, Any] | None
-    error: Mapping[str, Any] | None
+    result: Mapping[str, object] | None
+    error: Mapping[str, object] | None
     attempts: int
     attempts_allowed: int
     cancel: bool
@@ -90,7 +90,7 @@ class Job:
 def submit(
     where: Workspace | Transaction,
     kind: str,
-    parameters: Mapping[str, Any],
+    parameters: Mapping[str, object],
     *,
     attempts_allowed: int = ATTEMPTS,
 ) -> JobId:
@@ -228,7 +228,9 @@ def row_of(session: Session, id: str, *, lock: bool = False) -> JobRow:
     return found[0]
 
 
-def end(into: Transaction, row: JobRow, state: str, error: Mapping[str, Any] | None = None) -> None:
+def end(
+    into: Transaction, row: JobRow, state: str, error: Mapping[str, object] | None = None
+) -> None:
     """Puts a job over, with an entry in the journal."""
     row.state, row.finished = state, now()
     row.error = None if error is None else dict(error)

@@ -109,7 +109,9 @@ def report_progress(workspace: Workspace, claim: Claim, progress: float, text: s
         return True
 
 
-def finish(into: Transaction, claim: Claim, result: Mapping[str, Any], remarks: list[str]) -> bool:
+def finish(
+    into: Transaction, claim: Claim, result: Mapping[str, object], remarks: list[str]
+) -> bool:
     """Puts the job done with its result; returns False, and does nothing, if the claim is lost."""
     row = lock_claimed(into, claim)
     if row is None or row.cancel:
@@ -119,7 +121,9 @@ def finish(into: Transaction, claim: Claim, result: Mapping[str, Any], remarks: 
     return True
 
 
-def fail(workspace: Workspace, claim: Claim, error: Mapping[str, Any], remarks: list[str]) -> None:
+def fail(
+    workspace: Workspace, claim: Claim, error: Mapping[str, object], remarks: list[str]
+) -> None:
     """Puts the job failed with its error, or cancelled if somebody asked for that."""
     with workspace.write() as into:
         row = lock_claimed(into, claim)

@@ -19,7 +19,7 @@ from collections.abc import Callable, Iterator, Mapping
 from importlib import import_module
 from multiprocessing import parent_process
 from pathlib import Path
-from typing import Any, Final, TypeAlias
+from typing import Final, TypeAlias
 
 from robotrue.errors import ConfigurationError, DatabaseDownError, RobotrueError
 from robotrue.store.jobs import Job, status
@@ -52,7 +52,7 @@ class Work:
         self._noted = -EVERY
 
     @property
-    def parameters(self) -> Mapping[str, Any]:
+    def parameters(self) -> Mapping[str, object]:
         """What was asked for."""
         return self.job.parameters
 
@@ -75,7 +75,7 @@ class Work:
         self.remarks.append(text)
 
 
-Publish: TypeAlias = Callable[[Transaction], Mapping[str, Any]]
+Publish: TypeAlias = Callable[[Transaction], Mapping[str, object]]
 """Writes what came of a job; returns its result, JSON values."""
 Kind: TypeAlias = Callable[[Work], Publish]
 
@@ -127,9 +127,9 @@ def attempt_as_child(folder: Path, url: str | None, target: str, claim: Claim) -
         raise SystemExit(str(cause)) from None  # the worker queues the job again
 
 
-def fault(cause: Exception) -> dict[str, Any]:
+def fault(cause: Exception) -> dict[str, object]:
     """Returns an error as JSON values."""
-    found: dict[str, Any] = {"kind": type(cause).__name__, "message": str(cause)}
+    found: dict[str, object] = {"kind": type(cause).__name__, "message": str(cause)}
     if isinstance(cause, RobotrueError):
         found["message"] = cause.message
         found |= {"source": cause.source, "line": cause.line, "hint": cause.hint}

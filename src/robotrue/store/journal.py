@@ -6,7 +6,6 @@ import uuid
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, fields
 from datetime import datetime
-from typing import Any
 
 from sqlalchemy import func, select
 
@@ -36,7 +35,7 @@ class Entry:
     noun: str
     item: str
     version: int
-    detail: Mapping[str, Any]
+    detail: Mapping[str, object]
 
 
 def record(
@@ -45,7 +44,7 @@ def record(
     noun: str,
     item: str,
     version: int = 0,
-    detail: Mapping[str, Any] | None = None,
+    detail: Mapping[str, object] | None = None,
 ) -> None:
     """Adds an entry, with the transaction that did what it says."""
     into.session.add(

@@ -101,7 +101,7 @@ def add(
     raw: Sequence[Path] = (),
     cell: Ref | None = None,
     note: str = "",
-    detail: Mapping[str, Any] | None = None,
+    detail: Mapping[str, object] | None = None,
     id: str | None = None,
 ) -> MeasurementRecord:
     """Returns an imported measurement set.
@@ -267,7 +267,7 @@ def read_rows(path: Path, query: RowQuery) -> RowPage:
     return RowPage(index=page.astype(np.float64), columns=columns, total=len(index))
 
 
-def _open_samples(path: Path, columns: Sequence[str] | None) -> tuple[dict[str, Any], Any]:
+def _open_samples(path: Path, columns: Sequence[str] | None) -> tuple[dict[str, Any], pa.Table]:
     try:
         table = pq.read_table(path, columns=columns)
         head = json.loads(table.schema.metadata[_KEY])

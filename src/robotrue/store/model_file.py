@@ -83,7 +83,7 @@ def read_model(path: str | Path) -> ModelFile:
     return ModelFile(model=model, cell=unpack_cell(stated, model.robot), archive=archive)
 
 
-def pack_cell(cell: Cell) -> dict[str, Any]:
+def pack_cell(cell: Cell) -> dict[str, object]:
     """Returns the cell as JSON values: the text of its cell.toml and the files it names."""
     text, files = portable_text(cell)
     return {

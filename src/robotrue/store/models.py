@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from robotrue import __version__
 from robotrue.calibration.lineage import history, identity_of, provenance_of
@@ -26,7 +26,7 @@ def add(
     data: Sequence[Ref] = (),
     cell: Ref | None = None,
     parents: Sequence[Ref] = (),
-    settings: Mapping[str, Any] | None = None,
+    settings: Mapping[str, object] | None = None,
     reports: Sequence[Path] = (),
     job: str = "",
     note: str = "",

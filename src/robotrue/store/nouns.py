@@ -89,7 +89,7 @@ class ModelRecord(ItemRecord):
     robot: Name
     identity: Identity
     made_by: Word
-    settings: Annotated[Mapping[str, Any], JSON_DOCUMENT]
+    settings: Annotated[Mapping[str, object], JSON_DOCUMENT]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from robotrue.errors import ConfigurationError, FormatError
 from robotrue.program.formats import detect
@@ -50,7 +50,7 @@ def add_after(
     name: str | None = None,
     note: str = "",
     job: str = "",
-    detail: Mapping[str, Any] | None = None,
+    detail: Mapping[str, object] | None = None,
 ) -> ProgramRecord:
     """Returns the imported files of a compensated program, linked to what they were made from.
 
@@ -102,7 +102,7 @@ def _add(
     note: str,
     identities: Sequence[Path] = (),
     links: Sequence[Link] = (),
-    detail: Mapping[str, Any] | None = None,
+    detail: Mapping[str, object] | None = None,
     id: str | None = None,
 ) -> ProgramRecord:
     files = [Path(path) for path in paths]

@@ -83,7 +83,7 @@ class ItemRecord:
     name: str
     note: str
     created: datetime
-    detail: Mapping[str, Any]
+    detail: Mapping[str, Any]  # each noun reads its own
     links: tuple[Link, ...] = ()
     attachments: tuple[Attachment, ...] = ()
 

@@ -141,11 +141,11 @@ class Versioned(Base):
     name: Mapped[str] = mapped_column(NAME)
     note: Mapped[str] = mapped_column(Text)
     created: Mapped[datetime] = mapped_column(UtcDateTime)
-    detail: Mapped[dict[str, Any]] = mapped_column(DOCUMENT)
+    detail: Mapped[dict[str, object]] = mapped_column(DOCUMENT)
 
     @declared_attr.directive
     @classmethod
-    def __table_args__(cls) -> tuple[Any, ...]:
+    def __table_args__(cls) -> tuple[object, ...]:
         """The id is an item's; the page of the newest is read from one index."""
         return (
             ForeignKeyConstraint(["id"], ["items.id"], name=f"fk_{cls.__tablename__}_id"),
@@ -159,13 +159,13 @@ class JobRow(Base):
     __tablename__ = "jobs"
     id: Mapped[str] = mapped_column(ID, primary_key=True)
     kind: Mapped[str] = mapped_column(WORD)
-    parameters: Mapped[dict[str, Any]] = mapped_column(DOCUMENT)
+    parameters: Mapped[dict[str, object]] = mapped_column(DOCUMENT)
     state: Mapped[str] = mapped_column(WORD)
     progress: Mapped[float] = mapped_column(Float)
     text: Mapped[str] = mapped_column(Text)
     remarks: Mapped[list[str]] = mapped_column(DOCUMENT)
-    result: Mapped[dict[str, Any] | None] = mapped_column(DOCUMENT)
-    error: Mapped[dict[str, Any] | None] = mapped_column(DOCUMENT)
+    result: Mapped[dict[str, object] | None] = mapped_column(DOCUMENT)
+    error: Mapped[dict[str, object] | None] = mapped_column(DOCUMENT)
     attempts: Mapped[int] = mapped_column(Integer)
     attempts_allowed: Mapped[int] = mapped_column(Integer)
     cancel: Mapped[bool] = mapped_column(Boolean)
@@ -191,4 +191,4 @@ class JournalRow(Base):
     noun: Mapped[str] = mapped_column(WORD)
     item: Mapped[str] = mapped_column(ID, index=True)
     version: Mapped[int] = mapped_column(Integer)
-    detail: Mapped[dict[str, Any]] = mapped_column(DOCUMENT)
+    detail: Mapped[dict[str, object]] = mapped_column(DOCUMENT)

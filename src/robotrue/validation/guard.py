@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any, Final, TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
 
@@ -69,7 +69,7 @@ class GuardVerdict:
     noise: float = UNKNOWN
     doubts: tuple[str, ...]
 
-    def summary(self) -> Mapping[str, Any]:
+    def summary(self) -> Mapping[str, object]:
         """Returns JSON values; lengths in m."""
         units = {"gain": "gain_m", "noise": "noise_m"}
         values = {**asdict(self), "against": self.against or None}
@@ -172,7 +172,7 @@ def _rule(rows: int, folds: int) -> str:
 
 
 def _with_verdict(
-    model: ErrorModel, verdict: GuardVerdict, evidence: Mapping[str, Any]
+    model: ErrorModel, verdict: GuardVerdict, evidence: Mapping[str, object]
 ) -> ErrorModel:
     doubts = [*verdict.doubts, *model.training_summary().warnings]
     return with_summary(model, {**evidence, "guard": dict(verdict.summary()), "doubts": doubts})

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
 import numpy as np
 
@@ -65,7 +65,7 @@ class LearningCurve(Columns):
         """
         return _quartiles(self.mean)
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> dict[str, object]:
         """Returns JSON values, lengths in mm, one entry per candidate and count."""
         error, inside = self.quartiles() / MM, _quartiles(self.coverage)
         return {

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from typing import Any
 
 import numpy as np
 from scipy.special import chdtr, chdtri, ndtri
@@ -42,7 +41,7 @@ class ErrorStatistics:
     axis_std: Array
     axis_max: Array
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> dict[str, object]:
         """Returns JSON values, lengths in mm."""
         lengths = (f.name for f in fields(self) if f.name != "n")
         return {"n": self.n, **{f"{k}_mm": json_values(getattr(self, k) / MM) for k in lengths}}

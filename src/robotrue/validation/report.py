@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.units import DEG, MM
@@ -51,7 +50,7 @@ class AxisAngles:
     p95: float
     max: float
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> dict[str, object]:
         """Returns JSON values, deg."""
         angles = {"mean_deg": self.mean, "p95_deg": self.p95, "max_deg": self.max}
         return {"n": self.n, **{name: value / DEG for name, value in angles.items()}}
@@ -106,7 +105,7 @@ class ValidationReport:
         """Share of the rows inside their stated 95 % regions, 0 to 1."""
         return self.coverage.share
 
-    def to_json(self) -> Mapping[str, Any]:
+    def to_json(self) -> Mapping[str, object]:
         """Returns JSON values; lengths in mm, shares 0 to 1, units in the names.
 
         ``n, mean_mm, max_mm, p95_mm, std_mm, coverage_95`` and ``before`` are a contract; more

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
 from functools import partial
-from typing import Any, Final, TypeAlias, cast
+from typing import Final, TypeAlias, cast
 
 import numpy as np
 
@@ -157,7 +157,7 @@ def hold_out(
     )
 
 
-def with_summary(model: ErrorModel, more: Mapping[str, Any]) -> ErrorModel:
+def with_summary(model: ErrorModel, more: Mapping[str, object]) -> ErrorModel:
     """Returns the model with further JSON values in its training summary, where it can take them.
 
     Only a dataclass with a ``summary`` field can; any other model comes back as it is.
@@ -165,7 +165,7 @@ def with_summary(model: ErrorModel, more: Mapping[str, Any]) -> ErrorModel:
     if not is_dataclass(model) or "summary" not in {f.name for f in fields(model)}:
         return model
     summary = {**model.training_summary(), **more}
-    return cast(ErrorModel, replace(cast(Any, model), summary=summary))
+    return cast(ErrorModel, replace(cast(object, model), summary=summary))
 
 
 def _predictable(measurements: MeasurementSet, split: Split) -> Split | None:

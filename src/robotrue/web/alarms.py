@@ -43,7 +43,7 @@ class Alarm:
     over: bool
 
     @property
-    def document(self) -> dict[str, Any]:
+    def document(self) -> dict[str, object]:
         """As JSON values."""
         return {
             "key": self.key,

@@ -6,7 +6,9 @@ import re
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
+
+from pydantic import BaseModel
 
 from robotrue.drilling.journal_lines import whole_lines
 from robotrue.errors import ConfigurationError
@@ -17,6 +19,22 @@ FOLDER: Final = "drilling"
 MOST: Final = 2 * 1024 * 1024
 """Bytes read at once; who wants more asks again."""
 _NAME: Final = re.compile(r"[\w-][\w.-]{0,100}\.jsonl")
+
+
+class Entries(BaseModel):
+    """Some lines of a journal.
+
+    Attributes:
+        entries: As the session wrote them.
+        next: Byte to ask for next.
+        size: Of the file in bytes.
+        anew: The file is another one than before: forget what was read of it.
+    """
+
+    entries: list[dict[str, object]]
+    next: int
+    size: int
+    anew: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,11 +82,8 @@ def journal_path(workspace: Workspace, name: str) -> Path:
     return path
 
 
-def entries_after(path: Path, after: int, *, name: str) -> dict[str, Any]:
-    """Returns entries of a journal from a byte on: ``entries``, ``next``, ``size``, ``anew``.
-
-    ``anew`` says that the file is shorter than that byte: it is another one, read from its
-    beginning.
+def entries_after(path: Path, after: int, *, name: str) -> Entries:
+    """Returns entries of a journal from a byte on; of a file shorter than that, all anew.
 
     Raises:
         ConfigurationError: The byte is not the beginning of a line.
@@ -86,4 +101,4 @@ def entries_after(path: Path, after: int, *, name: str) -> dict[str, Any]:
             )
         file.seek(start)
         found, taken = whole_lines(file.read(MOST), source=name)
-    return {"entries": found, "next": start + taken, "size": size, "anew": anew}
+    return Entries(entries=found, next=start + taken, size=size, anew=anew)

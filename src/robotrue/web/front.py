@@ -143,7 +143,7 @@ def _group_of(protocol: Any) -> str:
     return client_group(protocol.client[0]) if protocol.client else ""
 
 
-def front(limits: Limits) -> Any:
+def front(limits: Limits) -> Any:  # uvicorn takes what makes protocols, and types a class
     """Returns the protocol class for ``uvicorn.Config(http=...)``, one for all connections."""
     return functools.partial(FrontProtocol, admission=Admission(limits))
 

@@ -9,23 +9,17 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Awaitable, Callable, MutableMapping
 from http.cookies import CookieError, SimpleCookie
-from typing import Any, Final, TypeAlias
+from typing import Final
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import RedirectResponse, Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from robotrue.web.hosts import host_is_known, known_names, origin_is_own
 from robotrue.web.problems import problem
 from robotrue.web.serve_settings import MB, ServeSettings
 from robotrue.web.sessions import Sessions, same_secret
-
-Scope: TypeAlias = MutableMapping[str, Any]
-Message: TypeAlias = MutableMapping[str, Any]
-Receive: TypeAlias = Callable[[], Awaitable[Message]]
-Send: TypeAlias = Callable[[Message], Awaitable[None]]
-App: TypeAlias = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 COOKIE: Final = "robotrue_session"
 OPEN_PATHS: Final = frozenset({"/login", "/static/icon.svg"})
@@ -62,7 +56,7 @@ class BodyRefusedError(Exception):
 class Gate:
     """An ASGI application in front of another one."""
 
-    def __init__(self, app: App, settings: ServeSettings, sessions: Sessions) -> None:
+    def __init__(self, app: ASGIApp, settings: ServeSettings, sessions: Sessions) -> None:
         self._app = app
         self._settings = settings
         self._sessions = sessions

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from functools import cache
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from robotrue.core.catalogue import read_catalogue
 from robotrue.errors import ConfigurationError
@@ -35,7 +35,7 @@ class Wording:
         self.language = language
         self._words = words(language)
 
-    def __call__(self, key: str, **values: Any) -> str:
+    def __call__(self, key: str, **values: object) -> str:
         """Returns the text of a key with its values put in.
 
         Raises:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 from robotrue.core.csv_text import csv_text
 from robotrue.errors import ConfigurationError
@@ -117,19 +117,19 @@ def record_alarm(workspace: Workspace, id: str, alarm: Alarm) -> None:
         journal.record(into, OVER if alarm.over else BEGUN, "live", id, detail=alarm.document)
 
 
-def alarms(workspace: Workspace, id: str, *, limit: int) -> list[dict[str, Any]]:
+def alarms(workspace: Workspace, id: str, *, limit: int) -> list[dict[str, object]]:
     """Returns the latest alarms of a source, the newest first.
 
     One whose end was never written, because the server was ended in it, is told as it began.
     """
-    out: dict[str, dict[str, Any]] = {}
+    out: dict[str, dict[str, object]] = {}
     for entry in journal.entries(workspace, item=id, limit=2 * limit).items:
         if entry.action in (BEGUN, OVER):
             out.setdefault(str(entry.detail.get("key")), dict(entry.detail))
     return sorted(out.values(), key=lambda each: str(each["begun"]), reverse=True)[:limit]
 
 
-def alarms_csv(found: list[dict[str, Any]]) -> str:
+def alarms_csv(found: list[dict[str, object]]) -> str:
     """Returns alarms as a table, the oldest first."""
     names = ("begun", "axis", "value_um", "band_um", "limit_um", "duration_s", "over")
     return csv_text([names, *([each[name] for name in names] for each in reversed(found))])

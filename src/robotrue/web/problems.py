@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
@@ -44,7 +44,7 @@ class Problem(BaseModel):
     line: int = 0
 
 
-DOCUMENTED: Final[dict[int | str, dict[str, Any]]] = {
+DOCUMENTED: Final[dict[int | str, dict[str, object]]] = {
     status: {
         "description": said,
         "content": {MEDIA_TYPE: {"schema": Problem.model_json_schema()}},
@@ -67,7 +67,7 @@ def problem(
     *,
     detail: str = "",
     headers: dict[str, str] | None = None,
-    **facts: Any,
+    **facts: object,
 ) -> JSONResponse:
     """Returns a problem document; facts that are None are left out."""
     body = {"type": "about:blank", "title": title, "status": status, "detail": detail, **facts}

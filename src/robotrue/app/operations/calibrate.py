@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
@@ -65,7 +65,7 @@ class Calibrated:
     measured: Provenance
     provenance: Provenance
 
-    def document(self) -> Mapping[str, Any]:
+    def document(self) -> Mapping[str, object]:
         """Returns the training summary as JSON values."""
         return {"model": str(self.output), **self.model.training_summary()}
 
@@ -157,7 +157,7 @@ def _screened_lines(rows: MeasurementSet, screened: Sequence[int]) -> list[str]:
 
 def save(
     request: CalibrateRequest, result: Calibrated, into: Transaction, context: WorkspaceContext
-) -> Mapping[str, Any]:
+) -> Mapping[str, object]:
     """Leaves a model with its page, linked to the cell and the poses."""
     from robotrue.app.workspace_context import ref_document
     from robotrue.store import models

@@ -31,10 +31,10 @@ class CompensatedProgram:
         provenance: Of the model and the part frame.
     """
 
-    counts: Mapping[str, Any]
+    counts: Mapping[str, object]
     provenance: Provenance
 
-    def document(self) -> Mapping[str, Any]:
+    def document(self) -> Mapping[str, object]:
         """Returns JSON values."""
         return self.counts
 
@@ -62,7 +62,7 @@ def save(
     result: CompensatedProgram,
     into: Transaction,
     context: WorkspaceContext,
-) -> Mapping[str, Any]:
+) -> Mapping[str, object]:
     """Leaves the program after, tied to the program before and to what it was made with."""
     from robotrue.app.workspace_context import ref_document
     from robotrue.program.identity import SUFFIX

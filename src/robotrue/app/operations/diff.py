@@ -81,7 +81,7 @@ class ProgramDifference:
     files: tuple[tuple[str, Difference], ...]
     provenance: Provenance | None
 
-    def document(self) -> Mapping[str, Any]:
+    def document(self) -> Mapping[str, object]:
         """Returns JSON values; um and deg."""
         return {"files": [{"file": name, **found.summary()} for name, found in self.files]}
 
@@ -102,7 +102,7 @@ def run(request: DiffRequest, context: Context) -> ProgramDifference:
     import numpy as np
 
     from robotrue.app.force_options import read_force_options
-    from robotrue.app.registered import opened, provenance_used
+    from robotrue.app.registered import open_model, provenance_used
     from robotrue.compensation.difference import compare_jobs
     from robotrue.compensation.stance import start_joints
     from robotrue.core.csv_text import csv_text
@@ -113,7 +113,7 @@ def run(request: DiffRequest, context: Context) -> ProgramDifference:
     home = np.empty(0)
     if request.model is not None:
         place = None if request.cell is None else context.cell_file(request.cell)
-        cell, model = opened(context.model_file(request.model), place)
+        cell, model = open_model(context.model_file(request.model), place)
         force = read_force_options(cell, request.wrench, request.force, request.cutter)
         home = start_joints(cell.robot, cell.controller.start, request.start)
         origin = provenance_used(cell, model)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
@@ -68,7 +68,7 @@ class DriftChecked:
     advice: str
     provenance: Provenance
 
-    def document(self) -> Mapping[str, Any]:
+    def document(self) -> Mapping[str, object]:
         """Returns JSON values; lengths in mm, angles in deg."""
         return _document(self.check)
 
@@ -138,7 +138,7 @@ def run(request: DriftRequest, context: Context) -> DriftChecked:
 
 def save(
     request: DriftRequest, result: DriftChecked, into: Transaction, context: WorkspaceContext
-) -> Mapping[str, Any]:
+) -> Mapping[str, object]:
     """Leaves a drift check, linked to the model and the poses."""
     from robotrue.app.workspace_context import ref_document
     from robotrue.store import items
@@ -167,7 +167,7 @@ def save(
     }
 
 
-def _document(check: DriftCheck) -> dict[str, Any]:
+def _document(check: DriftCheck) -> dict[str, object]:
     """The check as JSON values; lengths in mm, angles in deg."""
     return {
         "verdict": check.verdict,

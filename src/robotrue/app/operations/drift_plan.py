@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
@@ -57,7 +57,7 @@ class DriftPlan:
     output: Path
     provenance: Provenance
 
-    def document(self) -> Mapping[str, Any]:
+    def document(self) -> Mapping[str, object]:
         """Returns JSON values."""
         return {"poses_csv": str(self.output), "sd": self.sd}
 
@@ -134,7 +134,7 @@ def _in_shop_units(terms: Iterable[str], sd: Array) -> dict[str, float]:
 
 def save(
     request: DriftPlanRequest, result: DriftPlan, into: Transaction, context: WorkspaceContext
-) -> Mapping[str, Any]:
+) -> Mapping[str, object]:
     """Leaves a document ``drift-plan`` with the sheet, linked to the model."""
     from robotrue.store.nouns import MODEL
     from robotrue.store.records import Link

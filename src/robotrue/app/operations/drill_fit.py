@@ -77,12 +77,12 @@ class FootLearned:
     model: NormalModel
     trials: tuple[Trial, ...]
     input_trials: tuple[Trial, ...]
-    terms: Sequence[Mapping[str, Any]]
+    terms: Sequence[Mapping[str, object]]
     clamps: int
     output: Path
     provenance: Provenance
 
-    def document(self) -> Mapping[str, Any]:
+    def document(self) -> Mapping[str, object]:
         """Returns the model as JSON values in deg, mm and N."""
         from robotrue.drilling.evaluate import model_document, trial_document
 
@@ -217,7 +217,7 @@ def run(request: DrillFitRequest, context: Context) -> FootLearned:
 
 def save(
     request: DrillFitRequest, result: FootLearned, into: Transaction, context: WorkspaceContext
-) -> Mapping[str, Any]:
+) -> Mapping[str, object]:
     """Leaves a document ``drilling model`` with the trials it was chosen by."""
     from robotrue.core.json_values import json_values
     from robotrue.drilling.drill_defaults import CAMPAIGN, MODEL

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 from pydantic import Field
 
@@ -65,7 +65,7 @@ def run(request: DrillRefineRequest, context: Context) -> PlainResult:
     (path,) = context.document_files(request.model, MODEL)
     before = model = read_model(path)
     setup = setup_of(model, path, request.foot)
-    alarms: list[dict[str, Any]] = []
+    alarms: list[dict[str, object]] = []
     holes = 0
     if request.records is not None:
         production = read_production(request.records, setup)
@@ -100,14 +100,14 @@ def run(request: DrillRefineRequest, context: Context) -> PlainResult:
 
 def _refine(
     before: NormalModel, holes: ProductionRecord, request: DrillRefineRequest, context: Context
-) -> tuple[NormalModel, list[dict[str, Any]]]:
+) -> tuple[NormalModel, list[dict[str, object]]]:
     """The model after holes that it moved all of, and the alarms of its watch."""
     from robotrue.drilling.correction import correct_readings
     from robotrue.drilling.foot_model import with_refinement
     from robotrue.drilling.production import record_of, update_model
 
     model = before
-    alarms: list[dict[str, Any]] = []
+    alarms: list[dict[str, object]] = []
     plain = correct_readings(before.foot, before.head.order, before.correction, holes.clamps)
     moved = with_refinement(before, plain).tilt
     for i, name in enumerate(holes.hole):
@@ -123,7 +123,7 @@ def _refine(
     return model, alarms
 
 
-def _document(model: NormalModel) -> dict[str, Any]:
+def _document(model: NormalModel) -> dict[str, object]:
     """Version, refinement and what it was frozen by, as JSON values."""
     from robotrue.drilling.evaluate import residuals_document
 

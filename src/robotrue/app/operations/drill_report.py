@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 from pydantic import Field
 
@@ -79,7 +79,7 @@ class DrillJudged:
     written: tuple[Path, ...]
     provenance: Provenance
 
-    def document(self) -> Mapping[str, Any]:
+    def document(self) -> Mapping[str, object]:
         """Returns JSON values in deg."""
         from robotrue.drilling.evaluate import evaluation_document
 
@@ -135,7 +135,7 @@ def run(request: DrillReportRequest, context: Context) -> DrillJudged:
 
 def save(
     request: DrillReportRequest, result: DrillJudged, into: Transaction, context: WorkspaceContext
-) -> Mapping[str, Any]:
+) -> Mapping[str, object]:
     """Leaves a document ``drilling test`` with its report, linked to model and campaign."""
     import numpy as np
 

@@ -101,7 +101,7 @@ def _predict(
     coefficients: CuttingCoefficients,
     output: Path | None,
     context: Context,
-) -> dict[str, Any]:
+) -> dict[str, object]:
     from robotrue.dynamics.coefficients import check_axes_agree
     from robotrue.dynamics.formats.force_table import read_force, write_force_csv
     from robotrue.dynamics.milling_force import force_over_time, mean_force
@@ -128,12 +128,12 @@ def _predict(
     return found
 
 
-def _extremes(record: ForceRecord, mean: Array) -> dict[str, Any]:
+def _extremes(record: ForceRecord, mean: Array) -> dict[str, object]:
     least, largest = record.force.min(axis=0), record.force.max(axis=0)
     return {"mean_N": mean, "min_N": least, "max_N": largest}
 
 
-def _lines(record: ForceRecord, cut: CutterEngagement, cutter: EndMill) -> dict[str, Any]:
+def _lines(record: ForceRecord, cut: CutterEngagement, cutter: EndMill) -> dict[str, object]:
     import numpy as np
 
     from robotrue.dynamics.force import spindle_lines
@@ -194,7 +194,7 @@ def _along(
     coefficients: CuttingCoefficients,
     output: Path | None,
     context: Context,
-) -> dict[str, Any]:
+) -> dict[str, object]:
     import numpy as np
 
     from robotrue.core.files import write_atomic

@@ -171,7 +171,7 @@ def _write(
 
 def _document(
     frf: FrequencyResponse, fitted: ModalModel | None, tests: Sequence[HammerResult]
-) -> dict[str, Any]:
+) -> dict[str, object]:
     import numpy as np
 
     from robotrue.dynamics.frf_checks import reciprocity

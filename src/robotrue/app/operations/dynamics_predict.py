@@ -82,7 +82,7 @@ def run(request: DynamicsPredictRequest, context: Context) -> PlainResult:
     return PlainResult(values=values, shown=(_facts(values),), provenance=origin)
 
 
-def _document(curve: ResponseCurve, found: DeflectionPrediction, output: Path) -> dict[str, Any]:
+def _document(curve: ResponseCurve, found: DeflectionPrediction, output: Path) -> dict[str, object]:
     import numpy as np
 
     from robotrue.dynamics.predict import out_of_band

@@ -80,7 +80,7 @@ def parse_parameters(stated: Sequence[str]) -> dict[str, Any]:
     return values
 
 
-def _value(name: str, text: str) -> Any:
+def _value(name: str, text: str) -> object:
     """JSON where it is some; ids and names are text, also where they look like numbers."""
     if text[:1] in "[{" or (name not in TEXTS and JSON.fullmatch(text)):
         try:

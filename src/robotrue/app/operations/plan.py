@@ -132,7 +132,7 @@ class Planned:
     files: tuple[Path, ...]
     provenance: Provenance
 
-    def document(self) -> Mapping[str, Any]:
+    def document(self) -> Mapping[str, object]:
         """Returns JSON values: mm, deg."""
         from robotrue.planning.plan_sheets import plan_document
 
@@ -260,7 +260,7 @@ def _payload(text: str) -> Load:
 
 def save(
     request: PlanRequest, result: Planned, into: Transaction, context: WorkspaceContext
-) -> Mapping[str, Any]:
+) -> Mapping[str, object]:
     """Leaves a document ``plan`` with its files, linked to what it was made for."""
     from robotrue.planning.plan_sheets import plan_document
     from robotrue.store.nouns import CELL, MODEL, PROGRAM

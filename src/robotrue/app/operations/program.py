@@ -94,7 +94,7 @@ class MadeProgram:
     counts: Mapping[str, Any]
     provenance: Provenance
 
-    def document(self) -> Mapping[str, Any]:
+    def document(self) -> Mapping[str, object]:
         """Returns JSON values."""
         return self.counts
 
@@ -169,7 +169,7 @@ def run(request: ProgramRequest, context: Context) -> MadeProgram:
     notes = [*note_frames(cell, frames), *(n for s in sides for n in s.path.notes), *job.notes]
     identity = identity_of_frame(cell, frames[0], paths[0])
     origin = provenance_used(cell, None)
-    document: dict[str, Any] = {"output": str(output), **sides_document(job, frames, speeds)}
+    document: dict[str, object] = {"output": str(output), **sides_document(job, frames, speeds)}
     if request.model is None:
         write_atomic(output, data)
         if identity is not None:
@@ -247,7 +247,7 @@ def _compensate(
     frame: PartFrame | None,
     data: bytes,
     identity: ProgramIdentity | None,
-) -> dict[str, Any]:
+) -> dict[str, object]:
     """Compensates the program as ``robotrue compensate`` would, from a file of its own."""
     import tempfile
 

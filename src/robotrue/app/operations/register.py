@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
@@ -101,7 +101,7 @@ class Registered:
     refined_model: Path | None
     provenance: Provenance
 
-    def document(self) -> Mapping[str, Any]:
+    def document(self) -> Mapping[str, object]:
         """Returns JSON values; mm, deg."""
         from robotrue.app.registration_view import frames_document, registration_document
 
@@ -131,7 +131,7 @@ def run(request: RegisterRequest, context: Context) -> Registered:
     import numpy as np
 
     from robotrue.app.outputs import check_output
-    from robotrue.app.registered import opened
+    from robotrue.app.registered import open_model
     from robotrue.app.registered_cell_file import model_file_of, registered_cell, relative_name
     from robotrue.app.registration_view import write_frames
     from robotrue.calibration.nominal import NominalModel
@@ -152,7 +152,7 @@ def run(request: RegisterRequest, context: Context) -> Registered:
             f"--probe-radius-mm is {request.probe_radius_mm:g} mm, expected 0 to 100 mm.",
             hint="--probe-radius-mm 3",
         )
-    cell, model = opened(source)
+    cell, model = open_model(source)
     file = read_points(request.points)
     found = register(
         NominalModel(robot=cell.robot) if model is None else model,

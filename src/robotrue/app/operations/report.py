@@ -108,11 +108,11 @@ class ItemReport:
     subject: str
     about: ItemRecord
     links: tuple[Link, ...]
-    numbers: Mapping[str, Any]
+    numbers: Mapping[str, object]
     files: tuple[Path, ...]
     provenance: Provenance
 
-    def document(self) -> Mapping[str, Any]:
+    def document(self) -> Mapping[str, object]:
         """Returns JSON values."""
         return {
             "subject": self.subject,
@@ -275,7 +275,7 @@ def _is_simulated(place: WorkspaceContext, models: Iterable[ModelRecord]) -> boo
 
 def save(
     request: ReportRequest, result: ItemReport, into: Transaction, context: WorkspaceContext
-) -> Mapping[str, Any]:
+) -> Mapping[str, object]:
     """Leaves a document ``report`` with its files, linked to what it is about and rests on."""
     from robotrue.store.records import Link
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
@@ -193,7 +193,7 @@ def _result(shot: Snapshot, note: str, origin: Provenance) -> PlainResult:
     from robotrue.app.sense_view import HEADINGS, health_rows, summary
     from robotrue.online.service import snapshot_document
 
-    clocks: dict[str, Any] = {stream: asdict(fix) for stream, fix in shot.clocks.items()}
+    clocks: dict[str, object] = {stream: asdict(fix) for stream, fix in shot.clocks.items()}
     totals = (
         ("for", f"{shot.running:.1f} s"),
         *((f"{stream} samples", str(rows)) for stream, rows in shot.rows.items()),

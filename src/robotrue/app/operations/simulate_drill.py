@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
@@ -112,7 +112,7 @@ def _drill(
     context.inform("Ctrl-C ends it after the hole under way.")
     alone = asyncio.Event()
 
-    async def practise(stop: asyncio.Event) -> Any:
+    async def practise(stop: asyncio.Event) -> object:
         def report_hole(hole: str, tally: DrillingTally) -> None:
             context.inform(_line(hole, tally))
             if len(tally.silent) == NO_ANSWERS and not (tally.left or tally.refused):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
@@ -98,7 +98,7 @@ def run(request: SimulateRdtRequest, context: Context) -> PlainResult:
             f"six simulated readings at rest written to {poses}: robotrue dynamics sensor {poses}"
         )
 
-    async def serve(stop: asyncio.Event) -> Any:
+    async def serve(stop: asyncio.Event) -> object:
         sensor = RdtSensor(settings, scenario)
         serving = asyncio.create_task(sensor.run(stop=stop))
         await asyncio.sleep(0)  # until its page is served, where there is one

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
@@ -145,7 +145,7 @@ def _three(name: str, text: str) -> Array:
     return values
 
 
-def _document(found: SlotEvaluation, names: Sequence[str]) -> dict[str, Any]:
+def _document(found: SlotEvaluation, names: Sequence[str]) -> dict[str, object]:
     return {
         "slots_mm": dict(zip(names, (found.slots / MM).tolist(), strict=True)),
         "mismatch_mm": found.mismatch / MM,
@@ -161,8 +161,8 @@ def _document(found: SlotEvaluation, names: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def _trial_document(trial: SlotTrial) -> dict[str, Any]:
-    def way(t: WayResult) -> dict[str, Any]:
+def _trial_document(trial: SlotTrial) -> dict[str, object]:
+    def way(t: WayResult) -> dict[str, object]:
         first, second = t.slots.side_rms
         return {
             "key": t.way.key,
@@ -175,7 +175,7 @@ def _trial_document(trial: SlotTrial) -> dict[str, Any]:
             "sculpture_worst_mm": t.outline.worst / MM,
         }
 
-    def datum(check: DatumCheck) -> dict[str, Any]:
+    def datum(check: DatumCheck) -> dict[str, object]:
         return {
             "verdict": check.verdict,
             "reason": check.reason,

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
@@ -103,7 +103,7 @@ class Transferred:
     curve: LearningCurve | None
     provenance: Provenance
 
-    def document(self) -> Mapping[str, Any]:
+    def document(self) -> Mapping[str, object]:
         """Returns the training summary, and the curve, as JSON values."""
         drawn = {} if self.curve is None else {"curve": self.curve.to_json()}
         return {"model": str(self.output), **self.model.training_summary(), **drawn}
@@ -282,7 +282,7 @@ def _write_page(
 
 def save(
     request: TransferRequest, result: Transferred, into: Transaction, context: WorkspaceContext
-) -> Mapping[str, Any]:
+) -> Mapping[str, object]:
     """Leaves a new model, child of the one it brings up to date, linked to the poses."""
     from robotrue.app.workspace_context import ref_document
     from robotrue.store import models

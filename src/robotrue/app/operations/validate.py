@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
@@ -53,7 +53,7 @@ class Validated:
     page: Path | None
     provenance: Provenance
 
-    def document(self) -> Mapping[str, Any]:
+    def document(self) -> Mapping[str, object]:
         """Returns JSON values."""
         return self.report.to_json()
 
@@ -111,7 +111,7 @@ def run(request: ValidateRequest, context: Context) -> Validated:
 
 def save(
     request: ValidateRequest, result: Validated, into: Transaction, context: WorkspaceContext
-) -> Mapping[str, Any]:
+) -> Mapping[str, object]:
     """Leaves a document ``validation`` with its page, linked to the model and the poses."""
     from robotrue.store.nouns import MEASUREMENT, MODEL
     from robotrue.store.records import Link

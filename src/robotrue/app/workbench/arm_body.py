@@ -8,7 +8,7 @@ from __future__ import annotations
 import base64
 import json
 from collections.abc import Mapping
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -27,7 +27,7 @@ POINT: Final = 1e-3
 """m; a shorter tube is none."""
 
 
-def body_document(cell: Cell, joints: Array) -> dict[str, Any]:
+def body_document(cell: Cell, joints: Array) -> dict[str, object]:
     """Returns tubes and drums of the arm in n postures.
 
     ``tubes`` (n, t, 2, 3) m end points in base, ``drums`` (n, dof, 2, 3) m middle and axis,
@@ -65,7 +65,7 @@ def body_document(cell: Cell, joints: Array) -> dict[str, Any]:
     }
 
 
-def orientations(rotation: Array) -> dict[str, Any]:
+def orientations(rotation: Array) -> dict[str, object]:
     """Returns rotations (n, 3, 3) for a script, as each controller prints them."""
     return {name: pack_floats(numbers) for name, numbers in controller_angles(rotation).items()}
 
@@ -97,12 +97,12 @@ def _radius(cell: Cell) -> Array:
     return np.asarray(share * cell.robot.reach)
 
 
-def pack_floats(values: Array) -> dict[str, Any]:
+def pack_floats(values: Array) -> dict[str, object]:
     """Returns an array for :func:`answer`; NaN stays NaN."""
     data = np.ascontiguousarray(values, dtype="<f4").tobytes()
     return {"f32": base64.b64encode(data).decode("ascii"), "shape": list(np.shape(values))}
 
 
-def answer(document: Mapping[str, Any]) -> bytes:
+def answer(document: Mapping[str, object]) -> bytes:
     """Returns a document as JSON; numbers that are not finite become null."""
     return json.dumps(json_values(document), allow_nan=False, separators=(",", ":")).encode()

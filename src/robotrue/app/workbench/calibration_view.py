@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
 
 from robotrue.app.workbench.arm_body import answer
 from robotrue.calibration.lineage import provenance_of
@@ -52,11 +51,11 @@ def show_model(workspace: Workspace, model_id: str, version: int) -> bytes:
     )
 
 
-def _stiffness(model: ErrorModel) -> dict[str, dict[str, Any]]:
+def _stiffness(model: ErrorModel) -> dict[str, dict[str, object]]:
     return {name: row for name, row in stiffness(model).items() if row["Nm_per_rad"] is not None}
 
 
-def _contest(model: ErrorModel) -> dict[str, Any] | None:
+def _contest(model: ErrorModel) -> dict[str, object] | None:
     stated = model.training_summary().selection
     if not stated:
         return None

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Final
+from typing import Final
 
 from robotrue.app.workbench.arm_body import answer
 from robotrue.cell.config import parse_cell
@@ -73,7 +73,7 @@ def list_presets() -> bytes:
     return answer({"presets": found, "fields": fields})
 
 
-def describe_cell(stated: Mapping[str, Any]) -> bytes:
+def describe_cell(stated: Mapping[str, object]) -> bytes:
     """Returns the cell.toml of a form, or what is wrong with which field.
 
     Args:
@@ -147,9 +147,9 @@ def read_cell_text(workspace: Workspace, id: str, version: int) -> bytes:
     return workspace.content(file.sha256)
 
 
-def _numbers(stated: Mapping[str, Any]) -> tuple[dict[str, float], dict[str, dict[str, Any]]]:
+def _numbers(stated: Mapping[str, object]) -> tuple[dict[str, float], dict[str, dict[str, object]]]:
     values: dict[str, float] = {}
-    faults: dict[str, dict[str, Any]] = {}
+    faults: dict[str, dict[str, object]] = {}
     for name, (usual, least, most) in FIELDS.items():
         typed = stated.get(name)
         words = "" if typed is None else str(typed).strip().replace(",", ".").replace("−", "-")
@@ -165,7 +165,7 @@ def _numbers(stated: Mapping[str, Any]) -> tuple[dict[str, float], dict[str, dic
 
 def _cell_toml(robot: str, frame: str, values: Mapping[str, float]) -> str:
     """Returns the cell.toml that a form states, in its own keys."""
-    tracker: dict[str, Any] = {"frame": "unknown" if frame == "unknown" else "base"}
+    tracker: dict[str, object] = {"frame": "unknown" if frame == "unknown" else "base"}
     if any(values[key] != USUAL[key] for key in ("sigma_um", "sigma_um_per_m")):
         tracker |= {key: values[key] for key in ("sigma_um", "sigma_um_per_m")}
     return HEADING + write_toml({

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -77,7 +77,7 @@ def draw_measurement(
     return answer({"frames": frames, "simulated": simulated, **_points(held.cell, seen)})
 
 
-def _points(cell: Cell, seen: Evaluation) -> dict[str, Any]:
+def _points(cell: Cell, seen: Evaluation) -> dict[str, object]:
     n = len(seen.measured)
     shown = np.unique(np.linspace(0, n - 1, min(n, MOST_ARROWS)).astype(int))
     joints = seen.measured.joints[shown]
@@ -94,7 +94,7 @@ def _points(cell: Cell, seen: Evaluation) -> dict[str, Any]:
     }
 
 
-def frame_documents(cell: Cell) -> list[dict[str, Any]]:
+def frame_documents(cell: Cell) -> list[dict[str, object]]:
     """Returns the frames of a cell by name: base, part frames or work frame, tracker."""
     frames = [("base", np.eye(4))]
     if cell.part is not None:
@@ -113,7 +113,7 @@ def _posture(cell: Cell, model: ErrorModel) -> Array:
     return np.zeros(cell.robot.dof) if seen is None else np.asarray(seen.mean(axis=0))
 
 
-def _field(cell: Cell, model: ErrorModel, seen: Evaluation) -> dict[str, Any] | None:
+def _field(cell: Cell, model: ErrorModel, seen: Evaluation) -> dict[str, object] | None:
     """The predicted error in the box of the measured poses, at the attitude of its middle one."""
     points = seen.measured.position
     low, high = points.min(axis=0) - SLACK, points.max(axis=0) + SLACK

@@ -6,7 +6,7 @@ import shutil
 from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -71,7 +71,7 @@ def _known_foot(workspace: Workspace, place: Path) -> list[Path]:
     )
 
 
-def _campaign(path: Path, foot: Path) -> dict[str, Any]:
+def _campaign(path: Path, foot: Path) -> dict[str, object]:
     setup = read_foot(foot)
     order = "AB" if setup.head is None else setup.head.order
     data, digest = read_campaign(path, setup, order)
@@ -88,11 +88,11 @@ def _campaign(path: Path, foot: Path) -> dict[str, Any]:
     }
 
 
-def _model(path: Path) -> dict[str, Any]:
+def _model(path: Path) -> dict[str, object]:
     return {**model_document(read_model(path)), "terms": []}
 
 
-def _journal(path: Path) -> dict[str, Any]:
+def _journal(path: Path) -> dict[str, object]:
     entries, _ = whole_lines(path.read_bytes(), source=path.name)
     if not entries:
         raise ConfigurationError("a journal without a line.", source=path.name)

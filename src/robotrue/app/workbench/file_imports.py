@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 from robotrue.app.measured_rows import join_rows, read_rows
 from robotrue.app.reporting import Notes
@@ -45,7 +44,7 @@ def import_measurements(
     paths: Sequence[Path],
     name: str,
     cell_id: str,
-    mapping: Mapping[str, Any] | None,
+    mapping: Mapping[str, object] | None,
 ) -> MeasurementRecord:
     """Returns the record of measured poses, read, checked for plausibility and taken in.
 
@@ -93,7 +92,7 @@ def import_check_poses(
     )
 
 
-def column_mapping(fields: Mapping[str, Any] | None) -> ColumnMapping | None:
+def column_mapping(fields: Mapping[str, object] | None) -> ColumnMapping | None:
     """Returns a column mapping from its fields, or None.
 
     Raises:

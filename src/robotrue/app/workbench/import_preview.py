@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -31,7 +31,7 @@ AXIS: Final = re.compile(r"(?:.*[ _])?([xyz])(?:[ _]*\[?(mm|m|um|µm)\]?)?", re.
 
 
 def preview_file(
-    workspace: Workspace, path: Path, cell_id: str, mapping: Mapping[str, Any] | None
+    workspace: Workspace, path: Path, cell_id: str, mapping: Mapping[str, object] | None
 ) -> bytes:
     """Returns the columns of a file, how they would be read, and what is wrong with that.
 
@@ -49,7 +49,7 @@ def preview_file(
         if layout is not None:
             fault = _describe_error(error)
         sheet, layout_name = read_sheet(path), ""
-    document: dict[str, Any] = {
+    document: dict[str, object] = {
         "columns": list(sheet.header),
         "rows": [list(row) for row in sheet.cells[:SHOWN]],
         "count": len(sheet.cells),
@@ -65,7 +65,7 @@ def preview_file(
     return answer(document)
 
 
-def _read(cell: Cell, path: Path, layout: ColumnMapping | None) -> dict[str, Any]:
+def _read(cell: Cell, path: Path, layout: ColumnMapping | None) -> dict[str, object]:
     """What the rows come to once they are read, or why they cannot be what they are said to be."""
     try:
         rows, remarks = read_sets(cell, [path], layout)
@@ -84,7 +84,7 @@ def _read(cell: Cell, path: Path, layout: ColumnMapping | None) -> dict[str, Any
     }
 
 
-def _guess(sheet: Sheet) -> dict[str, Any]:
+def _guess(sheet: Sheet) -> dict[str, object]:
     """Columns whose names say what they hold; what they do not say is left open."""
     joints: dict[int, str] = {}
     axes: dict[str, str] = {}
@@ -105,6 +105,6 @@ def _guess(sheet: Sheet) -> dict[str, Any]:
     }
 
 
-def _describe_error(error: RobotrueError) -> dict[str, Any]:
+def _describe_error(error: RobotrueError) -> dict[str, object]:
     kind = type(error).__name__
     return {"kind": kind, "message": error.message, "hint": error.hint, "line": error.line}

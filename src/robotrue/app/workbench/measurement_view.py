@@ -76,7 +76,7 @@ def _sizes(errors: Any) -> dict[str, float]:
     return {"mean": found.mean, "p95": found.p95, "max": found.max}
 
 
-def _worst(seen: Evaluation) -> list[dict[str, Any]]:
+def _worst(seen: Evaluation) -> list[dict[str, object]]:
     before, after = (np.linalg.norm(e, axis=1) for e in (seen.before, seen.after))
     order = np.argsort(-after, kind="stable")[:WORST]
     return [
@@ -91,7 +91,7 @@ def _worst(seen: Evaluation) -> list[dict[str, Any]]:
     ]
 
 
-def _screening(seen: Evaluation) -> dict[str, Any]:
+def _screening(seen: Evaluation) -> dict[str, object]:
     try:
         found = screen(seen.measured, seen.after, seen.covariance)
     except ImplausibleDataError as error:  # the model is wrong here, not the rows

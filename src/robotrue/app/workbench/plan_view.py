@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from robotrue.app.workbench.arm_body import answer, body_document, pack_floats
@@ -58,10 +56,10 @@ def show_plan(workspace: Workspace, plan_id: str, version: int) -> bytes:
     )
 
 
-def _visibility(cell: Cell, joints: Array) -> dict[str, Any]:
+def _visibility(cell: Cell, joints: Array) -> dict[str, object]:
     """Distance (m) and angle (deg) off the reflector's axis of each pose, where they are known."""
     place, axis = cell.tracker_place, cell.target_axis
-    out: dict[str, Any] = {
+    out: dict[str, object] = {
         "tracker": place is not None,
         "axis": axis is not None,
         "acceptance_deg": cell.acceptance / DEG if axis is not None else None,

@@ -82,7 +82,7 @@ def begin_probing(workspace: Workspace, stated: Mapping[str, Any]) -> DocumentRe
 
 
 def _session(
-    cell: Cell, model: ErrorModel | None, path: Path, stated: Mapping[str, Any]
+    cell: Cell, model: ErrorModel | None, path: Path, stated: Mapping[str, object]
 ) -> ProbingSession:
     settings = _settings(stated)
     settings_from(settings, cell)  # refuses sizes that cannot be

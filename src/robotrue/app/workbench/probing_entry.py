@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Final, Literal
 
 import numpy as np
 
@@ -217,7 +217,7 @@ def _rows_of_file(at: Opened, path: Path) -> list[tuple[int, tuple[float, ...]]]
     return out
 
 
-def _plain(each: Suspicion) -> dict[str, Any]:
+def _plain(each: Suspicion) -> dict[str, object]:
     out = asdict(each)
     out["length_mm"] = out.pop("length") / MM
     return {k: v for k, v in out.items() if not (isinstance(v, float) and np.isnan(v))}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -95,7 +95,7 @@ def _axis_names(at: Opened) -> list[str]:
     return [f"{letter}{k + 1}" for k in range(at.cell.robot.dof)]
 
 
-def _reading(each: TouchReading) -> dict[str, Any]:
+def _reading(each: TouchReading) -> dict[str, object]:
     return {
         "feature": each.feature,
         "state": each.state,
@@ -110,7 +110,7 @@ def _reading(each: TouchReading) -> dict[str, Any]:
 
 def _features(
     at: Opened, found: RegisteredPart | None, radii: dict[int, float]
-) -> list[dict[str, Any]]:
+) -> list[dict[str, object]]:
     session = at.session
     state = dict.fromkeys(range(len(session.features)), "open")
     for each in session.readings:
@@ -148,7 +148,7 @@ def _residuals(at: Opened, found: RegisteredPart) -> dict[int, tuple[float, bool
 
 def _next(
     at: Opened, known: TouchBelief, believed: tuple[TouchReading, ...], wanted: int
-) -> dict[str, Any] | None:
+) -> dict[str, object] | None:
     session = at.session
     rows = [
         (k, which)
@@ -212,14 +212,14 @@ def _as_planned(at: Opened, readings: tuple[TouchReading, ...]) -> ProbingSet | 
 
 def _describe_touch(
     at: Opened, known: TouchBelief, chosen: tuple[int, int], brings: NextTouch | None
-) -> dict[str, Any]:
+) -> dict[str, object]:
     k, _ = chosen
     feature = at.session.features[k]
     touch = places(at, [chosen])
     if at.joints and not touch.has_joints:
         return {"feature": k, "unreachable": True}
     expected = expected_readings(known, touch)
-    out: dict[str, Any] = {
+    out: dict[str, object] = {
         "feature": k,
         "unreachable": not feature.postures_deg,
         "expected": {
@@ -237,7 +237,7 @@ def _describe_touch(
 
 def _find_joints(
     at: Opened, known: TouchBelief, planned: Array, tip: Array, part: int
-) -> dict[str, Any]:
+) -> dict[str, object]:
     """Joints at which the tip should meet the feature, in the planned attitude, and the pose."""
     robot = at.cell.robot.nominal()
     there = forward(robot, planned[None])[0]
@@ -266,7 +266,7 @@ def _find_joints(
     }
 
 
-def _fit(found: RegisteredPart) -> dict[str, Any]:
+def _fit(found: RegisteredPart) -> dict[str, object]:
     return {
         "route": found.route,
         "verdict": found.verdict,
@@ -276,7 +276,7 @@ def _fit(found: RegisteredPart) -> dict[str, Any]:
     }
 
 
-def _frame(frame: FoundFrame) -> dict[str, Any]:
+def _frame(frame: FoundFrame) -> dict[str, object]:
     fit = frame.registration
     T, sd = fit.T_base_part, np.sqrt(np.diag(fit.covariance))
     worst = int(np.argmax(frame.region))
@@ -298,5 +298,5 @@ def _frame(frame: FoundFrame) -> dict[str, Any]:
     }
 
 
-def _error(error: RobotrueError) -> dict[str, Any]:
+def _error(error: RobotrueError) -> dict[str, object]:
     return {"message": error.message, "hint": error.hint}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -153,14 +153,14 @@ def _cell(workspace: Workspace, record: ProgramRecord, scratch: Path) -> Cell | 
     return read_cell(cells.copy_cell(workspace, found, place))
 
 
-def _load(payload: Load, stated: Any) -> Load:
+def _load(payload: Load, stated: object) -> Load:
     """The payload, with the process force the program was compensated for."""
     return replace(payload, wrench=parse_wrench(str(stated))[None]) if stated else payload
 
 
 def _document(
     found: _Found, parts: list[tuple[Program, Difference]], tolerance: float, *, strict: bool
-) -> dict[str, Any]:
+) -> dict[str, object]:
     axis = np.concatenate([one.axis_target for _, one in parts])
     kept = np.flatnonzero(to_judge(axis, strict=strict))
     position = np.concatenate([_position(program) for program, _ in parts])[kept]

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from robotrue.store.nouns import (
     CellRecord,
@@ -28,7 +27,7 @@ def list_presets() -> bytes:
     return answer()
 
 
-def describe_cell(form: Mapping[str, Any]) -> bytes:
+def describe_cell(form: Mapping[str, object]) -> bytes:
     """Returns the cell.toml of a form, or what is wrong with which field."""
     from robotrue.app.workbench.cell_editor import describe_cell as answer
 
@@ -68,7 +67,7 @@ def import_program(folder: str, paths: Sequence[Path], name: str) -> ProgramReco
 
 
 def import_measurements(
-    folder: str, paths: Sequence[Path], name: str, cell: str, mapping: Mapping[str, Any] | None
+    folder: str, paths: Sequence[Path], name: str, cell: str, mapping: Mapping[str, object] | None
 ) -> MeasurementRecord:
     """Returns the record of measured poses, read and checked for plausibility."""
     from robotrue.app.workbench.file_imports import import_measurements as answer
@@ -95,7 +94,7 @@ def import_drilling(folder: str, paths: Sequence[Path], name: str) -> DocumentRe
         return answer(workspace, paths, name)
 
 
-def preview_file(folder: str, path: Path, cell: str, mapping: Mapping[str, Any] | None) -> bytes:
+def preview_file(folder: str, path: Path, cell: str, mapping: Mapping[str, object] | None) -> bytes:
     """Returns the columns of a file, how they would be read, and what is wrong with that."""
     from robotrue.app.workbench.import_preview import preview_file as answer
 
@@ -181,7 +180,7 @@ def draw_measurement(
         return answer(workspace, measured, version, model, model_version)
 
 
-def begin_probing(folder: str, stated: Mapping[str, Any]) -> DocumentRecord:
+def begin_probing(folder: str, stated: Mapping[str, object]) -> DocumentRecord:
     """Returns the record of a new probing session."""
     from robotrue.app.workbench.probing_begin import begin_probing as answer
 

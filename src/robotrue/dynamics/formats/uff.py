@@ -35,7 +35,7 @@ _MOTION_UNITS: Final = {
 _ID: Final = 80
 """Characters of an identification line."""
 _FORCE_UNITS: Final = {"n": 1.0, "kn": 1e3, "mn": 1e-3}
-_Set: TypeAlias = dict[str, Any]
+_Set: TypeAlias = dict[str, str | float | Array | ComplexArray]
 """A data set by the names of pyuff, which has no types."""
 
 
@@ -143,7 +143,7 @@ def _set(frf: FrequencyResponse, pair: str, values: ComplexArray | Array, kind: 
     }
 
 
-def _pyuff() -> Any:
+def _pyuff() -> Any:  # it has no types
     try:
         import pyuff
     except ImportError as cause:

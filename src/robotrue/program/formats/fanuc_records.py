@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
-import numba
 import numpy as np
 
-from robotrue.core.compiled import cached
+from robotrue.core.arrays import Array, Bytes, IntArray
+from robotrue.core.compiled import PLAIN, compiled
 from robotrue.program.formats.krl_tokens import read_number
 
 CURRENT: Final = -1
@@ -17,9 +17,10 @@ COLUMNS: Final = 7
 _POSE: Final = np.frombuffer(b"XYZWPR", np.uint8)
 
 
-@cached
-@numba.njit
-def plain_records(buf: Any, at: Any, end: Any, table: Any, spans: Any, value: Any) -> Any:
+@compiled(PLAIN)
+def plain_records(
+    buf: Bytes, at: int, end: int, table: IntArray, spans: IntArray, value: Array
+) -> tuple[int, int]:
     """Fills rows from the records at ``at``, up to one that is not plain.
 
     Args:
@@ -46,9 +47,8 @@ def plain_records(buf: Any, at: Any, end: Any, table: Any, spans: Any, value: An
     return rows, at
 
 
-@cached
-@numba.njit
-def _head(buf: Any, k: Any, end: Any, row: Any) -> Any:
+@compiled(PLAIN)
+def _head(buf: Bytes, k: int, end: int, row: IntArray) -> int:
     """Reads ``P[n:"name"]{ GP1:`` and returns what follows, -1 if it does not stand there."""
     k = _sign(buf, k, end, 80)
     place = k - 1
@@ -64,9 +64,8 @@ def _head(buf: Any, k: Any, end: Any, row: Any) -> Any:
     return _sign(buf, k, end, 58) if group == 1 else -1
 
 
-@cached
-@numba.njit
-def _frames(buf: Any, k: Any, end: Any, row: Any) -> Any:
+@compiled(PLAIN)
+def _frames(buf: Bytes, k: int, end: int, row: IntArray) -> int:
     """Reads ``UF : 1, UT : 1,`` and CONFIG if it is there."""
     for column, letter in ((5, 70), (6, 84)):
         k = _next(buf, _sign(buf, k, end, 85), end, letter)
@@ -90,9 +89,8 @@ def _frames(buf: Any, k: Any, end: Any, row: Any) -> Any:
     return _sign(buf, _next(buf, j, end, 39), end, 44)
 
 
-@cached
-@numba.njit
-def _numbers(buf: Any, k: Any, end: Any, row: Any, spans: Any, value: Any) -> Any:
+@compiled(PLAIN)
+def _numbers(buf: Bytes, k: int, end: int, row: IntArray, spans: IntArray, value: Array) -> int:
     """Reads X Y Z W P R or J1 to J6 with their units."""
     k = _blank(buf, k, end)
     axes = 0 <= k < end and buf[k] == 74
@@ -123,31 +121,27 @@ def _numbers(buf: Any, k: Any, end: Any, row: Any, spans: Any, value: Any) -> An
     return k
 
 
-@cached
-@numba.njit
-def _blank(buf: Any, k: Any, end: Any) -> Any:
+@compiled(PLAIN)
+def _blank(buf: Bytes, k: int, end: int) -> int:
     while 0 <= k < end and (buf[k] == 32 or 9 <= buf[k] <= 13):
         k += 1
     return k
 
 
-@cached
-@numba.njit
-def _next(buf: Any, k: Any, end: Any, sign: Any) -> Any:
+@compiled(PLAIN)
+def _next(buf: Bytes, k: int, end: int, sign: int) -> int:
     """Returns what follows a sign that stands at ``k``, -1 if it does not."""
     return k + 1 if 0 <= k < end and buf[k] == sign else -1
 
 
-@cached
-@numba.njit
-def _sign(buf: Any, k: Any, end: Any, sign: Any) -> Any:
+@compiled(PLAIN)
+def _sign(buf: Bytes, k: int, end: int, sign: int) -> int:
     """As :func:`_next`, blanks before the sign allowed."""
     return _next(buf, _blank(buf, k, end), end, sign)
 
 
-@cached
-@numba.njit
-def _whole(buf: Any, k: Any, end: Any, most: Any) -> Any:
+@compiled(PLAIN)
+def _whole(buf: Bytes, k: int, end: int, most: int) -> tuple[int, int]:
     """Returns a whole number of at most so many digits, -1 if there is none, and what follows."""
     k = _blank(buf, k, end)
     number, first = 0, k

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.rotations import matrix_from_rotation_vector, rotation_vector_from_matrix
@@ -16,6 +17,8 @@ from robotrue.program.formats.gcode_vocabulary import Drive, Modal, WordColumn
 from robotrue.program.formats.number_table import Numbers
 from robotrue.program.formats.path_words import Turn
 from robotrue.program.program import Motion, Reason
+
+G = TypeVar("G", bound=np.generic)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,7 +35,7 @@ class Spread:
     source: IntArray
     place: IntArray
 
-    def rows_of(self, column: Any) -> Any:
+    def rows_of(self, column: npt.NDArray[G]) -> npt.NDArray[G]:
         """Returns a column of blocks (m, ...) as one of rows (n, ...)."""
         return column[self.source]
 

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-import numba
 import numpy as np
 
-from robotrue.core.compiled import cached
+from robotrue.core.arrays import Array, Bytes, IntArray
+from robotrue.core.compiled import PLAIN, compiled
 from robotrue.program.formats.krl_tokens import read_number
 
 
-@cached
-@numba.njit
+@compiled(PLAIN)
 def point_lines(
-    buf: Any, at: Any, line: Any, header: Any, offset: Any, table: Any, spans: Any, value: Any
-) -> Any:
+    buf: Bytes,
+    at: int,
+    line: int,
+    header: int,
+    offset: int,
+    table: IntArray,
+    spans: IntArray,
+    value: Array,
+) -> tuple[int, int]:
     """Fills rows from the point lines that begin at ``at``, up to a line that is no such line.
 
     Args:
@@ -46,9 +50,8 @@ def point_lines(
     return rows, at
 
 
-@cached
-@numba.njit
-def _name(buf: Any, at: Any, offset: Any) -> Any:
+@compiled(PLAIN)
+def _name(buf: Bytes, at: int, offset: int) -> tuple[int, int]:
     """Returns the number of the point named at ``at``, -1 if there is none, and what follows."""
     n, at = buf.size, _blank(buf, at)
     if at >= n or (buf[at] != 67 and buf[at] != 80):
@@ -64,9 +67,8 @@ def _name(buf: Any, at: Any, offset: Any) -> Any:
     return number + (offset if buf[at] == 80 else 0), k + 1
 
 
-@cached
-@numba.njit
-def _values(buf: Any, k: Any, spans: Any, value: Any) -> Any:
+@compiled(PLAIN)
+def _values(buf: Bytes, k: int, spans: IntArray, value: Array) -> int:
     """Reads six numbers and the end of the line; returns the next line, -1 if they are not six."""
     n = buf.size
     for i in range(6):
@@ -90,9 +92,8 @@ def _values(buf: Any, k: Any, spans: Any, value: Any) -> Any:
     return min(k + 1, n)
 
 
-@cached
-@numba.njit
-def _blank(buf: Any, k: Any) -> Any:
+@compiled(PLAIN)
+def _blank(buf: Bytes, k: int) -> int:
     while k < buf.size and (buf[k] == 32 or buf[k] == 9):
         k += 1
     return k

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -86,8 +86,10 @@ class Builder:
                 if _nested(path, item.path):
                     self._flags[item.file, item.agg] = Reason.EXPRESSION
 
-    def _state(self, line: Any) -> Any:
-        if np.size(line) > 1:  # nearly always all the same: no row of its own each
+    def _state(self, line: IntArray | int) -> IntArray:
+        if (
+            isinstance(line, np.ndarray) and line.size > 1
+        ):  # nearly always all the same: no row of its own each
             ends = np.searchsorted(self._lines, (line.min(), line.max()), side="right") - 1
             if ends[0] == ends[1]:
                 return np.broadcast_to(self._states[ends[0]], (len(line), self._states.shape[1]))

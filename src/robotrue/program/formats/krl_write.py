@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import io
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -200,7 +200,7 @@ def _new_values(
 
 
 @compiled(PLAIN)
-def _beyond(values: Any, touched: Any) -> Any:
+def _beyond(values: Array, touched: BoolArray) -> int:
     """Returns the first row with a touched value that cannot be written, -1 if there is none."""
     for row in range(len(values)):
         for c in range(6):
@@ -211,7 +211,13 @@ def _beyond(values: Any, touched: Any) -> Any:
 
 @compiled(PLAIN)
 def _new_poses(
-    rows: Any, position: Any, moved: Any, rotation: Any, turned: Any, values: Any, touched: Any
+    rows: BoolArray,
+    position: Array,
+    moved: Array,
+    rotation: Array,
+    turned: Array,
+    values: Array,
+    touched: BoolArray,
 ) -> None:
     """Fills in the new positions of the changed rows and marks what may differ."""
     for row in range(rows.size):
@@ -264,7 +270,7 @@ def _insertions(spans: KrlSpans, values: Array) -> tuple[IntArray, IntArray, Arr
 
 
 @compiled(PLAIN)
-def _gather(token: Any, tokens: Any, component: Any, value: Any, values: Any) -> None:
+def _gather(token: Ints, tokens: Ints, component: Bytes, value: Array, values: Array) -> None:
     for row in range(token.size):
         for t in range(token[row], token[row] + tokens[row]):
             if component[t] < 12:
@@ -272,7 +278,7 @@ def _gather(token: Any, tokens: Any, component: Any, value: Any, values: Any) ->
 
 
 @compiled(PLAIN, inline=True)
-def _style(buf: Any, start: Any, end: Any) -> Any:
+def _style(buf: Bytes, start: int, end: int) -> tuple[int, bool, bool]:
     """Returns (decimals to write, has a plus, has no digit before the point)."""
     sign = buf[np.uint64(start)]
     first = start + (sign == 43 or sign == 45)
@@ -299,13 +305,13 @@ def _style(buf: Any, start: Any, end: Any) -> Any:
 
 
 @compiled(PLAIN, inline=True)
-def _in_a_name(byte: Any) -> Any:
+def _in_a_name(byte: int) -> bool:
     """Returns whether a digit behind the byte would be a part of a name."""
     return 48 <= byte <= 57 or 65 <= (byte & 223) <= 90 or byte == 95
 
 
 @compiled(PLAIN)
-def _integer(out: Any, k: Any, value: Any, buf: Any, start: Any, end: Any) -> Any:
+def _integer(out: Bytes, k: int, value: int, buf: Bytes, start: int, end: int) -> int:
     """Writes S or T in the base and at least the digits of the bytes it replaces."""
     if buf[start] != 39:
         return put_whole(out, k, value)
@@ -325,7 +331,7 @@ def _integer(out: Any, k: Any, value: Any, buf: Any, start: Any, end: Any) -> An
 
 
 @compiled(PLAIN)
-def _insert(out: Any, k: Any, component: Any, value: Any, decimals: Any) -> Any:
+def _insert(out: Bytes, k: int, component: int, value: float, decimals: int) -> int:
     """Writes ``,NAME value`` for a left-out component."""
     out[k] = 44
     k += 1
@@ -343,24 +349,24 @@ def _insert(out: Any, k: Any, component: Any, value: Any, decimals: Any) -> Any:
 
 @compiled(PLAIN)
 def _splice(
-    buf: Any,
-    begin: Any,
-    token: Any,
-    tokens: Any,
-    component: Any,
-    start: Any,
-    length: Any,
-    old: Any,
-    values: Any,
-    touched: Any,
-    changed: Any,
-    words: Any,
-    add_row: Any,
-    add_component: Any,
-    add_value: Any,
-    out: Any,
-    scratch: Any,
-) -> Any:
+    buf: Bytes,
+    begin: int,
+    token: Ints,
+    tokens: Ints,
+    component: Bytes,
+    start: Ints,
+    length: npt.NDArray[np.uint16],
+    old: Array,
+    values: Array,
+    touched: BoolArray,
+    changed: BoolArray,
+    words: IntArray,
+    add_row: IntArray,
+    add_component: IntArray,
+    add_value: Array,
+    out: Bytes,
+    scratch: Bytes,
+) -> int:
     """Copies ``buf`` to ``out`` with the new numbers; returns the bytes written.
 
     ``begin`` is where ``buf`` begins in the file, ``scratch`` (96,) work space.
@@ -384,7 +390,7 @@ def _splice(
                 new = values[np.uint64(row), column]
                 if not moved or abs(new - old[np.uint64(t)]) <= _HALF_DIGIT[np.uint64(decimals)]:
                     continue
-                before = buf[np.uint64(first - 1)] if first > 0 else np.uint8(32)
+                before = buf[np.uint64(first - 1)] if first > 0 else 32
                 if first - 2 < cursor or before != 32 or buf[np.uint64(first - 2)] != 32:
                     if first <= swift:
                         k = copy_short(out, k, buf, cursor, first)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
+from robotrue.core.arrays import Array, BoolArray, Bytes, IntArray
 from robotrue.core.compiled import PLAIN, compiled
 
 _HALF_DIGIT: Final = np.array([0.5 * 10.0**-k for k in range(16)])
@@ -23,7 +24,7 @@ SLOW_DECIMALS: Final = 13
 
 
 @compiled(PLAIN)
-def put_whole(out: Any, k: Any, whole: Any) -> Any:
+def put_whole(out: Bytes, k: int, whole: int) -> int:
     """Writes a non-negative integer at ``k``; returns its end."""
     size = 1
     while size < 19 and whole >= _TENS[size]:
@@ -33,7 +34,7 @@ def put_whole(out: Any, k: Any, whole: Any) -> Any:
 
 
 @compiled(PLAIN)
-def _put_digits(out: Any, k: Any, rest: Any, size: Any) -> None:
+def _put_digits(out: Bytes, k: int, rest: np.uint64, size: int) -> None:
     """Writes the last ``size`` digits of an unsigned integer from ``k`` on, two at a time."""
     end = k + size
     while end > k + 1:
@@ -46,7 +47,7 @@ def _put_digits(out: Any, k: Any, rest: Any, size: Any) -> None:
 
 
 @compiled(PLAIN, inline=True)
-def _four(value: Any) -> Any:
+def _four(value: int) -> int:
     """Returns the four digits of 0 to 9999 as bytes, the first one lowest."""
     high = (value * 5243) >> 19
     low = value - 100 * high
@@ -55,7 +56,7 @@ def _four(value: Any) -> Any:
 
 
 @compiled(PLAIN, inline=True)
-def _put_four(out: Any, k: Any, digits: Any) -> None:
+def _put_four(out: Bytes, k: int, digits: int) -> None:
     out[np.uint64(k)] = digits & 255
     out[np.uint64(k + 1)] = digits >> 8 & 255
     out[np.uint64(k + 2)] = digits >> 16 & 255
@@ -63,15 +64,15 @@ def _put_four(out: Any, k: Any, digits: Any) -> None:
 
 
 @compiled(PLAIN, inline=True)
-def put_number(out: Any, k: Any, value: Any, decimals: Any, plus: Any, bare: Any) -> Any:
+def put_number(out: Bytes, k: int, value: float, decimals: int, plus: bool, bare: bool) -> int:
     """Writes ``value`` with ``decimals`` at ``k``; returns its end.
 
     Up to ``SLACK`` bytes behind that may be written, too: whole groups of digits need no branches.
     """
     scale = _TENS[decimals]
     magnitude = abs(value)
-    whole = np.int64(magnitude)
-    fraction = np.int64(((magnitude - whole) * scale + _ROUND) - _ROUND)
+    whole = int(magnitude)
+    fraction = int(((magnitude - whole) * scale + _ROUND) - _ROUND)
     if fraction >= scale:
         whole, fraction = whole + 1, fraction - scale
     negative = value < 0 and (whole > 0 or fraction > 0)
@@ -98,7 +99,7 @@ def put_number(out: Any, k: Any, value: Any, decimals: Any, plus: Any, bare: Any
 
 
 @compiled(PLAIN, inline=True)
-def copy_short(out: Any, k: Any, buf: Any, start: Any, end: Any) -> Any:
+def copy_short(out: Bytes, k: int, buf: Bytes, start: int, end: int) -> int:
     """Copies ``buf[start:end]`` to ``k``, eight bytes at a time; returns its end.
 
     Up to seven bytes behind either end are read and written, too.
@@ -119,7 +120,7 @@ def copy_short(out: Any, k: Any, buf: Any, start: Any, end: Any) -> Any:
 
 
 @compiled(PLAIN)
-def copy_bytes(out: Any, k: Any, buf: Any, start: Any, end: Any) -> Any:
+def copy_bytes(out: Bytes, k: int, buf: Bytes, start: int, end: int) -> int:
     """Copies ``buf[start:end]`` to ``k``; returns its end."""
     for i in range(start, end):
         out[np.uint64(k)] = buf[np.uint64(i)]
@@ -129,8 +130,8 @@ def copy_bytes(out: Any, k: Any, buf: Any, start: Any, end: Any) -> Any:
 
 @compiled(PLAIN)
 def place(
-    out: Any, k: Any, buf: Any, cursor: Any, start: Any, end: Any, text: Any, size: Any
-) -> Any:
+    out: Bytes, k: int, buf: Bytes, cursor: int, start: int, end: int, text: Bytes, size: int
+) -> int:
     """Copies up to a token and writes ``text[:size]``, its column kept where blanks allow."""
     lead = 0
     while start - lead - 1 >= cursor and buf[start - lead - 1] == 32:
@@ -146,7 +147,7 @@ def place(
 
 
 @compiled(PLAIN)
-def is_plain(buf: Any, start: Any, end: Any) -> Any:
+def is_plain(buf: Bytes, start: int, end: int) -> bool:
     """Returns whether a token is digits with at most one point and a sign, and not too long."""
     point = -1
     for i in range(start, end):
@@ -159,18 +160,18 @@ def is_plain(buf: Any, start: Any, end: Any) -> Any:
 
 @compiled(PLAIN)
 def respell(
-    buf: Any,
-    start: Any,
-    length: Any,
-    old: Any,
-    value: Any,
-    enough: Any,
-    least: Any,
-    slow: Any,
-    texts: Any,
-    aligned: Any,
-    out: Any,
-) -> Any:
+    buf: Bytes,
+    start: IntArray,
+    length: IntArray,
+    old: Array,
+    value: Array,
+    enough: IntArray,
+    least: IntArray,
+    slow: IntArray,
+    texts: Bytes,
+    aligned: bool,
+    out: Bytes,
+) -> int:
     """Copies ``buf`` to ``out`` with tokens (t,), in order, rewritten; returns the bytes written.
 
     A plain token keeps its decimals, or gets ``least`` where it has fewer than ``enough``; it stays
@@ -203,7 +204,7 @@ def respell(
 
 
 @compiled(PLAIN)
-def plain_tokens(buf: Any, start: Any, length: Any) -> Any:
+def plain_tokens(buf: Bytes, start: IntArray, length: IntArray) -> BoolArray:
     """Returns which tokens (t,) are plain."""
     out = np.empty(start.size, np.bool_)
     for t in range(start.size):
@@ -213,15 +214,15 @@ def plain_tokens(buf: Any, start: Any, length: Any) -> Any:
 
 @compiled(PLAIN)
 def literal_numbers(
-    buf: Any,
-    first: Any,
-    last: Any,
-    kind: Any,
-    columns: Any,
-    comment: Any,
-    start: Any,
-    length: Any,
-    value: Any,
+    buf: Bytes,
+    first: IntArray,
+    last: IntArray,
+    kind: IntArray,
+    columns: IntArray,
+    comment: int,
+    start: IntArray,
+    length: IntArray,
+    value: Array,
 ) -> None:
     """Fills in where the numbers of literals (n,) stand and what they say.
 
@@ -254,7 +255,7 @@ def literal_numbers(
 
 
 @compiled(PLAIN)
-def _exact(buf: Any, start: Any, end: Any) -> Any:
+def _exact(buf: Bytes, start: int, end: int) -> float:
     """Returns a number that one product or quotient rounds to the last bit, NaN for others."""
     whole, digits, decimals, power, mark = 0, 0, 0, 0, end
     point = False
@@ -279,5 +280,5 @@ def _exact(buf: Any, start: Any, end: Any) -> Any:
     power -= decimals
     if abs(power) > 22:
         return np.nan
-    out = whole * _POWER[power] if power >= 0 else whole / _POWER[-power]
+    out: float = whole * _POWER[power] if power >= 0 else whole / _POWER[-power]
     return -out if buf[start] == 45 else out

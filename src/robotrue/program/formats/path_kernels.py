@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-import numba
 import numpy as np
 
-from robotrue.core.compiled import cached
+from robotrue.core.arrays import Array, BoolArray, Bytes, IntArray
+from robotrue.core.compiled import PLAIN, compiled
 
 
-@cached
-@numba.njit
-def decimals_of(buf: Any, start: Any, length: Any) -> Any:
+@compiled(PLAIN)
+def decimals_of(buf: Bytes, start: IntArray, length: IntArray) -> IntArray:
     """Returns the decimals of tokens (n, w), 15 at most; 0 for one without a point, or none."""
     out = np.zeros(start.shape, np.int64)
     for i in range(start.shape[0]):
@@ -28,9 +25,8 @@ def decimals_of(buf: Any, start: Any, length: Any) -> Any:
     return out
 
 
-@cached
-@numba.njit
-def with_point(buf: Any, start: Any, length: Any) -> Any:
+@compiled(PLAIN)
+def with_point(buf: Bytes, start: IntArray, length: IntArray) -> BoolArray:
     """Returns which tokens (t,) have a decimal point."""
     out = np.zeros(len(start), np.bool_)
     for t in range(len(start)):
@@ -39,11 +35,10 @@ def with_point(buf: Any, start: Any, length: Any) -> Any:
     return out
 
 
-@cached
-@numba.njit
+@compiled(PLAIN)
 def owed_words(
-    written: Any, said: Any, wanted: Any, kept: Any, decimals: Any, turn: Any, skip: Any, able: Any,
-    barred: Any, owed: Any, donor: Any,
+    written: BoolArray, said: Array, wanted: Array, kept: Array, decimals: IntArray, turn: IntArray,
+    skip: BoolArray, able: BoolArray, barred: BoolArray, owed: BoolArray, donor: IntArray,
 ) -> None:  # fmt: skip
     """Marks the words (n, 6) that have to be inserted, and the row whose style each takes.
 

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-import numba
 import numpy as np
 
-from robotrue.core.compiled import cached
+from robotrue.core.arrays import Bytes, IntArray
+from robotrue.core.compiled import PLAIN, compiled
 
 
-@cached
-@numba.njit
-def plain_gotos(buf: Any, first: Any, last: Any, start: Any, length: Any) -> Any:
+@compiled(PLAIN)
+def plain_gotos(
+    buf: Bytes, first: IntArray, last: IntArray, start: IntArray, length: IntArray
+) -> IntArray:
     """Returns the numbers (l,) of every line that is ``GOTO/`` with 3 or 6 of them; 0 for others.
 
     A line that continues another one, or is continued, is none.
@@ -57,9 +56,8 @@ def plain_gotos(buf: Any, first: Any, last: Any, start: Any, length: Any) -> Any
     return out
 
 
-@cached
-@numba.njit
-def blank_lines(buf: Any, first: Any, last: Any) -> None:
+@compiled(PLAIN)
+def blank_lines(buf: Bytes, first: IntArray, last: IntArray) -> None:
     """Puts blanks in lines (l,), line ends apart, in place."""
     for row in range(len(first)):
         for i in range(first[row], last[row]):
@@ -67,10 +65,15 @@ def blank_lines(buf: Any, first: Any, last: Any) -> None:
                 buf[i] = 32
 
 
-@cached
-@numba.njit
+@compiled(PLAIN)
 def cell_spans(
-    buf: Any, first: Any, last: Any, mark: Any, columns: Any, begin: Any, end: Any
+    buf: Bytes,
+    first: IntArray,
+    last: IntArray,
+    mark: int,
+    columns: IntArray,
+    begin: IntArray,
+    end: IntArray,
 ) -> None:
     """Writes where the cells (n, k) of columns (k,) stand in rows, without blanks and quotes.
 
@@ -104,17 +107,15 @@ def cell_spans(
             i += 1
 
 
-@cached
-@numba.njit
-def _blanks(buf: Any, i: Any, end: Any) -> Any:
+@compiled(PLAIN)
+def _blanks(buf: Bytes, i: int, end: int) -> int:
     while i < end and (buf[i] == 32 or buf[i] == 9):
         i += 1
     return i
 
 
-@cached
-@numba.njit
-def _number_end(buf: Any, i: Any, end: Any) -> Any:
+@compiled(PLAIN)
+def _number_end(buf: Bytes, i: int, end: int) -> int:
     """Returns the end of a number without exponent of at most fifteen digits, ``i`` for none."""
     at, digits, point = i, 0, False
     if i < end and (buf[i] == 43 or buf[i] == 45):

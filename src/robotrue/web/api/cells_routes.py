@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Path, Query
 from fastapi.responses import PlainTextResponse, Response
@@ -60,7 +60,7 @@ def router(server: ServerContext) -> APIRouter:
         return Response(answer, media_type=JSON)
 
     @routes.post("/cells/text", status_code=201)
-    async def keep_cell(stated: CellToml) -> dict[str, Any]:
+    async def keep_cell(stated: CellToml) -> dict[str, object]:
         """A new cell from the text of a cell.toml."""
         made = await server.workers.ask(
             calls.save_cell_text, folder, stated.text, stated.name or "cell", "", 0
@@ -68,7 +68,7 @@ def router(server: ServerContext) -> APIRouter:
         return record_document(made, CELL.name)
 
     @routes.post("/cells/{id}/text", status_code=201)
-    async def change_cell(id: Id, stated: CellToml) -> dict[str, Any]:
+    async def change_cell(id: Id, stated: CellToml) -> dict[str, object]:
         """The new version of a cell with another text; the one before stays."""
         record = await asyncio.to_thread(get_item, workspace, CELL.name, id)
         version = record.version if stated.version is None else stated.version

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter
 from pydantic import BaseModel, Field
@@ -31,7 +31,7 @@ def router(server: ServerContext) -> APIRouter:
     workspace = server.workspace
 
     @routes.put("/chosen-model")
-    async def choose_model(asked: ChosenModel) -> dict[str, Any]:
+    async def choose_model(asked: ChosenModel) -> dict[str, object]:
         """The document that says which model all pages show from now on."""
         await asyncio.to_thread(get_item, workspace, MODEL.name, asked.model)
         return record_document(

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from dataclasses import fields
 from datetime import datetime
-from typing import Any
 
 from robotrue.store.records import Attachment, ItemRecord, Link
 
 
-def record_document(record: ItemRecord, noun: str) -> dict[str, Any]:
+def record_document(record: ItemRecord, noun: str) -> dict[str, object]:
     """Returns a record as JSON values; its files with the address they are fetched from."""
-    out: dict[str, Any] = {"noun": noun}
+    out: dict[str, object] = {"noun": noun}
     for field in fields(record):
         value = getattr(record, field.name)
         if field.name == "links":
@@ -24,10 +23,10 @@ def record_document(record: ItemRecord, noun: str) -> dict[str, Any]:
     return out
 
 
-def _link(link: Link) -> dict[str, Any]:
+def _link(link: Link) -> dict[str, object]:
     return {"role": link.role, "id": link.to.id, "version": link.to.version}
 
 
-def _file(each: Attachment, record: ItemRecord, noun: str) -> dict[str, Any]:
+def _file(each: Attachment, record: ItemRecord, noun: str) -> dict[str, object]:
     where = f"/api/items/{noun}/{record.id}/files/{each.sha256}?version={record.version}"
     return {"role": each.role, "name": each.name, "sha256": each.sha256, "href": where}

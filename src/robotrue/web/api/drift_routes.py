@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter
 from pydantic import BaseModel, Field
@@ -39,7 +39,7 @@ def router(server: ServerContext) -> APIRouter:
     workspace = server.workspace
 
     @routes.post("/drift-checks", status_code=202)
-    async def check_drift(asked: CheckPoses) -> dict[str, Any]:
+    async def check_drift(asked: CheckPoses) -> dict[str, object]:
         """The job that judges the poses; they stand as a measurement set already."""
         paths = [find_upload(workspace, each) for each in asked.uploads]
         await asyncio.to_thread(get_item, workspace, MODEL.name, asked.model)

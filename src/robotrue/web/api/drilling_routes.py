@@ -5,34 +5,16 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Path, Query
-from pydantic import BaseModel
 
 from robotrue.app.workbench import workbench_calls as calls
 from robotrue.drilling.drill_defaults import JOURNAL
 from robotrue.store.nouns import DOCUMENT
-from robotrue.web import drill_journals
 from robotrue.web.api.documents import record_document
 from robotrue.web.api.intake_routes import FromFiles, import_files
 from robotrue.web.api.items_routes import get_item
+from robotrue.web.drill_journals import Entries, entries_after, journal_path
 from robotrue.web.page_context import ServerContext
 from robotrue.web.problems import MissingError
-
-
-class Entries(BaseModel):
-    """Some lines of a journal.
-
-    Attributes:
-        entries: As the session wrote them.
-        next: Byte to ask for next.
-        size: Of the file in bytes.
-        anew: The file is another one than before: forget what was read of it.
-    """
-
-    entries: list[dict[str, Any]]
-    next: int
-    size: int
-    anew: bool
-
 
 After = Annotated[int, Query(ge=0, le=1 << 40)]
 
@@ -51,8 +33,8 @@ def router(server: ServerContext) -> APIRouter:
     @routes.get("/drilling/journals/{name}")
     def follow_journal(name: Annotated[str, Path(max_length=120)], after: After = 0) -> Entries:
         """Lines of a journal in the workspace's folder ``drilling``, from a byte on."""
-        path = drill_journals.journal_path(workspace, name)
-        return Entries(**drill_journals.entries_after(path, after, name=name))
+        path = journal_path(workspace, name)
+        return entries_after(path, after, name=name)
 
     @routes.get("/drilling/kept-journals/{id}")
     def read_journal(id: Annotated[str, Path(max_length=40)], after: After = 0) -> Entries:
@@ -62,6 +44,6 @@ def router(server: ServerContext) -> APIRouter:
         if getattr(record, "kind", "") != JOURNAL or len(files) != 1:
             raise MissingError(f"{record.name!r} is no journal.")
         path = workspace.path_of(files[0].sha256)
-        return Entries(**drill_journals.entries_after(path, after, name=files[0].name))
+        return entries_after(path, after, name=files[0].name)
 
     return routes

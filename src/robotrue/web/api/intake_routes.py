@@ -6,7 +6,7 @@ import asyncio
 import functools
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, TypeVar
 
 from fastapi import APIRouter
 from pydantic import BaseModel, Field
@@ -49,17 +49,17 @@ def router(server: ServerContext) -> APIRouter:
     routes = APIRouter(tags=["items"])
 
     @routes.post("/cells", status_code=201)
-    async def add_cell(asked: FromFiles) -> dict[str, Any]:
+    async def add_cell(asked: FromFiles) -> dict[str, object]:
         """A cell of a cell.toml and the files it names."""
         return record_document(await import_files(server, calls.import_cell, asked), "cell")
 
     @routes.post("/programs", status_code=201)
-    async def add_program(asked: FromFiles) -> dict[str, Any]:
+    async def add_program(asked: FromFiles) -> dict[str, object]:
         """A program of one or more files, as they stand."""
         return record_document(await import_files(server, calls.import_program, asked), "program")
 
     @routes.post("/measurements", status_code=201)
-    async def add_measurements(asked: Measured) -> dict[str, Any]:
+    async def add_measurements(asked: Measured) -> dict[str, object]:
         """Measured poses, read and checked for plausibility."""
         call = functools.partial(calls.import_measurements, cell=asked.cell, mapping=asked.mapping)
         return record_document(await import_files(server, call, asked), "measurement")

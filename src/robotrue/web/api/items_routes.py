@@ -28,7 +28,7 @@ Version = Annotated[int | None, Query(ge=1, le=1_000_000)]
 class ItemListing(BaseModel):
     """Some of what was asked for."""
 
-    items: list[dict[str, Any]]
+    items: list[dict[str, object]]
     total: int
     offset: int
 
@@ -61,7 +61,7 @@ def router(server: ServerContext) -> APIRouter:
         return ItemListing(items=shown, total=page.total, offset=page.offset)
 
     @routes.get("/items/{noun}/{id}")
-    def show_item(noun: NounName, id: Id, version: Version = None) -> dict[str, Any]:
+    def show_item(noun: NounName, id: Id, version: Version = None) -> dict[str, object]:
         """One version of an item, the latest if none is named."""
         return record_document(get_item(workspace, noun, id, version), noun)
 
@@ -88,7 +88,7 @@ def router(server: ServerContext) -> APIRouter:
         raise MissingError(f"{noun} {record.name!r} has no file {sha256[:12]}.")
 
     @routes.patch("/items/{noun}/{id}")
-    def change_item(noun: NounName, id: Id, change: Change) -> dict[str, Any]:
+    def change_item(noun: NounName, id: Id, change: Change) -> dict[str, object]:
         """The new version of an item with another name or note."""
         get_item(workspace, noun, id)
         if change.name is None and change.note is None:
@@ -97,13 +97,13 @@ def router(server: ServerContext) -> APIRouter:
         return record_document(changed, noun)
 
     @routes.delete("/items/{noun}/{id}")
-    def delete_item(noun: NounName, id: Id) -> dict[str, Any]:
+    def delete_item(noun: NounName, id: Id) -> dict[str, object]:
         """The version that says that the item is deleted; nothing of it is lost."""
         get_item(workspace, noun, id)
         return record_document(items.delete(workspace, _noun(noun), id), noun)
 
     @routes.post("/items/{noun}/{id}/undo")
-    def undo(noun: NounName, id: Id, version: Version = None) -> dict[str, Any]:
+    def undo(noun: NounName, id: Id, version: Version = None) -> dict[str, object]:
         """The item as it was before its latest version; if that is no longer the one named: 409."""
         get_item(workspace, noun, id)
         return record_document(items.undo(workspace, _noun(noun), id, version=version), noun)

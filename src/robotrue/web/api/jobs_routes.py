@@ -42,13 +42,13 @@ class Asked(BaseModel):
     model_config = ConfigDict(extra="forbid", json_schema_extra=_with_kinds)
 
     kind: Annotated[str, Field(max_length=40)]
-    parameters: dict[str, Any] = {}
+    parameters: dict[str, object] = {}
 
 
 class Jobs(BaseModel):
     """Some jobs, the newest first."""
 
-    items: list[dict[str, Any]]
+    items: list[dict[str, object]]
     total: int
     offset: int
 
@@ -66,7 +66,7 @@ def router(server: ServerContext) -> APIRouter:
             raise MissingError(cause.message, hint=cause.hint) from cause
 
     @routes.post("/jobs", status_code=202)
-    async def ask_for_job(asked: Asked) -> dict[str, Any]:
+    async def ask_for_job(asked: Asked) -> dict[str, object]:
         """A job that now waits to be done; watch it at ``/api/jobs/{id}``."""
         if asked.kind not in known:
             raise ConfigurationError(
@@ -92,19 +92,19 @@ def router(server: ServerContext) -> APIRouter:
         )
 
     @routes.get("/jobs/{id}")
-    def show_job(id: Id) -> dict[str, Any]:
+    def show_job(id: Id) -> dict[str, object]:
         """A job as it stands."""
         return job_document(get_job(id))
 
     @routes.post("/jobs/{id}/cancel")
-    def cancel_job(id: Id) -> dict[str, Any]:
+    def cancel_job(id: Id) -> dict[str, object]:
         """The job, which is over or soon will be."""
         return job_document(jobs.cancel(workspace, get_job(id).id))
 
     return routes
 
 
-def submit_job(workspace: Workspace, kind: str, parameters: Mapping[str, Any]) -> jobs.JobId:
+def submit_job(workspace: Workspace, kind: str, parameters: Mapping[str, object]) -> jobs.JobId:
     """Returns the id of a job that waits; what came with it is kept as documents it rests on.
 
     Raises:
@@ -122,9 +122,9 @@ def submit_job(workspace: Workspace, kind: str, parameters: Mapping[str, Any]) -
     return id
 
 
-def job_document(job: jobs.Job) -> dict[str, Any]:
+def job_document(job: jobs.Job) -> dict[str, object]:
     """Returns a job as JSON values; of an error without the trace, which is for the log."""
-    out: dict[str, Any] = {"over": job.over}
+    out: dict[str, object] = {"over": job.over}
     for field in fields(job):
         value = getattr(job, field.name)
         if isinstance(value, datetime):

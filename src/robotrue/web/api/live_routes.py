@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
 from fastapi import APIRouter, Path, Query, WebSocket, WebSocketDisconnect
 from fastapi.responses import Response
@@ -47,7 +47,7 @@ class NewLimits(BaseModel, extra="forbid"):
 class Alarms(BaseModel):
     """Alarms, the newest first."""
 
-    items: list[dict[str, Any]]
+    items: list[dict[str, object]]
 
 
 def router(server: ServerContext) -> APIRouter:
@@ -62,7 +62,7 @@ def router(server: ServerContext) -> APIRouter:
             raise MissingError(cause.message, hint=cause.hint) from cause
 
     @routes.post("/live/sources", status_code=201)
-    async def add_source(asked: NewSource) -> dict[str, Any]:
+    async def add_source(asked: NewSource) -> dict[str, object]:
         """A sensing service that is listened to from now on."""
         record = await asyncio.to_thread(
             live_sources.add_source, workspace, asked.address, asked.name, server.settings.sense
@@ -71,7 +71,7 @@ def router(server: ServerContext) -> APIRouter:
         return record_document(record, "document")
 
     @routes.put("/live/sources/{id}/limits")
-    async def set_limits(id: Id, asked: NewLimits) -> dict[str, Any]:
+    async def set_limits(id: Id, asked: NewLimits) -> dict[str, object]:
         """Other limits of a source."""
         await asyncio.to_thread(get_source, id)
         limits = (asked.x_um, asked.y_um, asked.z_um)

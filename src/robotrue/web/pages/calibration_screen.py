@@ -39,7 +39,7 @@ async def _certificate(context: PageContext, model: ModelRecord) -> Reports:
     return await find_reports(context, model, "model", "measurements", "tolerance_mm", sets=unseen)
 
 
-async def _form(context: PageContext) -> dict[str, Any] | None:
+async def _form(context: PageContext) -> dict[str, object] | None:
     """The fields that ask for a calibration; None where there is nothing to calibrate with."""
     cells = await context.items(CELL, ItemQuery(limit=50))
     sets = await context.items(MEASUREMENT, ItemQuery(limit=100))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Final
+from typing import Final
 
 from robotrue.store import items, jobs, journal
 from robotrue.store.nouns import DOCUMENT, NOUNS
@@ -60,7 +60,7 @@ def _describe_entry(
     context: PageContext,
     entry: journal.Entry,
     kinds: Mapping[str, str],
-    known: Mapping[str, tuple[str, Mapping[str, Any]]],
+    known: Mapping[str, tuple[str, Mapping[str, object]]],
 ) -> tuple[str, str, str]:
     """Name, address and a remark on the item of an entry."""
     if entry.action == BEGUN:
@@ -80,7 +80,7 @@ def kind_name(say: Wording, kind: str) -> str:
     return known if known != kind else kind.replace("_", " ")
 
 
-def _alarm(context: PageContext, alarm: Mapping[str, Any]) -> str:
+def _alarm(context: PageContext, alarm: Mapping[str, object]) -> str:
     """One alarm in one row: it was written when it began and again when it ended."""
     return context.say(
         "history.alarm_said" if alarm["over"] else "history.alarm_open",
@@ -95,9 +95,9 @@ def _kinds(workspace: Workspace, ids: list[str]) -> dict[str, str]:
     return {each: jobs.status(workspace, each).kind for each in dict.fromkeys(ids)}
 
 
-def _alarms(workspace: Workspace, sources: set[str]) -> dict[str, tuple[str, dict[str, Any]]]:
+def _alarms(workspace: Workspace, sources: set[str]) -> dict[str, tuple[str, dict[str, object]]]:
     """Name of its source, and what is known of it in the end, of each alarm by its key."""
-    found: dict[str, tuple[str, dict[str, Any]]] = {}
+    found: dict[str, tuple[str, dict[str, object]]] = {}
     for id in sources:
         name = items.get(workspace, DOCUMENT, id).name
         found |= {str(a["key"]): (name, a) for a in alarms(workspace, id, limit=ALARMS)}

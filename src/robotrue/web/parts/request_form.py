@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 from annotated_types import Ge, Le
 from markupsafe import Markup
@@ -41,7 +40,7 @@ class RequestForm:
     records: Mapping[str, Sequence[ItemRecord]] = field(default_factory=dict)
     marks: Mapping[str, str] = field(default_factory=dict)
     without: frozenset[str] = frozenset()
-    values: Mapping[str, Any] = field(default_factory=dict)
+    values: Mapping[str, object] = field(default_factory=dict)
 
     def fields(self, *, advanced: bool) -> Markup:
         """Returns the HTML of the fields in sight, or of those behind "more"."""
