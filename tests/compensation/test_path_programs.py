@@ -11,7 +11,7 @@ from robotrue.compensation.difference import difference
 from robotrue.core.poses import inverse
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM, UM
-from robotrue.program.formats import dialect, unfollowed
+from robotrue.program.formats import dialect, list_unfollowed
 from robotrue.program.orientation import OrientationRule
 from robotrue.program.program import FrameTable, Motion, Program
 from robotrue.robot.forward import forward
@@ -158,7 +158,9 @@ def test_what_is_not_written_is_told() -> None:
     told = {}
     for name, make in MAKERS.items():
         program = dialect(name).read(make(T).encode(), name="part", frames=frames)
-        told[name] = unfollowed(program, compensate(model, program, settings=BEGINS).replacement)
+        told[name] = list_unfollowed(
+            program, compensate(model, program, settings=BEGINS).replacement
+        )
     assert told["sinumerik"] == ()  # three angles say all
     assert all("12 points print no word" in told[name][0] for name in told if name != "sinumerik")
 
@@ -174,7 +176,7 @@ def test_the_middle_of_an_arc_is_left_off_by_what_is_told() -> None:
     frames = table(frame, 0.0)
     program, _, left = round_trip("fanuc_gcode", data, frames)
     model = cases.rigid_model(robot=cases.kr160())
-    (sentence,) = unfollowed(program, compensate(model, program, settings=BEGINS).replacement)
+    (sentence,) = list_unfollowed(program, compensate(model, program, settings=BEGINS).replacement)
     off = float(sentence.split(" up to ")[1].split(" um")[0])
     middle = program.motion == Motion.ARC_VIA
     assert abs(np.linalg.norm(left[middle], axis=1).max() / UM - off) < 0.3

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from known_arms import HOME, TURNED, known_arm
 
-from robotrue.app.drilling_robot import DrillingRobot, followed, with_robot
+from robotrue.app.drilling_robot import DrillingRobot, follow_joints, with_robot
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.adjust import HoleAdjustment
@@ -124,7 +124,7 @@ def test_joints_of_a_simulated_controller_over_its_own_protocol() -> None:
         controller = asyncio.create_task(run(standing, stop=stop))
         head = {"hole": "1", "status": "move", "A_deg": 1.0, "dB_deg": 2.0, "dX_mm": 0.0}
         try:
-            async with followed(arm), asyncio.timeout(20.0):
+            async with follow_joints(arm), asyncio.timeout(20.0):
                 while True:
                     await asyncio.sleep(0.05)
                     try:

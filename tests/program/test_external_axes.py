@@ -9,7 +9,7 @@ from robotrue.core.poses import inverse, pose, pose_from_xyz_abc
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ShapeError
-from robotrue.program.external_axes import ExternalAxis, carried
+from robotrue.program.external_axes import ExternalAxis, carry_frames
 
 FLOOR = pose_from_xyz_abc(np.array([900.0, -200.0, 300.0]) * MM, np.array([15.0, -4.0, 8.0]) * DEG)
 ON_TABLE = pose_from_xyz_abc(np.array([1600.0, 50.0, 450.0]) * MM, np.array([5.0, 0.0, 0.0]) * DEG)
@@ -29,7 +29,7 @@ def test_rail_and_turntable_in_one_chain() -> None:
     values[:, 0] = [100.0, 850.0, 850.0, -20.0, 100.0]
     values[:, 1] = [30.0, 75.0, 75.0, 75.0, 12.0]
     riders = np.array([[False, False], [False, True]])
-    got = carried(
+    got = carry_frames(
         (RAIL, TABLE), np.array([FLOOR, ON_TABLE]), frame, values, riders, np.zeros(2, np.bool_)
     )
     assert not got.unknown.any()
@@ -47,9 +47,9 @@ def test_a_value_that_is_needed_and_not_there() -> None:
     values = np.full((2, 6), np.nan)
     values[0, 0] = 500.0
     riders, still = np.zeros((1, 1), np.bool_), np.zeros(1, np.bool_)
-    got = carried((RAIL,), FLOOR[None], np.zeros(2, np.int64), values, riders, still)
+    got = carry_frames((RAIL,), FLOOR[None], np.zeros(2, np.int64), values, riders, still)
     assert got.unknown.tolist() == [False, True]
-    on_robot = carried((RAIL,), FLOOR[None], np.zeros(2, np.int64), values, riders, ~still)
+    on_robot = carry_frames((RAIL,), FLOOR[None], np.zeros(2, np.int64), values, riders, ~still)
     assert not on_robot.unknown.any()
     assert on_robot.frame.tolist() == [0, 0]
 
@@ -72,10 +72,10 @@ def test_an_axis_without_any_value_rests_only_where_the_cell_says_so() -> None:
     values = np.full((2, 6), np.nan)
     riders, still = np.zeros((1, 1), np.bool_), np.zeros(1, np.bool_)
     frame = np.zeros(2, np.int64)
-    assert carried((RAIL,), FLOOR[None], frame, values, riders, still).unknown.all()
-    rests = carried((RAIL,), FLOOR[None], frame, values, riders, still, rest=True)
+    assert carry_frames((RAIL,), FLOOR[None], frame, values, riders, still).unknown.all()
+    rests = carry_frames((RAIL,), FLOOR[None], frame, values, riders, still, rest=True)
     assert not rests.unknown.any()
     assert rests.frame.tolist() == [0, 0]
     values[1, 0] = 300.0
-    some = carried((RAIL,), FLOOR[None], frame, values, riders, still, rest=True)
+    some = carry_frames((RAIL,), FLOOR[None], frame, values, riders, still, rest=True)
     assert some.unknown.tolist() == [True, False]

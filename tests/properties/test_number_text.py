@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from robotrue.errors import ShapeError
 from robotrue.program.formats.number_table import NumberTable
-from robotrue.program.formats.number_text import NUMBER, half_digit, restyled, spliced
+from robotrue.program.formats.number_text import NUMBER, half_digit, restyle, splice_texts
 
 digits = st.text("0123456789", min_size=1, max_size=6)
 tokens = st.builds(
@@ -30,11 +30,11 @@ values = st.one_of(
 def test_value_to_half_a_digit_in_the_style_that_stood_there(
     token: bytes, value: float, least: int
 ) -> None:
-    out = restyled(token, value, least=least)
+    out = restyle(token, value, least=least)
     assert re.fullmatch(NUMBER, out)
     assert abs(float(out) - value) <= half_digit(out) * (1 + 1e-9) + 1e-12
-    assert restyled(token, float(token), least=least) == token
-    assert restyled(out, value, least=least) == out
+    assert restyle(token, float(token), least=least) == token
+    assert restyle(out, value, least=least) == out
     if out == token:
         return
     exponent = b"E" in token.upper()
@@ -47,23 +47,23 @@ def test_value_to_half_a_digit_in_the_style_that_stood_there(
 
 
 def test_styles() -> None:
-    assert restyled(b"-0.000", 0.0004) == b"-0.000"
-    assert restyled(b"-0.000", 0.0006) == b"0.001"
-    assert restyled(b"0.0", -0.02) == b"0.0"
-    assert restyled(b"5", 5.02) == b"5"
-    assert restyled(b"5", 5.02, least=3) == b"5.020"
-    assert restyled(b"+5.", 6.7) == b"+7."
-    assert restyled(b".50", -0.25) == b"-.25"
-    assert restyled(b".50", 1.25) == b"1.25"
-    assert restyled(b"0.10", -0.004) == b"0.00"
-    assert restyled(b"1.5E-03", 0.25) == b"2.50000E-01"
-    assert restyled(b"1E3", 1234.5) == b"1.234500000E3"
+    assert restyle(b"-0.000", 0.0004) == b"-0.000"
+    assert restyle(b"-0.000", 0.0006) == b"0.001"
+    assert restyle(b"0.0", -0.02) == b"0.0"
+    assert restyle(b"5", 5.02) == b"5"
+    assert restyle(b"5", 5.02, least=3) == b"5.020"
+    assert restyle(b"+5.", 6.7) == b"+7."
+    assert restyle(b".50", -0.25) == b"-.25"
+    assert restyle(b".50", 1.25) == b"1.25"
+    assert restyle(b"0.10", -0.004) == b"0.00"
+    assert restyle(b"1.5E-03", 0.25) == b"2.50000E-01"
+    assert restyle(b"1E3", 1234.5) == b"1.234500000E3"
     for bad in (float("nan"), 1e9):
         with pytest.raises(ShapeError, match="cannot be printed"):
-            restyled(b"1.0", bad)
+            restyle(b"1.0", bad)
     for word in (b"", b".", b"-", b"1,5", b"1.5\n"):
         with pytest.raises(ShapeError, match="is not a number"):
-            restyled(word, 1.0)
+            restyle(word, 1.0)
 
 
 @given(st.lists(st.tuples(st.binary(max_size=5), st.binary(max_size=4), st.binary(max_size=6))))
@@ -75,17 +75,17 @@ def test_splicing_touches_what_it_is_told(parts: list[tuple[bytes, bytes, bytes]
         starts.append(len(data) + len(kept))
         data, want = data + kept + old, want + kept + new
     lengths, texts = [len(old) for _, old, _ in parts], [new for _, _, new in parts]
-    assert spliced(data, starts, lengths, texts) == want
-    assert spliced(data, [], [], []) == data
+    assert splice_texts(data, starts, lengths, texts) == want
+    assert splice_texts(data, [], [], []) == data
 
 
 def test_stretches_must_not_overlap() -> None:
     with pytest.raises(ShapeError, match="bytes 1 to 3 cannot be replaced, expected 2 to 4"):
-        spliced(b"abcd", [0, 1], [2, 2], [b"x", b"y"])
+        splice_texts(b"abcd", [0, 1], [2, 2], [b"x", b"y"])
     with pytest.raises(ShapeError, match="cannot be replaced"):
-        spliced(b"abcd", [3], [2], [b"x"])
+        splice_texts(b"abcd", [3], [2], [b"x"])
     with pytest.raises(ShapeError, match="1 starts, 1 lengths, 0 texts"):
-        spliced(b"abcd", [3], [1], [])
+        splice_texts(b"abcd", [3], [1], [])
 
 
 SIXTEEN_DIGITS = [

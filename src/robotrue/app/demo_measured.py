@@ -157,18 +157,18 @@ def run_measured_demo(
 def _series(cell: Cell, path: Path, most: int, context: Context) -> MeasurementSet:
     """Positions of some rows; without the orientations a fit takes a third of the time."""
     rows = context.measurements(cell, [path])
-    few = rows.subset(_spaced(len(rows), most))
+    few = rows.subset(_space_rows(len(rows), most))
     unknown = np.full((len(few), 3, 3), np.nan)
     return replace(few, rotation=unknown, rotation_covariance=unknown)
 
 
-def _spaced(n: int, most: int) -> Array:
+def _space_rows(n: int, most: int) -> Array:
     return np.unique(np.linspace(0, n - 1, min(n, most)).astype(np.int64))
 
 
 def _contest(cell: Cell, settings: FitSettings, rows: MeasurementSet, tell: Share) -> Selection:
     """Which method wins on blocks of series A; the poses come from the whole series."""
-    few = rows.subset(_spaced(len(rows), CONTEST_ROWS))
+    few = rows.subset(_space_rows(len(rows), CONTEST_ROWS))
     candidates = {
         name: partial(fit, cell.measured_robot, method=name, settings=settings) for name in METHODS
     }

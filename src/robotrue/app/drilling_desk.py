@@ -104,7 +104,7 @@ class Desk:
         self._journal.write_answer(answer, document)
         self.moves += answer.adjustment is not None
         self.refusals += answer.adjustment is None
-        return self._told(document)
+        return self._give_answer(document)
 
     def _by_robot(
         self, answer: HoleAnswer, robot: DrillingRobot
@@ -117,7 +117,7 @@ class Desk:
             return answer, with_robot(document, found, robot)
         except RobotrueError as cause:
             self._session.forget(answer.hole)
-            refused = replace(answer, adjustment=None, refused=_said(cause))
+            refused = replace(answer, adjustment=None, refused=_word_fault(cause))
             return refused, answer_document(refused)
 
     def _reference(self, sample: SignalSample) -> dict[str, object]:
@@ -139,9 +139,9 @@ class Desk:
             write_model(self._output, step.model)
         self.references += 1
         self.alarms += step.alarm
-        return self._told(document)
+        return self._give_answer(document)
 
-    def _told(self, document: dict[str, Any]) -> dict[str, Any]:
+    def _give_answer(self, document: dict[str, Any]) -> dict[str, Any]:
         self._answers[document["hole"]] = document
         if len(self._answers) > _AGAIN:
             self._answers.popitem(last=False)
@@ -150,7 +150,7 @@ class Desk:
 
     def _unread(self, cause: RobotrueError, **beside: str) -> dict[str, Any]:
         """A machine that sends what cannot be read is told so, once in a while on the console."""
-        document = {"status": "unread", "said": _said(cause), **beside}
+        document = {"status": "unread", "said": _word_fault(cause), **beside}
         self.unread += 1
         if self.unread.bit_count() == 1:
             self._print(document)
@@ -160,7 +160,7 @@ class Desk:
         self.reporter.report(Message(_line(document), document=document))
 
 
-def _said(cause: RobotrueError) -> str:
+def _word_fault(cause: RobotrueError) -> str:
     return cause.message + (f" ({cause.hint})" if cause.hint else "")
 
 

@@ -179,7 +179,7 @@ def drilling_robot(
 
 
 @contextlib.asynccontextmanager
-async def followed(robot: DrillingRobot | None) -> AsyncIterator[asyncio.Task[None] | None]:
+async def follow_joints(robot: DrillingRobot | None) -> AsyncIterator[asyncio.Task[None] | None]:
     """Follows a robot's joints while the context lasts; gives the task, or None without a robot."""
     if robot is None:
         yield None

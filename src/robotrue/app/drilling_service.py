@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from robotrue.app.drilling_desk import Desk
-from robotrue.app.drilling_robot import followed
+from robotrue.app.drilling_robot import follow_joints
 from robotrue.app.presentation import count
 from robotrue.app.reporting import Message
 from robotrue.core.provenance import mark_sentence
@@ -48,7 +48,7 @@ async def serve_desk(desk: Desk, address: str, seconds: float | None, *, begin: 
     for line in filter(None, (listening, mark_sentence(desk.provenance), begin)):
         desk.reporter.report(Message(line))
     ended = asyncio.create_task(stop.wait())
-    async with followed(desk.robot) as joints:
+    async with follow_joints(desk.robot) as joints:
         work = asyncio.create_task(_answer(desk, source))
         waits = {work, ended} if joints is None else {work, ended, joints}
         try:

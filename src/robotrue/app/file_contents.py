@@ -103,7 +103,7 @@ def _error_tables(model: ErrorModel) -> Iterable[Table]:
             title="identified errors, actual minus nominal",
             columns=("", "value", "sd", "unit", "known"),
             rows=tuple(
-                (name, _signed(row["value"]), _plain(row["sd"]), row["unit"], row["known"])
+                (name, _format_signed(row["value"]), _plain(row["sd"]), row["unit"], row["known"])
                 for name, row in errors.items()
             ),
         )
@@ -317,7 +317,7 @@ def _facts(path: Path, document: dict[str, Any]) -> tuple[Block, ...]:
     told = Facts(
         title=f"{path.name}: {document['holds']}",
         rows=tuple(
-            (key.replace("_", " "), _told(key, value))
+            (key.replace("_", " "), _tell_value(key, value))
             for key, value in document.items()
             if key not in (*REMARKS, "holds")
         ),
@@ -328,7 +328,7 @@ def _facts(path: Path, document: dict[str, Any]) -> tuple[Block, ...]:
     return (told, *map(Note, lines))
 
 
-def _told(key: str, value: Any) -> str:
+def _tell_value(key: str, value: Any) -> str:
     if key == "part":
         frames = "; ".join(
             f"{frame['name']} at {_three(frame['xyz_mm'])} mm, {_three(frame['abc_deg'])} deg, "
@@ -361,7 +361,7 @@ def _words(value: object) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def _signed(value: float) -> str:
+def _format_signed(value: float) -> str:
     return f"{value:+.4f}"
 
 

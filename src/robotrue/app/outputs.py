@@ -100,12 +100,12 @@ def check_output(output: Path, sources: Sequence[Path], *, folder: bool = False)
 def writes(what: str, *suffixes: str, only: bool = False) -> Callable[[_Given], _Given]:
     """Returns the callback of an option that names files to write: :func:`require_suffix`."""
 
-    def checked(given: _Given) -> _Given:
+    def check_given(given: _Given) -> _Given:
         for output in _each(given):
             require_suffix(output, what, suffixes, only=only)
         return given
 
-    return checked
+    return check_given
 
 
 def _each(given: Path | list[Path] | None) -> Iterable[Path]:

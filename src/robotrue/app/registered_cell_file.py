@@ -32,7 +32,7 @@ def relative_name(path: Path, output: Path) -> str:
 def registered_cell(cell: Cell, source: Path, table: PartTable, output: Path) -> bytes:
     """Returns the registered cell, read back before anything is written."""
     if not read_bytes(source).startswith(ZIP):
-        text = rename_files(cell.text, partial(_moved, source=source, output=output))
+        text = rename_files(cell.text, partial(_move_path, source=source, output=output))
     elif cell.text and not cell.files:
         text = cell.text
     else:  # the files that it names are in the model file, not beside the output
@@ -42,7 +42,7 @@ def registered_cell(cell: Cell, source: Path, table: PartTable, output: Path) ->
     return data
 
 
-def _moved(name: str, source: Path, output: Path) -> str:
+def _move_path(name: str, source: Path, output: Path) -> str:
     """A path that one cell file names, as another names it."""
     path = (source.parent / name).resolve()
     if Path(name).is_absolute() or source.parent.resolve() == output.parent.resolve():

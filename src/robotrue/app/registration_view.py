@@ -29,7 +29,7 @@ def registration_document(found: RegisteredPart) -> dict[str, Any]:
         first["residual_mm"] = dict(zip(names, map(float, lengths), strict=True))
         first["outliers"] = [n for n, good in zip(names, believed, strict=True) if not good]
 
-    def told(key: str) -> list[str]:
+    def list_lines(key: str) -> list[str]:
         return [
             f"{part['part']}: {line}" if several else line for part in parts for line in part[key]
         ]
@@ -37,8 +37,8 @@ def registration_document(found: RegisteredPart) -> dict[str, Any]:
     return {
         **first,
         "verdict": found.verdict,
-        "reasons": told("reasons"),
-        "doubts": [*found.doubts, *told("doubts")],
+        "reasons": list_lines("reasons"),
+        "doubts": [*found.doubts, *list_lines("doubts")],
         "route": found.route,
         "model": found.identity.document(),
         "touched_with": found.touched_with.document(),

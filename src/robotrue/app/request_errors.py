@@ -63,7 +63,8 @@ def refusal(
     if kind == "literal_error":
         words = field.option if name_of is on_command_line else name.replace("_", " ")
         return ConfigurationError(
-            f"{words} {value!r}, expected {_listed(field.choices)}.", hint=_example(field, name_of)
+            f"{words} {value!r}, expected {_join_choices(field.choices)}.",
+            hint=_example(field, name_of),
         )
     if kind in LIMITS:
         key, form = LIMITS[kind]
@@ -76,7 +77,7 @@ def refusal(
     return ConfigurationError(f"{name_of(field)} is {value!r}, expected {expected}.")
 
 
-def _listed(choices: tuple[str, ...]) -> str:
+def _join_choices(choices: tuple[str, ...]) -> str:
     *first, last = choices
     return f"{', '.join(first)} or {last}" if first else last
 

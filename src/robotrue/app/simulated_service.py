@@ -110,10 +110,10 @@ async def _stoppable(run: Callable[[asyncio.Event], Awaitable[T]], seconds: floa
     if seconds is not None:
         loop.call_later(seconds, stop.set)
 
-    def stopped(*_: object) -> None:
+    def request_stop(*_: object) -> None:
         loop.call_soon_threadsafe(stop.set)
 
-    before = signal.signal(signal.SIGINT, stopped)
+    before = signal.signal(signal.SIGINT, request_stop)
     try:
         return await run(stop)
     finally:

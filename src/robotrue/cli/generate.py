@@ -56,13 +56,13 @@ class GeneratedCommand:
         operation = operation_of(self._listing.name)
         as_json = values.pop(AS_JSON, False)
         try:
-            request = operation.request.model_validate(_stated(operation.request, values))
+            request = operation.request.model_validate(_read_values(operation.request, values))
         except ValidationError as error:
             raise refusal(error, operation.request) from None
         run_operation(operation, request, as_json=as_json)
 
 
-def _stated(request: type[Request], values: Mapping[str, Any]) -> dict[str, Any]:
+def _read_values(request: type[Request], values: Mapping[str, Any]) -> dict[str, Any]:
     """The values as the request wants them: lists as tuples, what was left out left out."""
     from robotrue.app.request import fields_of
 
@@ -217,7 +217,7 @@ def _without_options(command: CommandInfo) -> CommandInfo:
     if not isinstance(command.callback, GeneratedCommand):
         return command
 
-    def listed() -> None:
+    def do_nothing() -> None:
         """Is never called: the list shows the name and the help."""
 
-    return CommandInfo(name=command.name, callback=listed, help=command.help)
+    return CommandInfo(name=command.name, callback=do_nothing, help=command.help)

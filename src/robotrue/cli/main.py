@@ -84,7 +84,7 @@ def run() -> None:
     if sys.stderr.isatty():
         _tell()
     try:
-        _asked()(prog_name="robotrue")
+        _pick_asked()(prog_name="robotrue")
     except RobotrueError as error:
         _report(error)
         raise SystemExit(error.exit_code) from None
@@ -110,7 +110,7 @@ def _tell() -> None:
     room.setLevel(logging.INFO)
 
 
-def _asked() -> typer.Typer:
+def _pick_asked() -> typer.Typer:
     """The command that was asked for, without reading the options of the others; else all."""
     word = sys.argv[1] if len(sys.argv) > 1 else ""
     only = copy(app)

@@ -20,7 +20,7 @@ from robotrue.core.arm_words import NO_WORD
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.columns import Column, Columns, Rows
 from robotrue.core.units import DEG, UM
-from robotrue.program.formats import unfollowed
+from robotrue.program.formats import list_unfollowed
 from robotrue.program.program import Program, Replacement
 
 SIZES: Final = (
@@ -171,7 +171,7 @@ class Compensation(Columns):
         steps, remarks = NO_STEPS, self.remarks
         if program is not None:
             steps = steps_of([(program, self.status, self.shift)])
-            remarks += unfollowed(program, self.replacement)
+            remarks += list_unfollowed(program, self.replacement)
         return Tally(
             status=np.bincount(self.status, minlength=len(Status)).astype(np.int64),
             total=np.array([size.sum() for size in sizes]),

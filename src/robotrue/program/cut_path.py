@@ -187,7 +187,7 @@ def _feed(position: Array, motion: IntArray, feeding: BoolArray) -> tuple[Array,
     out[arc] = on_arc[arc]
     step = np.where(np.isnan(length), 0.0, length)
     step = np.where(arc | via, _arc_steps(arrive, before, tangent, length, via), step)
-    return _filled(out, leave, feeding), step
+    return _fill_directions(out, leave, feeding), step
 
 
 def _arc_steps(arrive: Array, before: Array, tangent: Array, chord: Array, via: BoolArray) -> Array:
@@ -199,7 +199,7 @@ def _arc_steps(arrive: Array, before: Array, tangent: Array, chord: Array, via: 
     return np.asarray(np.nan_to_num(chord * stretch))
 
 
-def _filled(direction: Array, leave: Array, feeding: BoolArray) -> Array:
+def _fill_directions(direction: Array, leave: Array, feeding: BoolArray) -> Array:
     """A target reached without a way: the direction it is left in, else that of the one before."""
     lost = feeding & ~np.isfinite(direction[:, 0])
     direction[lost] = leave[lost]

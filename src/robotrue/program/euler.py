@@ -97,7 +97,7 @@ def _renew(rotation: Array, rows: IntArray, abc: Array, unit: float, work: Array
                 work[9 * _ABREAST + n], work[10 * _ABREAST + n], work[11 * _ABREAST + n],
             )  # fmt: skip
             if work[4 * _ABREAST + n] < 1e-12:
-                a, c = _locked(rotation[i], b, near_a, near_c)
+                a, c = _split_locked(rotation[i], b, near_a, near_c)
             a, b, c = _nearest(a, b, c, near_a, near_b, near_c)
             at = abc.shape[1] - 3
             abc[i, at], abc[i, at + 1], abc[i, at + 2] = a / unit, b / unit, c / unit
@@ -120,7 +120,7 @@ def _hand_in(
 
 
 @compiled(PLAIN, inline=True)
-def _locked(r: Array, b: float, near_a: float, near_c: float) -> tuple[float, float]:
+def _split_locked(r: Array, b: float, near_a: float, near_c: float) -> tuple[float, float]:
     """Returns A and C at the lock: R depends on A - sign * C alone, the turn is split evenly."""
     sign = 1.0 if b > 0 else -1.0
     difference = math.atan2(-r[0, 1], r[1, 1])

@@ -87,7 +87,7 @@ def riders_of(axes: Sequence[ExternalAxis], *keys: str) -> tuple[bool, ...]:
     return tuple(any(plain_key(name) in wanted for name in axis.frames) for axis in axes)
 
 
-def described(axes: Sequence[ExternalAxis]) -> BoolArray:
+def mark_described(axes: Sequence[ExternalAxis]) -> BoolArray:
     """Returns which of the six external values (6,) belong to an axis that is described."""
     out = np.zeros(COUNT, np.bool_)
     out[[axis.number - 1 for axis in axes]] = True
@@ -109,7 +109,7 @@ class Carried:
     unknown: BoolArray
 
 
-def carried(
+def carry_frames(
     axes: Sequence[ExternalAxis],
     T_base_frame: Array,
     frame: IntArray,

@@ -124,7 +124,7 @@ def _document(path: Path) -> dict[str, Any]:
     return found
 
 
-def _copied(folder: Path, digest: str) -> tuple[Path, ProgramIdentity] | None:
+def _find_copied(folder: Path, digest: str) -> tuple[Path, ProgramIdentity] | None:
     """Returns the program in a folder that has these bytes and is compensated, and its identity."""
     if not folder.is_dir():
         return None
@@ -167,7 +167,7 @@ def require_compensable(
     known, what = read_identity(program, data), "the program"
     if known is None:
         folders = dict.fromkeys([Path(program).parent, *([Path(copies)] if copies else [])])
-        found = [each for each in (_copied(f, _digest(data)) for f in folders) if each]
+        found = [each for each in (_find_copied(f, _digest(data)) for f in folders) if each]
         if not found:
             return False
         known, what = found[0][1], f"the program is a copy of {found[0][0].name}, which"

@@ -25,7 +25,7 @@ from robotrue.core.files import sha256
 from robotrue.errors import ConfigurationError, FormatError
 from robotrue.program.controller_files import with_files_beside
 from robotrue.program.formats import detect, dialect, read_job
-from robotrue.program.formats.job_files import companion_paths, gathered
+from robotrue.program.formats.job_files import companion_paths, gather_files
 from robotrue.program.program import Dialect, FrameTable, Program, Reason, Replacement
 from robotrue.program.program_chunk import (
     ChunkLines,
@@ -229,7 +229,7 @@ def outline_job(
     refused = survey.run(longest)
     if refused is not None:
         return refused
-    job = gathered([path], language, instead={longest.name: survey.skeleton})
+    job = gather_files([path], language, instead={longest.name: survey.skeleton})
     programs = language.read_job(job.files, frames=frames)
     place = [name for name, _ in job.files].index(longest.name)
     skeleton = programs[place]

@@ -71,8 +71,8 @@ class Job:
     progress: float
     text: str
     remarks: tuple[str, ...]
-    result: Mapping[str, object] | None
-    error: Mapping[str, object] | None
+    result: Mapping[str, Any] | None
+    error: Mapping[str, Any] | None
     attempts: int
     attempts_allowed: int
     cancel: bool

@@ -185,11 +185,11 @@ def _document(check: DriftCheck) -> dict[str, object]:
                 "p_left": c.p_left,
                 "chi2_gain": c.gain,
                 "shift": {
-                    _named(term): float(v) / _size(term)
+                    _name_term(term): float(v) / _size(term)
                     for term, v in zip(c.terms, c.shift, strict=True)
                 },
                 "sd": {
-                    _named(term): float(v) / _size(term)
+                    _name_term(term): float(v) / _size(term)
                     for term, v in zip(c.terms, c.sd, strict=True)
                 },
             }
@@ -237,7 +237,7 @@ def _size(term: str) -> float:
     return MM if _unit(term) == "mm" else DEG
 
 
-def _named(term: str) -> str:
+def _name_term(term: str) -> str:
     return f"{term}_{_unit(term)}"
 
 

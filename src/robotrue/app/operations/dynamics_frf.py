@@ -74,7 +74,7 @@ def run(request: DynamicsFrfRequest, context: Context) -> PlainResult:
     frf = with_static(frf, parse_static(request.static_um_per_n))
     frf, fitted, remarks = _with_modes(frf, max((t.added_damping for t in tests), default=0.0))
     _write(request, frf, fitted, remarks, context)
-    remarks = (*(_left_out(t) for t in tests if t.left_out), *response_remarks(frf), *remarks)
+    remarks = (*(_tell_left_out(t) for t in tests if t.left_out), *response_remarks(frf), *remarks)
     for remark in remarks:
         context.note(remark)
     values = _document(frf, fitted, tests) | {"notes": list(remarks)}
@@ -129,7 +129,7 @@ def _with_modes(
     return replace(frf, response=rebuilt), fitted, (remark,)
 
 
-def _left_out(test: HammerResult) -> str:
+def _tell_left_out(test: HammerResult) -> str:
     said = ", ".join(f"{why} at {at / test.record.rate:.3f} s" for at, why in test.left_out)
     return f"{test.record.source}: left out: {said}"
 

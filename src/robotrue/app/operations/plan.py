@@ -177,7 +177,7 @@ def run(request: PlanRequest, context: Context) -> Planned:
 
     model = None if request.model is None else context.model(request.model).model
     cell = context.cell(request.cell)
-    plan = _chosen(request, context, cell, model)
+    plan = _choose_poses(request, context, cell, model)
     origin = provenance_used(None, model)
     krl = None if request.krl is None else context.output(request.krl)
     text = b"" if krl is None else measuring_krl(cell, plan, krl.stem, request.trigger_output)
@@ -201,7 +201,7 @@ def run(request: PlanRequest, context: Context) -> Planned:
     return Planned(plan=plan, files=tuple(files), provenance=origin)
 
 
-def _chosen(request: PlanRequest, context: Context, cell: Cell, model: Any) -> PosePlan:
+def _choose_poses(request: PlanRequest, context: Context, cell: Cell, model: Any) -> PosePlan:
     """The poses, chosen by what the request says."""
     from robotrue.core.units import UM
     from robotrue.errors import ConfigurationError

@@ -214,9 +214,9 @@ def _program(
             "tolerance_mm is not stated, expected above 0 mm.",
             hint='{"program": ..., "tolerance_mm": 0.2}',
         )
-    model = _pinned(used[0])
+    model = _pin(used[0])
     asked = ReportProgramRequest(
-        before=_pinned(first[0]),
+        before=_pin(first[0]),
         after=program,
         model=model,
         tolerance_mm=request.tolerance_mm,
@@ -225,7 +225,7 @@ def _program(
         simulated=_is_simulated(place, [place.record(MODEL, model)]),
         **_force(place, record),
     )
-    draft = draft_program(asked, place, lang, _registered(place, record))
+    draft = draft_program(asked, place, lang, _find_registered(place, record))
     return draft, [Link(role="model", to=used[0]), Link(role="before", to=first[0])]
 
 
@@ -235,23 +235,23 @@ def _registration(
     from robotrue.store.nouns import MODEL, REGISTRATION
 
     linked = place.record(REGISTRATION, registration).refs("model")
-    used = [place.record(MODEL, _pinned(each)) for each in linked]
+    used = [place.record(MODEL, _pin(each)) for each in linked]
     asked = ReportRegistrationRequest(
         cell=registration, output=(), simulated=_is_simulated(place, used)
     )
     return draft_registration(asked, place, lang), []
 
 
-def _pinned(to: Ref) -> ItemVersion:
+def _pin(to: Ref) -> ItemVersion:
     return ItemVersion(id=to.id, version=to.version)
 
 
-def _registered(place: WorkspaceContext, record: ProgramRecord) -> Path | None:
+def _find_registered(place: WorkspaceContext, record: ProgramRecord) -> Path | None:
     """The cell whose frames a compensated program uses, where that is not the model's."""
     for to in record.refs("registration"):
-        return place.registration_file(_pinned(to))
+        return place.registration_file(_pin(to))
     for to in record.refs("cell"):
-        return place.cell_file(_pinned(to))
+        return place.cell_file(_pin(to))
     return None
 
 
@@ -269,7 +269,7 @@ def _is_simulated(place: WorkspaceContext, models: Iterable[ModelRecord]) -> boo
     from robotrue.store.nouns import MEASUREMENT
     from robotrue.store.records import provenance_of_record
 
-    data = [_pinned(each) for model in models for each in model.refs("data")]
+    data = [_pin(each) for model in models for each in model.refs("data")]
     return any(provenance_of_record(each).simulated for each in place.records(MEASUREMENT, data))
 
 

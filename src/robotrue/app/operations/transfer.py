@@ -182,7 +182,7 @@ def run(request: TransferRequest, context: Context) -> Transferred:
         if written is not None:
             check_output(written, [each.path for each in stated])
     context.step("reading", 0, 1)
-    cell, sources = _known(request, stated, context)
+    cell, sources = _read_known(request, stated, context)
     target = (
         read_target(cell, request.measurements, request.mapping, context)
         if request.model is None
@@ -216,7 +216,7 @@ def run(request: TransferRequest, context: Context) -> Transferred:
     return result
 
 
-def _known(
+def _read_known(
     request: TransferRequest, stated: Sequence[StatedSource], context: Context
 ) -> tuple[Cell, list[TransferSource]]:
     """The cell of the target, and what is known: stated sources, or the model to update."""

@@ -48,8 +48,8 @@ def run(request: WorkspaceEmptyBinRequest, context: Context) -> PlainResult:
             removed = empty_bin(workspace, days=request.days)
     return PlainResult(
         values={
-            "removed": _listed(removed.items),
-            "needed": _listed(removed.needed),
+            "removed": _list_items(removed.items),
+            "needed": _list_items(removed.needed),
             "files": removed.files,
             "bytes": removed.bytes,
         },
@@ -86,7 +86,7 @@ def _confirm(found: RecycleBin, folder: Path, context: Context) -> None:
         raise ConfigurationError("nothing was removed.", hint="type yes, or give --yes.")
 
 
-def _listed(items: Sequence[Discarded]) -> list[dict[str, str]]:
+def _list_items(items: Sequence[Discarded]) -> list[dict[str, str]]:
     return [
         {"noun": e.noun, "id": e.id, "name": e.name, "deleted": e.deleted.isoformat()}
         for e in items

@@ -23,7 +23,7 @@ from typing import Final, Protocol, cast, runtime_checkable
 from robotrue.core.files import read_bytes
 from robotrue.errors import ConfigurationError, FormatError
 from robotrue.program.controller_files import with_files_beside
-from robotrue.program.formats.job_files import gathered, named_last, paths_of
+from robotrue.program.formats.job_files import gather_files, named_last, paths_of
 from robotrue.program.insertion import Inserter
 from robotrue.program.program import Dialect, FrameTable, Program, Replacement
 
@@ -175,7 +175,7 @@ def read_job(
     paths = named_last(paths_of(path, {s for each in every for s in each.suffixes}), every)
     first = read_bytes(paths[0])
     language = detect(first, paths[0].name)
-    job = gathered(paths, language, instead={paths[0].name: first})
+    job = gather_files(paths, language, instead={paths[0].name: first})
     for name, data in job.files[1 : job.given]:
         other = language if name in job.named else detect(data, name)
         if other.name != language.name:
@@ -213,15 +213,15 @@ def read_program(path: str | Path, frames: FrameTable | None = None) -> Program:
 class Partial(Protocol):
     """A dialect that cannot say all of a target."""
 
-    def unfollowed(self, program: Program, replacement: Replacement) -> tuple[str, ...]:
+    def list_unfollowed(self, program: Program, replacement: Replacement) -> tuple[str, ...]:
         """Returns what the written file cannot say of the new targets, one sentence each."""
         ...
 
 
-def unfollowed(program: Program, replacement: Replacement) -> tuple[str, ...]:
+def list_unfollowed(program: Program, replacement: Replacement) -> tuple[str, ...]:
     """Returns what the written program cannot say of a replacement, one sentence each."""
     language = dialect(program.dialect)
-    return language.unfollowed(program, replacement) if isinstance(language, Partial) else ()
+    return language.list_unfollowed(program, replacement) if isinstance(language, Partial) else ()
 
 
 def write_program(program: Program, replacement: Replacement) -> bytes:

@@ -147,7 +147,7 @@ class _Reader:
         elif head == "CIRCLE":
             self.circle = circle_of(statement, self.unit, self.source)
         elif head == "TLON,GOFWD":
-            self._directed(statement)
+            self._add_directed(statement)
         elif head == "INDIRV":
             self.tangent = self._vector(statement)
         elif head in self._modal:
@@ -252,7 +252,7 @@ class _Reader:
         for end in np.array(values).reshape(-1, 3) * self.unit:
             self._arc(circle, end, before, statement.line)
 
-    def _directed(self, statement: AptStatement) -> None:
+    def _add_directed(self, statement: AptStatement) -> None:
         if self.here is None:
             self._refuse(statement, "an arc before any point")
         circle, end = directed_circle(

@@ -37,7 +37,7 @@ _COUNT: Final = 6
 _BOM: Final = b"\xef\xbb\xbf"
 
 
-def scanned(data: bytes, name: str) -> tuple[TargetTokens, Array, IntArray]:
+def scan_targets(data: bytes, name: str) -> tuple[TargetTokens, Array, IntArray]:
     """Returns where the numbers stand, external values (n, 6) as printed, and lines (n,) from one.
 
     Raises:

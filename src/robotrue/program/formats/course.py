@@ -112,9 +112,9 @@ class Course:
                 case "set":
                     flow.set(each.at, (BASE, each.version))
                 case "start":
-                    flow.start(each.at, _named(each.name))
+                    flow.start(each.at, _name_routine(each.name))
                     if each.yes:
-                        flow.handler(_named(each.name))
+                        flow.handler(_name_routine(each.name))
                 case "branch":
                     flow.branch(each.at, opens=each.yes)
                 case "alternative":
@@ -134,12 +134,12 @@ class Course:
                 case "jump":
                     flow.jump(each.at, each.name)
                 case _:
-                    flow.call(each.at, [_named(name) for name in each.names if name in own])
+                    flow.call(each.at, [_name_routine(name) for name in each.names if name in own])
         ways = flow.solve()
-        self._handlers.update(name.removeprefix(_named("")) for name in ways.handlers)
+        self._handlers.update(name.removeprefix(_name_routine("")) for name in ways.handlers)
         return np.array(ways.line), np.array([value[BASE] for value in ways.value])
 
 
-def _named(routine: str) -> str:
+def _name_routine(routine: str) -> str:
     """Keeps names apart from those :mod:`.krl_flow` knows as KUKA's own."""
     return f"routine {routine}"

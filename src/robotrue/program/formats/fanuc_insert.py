@@ -142,17 +142,17 @@ class _Writer:
         self.next = next_number(np.concatenate([self.found.number, others]))
         self.records: list[bytes] = []
 
-    def written(self) -> bytes:
+    def write(self) -> bytes:
         """Returns the bytes."""
         if not len(self.insertion):
             return self.data
         edits: list[tuple[int, int, bytes]] = []
         places: list[tuple[int, int]] = []  # where how many statements are put in
         for group in groups(self.moves, self.insertion):
-            copies = self._numbered(self._copies(group), sum(n for _, n in places))
+            copies = self._number_copies(self._copies(group), sum(n for _, n in places))
             edits.append((group.statement.begin, 0, b"".join(copies)))
             places.append((group.statement.begin, len(copies)))
-        edits += self._renumbered(places)
+        edits += self._renumber_lines(places)
         edits.append((self._behind(), 0, b"".join(self.records)))
         count = _COUNT.search(self.data, 0, self.found.statements[0])
         if count:
@@ -184,7 +184,7 @@ class _Writer:
             copies = [around[k % 2][0] + n + around[k % 2][1] for k, n in enumerate(names)]
         return [_FINE.sub(b"CNT100", copy) for copy in copies]
 
-    def _numbered(self, copies: list[bytes], more: int) -> list[bytes]:
+    def _number_copies(self, copies: list[bytes], more: int) -> list[bytes]:
         """Returns the copies with line numbers that count on from that of the first."""
         head = _HEAD.match(copies[0])
         if head is None:
@@ -229,7 +229,7 @@ class _Writer:
             if word != NO_WORD
         ]
 
-    def _renumbered(self, places: list[tuple[int, int]]) -> list[tuple[int, int, bytes]]:
+    def _renumber_lines(self, places: list[tuple[int, int]]) -> list[tuple[int, int, bytes]]:
         """Returns the new numbers of the lines behind the first statement that is put in."""
         at, end = self.found.statements
         out, k, more = [], 0, 0
@@ -267,5 +267,5 @@ def _label(number: int, width: int) -> bytes:
 INSERTER: Final = OneFileInserter(
     called="a Fanuc program",
     read=lambda trail, program: _Reader(trail, program).read(),
-    written=lambda program, moves, insertion: _Writer(program, moves, insertion).written(),
+    written=lambda program, moves, insertion: _Writer(program, moves, insertion).write(),
 )

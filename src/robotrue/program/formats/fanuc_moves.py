@@ -225,7 +225,7 @@ class _Walk:
                        "they are not compensated")  # fmt: skip
             return None
         if not text.isdigit() or len(text) > 6:
-            self._computed(place)
+            self._note_computed(place)
             return None
         row = self._row.get(int(text))
         if row is None and int(text) not in self._others:
@@ -256,9 +256,9 @@ class _Walk:
                 self._tell("read", place, f"P[{int(plain)}] is used by a statement that is no "
                            "move; such positions are not compensated")  # fmt: skip
             elif not found.strip().isdigit():
-                self._computed(place)
+                self._note_computed(place)
 
-    def _computed(self, place: int) -> None:
+    def _note_computed(self, place: int) -> None:
         if "index" in self._told:
             return
         self._tell("index", place, "a position is chosen by a computed number; no position of this "

@@ -10,7 +10,7 @@ import numpy as np
 from robotrue.core.arm_words import NO_WORD, WORDS
 from robotrue.core.arrays import BoolArray, IntArray
 from robotrue.core.units import DEG
-from robotrue.program.external_axes import COUNT, Carried, described
+from robotrue.program.external_axes import COUNT, Carried, mark_described
 from robotrue.program.formats.fanuc_moves import FanucMoves, moves
 from robotrue.program.formats.fanuc_records import CURRENT
 from robotrue.program.formats.fanuc_scan import FanucScan, scan
@@ -83,7 +83,7 @@ class _Builder:
             frame=moved.frame,
             tool=tool,
             T_base_frame=moved.T_base_frame,
-            T_flange_tool=self.frames.stacked("tool"),
+            T_flange_tool=self.frames.stack_matrices("tool"),
             notes=tuple(dict.fromkeys(self.notes + self.walk.notes)),
             path=np.array(self.walk.path, np.int64).reshape(-1, 3),
             spans=FanucSpans(tokens=tokens, config=found.config),
@@ -122,7 +122,7 @@ class _Builder:
         is_axis = self.scan.is_axis == 1
         reason = np.where(is_axis, int(Reason.JOINT_TARGET), int(Reason.NONE))
         for side, column in (("base", base), ("tool", tool)):
-            lost = np.isin(column, self.frames.lost_of(side))
+            lost = np.isin(column, self.frames.list_lost(side))
             if side == "base":
                 lost &= ~is_axis
             reason[lost] = Reason.UNKNOWN_FRAME
@@ -137,19 +137,19 @@ class _Builder:
         values = np.full((len(base), COUNT), np.nan)
         for row, axes in self.scan.external.items():
             values[row, : len(axes)] = [value for _, _, value in axes[:COUNT]]
-        moved = self.frames.carried(base, values)
+        moved = self.frames.carry_frames(base, values)
         lost = moved.unknown & (self.scan.is_axis == 0)
         lost &= np.isin(np.arange(len(base)), list(self.walk.motion))
         if lost.any():
             reason[lost] = Reason.EXTERNAL_AXIS
             what = "positions without the value of an axis that carries the robot or their frame"
             self._tell(lost, what, "write it with each")
-        self._undescribed(reason)
+        self._flag_undescribed(reason)
         return moved
 
-    def _undescribed(self, reason: IntArray) -> None:
+    def _flag_undescribed(self, reason: IntArray) -> None:
         """Flags the positions with an external axis away from zero that is not described."""
-        told = described(self.given.external)
+        told = mark_described(self.given.external)
         values = {
             row: [each for k, each in enumerate(axes) if k >= COUNT or not told[k]]
             for row, axes in self.scan.external.items()

@@ -143,7 +143,7 @@ class _Reader:
         rest = _BLANK.match(data, at, end)
         at = rest.end() if rest else at
         if at < end:
-            self._refuse(f"{_shown(data, at)} is no position record", "correct it", at)
+            self._refuse(f"{_show(data, at)} is no position record", "correct it", at)
 
     def _record(self, number: int, place: int, at: int, end: int) -> int:
         """Reads the groups of one record up to its ``};`` and returns the place after it."""
@@ -163,7 +163,7 @@ class _Reader:
                 at = self._axes(row, int(group[1]), group.end(), end)
         close = _CLOSE.match(data, at, end)
         if close is None or not groups:
-            what = f"{_shown(data, at)} in P[{number}] cannot be read"
+            what = f"{_show(data, at)} in P[{number}] cannot be read"
             self._refuse(what, "a record holds groups GPn with UF, UT and numbers in mm or deg", at)
         if not has_one:
             if self.others.setdefault(number, place) != place:
@@ -176,12 +176,12 @@ class _Reader:
         data = self.data
         six = _SIX.match(data, group.end(), end)
         if six is None:
-            what = f"{_shown(data, group.end())} in P[{number}] are not six numbers in mm or deg"
+            what = f"{_show(data, group.end())} in P[{number}] are not six numbers in mm or deg"
             self._refuse(what, "six-axis robots are supported", group.end())
         groups = six.groups()
         kind = _kind(groups[0::3], groups[2::3])
         if kind < 0:
-            what = f"{_shown(data, group.end())} in P[{number}] is neither X Y Z W P R nor J1 to J6"
+            what = f"{_show(data, group.end())} in P[{number}] is neither X Y Z W P R nor J1 to J6"
             self._refuse(what, "positions are in mm and deg", group.end())
         quoted = group.start(4)
         config = (quoted, group.end(4) - quoted) if quoted >= 0 else (-1, 0)
@@ -254,6 +254,6 @@ def _kind(names: tuple[bytes, ...], units: tuple[bytes, ...]) -> int:
     return kind if kind >= 0 and units == _UNITS[kind] else -1
 
 
-def _shown(data: bytes, place: int) -> str:
+def _show(data: bytes, place: int) -> str:
     text = data[place : place + 60].replace(b"\r", b"\n")
     return repr(text.partition(b"\n")[0].decode("latin-1").strip())

@@ -148,7 +148,7 @@ def arc_rows(rows: Rows, words: Words, base: IntArray, *, absolute: bool) -> Arc
         middle, miss = middles(plane, value)
         fine = np.isfinite(middle).all(axis=1)
         fine &= miss * rows.unit[source[plane.end]] <= MISS
-        plane, middle = _picked(plane, fine), middle[fine]
+        plane, middle = _pick_arcs(plane, fine), middle[fine]
     else:
         plane, middle = no_arcs(), np.empty((0, 3))
     told = whole | np.isin(place[arc], plane.end)
@@ -214,7 +214,7 @@ def _plane_arcs(
     )  # fmt: skip
 
 
-def _picked(arcs: PlaneArcs, keep: BoolArray) -> PlaneArcs:
+def _pick_arcs(arcs: PlaneArcs, keep: BoolArray) -> PlaneArcs:
     numbers = arcs.numbers.rows(np.flatnonzero(keep))
     return PlaneArcs(
         start=arcs.start[keep], via=arcs.via[keep], end=arcs.end[keep], kind=arcs.kind[keep],

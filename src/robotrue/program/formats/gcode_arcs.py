@@ -112,8 +112,8 @@ def moved_words(arcs: PlaneArcs, old: Array, new: Array) -> Array:
         new: (n, 3) likewise.
     """
     out = np.array(arcs.value)
-    before = _fitted(arcs, old)
-    after = _fitted(arcs, new)
+    before = _fit_centres(arcs, old)
+    after = _fit_centres(arcs, new)
     rows, axes = np.arange(len(arcs)), ACROSS[arcs.plane]
     by_centre = arcs.kind != Centre.RADIUS
     shift = after - before
@@ -133,7 +133,7 @@ def _step(arcs: PlaneArcs, old: Array, new: Array) -> Array:
     return _flat(arcs, new[arcs.start]) - _flat(arcs, old[arcs.start])
 
 
-def _fitted(arcs: PlaneArcs, points: Array) -> Array:
+def _fit_centres(arcs: PlaneArcs, points: Array) -> Array:
     """Centre (k, 2) of the circle in the plane through start, middle and end."""
     s, m, e = (_flat(arcs, points[row]) for row in (arcs.start, arcs.via, arcs.end))
     chord, half = e - s, 0.5 * (s + e)

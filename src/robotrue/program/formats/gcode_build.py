@@ -15,8 +15,8 @@ from robotrue.program.formats.gcode_arcs import ACROSS
 from robotrue.program.formats.gcode_blocks import Blocks
 from robotrue.program.formats.gcode_frames import GcodeFrames
 from robotrue.program.formats.gcode_kernels import NO_STATE
-from robotrue.program.formats.gcode_rows import Rows, Words, chosen
-from robotrue.program.formats.gcode_state import Epochs, in_force, inherited
+from robotrue.program.formats.gcode_rows import Rows, Words, choose_rows
+from robotrue.program.formats.gcode_state import Epochs, fill_left_out, in_force
 from robotrue.program.formats.gcode_vocabulary import (
     UNCERTAIN,
     Drive,
@@ -68,7 +68,7 @@ class _Builder:
         value = np.empty((len(block), 6))
         for k in range(3):
             column = np.where(relative, np.nan, point.value[:, k])
-            value[:, k] = inherited(column, there[:, k], self.epochs.of(k, block))
+            value[:, k] = fill_left_out(column, there[:, k], self.epochs.of(k, block))
         turn, numbers, found = self._turns(words, block, own)
         value[:, 3:] = found
         start, length, printed = (
@@ -109,12 +109,12 @@ class _Builder:
         if self.vocabulary.names[Turn.VECTOR][3] == b"I":
             ijk, there = words.numbers((9, 10, 11))
             mine = (own[:, Modal.TIP] == 2) & (own[:, Modal.MOTION] < Drive.RIGHT)
-            by_vector, vector = there & mine[:, None], chosen(mine, ijk, vector)
+            by_vector, vector = there & mine[:, None], choose_rows(mine, ijk, vector)
         jointed = words.numbers(tuple(range(WordColumn.J1, WordColumn.J6 + 1)))[1].any(axis=1)
         said = np.where(by_vector.any(axis=1), 2.0, np.where(by_angle.any(axis=1), 1.0, np.nan))
         said[jointed] = np.nan
         epoch = self.epochs.of(3, block)
-        mode = inherited(said, np.isfinite(said), epoch)
+        mode = fill_left_out(said, np.isfinite(said), epoch)
         turn = np.where(np.isnan(mode), int(Turn.ANGLES), np.nan_to_num(mode)).astype(np.int64)
         turn[own[:, Modal.TIP] == 2] = Turn.VECTOR
         turned = np.maximum.accumulate(np.isfinite(said)) if len(said) else np.zeros(0, np.bool_)
@@ -126,13 +126,13 @@ class _Builder:
         for row in np.flatnonzero(both).tolist():
             self.blocks.findings.flag(int(block[row]), Reason.EXPRESSION)
         found = np.full((len(block), 3), np.nan)
-        numbers = chosen(turn == Turn.VECTOR, vector, angles)
+        numbers = choose_rows(turn == Turn.VECTOR, vector, angles)
         given = np.where((turn == Turn.VECTOR)[:, None], by_vector, by_angle)
         values = np.where(vectors[:, None] & ~by_vector, 0.0, numbers.value)
         given = given | vectors[:, None]
         kinds = epoch * 4 + turn
         for k in range(3):
-            found[:, k] = inherited(values[:, k], given[:, k], kinds)
+            found[:, k] = fill_left_out(values[:, k], given[:, k], kinds)
         found[turn == Turn.FIXED] = (0.0, 0.0, 1.0)
         return turn, numbers, found
 
@@ -144,7 +144,7 @@ class _Builder:
             return joints, value
         wrist, _ = words.numbers((3, 4, 5))
         short = axes & ~there[:, 3:].any(axis=1)
-        tail = chosen(short, wrist, Numbers(
+        tail = choose_rows(short, wrist, Numbers(
             start=joints.start[:, 3:], length=joints.length[:, 3:], value=joints.value[:, 3:]
         ))  # fmt: skip
         start, length, printed = (
@@ -185,12 +185,13 @@ class _Builder:
             words=words, words_of="kuka" if words.shape[1] else "",
             line=table.rows_of(rows.block) + 1,
             frame=table.rows_of(base), tool=table.rows_of(tool),
-            T_base_frame=self.frames.stacked("base"), T_flange_tool=self.frames.stacked("tool"),
+            T_base_frame=self.frames.stack_matrices("base"),
+            T_flange_tool=self.frames.stack_matrices("tool"),
             notes=(*self.frames.notes, *self.notes.notes()),
             path=self._moves(arcs),
             spans=PathWords(
                 numbers=numbers, value=value, unit=unit, turn=turn, skip=arcs.skip,
-                at=arcs.behind(self._behind()), barred=self._barred(arcs),
+                at=arcs.behind(self._behind()), barred=self._bar_words(arcs),
                 names=self.vocabulary.names, blank=self._blank(), rule=self.rule,
                 arcs=arcs.plane, marks=marks,
             ),
@@ -269,10 +270,10 @@ class _Builder:
             block = self.rows.block[row]
             first, end = int(self.blocks.first[block]), int(self.blocks.end[block])
             out[row] = first + len(self.blocks.data[first:end].rstrip())
-        out[(self.rows.turn == Turn.AXES) | self._closed()] = -1
+        out[(self.rows.turn == Turn.AXES) | self._find_closed()] = -1
         return np.asarray(out)
 
-    def _closed(self) -> BoolArray:
+    def _find_closed(self) -> BoolArray:
         """Returns the rows (m,) where an absolute coordinate would be another one."""
         force, flags = self.rows.force, self.blocks.findings.flags
         out = (force[:, Modal.RELATIVE] != 0) | (force[:, Modal.SHIFTED] != 0)
@@ -281,7 +282,7 @@ class _Builder:
         moved = [block for block, why in flags.items() if why in kinds]
         return np.asarray(out | np.isin(self.rows.block, moved))
 
-    def _barred(self, arcs: ArcRows) -> BoolArray:
+    def _bar_words(self, arcs: ArcRows) -> BoolArray:
         """Conversational arcs take no third axis and no turn, straight lines no tool axis."""
         out = np.zeros((arcs.spread.count, 6), np.bool_)
         if self.vocabulary.signs[3]:
@@ -349,7 +350,7 @@ class _Builder:
             "the control moves the path sideways by the radius of the tool (G41, G42, RL, RR)",
         )
         lost_base, lost_tool = (
-            np.isin(index, self.frames.lost_of(side))
+            np.isin(index, self.frames.list_lost(side))
             for side, index in (("base", base), ("tool", tool))
         )
         self.frames.tell(base[lost_base & ~axes], tool[lost_tool])

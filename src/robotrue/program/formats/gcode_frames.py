@@ -37,13 +37,13 @@ class GcodeFrames:
         """Returns frame and tool index (m,) of blocks (m,) with their state (m, groups)."""
         return self._bases(block, force[:, Modal.FRAME]), self._tools(block, force[:, Modal.TOOL])
 
-    def stacked(self, side: str) -> Array:
+    def stack_matrices(self, side: str) -> Array:
         """Returns the matrices."""
-        return self._known.stacked(side)
+        return self._known.stack_matrices(side)
 
-    def lost_of(self, side: str) -> list[int]:
+    def list_lost(self, side: str) -> list[int]:
         """Returns indices that are not known."""
-        return self._known.lost_of(side)
+        return self._known.list_lost(side)
 
     def tell(self, bases: IntArray, tools: IntArray) -> None:
         """Adds why frames and tools that are used are not known."""

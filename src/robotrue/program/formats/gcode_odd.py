@@ -181,8 +181,13 @@ class _Block:
                     break
                 self._at = close + 1
                 continue
-            if not (self._assigned() or self._numbered() or self._computed() or self._named()):
-                self._tell(f"{self._shown()} is not understood")
+            if not (
+                self._read_assignment()
+                or self._read_numbered()
+                or self._read_computed()
+                or self._read_keyword()
+            ):
+                self._tell(f"{self._show_rest()} is not understood")
                 self._out.barrier(self._block)
                 self._out.flag(self._block, Reason.EXPRESSION)
                 break
@@ -209,13 +214,13 @@ class _Block:
             self._looked_for[pattern] = pattern.search(self._text)
         return self._looked_for[pattern]
 
-    def _shown(self) -> str:
+    def _show_rest(self) -> str:
         return repr(self._text[self._at : self._at + 40].decode("latin-1").strip())
 
     def _tell(self, what: str) -> None:
         self._out.told.append((self._first + self._at, what))
 
-    def _assigned(self) -> bool:
+    def _read_assignment(self) -> bool:
         match = _ASSIGNED.match(self._text, self._at)
         if match is None:
             return False
@@ -295,7 +300,7 @@ class _Block:
         size = end - start if token is None else token.end() - start
         self._found.append((self._block, column, self._first + start, size, value))
 
-    def _numbered(self) -> bool:
+    def _read_numbered(self) -> bool:
         match = _NUMBERED.match(self._text, self._at)
         if match is None:
             return False
@@ -365,7 +370,7 @@ class _Block:
     def _tool(self, name: str) -> None:
         self._out.set(self._block, Modal.TOOL, self._out.name(name) + 1)
 
-    def _computed(self) -> bool:
+    def _read_computed(self) -> bool:
         """``X#101``, ``Z[#1+2]``; ``#100=5`` moves nothing."""
         if self._text[self._at : self._at + 1] == b"#":
             self._at = len(self._text)
@@ -382,7 +387,7 @@ class _Block:
         self._at = match.end()
         return True
 
-    def _named(self) -> bool:
+    def _read_keyword(self) -> bool:
         match = _KEYWORD.match(self._text, self._at)
         if match is None:
             return False

@@ -68,7 +68,7 @@ def _nothing(shape: tuple[int, int]) -> Numbers:
     )
 
 
-def chosen(mine: BoolArray, one: Numbers, other: Numbers) -> Numbers:
+def choose_rows(mine: BoolArray, one: Numbers, other: Numbers) -> Numbers:
     """Returns rows of one table where ``mine``, else of the other."""
     if not mine.any():
         return other

@@ -65,7 +65,7 @@ class Epochs:
         return np.asarray(self._known[key][rows])
 
 
-def inherited(value: Array, given: BoolArray, epoch: IntArray) -> Array:
+def fill_left_out(value: Array, given: BoolArray, epoch: IntArray) -> Array:
     """Returns the column (n,) with left-out words filled in, NaN where they are not known.
 
     Args:

@@ -130,7 +130,7 @@ class _Writer:
             self.state = self.found.headers[int(self.found.header[self.last])]
             self.words = self._fields(self.state)
 
-    def written(self) -> bytes:
+    def write(self) -> bytes:
         """Returns the bytes."""
         if not len(self.insertion):
             return self.data
@@ -211,5 +211,5 @@ class _Writer:
 INSERTER: Final = OneFileInserter(
     called="a Yaskawa job",
     read=lambda trail, program: _Reader(trail, program).read(),
-    written=lambda program, moves, insertion: _Writer(program, moves, insertion).written(),
+    written=lambda program, moves, insertion: _Writer(program, moves, insertion).write(),
 )

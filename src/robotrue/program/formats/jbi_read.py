@@ -94,7 +94,7 @@ class _Builder:
             frame=moved.frame,
             tool=tool[found.header],
             T_base_frame=moved.T_base_frame,
-            T_flange_tool=self.frames.stacked("tool"),
+            T_flange_tool=self.frames.stack_matrices("tool"),
             notes=tuple(dict.fromkeys(self.notes + self.walk.notes)),
             path=np.array(self.walk.path, np.int64).reshape(-1, 3),
             spans=JbiSpans(tokens=tokens, rconf=rconf, fields=tuple(found.rconf)),
@@ -167,7 +167,7 @@ class _Builder:
             told = [index for index, each in doubtful.items() if each == why]
             reason[np.isin(self.scan.header, told)] = why
         for side, column in (("base", base), ("tool", tool)):
-            lost = np.isin(column, self.frames.lost_of(side))
+            lost = np.isin(column, self.frames.list_lost(side))
             if side == "base":
                 lost &= ~is_axis
             reason[lost] = Reason.UNKNOWN_FRAME
@@ -199,13 +199,13 @@ class _Builder:
             if number <= COUNT:
                 printed = 1.0 if key not in self.scan.pulses else ratio.get(number, np.nan)
                 values[row, number - 1] = value * printed
-        moved = self.frames.carried(base, values)
+        moved = self.frames.carry_frames(base, values)
         lost = moved.unknown & ~is_axis & np.isin(np.arange(len(base)), list(self.walk.motion))
         if lost.any():
             reason[lost] = Reason.EXTERNAL_AXIS
             what = "points without the value of an axis that carries the robot or their frame"
             self._tell(lost, what, "name its point in the move; for pulses state its ratio")
-        self._undescribed(reason)
+        self._flag_undescribed(reason)
         return moved
 
     def _partners(self) -> Iterator[tuple[int, int, tuple[str, int], float]]:
@@ -217,7 +217,7 @@ class _Builder:
                     number += 1
                     yield row, number, key, value
 
-    def _undescribed(self, reason: IntArray) -> None:
+    def _flag_undescribed(self, reason: IntArray) -> None:
         """Flags the points whose move also positions an axis that is not described, off zero."""
         told = {axis.number for axis in self.given.external}
         used = [each for each in self._partners() if each[1] not in told]

@@ -179,7 +179,7 @@ class _Reader:
             if text.upper() in wanted:
                 return text.upper()
             if text and not text.startswith((b"/", b"'")):
-                self._refuse(f"{_shown(text)} stands where {names} should", "export the job again")
+                self._refuse(f"{_show(text)} stands where {names} should", "export the job again")
         self._refuse(f"the file ends before {names}", "give a whole Yaskawa job")
 
     def _points(self) -> None:
@@ -222,16 +222,16 @@ class _Reader:
         elif header:
             self._header_line(header[1].decode("latin-1").upper(), header[2].decode("latin-1"))
         elif text and not text.startswith((b"//", b"'")):
-            self._refuse(f"{_shown(text)} is no point and no header", "correct or remove it")
+            self._refuse(f"{_show(text)} is no point and no header", "correct or remove it")
         return True
 
     def _odd_point(self, kind: str, number: int, text: bytes) -> None:
         parts = [part.strip(b" \t") for part in text.split(b",")]
         if not all(_NUMBER.fullmatch(part) for part in parts):
-            self._refuse(f"{_shown(text)} is no list of numbers", "correct it")
+            self._refuse(f"{_show(text)} is no list of numbers", "correct it")
         numbers = tuple(float(part) for part in parts)
         if kind in ("C", "P") and (len(parts) == 6 or not np.isfinite(numbers).all()):
-            self._refuse(f"{_shown(text)} has a number that cannot be read", "correct it")
+            self._refuse(f"{_show(text)} has a number that cannot be read", "correct it")
         if kind in ("C", "P"):
             self.rows.extend((self._name(kind, number), self.line, self._header(), len(parts)))
             self.spans.extend([0] * 12)
@@ -287,5 +287,5 @@ class _Reader:
         raise FormatError(f"{what}.", source=self.name, line=max(self.line, 1), hint=f"{cure}.")
 
 
-def _shown(text: bytes) -> str:
+def _show(text: bytes) -> str:
     return repr(text[:60].decode("latin-1"))

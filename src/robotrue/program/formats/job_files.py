@@ -100,7 +100,7 @@ def companion_paths(path: Path, language: Dialect) -> list[Path]:
     return found
 
 
-def gathered(
+def gather_files(
     paths: Sequence[Path], language: Dialect, *, instead: Mapping[str, bytes] | None = None
 ) -> JobFiles:
     """Returns the files of a job in the order they are read.

@@ -9,7 +9,7 @@ import numpy as np
 from robotrue.core.arm_words import NO_WORD
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.units import DEG
-from robotrue.program.external_axes import described
+from robotrue.program.external_axes import mark_described
 from robotrue.program.formats.krl_columns import lean, si_columns, target_columns
 from robotrue.program.formats.krl_flow import BASE, FOREIGN_BASE, ON_ROBOT, TOOL, differing
 from robotrue.program.formats.krl_frames import UNSURE
@@ -83,7 +83,7 @@ class Builder:
             paths.setdefault(variable, []).append(path)
         for item in self.story.definitions:
             for path in paths.get(item.variable, ()):
-                if _nested(path, item.path):
+                if _are_nested(path, item.path):
                     self._flags[item.file, item.agg] = Reason.EXPRESSION
 
     def _state(self, line: IntArray | int) -> IntArray:
@@ -112,7 +112,7 @@ class Builder:
         axes: Array = values[0] * DEG
         return axes if is_axis[0] and not is_pose[0] and np.isfinite(axes).all() else np.empty(0)
 
-    def called(self, name: str, lines: IntArray, external: Array) -> Settled:
+    def settle_call(self, name: str, lines: IntArray, external: Array) -> Settled:
         """Returns what holds for targets of a file that the main file calls.
 
         Args:
@@ -153,10 +153,10 @@ class Builder:
         reason[motion == Motion.UNUSED] = Reason.UNUSED
         reason[incomplete] = Reason.INCOMPLETE
         notes += _incomplete_notes(name, line, incomplete & ~mixed)
-        for row, why in self._flagged(file, agg):
+        for row, why in self._list_flagged(file, agg):
             reason[row] = why
         self._pair_arcs(file, agg, motion, reason)
-        notes = self._file_notes(file, name) + notes + self._shared(file, name, agg, reason)
+        notes = self._file_notes(file, name) + notes + self._note_shared(file, name, agg, reason)
         free = ((motion == Motion.ARC_VIA) & ~is_axis)[partial][:, None] & (np.arange(6) >= 3)
         values[incomplete] = np.nan
         position, rotation, axes = si_columns(values, is_axis)
@@ -186,7 +186,7 @@ class Builder:
             path=self._moves(file, agg, motion),
         )
 
-    def _shared(self, file: int, name: str, agg: IntArray, reason: IntArray) -> list[str]:
+    def _note_shared(self, file: int, name: str, agg: IntArray, reason: IntArray) -> list[str]:
         """Tells of GLOBAL points that are compensated: programs outside of the job may use them."""
         shared = self.story.shared
         own = [d for d in self.story.definitions if d.file == file and d.variable in shared]
@@ -287,7 +287,7 @@ class Builder:
         if file != self.main or not np.isnan(values).any():
             return np.zeros(0, np.int64), np.zeros((0, 6), np.int64)
         torn = mixed.copy()
-        torn[[row for row, _ in self._flagged(file, agg)]] = True
+        torn[[row for row, _ in self._list_flagged(file, agg)]] = True
         path = self._path(file, agg, motion, torn)
         return inherit(values, path, axis.astype(np.int64), state[:, :3])
 
@@ -335,7 +335,7 @@ class Builder:
         if external is None and not self.given.external:
             return base, np.array(self.frames.matrices["base"]), []
         values = np.full((len(base), 6), np.nan) if external is None else external
-        moved = self.frames.carried(base, values)
+        moved = self.frames.carry_frames(base, values)
         lost = moved.unknown & ~axis
         reason[lost] = Reason.EXTERNAL_AXIS
         notes = []
@@ -344,10 +344,10 @@ class Builder:
                 f"{name}: {int(lost.sum())} targets leave out the value of an external axis that "
                 "carries the robot or their base; they are not compensated. Write it with each."
             )
-        values = values[:, ~described(self.given.external)]
-        return moved.frame, moved.T_base_frame, notes + self._undescribed(values, reason, name)
+        values = values[:, ~mark_described(self.given.external)]
+        return moved.frame, moved.T_base_frame, notes + self._flag_undescribed(values, reason, name)
 
-    def _undescribed(self, external: Array, reason: IntArray, name: str) -> list[str]:
+    def _flag_undescribed(self, external: Array, reason: IntArray, name: str) -> list[str]:
         used = np.nan_to_num(external).any(axis=0)
         lacking = (np.isnan(external) & used).any(axis=1) & (reason != Reason.JOINT_TARGET)
         external = np.nan_to_num(external)
@@ -358,7 +358,7 @@ class Builder:
         reason[away] = Reason.EXTERNAL_AXIS
         column = int(np.flatnonzero((np.abs(external) > 0).any(axis=0))[0])
         low, high = external[:, column].min(), external[:, column].max()
-        column = int(np.flatnonzero(~described(self.given.external))[column])
+        column = int(np.flatnonzero(~mark_described(self.given.external))[column])
         return [
             f"{name}: external axis E{column + 1} is {low:g} to {high:g} (mm or deg) and may carry "
             f"the robot or the part; {int(away.sum())} targets are not compensated. Describe it in "
@@ -395,7 +395,7 @@ class Builder:
             )
         return notes
 
-    def _flagged(self, file: int, agg: IntArray) -> list[tuple[int, int]]:
+    def _list_flagged(self, file: int, agg: IntArray) -> list[tuple[int, int]]:
         rows = [
             (int(np.searchsorted(agg, a)), a, why)
             for (f, a), why in self._flags.items()
@@ -444,7 +444,7 @@ def _some(lacking: BoolArray) -> bool:
     return bool((lacking.any(axis=0) & ~lacking.all(axis=0)).any())
 
 
-def _nested(one: str, other: str) -> bool:
+def _are_nested(one: str, other: str) -> bool:
     return (
         not one
         or not other

@@ -251,7 +251,7 @@ class Flow:
         inside, found, effect = self._within_routines()
         entries = self._entries(found)
         value = [
-            _filled(each, entries[routine])
+            _fill_entry(each, entries[routine])
             for each, routine in zip(inside, self._routine, strict=True)
         ]
         if any(each[BASE] == UNREACHED for each in value):
@@ -261,7 +261,7 @@ class Flow:
             for name in sorted(self._handlers & self._names.keys())
             if set(effect[self._names[name]][: ON_ROBOT + 1]) - {AS_FOUND, UNREACHED}
         ]
-        return Ways(self._line, value, self._what, changing, self._foreign(), self._lost())
+        return Ways(self._line, value, self._what, changing, self._foreign(), self._find_lost())
 
     def _foreign(self) -> dict[int, tuple[str, ...]]:
         """Returns the routines in no file that each one-based line calls."""
@@ -272,7 +272,7 @@ class Flow:
                 out[line + 1] = absent
         return out
 
-    def _lost(self) -> list[str]:
+    def _find_lost(self) -> list[str]:
         """Returns the routines in no file that interrupts start."""
         called = {name for names in self._calls for name in names}
         return sorted(self._handlers - self._names.keys() - self._harmless - called)
@@ -291,7 +291,7 @@ class Flow:
             if len(known) < max(len(before), 1):
                 unsure = _DIFFERS - node
                 known = [(unsure, unsure, unsure if on_robot else 0, unsure, 0, 0)]
-            value[node] = self._through(node, _joined(known, node, _NOWHERE), effect)
+            value[node] = self._through(node, _join_values(known, node, _NOWHERE), effect)
 
     def _within_routines(self) -> tuple[list[Value], list[Value], list[Value]]:
         """Returns (after, before) every node, relative to what its routine was called with.
@@ -319,17 +319,17 @@ class Flow:
             node = queue.popleft()
             queued[node] = False
             before = self._before[node]
-            new = _joined([out[each] for each in before], node, into[node])
+            new = _join_values([out[each] for each in before], node, into[node])
             if node in first:
-                new = _joined([_FOUND, *[out[each] for each in before]], node, into[node])
+                new = _join_values([_FOUND, *[out[each] for each in before]], node, into[node])
             into[node] = new
-            new = _kept(out[node], self._through(node, new, effect))
+            new = _keep_differences(out[node], self._through(node, new, effect))
             if new == out[node]:
                 continue
             out[node] = new
             wake = list(after[node])
             for routine in ends.get(node, ()):
-                total = _joined([effect[routine], new], node, effect[routine])
+                total = _join_values([effect[routine], new], node, effect[routine])
                 if total != effect[routine]:
                     effect[routine] = total
                     wake += callers[routine]
@@ -403,21 +403,21 @@ class Flow:
         while changed:
             changed = False
             for node, routine in calls:
-                here = _filled(found[node], entry[self._routine[node]])
-                total = _joined([entry[routine], here], self._first[routine], entry[routine])
+                here = _fill_entry(found[node], entry[self._routine[node]])
+                total = _join_values([entry[routine], here], self._first[routine], entry[routine])
                 changed |= total != entry[routine]
                 entry[routine] = total
         return entry
 
 
-def _joined(values: list[Value], node: int, old: Value) -> Value:
+def _join_values(values: list[Value], node: int, old: Value) -> Value:
     """Returns what holds whichever of the ways was taken."""
     reached = [value for value in values if value[BASE] != UNREACHED]
     if not reached:
         return old
     if len(reached) == 1:
-        return _kept(old, reached[0])
-    return _kept(
+        return _keep_differences(old, reached[0])
+    return _keep_differences(
         old,
         tuple(
             column[0] if len(set(column)) == 1 else _DIFFERS - node
@@ -426,14 +426,14 @@ def _joined(values: list[Value], node: int, old: Value) -> Value:
     )
 
 
-def _kept(old: Value, new: Value) -> Value:
+def _keep_differences(old: Value, new: Value) -> Value:
     """Returns ``new``, but a difference once seen stays: the iteration ends."""
     if min(old) > _DIFFERS:
         return new
     return tuple(o if o <= _DIFFERS else n for o, n in zip(old, new, strict=True))
 
 
-def _filled(value: Value, entry: Value) -> Value:
+def _fill_entry(value: Value, entry: Value) -> Value:
     """Returns a value relative to a routine's entry as it is for this entry."""
     if AS_FOUND not in value:
         return value

@@ -11,7 +11,7 @@ import numpy as np
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
-from robotrue.program.external_axes import Carried, carried, plain_key, riders_of
+from robotrue.program.external_axes import Carried, carry_frames, plain_key, riders_of
 from robotrue.program.formats.krl_scope import Scope
 from robotrue.program.program import FrameTable
 
@@ -105,7 +105,7 @@ class Frames:
         self._unknown: dict[tuple[str, str], int] = {}
         self._data: dict[tuple[str, str], int] = {}
 
-    def known(self, side: str, matrix: Array, *keys: str) -> int:
+    def index_frame(self, side: str, matrix: Array, *keys: str) -> int:
         """Returns the index of a frame, entering it if it is new.
 
         Args:
@@ -122,7 +122,7 @@ class Frames:
             self.matrices[side].append(matrix)
         return self._index[key]
 
-    def carried(self, frame: IntArray, external: Array) -> Carried:
+    def carry_frames(self, frame: IntArray, external: Array) -> Carried:
         """Returns the work frames of targets as external axes move them.
 
         Args:
@@ -134,7 +134,7 @@ class Frames:
         riders = np.array([self._riders.get(("base", k), none) for k in range(len(matrices))])
         riders = riders.reshape(len(matrices), len(axes))
         still, on_robot = self.table.external_axes_at_rest, np.zeros(len(matrices), np.bool_)
-        return carried(axes, matrices, frame, external, riders, on_robot, rest=still)
+        return carry_frames(axes, matrices, frame, external, riders, on_robot, rest=still)
 
     def unknown(self, side: str, line: int, what: str, cure: str) -> int:
         """Returns the index of a frame that is not known; its sentence names the first line."""
@@ -153,7 +153,7 @@ class Frames:
                 "leaves components out or computes them",
                 "write all of X, Y, Z, A, B, C as numbers",
             )
-        return self.known(side, pose_from_xyz_abc(values[:3] * MM, values[3:] * DEG))
+        return self.index_frame(side, pose_from_xyz_abc(values[:3] * MM, values[3:] * DEG))
 
     def number(self, side: str, line: int, number: str | None, *, coupled: bool = False) -> int:
         """Returns the index of a numbered frame: set in the program, in the table, or 0.
@@ -168,7 +168,7 @@ class Frames:
         number = plain_key(number)
         if (side, number) in self._data:
             return self._data[side, number]
-        matrix = _lookup(self._given(side), number)
+        matrix = _lookup(self._choose_table(side), number)
         rides = side == "base" and any(riders_of(self.table.external, number))
         if rides and not coupled:
             return self.unknown(
@@ -178,9 +178,9 @@ class Frames:
                 "take it with BAS(#EX_BASE,..) or EK(..)",
             )
         if matrix is not None:
-            return self.known(side, matrix, number)
+            return self.index_frame(side, matrix, number)
         if number == "0":
-            return self.known(side, np.eye(4))
+            return self.index_frame(side, np.eye(4))
         return self.unknown(
             side,
             line,
@@ -201,12 +201,12 @@ class Frames:
         if match and match[1].lower() == side:
             return self.number(side, line, match[2])
         if text.lower() in _IDENTITY:
-            return self.known(side, np.eye(4))
+            return self.index_frame(side, np.eye(4))
         if self.scope.name(text) in variables:
             return self.aggregate(side, line, variables[self.scope.name(text)])
-        matrix = _lookup(self._given(side), text)
+        matrix = _lookup(self._choose_table(side), text)
         if matrix is not None:
-            return self.known(side, matrix, text)
+            return self.index_frame(side, matrix, text)
         return self.unknown(
             side,
             line,
@@ -239,7 +239,7 @@ class Frames:
         if number is not None and number.isdecimal():
             matrix = _lookup(self.table.bases, number)
             if matrix is not None and any(riders_of(self.table.external, number)):
-                return self.known("base", matrix, number)
+                return self.index_frame("base", matrix, number)
         return self.unknown(
             "base",
             line,
@@ -259,7 +259,7 @@ class Frames:
             inline.on_robot,
         )
 
-    def _given(self, side: str) -> Mapping[str, Array]:
+    def _choose_table(self, side: str) -> Mapping[str, Array]:
         return self.table.bases if side == "base" else self.table.tools
 
 

@@ -27,9 +27,9 @@ from robotrue.program.formats.move_trail import (
     line_end,
     pose_in,
     put_in,
-    repeated,
+    repeat_statement,
 )
-from robotrue.program.formats.number_text import restyled
+from robotrue.program.formats.number_text import restyle
 from robotrue.program.formats.text_lines import line_starts
 from robotrue.program.insertion import Insertion, Moves, Obstacle, job_rows
 from robotrue.program.program import Program
@@ -75,7 +75,7 @@ class KrlInserter:
 
     def moves(self, job: Sequence[Program]) -> Moves:
         """Returns the moves of a job, those of its first file first."""
-        trail, stored, first = Trail(), _stored(job), job_rows(job)
+        trail, stored, first = Trail(), _find_stored(job), job_rows(job)
         for file, program in enumerate(job):
             own = _of_stem(job, first, PurePath(program.name).stem)
             _Reader(trail, stored, file, program, int(first[file]), own).read()
@@ -99,7 +99,7 @@ class KrlInserter:
                 via = s.via >= 0 and k % 2 == 0
                 model = int((moves.via if via else moves.end)[group.move])
                 texts.append(_aggregate(literals.of(model), *pose_in(insertion, row), bare=via))
-            lines = [_smoothed(each) + line_end(data) for each in repeated(data, s, texts)]
+            lines = [_smooth(each) + line_end(data) for each in repeat_statement(data, s, texts)]
             edits[s.file].append((s.begin, 0, b"".join(lines)))
             end = int(moves.end[group.move])
             literal = data[s.target : s.target_end]
@@ -107,7 +107,7 @@ class KrlInserter:
                 file = int(np.searchsorted(first, end, side="right")) - 1
                 row = end - int(first[file])
                 program = job[file]
-                whole = _completed(literal, program.position[row], program.rotation[row])
+                whole = _complete(literal, program.position[row], program.rotation[row])
                 if whole != literal:
                     edits[s.file].append((s.target, len(literal), whole))
         return tuple(put_in(job, edits))
@@ -265,7 +265,7 @@ def _name(text: bytes) -> bytes:
     return re.sub(rb"\s+", b"", text).lower()
 
 
-def _stored(job: Sequence[Program]) -> dict[bytes, list[int]]:
+def _find_stored(job: Sequence[Program]) -> dict[bytes, list[int]]:
     """Returns the job rows every stored point is given."""
     out: dict[bytes, list[int]] = defaultdict(list)
     first = job_rows(job)
@@ -319,7 +319,7 @@ def _aggregate(literal: bytes, position: Array, rotation: Array, *, bare: bool) 
         if name not in wanted:
             return match[0]
         head = match[0][: match.start(2) - match.start()]
-        return head + restyled(match[2].replace(b" ", b""), wanted[name], least=_LEAST)
+        return head + restyle(match[2].replace(b" ", b""), wanted[name], least=_LEAST)
 
     out = _COMPONENT.sub(new, literal)
     angles = bare and not any(name in printed for name in _POSE[3:])
@@ -328,7 +328,7 @@ def _aggregate(literal: bytes, position: Array, rotation: Array, *, bare: bool) 
     return out[:-1] + added + b"}"
 
 
-def _completed(literal: bytes, position: Array, rotation: Array) -> bytes:
+def _complete(literal: bytes, position: Array, rotation: Array) -> bytes:
     """Returns braces with the numbers they leave out."""
     printed = {name.upper() for name, _ in _COMPONENT.findall(literal)}
     if printed.issuperset(_POSE):
@@ -342,7 +342,7 @@ def _completed(literal: bytes, position: Array, rotation: Array) -> bytes:
     return literal[:-1] + b"".join(added) + b"}"
 
 
-def _smoothed(line: bytes) -> bytes:
+def _smooth(line: bytes) -> bytes:
     return line if _SMOOTH.search(line) else line + b" C_DIS"
 
 

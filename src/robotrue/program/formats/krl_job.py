@@ -16,7 +16,7 @@ import numpy as np
 
 from robotrue.core.arrays import IntArray
 from robotrue.errors import FormatError
-from robotrue.program.formats.camrob import camrob_program, scanned
+from robotrue.program.formats.camrob import camrob_program, scan_targets
 from robotrue.program.formats.krl_build import Builder
 from robotrue.program.formats.krl_story import Called
 from robotrue.program.formats.krl_write import KrlSpans
@@ -59,20 +59,22 @@ def read_parts(files: Sequence[File], frames: FrameTable, build: Build) -> tuple
         try:
             builder = build([(_JOINED, text.data), *stores], frames, text.owners(), beside)
         except FormatError as cause:
-            raise text.placed(cause) from cause
+            raise text.place_error(cause) from cause
         found = dict(zip(text.names, text.parts(builder.program(0)), strict=True))
         for k, (name, _) in enumerate(stores, start=1):
             program = builder.program(k)
-            found[name] = replace(program, notes=text.told(program.notes))
+            found[name] = replace(program, notes=text.tell_places(program.notes))
     for name, data in paths:
         program = _camrob(name, data, builder)
-        found[name] = program if text is None else replace(program, notes=text.told(program.notes))
+        found[name] = (
+            program if text is None else replace(program, notes=text.tell_places(program.notes))
+        )
     return tuple(found[name] for name, _ in files)
 
 
 def _camrob(name: str, data: bytes, builder: Builder) -> Program:
     """Returns the targets of a CAMRob file in the frames in which the program calls it."""
-    tokens, external, line = scanned(data, name)
+    tokens, external, line = scan_targets(data, name)
     calls = [call for call in builder.story.called_files if call.name.lower() == name.lower()]
     lines = np.full(len(line), -1, np.int64)
     conflict = np.zeros(len(line), np.bool_)
@@ -81,7 +83,7 @@ def _camrob(name: str, data: bytes, builder: Builder) -> Program:
         conflict[rows] |= (lines[rows] >= 0) & ~builder.alike(lines[rows], call.line)
         lines[rows] = call.line
     used = lines >= 0
-    settled = builder.called(name, np.where(used, lines, 0), external)
+    settled = builder.settle_call(name, np.where(used, lines, 0), external)
     reason = np.where(used, settled.reason, int(Reason.UNUSED))
     reason[conflict] = Reason.UNKNOWN_FRAME
     notes = list(settled.notes) if used.any() else [f"{name}: no program of the job calls it."]
@@ -161,7 +163,7 @@ class _Text:
         """Returns the file of a zero-based line."""
         return int(np.clip(np.searchsorted(self.line, line, "right") - 1, 0, len(self.files) - 1))
 
-    def told(self, notes: Sequence[str]) -> tuple[str, ...]:
+    def tell_places(self, notes: Sequence[str]) -> tuple[str, ...]:
         """Returns sentences with the files' own names and lines."""
 
         def own(match: re.Match[str]) -> str:
@@ -171,7 +173,7 @@ class _Text:
 
         return tuple(_NAMED_LINE.sub(own, note).replace(_JOINED, self.names[0]) for note in notes)
 
-    def placed(self, cause: FormatError) -> FormatError:
+    def place_error(self, cause: FormatError) -> FormatError:
         """Returns an error about the text as one about its file."""
         if cause.source != _JOINED:
             return cause
@@ -189,7 +191,7 @@ class _Text:
         file = np.clip(
             np.searchsorted(self.line, whole.line - 1, "right") - 1, 0, len(self.files) - 1
         )
-        said = self.told(whole.notes)
+        said = self.tell_places(whole.notes)
         owner = [next((k for k, n in enumerate(self.names) if note.startswith(f"{n}:")), 0)
                  for note in said]  # fmt: skip
         out = []

@@ -97,7 +97,7 @@ def read_number(buf: Bytes, i: int, end: int) -> tuple[float, int]:
 
 
 @compiled(PLAIN)
-def _based(buf: Bytes, i: int, end: int) -> tuple[float, int]:
+def _read_based(buf: Bytes, i: int, end: int) -> tuple[float, int]:
     """Returns (value, end) of ``'B0110'``, ``'B 110'`` or ``'H1F'`` at ``i``; else end = i."""
     if i + 3 >= end:
         return 0.0, i
@@ -177,7 +177,7 @@ def aggregate(
         seen |= 1 << code
         start = j
         if j < end and buf[j] == 39:
-            value, j = _based(buf, j, end)
+            value, j = _read_based(buf, j, end)
             if j == start:
                 return -1, n_tok, 0, 5, j
         else:

@@ -132,7 +132,7 @@ class KrlWalk:
             self._define(line, code)
             return
         if "(" in code and word not in ("bas", *_SILENT):
-            self._called(line, code)
+            self._note_calls(line, code)
         motion = _MOTION.match(code)
         if motion and not re.match(r"\s*[=(\[.]", code[motion.end() :]):
             self._motion(file, line, code, motion)
@@ -174,7 +174,7 @@ class KrlWalk:
             name = match[1] if match else "a file named elsewhere"
             self._note(line, file, f"the targets stand in {name}, which is not beside the program")
 
-    def _called(self, line: int, code: str) -> None:
+    def _note_calls(self, line: int, code: str) -> None:
         started = _STARTED.match(code)
         names = (_HANDLER if started else _CALLED).findall(code)
         self.story.spelled.update((name.lower(), name) for name in names)

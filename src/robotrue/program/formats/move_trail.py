@@ -18,7 +18,7 @@ import numpy as np
 
 from robotrue.core.arrays import Array, IntArray
 from robotrue.errors import ShapeError
-from robotrue.program.formats.number_text import spliced
+from robotrue.program.formats.number_text import splice_texts
 from robotrue.program.insertion import Insertion, Moves, Obstacle
 from robotrue.program.program import Motion, Program
 
@@ -191,7 +191,7 @@ def groups(moves: Moves, insertion: Insertion) -> Iterator[MoveGroup]:
         yield MoveGroup(move, moves.spans[move], range(begin, end))
 
 
-def repeated(
+def repeat_statement(
     data: bytes, statement: TrailStatement, texts: Sequence[bytes], tail: bytes | None = None
 ) -> list[bytes]:
     """Returns the statement once for each target of ``texts``, or for each pair of an arc.
@@ -219,7 +219,7 @@ def put_in(
     out = []
     for program, own in zip(programs, edits, strict=True):
         starts, sizes, texts = zip(*own, strict=True) if own else ((), (), ())
-        out.append(spliced(program.data, starts, sizes, texts) if own else program.data)
+        out.append(splice_texts(program.data, starts, sizes, texts) if own else program.data)
     return out
 
 

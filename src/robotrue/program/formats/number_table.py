@@ -11,7 +11,7 @@ import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.program.formats.number_kernels import literal_numbers, plain_tokens, respell
-from robotrue.program.formats.number_text import restyled
+from robotrue.program.formats.number_text import restyle
 
 _QUICK: Final = 1e8
 """Values below this are printed by the compiled way."""
@@ -92,7 +92,7 @@ class NumberTable:
         return Numbers(start=start, length=length, value=value)
 
 
-def respelled(
+def respell_tokens(
     data: bytes,
     numbers: Numbers,
     values: Array,
@@ -125,7 +125,7 @@ def respelled(
     odd = ~plain_tokens(text, start, length) | (np.abs(value) >= _QUICK)
     slow, texts = np.zeros(len(start) + 1, np.int64), b""
     if odd.any():
-        slow, texts = _restyled(data, np.flatnonzero(odd), start, length, value, limit, more)
+        slow, texts = _restyle_odd(data, np.flatnonzero(odd), start, length, value, limit, more)
     out = np.empty(len(data) + _WIDEST * len(start) + len(texts), np.uint8)
     size = respell(
         text, start, length, old, value, limit, more, slow, np.frombuffer(texts, np.uint8),
@@ -134,7 +134,7 @@ def respelled(
     return out[:size].tobytes()
 
 
-def _restyled(
+def _restyle_odd(
     data: bytes,
     odd: IntArray,
     start: IntArray,
@@ -149,7 +149,7 @@ def _restyled(
     for t in odd.tolist():
         token = data[start[t] : start[t] + length[t]]
         shown = len(token.partition(b".")[2])
-        text = restyled(token, float(value[t]), least=0 if shown >= enough[t] else int(least[t]))
+        text = restyle(token, float(value[t]), least=0 if shown >= enough[t] else int(least[t]))
         texts.append(text)
         size[t + 1] = len(text)
     return np.cumsum(size), b"".join(texts)

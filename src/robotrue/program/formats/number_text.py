@@ -24,7 +24,7 @@ _FINE: Final = 6
 LARGEST: Final = 1e9
 
 
-def restyled(token: bytes, value: float, *, least: int = 0) -> bytes:
+def restyle(token: bytes, value: float, *, least: int = 0) -> bytes:
     """Returns ``value`` in the style of ``token``; the token itself where it says that already.
 
     It says so when the value is within half of the last digit that would be printed.
@@ -41,7 +41,7 @@ def restyled(token: bytes, value: float, *, least: int = 0) -> bytes:
         raise ShapeError(f"{value} cannot be printed, expected a finite number below 1e9.")
     plain = _PLAIN.fullmatch(token)
     if plain:  # nearly all there are
-        return _fixed(token, value, max(len(plain[1]), least))
+        return _format_fixed(token, value, max(len(plain[1]), least))
     sign, whole, point, fraction, letter, _, _ = parts = _parts(token)
     least = max(least, _FINE) if letter else least
     decimals = max(_last_decimal(parts), least)
@@ -57,7 +57,7 @@ def restyled(token: bytes, value: float, *, least: int = 0) -> bytes:
     return _sign(sign, value, text) + text
 
 
-def _fixed(token: bytes, value: float, decimals: int) -> bytes:
+def _format_fixed(token: bytes, value: float, decimals: int) -> bytes:
     if abs(value - float(token)) <= 0.5 * 10.0**-decimals:
         return token
     text = b"%.*f" % (decimals, value)
@@ -73,7 +73,7 @@ def half_digit(token: bytes) -> float:
     return float(0.5 * 10.0 ** -_last_decimal(_parts(token)))
 
 
-def spliced(
+def splice_texts(
     data: bytes, starts: Sequence[int], lengths: Sequence[int], texts: Sequence[bytes]
 ) -> bytes:
     """Returns ``data`` with ``data[start : start + length]`` replaced by each text, in any order.

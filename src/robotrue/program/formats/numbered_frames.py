@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array, IntArray
-from robotrue.program.external_axes import Carried, carried, plain_key, riders_of
+from robotrue.program.external_axes import Carried, carry_frames, plain_key, riders_of
 from robotrue.program.program import FrameTable
 
 _SIDES: Final = {"base": "work frame", "tool": "tool"}
@@ -64,19 +64,21 @@ class NumberedFrames:
         self._on_robot.add(index)
         return index
 
-    def carried(self, frame: IntArray, external: Array) -> Carried:
+    def carry_frames(self, frame: IntArray, external: Array) -> Carried:
         """Returns the work frames of targets as external axes move them.
 
         Args:
             frame: (n,) index of each target.
             external: (n, 6) as printed, mm or deg; NaN where none is written.
         """
-        matrices = self.stacked("base")
+        matrices = self.stack_matrices("base")
         none = (False,) * len(self._axes)
         riders = np.array([self._riders.get(k, none) for k in range(len(matrices))])
         riders = riders.reshape(len(matrices), len(self._axes))
         on_robot = np.isin(np.arange(len(matrices)), list(self._on_robot))
-        return carried(self._axes, matrices, frame, external, riders, on_robot, rest=self._at_rest)
+        return carry_frames(
+            self._axes, matrices, frame, external, riders, on_robot, rest=self._at_rest
+        )
 
     def number(self, side: str, number: str, line: int) -> int:
         """Returns the index of a numbered frame; ``line`` is where it is first asked for."""
@@ -108,11 +110,11 @@ class NumberedFrames:
             self.lost[side, index] = f"{self._name}:{line}: {_SIDES[side]} {what}; {cure}."
         return index
 
-    def stacked(self, side: str) -> Array:
+    def stack_matrices(self, side: str) -> Array:
         """Returns the matrices (f, 4, 4)."""
         return np.array(self.matrices[side])
 
-    def lost_of(self, side: str) -> list[int]:
+    def list_lost(self, side: str) -> list[int]:
         """Returns the indices that are not known."""
         return [index for which, index in self.lost if which == side]
 

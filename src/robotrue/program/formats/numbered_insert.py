@@ -13,7 +13,7 @@ from robotrue.core.arrays import Array, IntArray
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.program.formats.move_trail import UNKNOWN, Trail, TrailStatement
-from robotrue.program.formats.number_text import restyled
+from robotrue.program.formats.number_text import restyle
 from robotrue.program.insertion import Obstacle
 from robotrue.program.program import Program
 
@@ -112,7 +112,7 @@ def new_numbers(program: Program, row: int, position: Array, rotation: Array) ->
     out = []
     for start, size, value in zip(tokens.start[row], tokens.length[row], values, strict=True):
         token = program.data[int(start) : int(start + size)]
-        out.append(restyled(token, value, least=_LEAST))
+        out.append(restyle(token, value, least=_LEAST))
     return out
 
 

@@ -68,7 +68,7 @@ class PathDialect:
 
         return write_path(program, replacement)
 
-    def unfollowed(self, program: Program, replacement: Replacement) -> tuple[str, ...]:
+    def list_unfollowed(self, program: Program, replacement: Replacement) -> tuple[str, ...]:
         """Returns what the written file cannot say of the new points, one sentence each."""
         from robotrue.program.formats.path_losses import path_losses
 

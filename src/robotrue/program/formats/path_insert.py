@@ -29,7 +29,7 @@ from robotrue.program.formats.move_trail import (
     line_end,
     put_in,
 )
-from robotrue.program.formats.number_text import WHOLE_NUMBER, restyled
+from robotrue.program.formats.number_text import WHOLE_NUMBER, restyle
 from robotrue.program.formats.path_words import PathWords, Turn, printed_angles
 from robotrue.program.formats.text_lines import line_starts
 from robotrue.program.insertion import Insertion, Moves, Obstacle
@@ -106,11 +106,11 @@ class PathInserter:
             ]
             eol = line_end(program.data)
             edits[s.file].append((s.begin, 0, b"".join(line + eol for line in lines)))
-            edits[s.file] += _completed(program, row)
+            edits[s.file] += _complete_words(program, row)
             if moves.via[group.move] >= 0:
-                edits[s.file] += _straightened(program, row, s)
+                edits[s.file] += _straighten(program, row, s)
         for file, program in enumerate(job):
-            edits[file] += _resumed(program, _arcs_of(moves, insertion, first, file))
+            edits[file] += _resume_arcs(program, _arcs_of(moves, insertion, first, file))
         return tuple(put_in(job, edits))
 
 
@@ -237,7 +237,7 @@ def _token(program: Program, row: int, column: int, value: float) -> bytes:
     start, size = (int(each[row, column]) for each in (words.numbers.start, words.numbers.length))
     style = program.data[start : start + size] if start >= 0 else _UNSEEN
     vector = column >= 3 and words.turn[row] == Turn.VECTOR
-    return restyled(style, value, least=_LEAST[int(vector)] + (1 if words.unit[row] > 2e-3 else 0))
+    return restyle(style, value, least=_LEAST[int(vector)] + (1 if words.unit[row] > 2e-3 else 0))
 
 
 def _copy(program: Program, row: int, s: TrailStatement, position: Array, rotation: Array) -> bytes:
@@ -276,7 +276,7 @@ def _is_arc(program: Program, row: int) -> bool:
     return bool(program.motion[row] == Motion.ARC_END)
 
 
-def _straightened(program: Program, row: int, s: TrailStatement) -> list[tuple[int, int, bytes]]:
+def _straighten(program: Program, row: int, s: TrailStatement) -> list[tuple[int, int, bytes]]:
     """Returns what makes the block of an arc one of a line: G1, and no centre or radius."""
     block = _BLOCK.match(program.data, s.begin, s.end)
     end = block.end() if block else s.end
@@ -294,7 +294,7 @@ def _straightened(program: Program, row: int, s: TrailStatement) -> list[tuple[i
     return out
 
 
-def _resumed(program: Program, rows: IntArray) -> list[tuple[int, int, bytes]]:
+def _resume_arcs(program: Program, rows: IntArray) -> list[tuple[int, int, bytes]]:
     """Returns the G2 or G3 that arcs behind those that became lines had left out."""
     if not len(rows):
         return []
@@ -314,7 +314,7 @@ def _resumed(program: Program, rows: IntArray) -> list[tuple[int, int, bytes]]:
     return out
 
 
-def _completed(program: Program, row: int) -> list[tuple[int, int, bytes]]:
+def _complete_words(program: Program, row: int) -> list[tuple[int, int, bytes]]:
     """Returns the words a row leaves out, to stand behind its others."""
     words: PathWords = program.spans
     missing: IntArray = np.flatnonzero(
@@ -326,7 +326,7 @@ def _completed(program: Program, row: int) -> list[tuple[int, int, bytes]]:
     names = words.names[int(words.turn[row])]
     gap = b" " if words.blank else b""
     texts = [
-        gap + names[k] + restyled(_UNSEEN, float(words.value[row, k]), least=6)
+        gap + names[k] + restyle(_UNSEEN, float(words.value[row, k]), least=6)
         for k in missing.tolist()
     ]
     return [(int(words.at[row]), 0, b"".join(texts))]

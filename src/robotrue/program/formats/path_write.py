@@ -18,14 +18,14 @@ from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ShapeError
 from robotrue.program.formats.apt_arcs import MISS
 from robotrue.program.formats.gcode_arcs import Centre, PlaneArcs, middles, moved_words
-from robotrue.program.formats.number_table import Numbers, respelled
-from robotrue.program.formats.number_text import restyled, spliced
+from robotrue.program.formats.number_table import Numbers, respell_tokens
+from robotrue.program.formats.number_text import restyle, splice_texts
 from robotrue.program.formats.path_kernels import decimals_of, owed_words
 from robotrue.program.formats.path_words import PathWords, Turn, printed_angles
 from robotrue.program.formats.pose_write import (
     SAME_ROTATION,
     changed_rows,
-    moved,
+    find_moved,
     require_printable,
 )
 from robotrue.program.program import Program, Replacement
@@ -50,7 +50,7 @@ def write_path(program: Program, replacement: Replacement) -> bytes:
     if not isinstance(words, PathWords):
         raise ShapeError(f"{program.name} was not read as a path of words, but by another dialect.")
     changed = changed_rows(program, replacement)
-    values, touched = _wanted(program, replacement, words, changed)
+    values, touched = _compute_wanted(program, replacement, words, changed)
     enough, least = _decimals(words)
     marks = _marks(program, replacement, words, changed)
     if not (touched.any() or marks):
@@ -71,10 +71,10 @@ def write_path(program: Program, replacement: Replacement) -> bytes:
         numbers.append(
             (words.arcs.numbers, *arcs, np.broadcast_to(few, size), np.broadcast_to(many, size))
         )
-    return _spelled(program.data, numbers, others)
+    return _spell_edits(program.data, numbers, others)
 
 
-def _spelled(
+def _spell_edits(
     data: bytes,
     numbers: list[tuple[Numbers, Array, BoolArray, IntArray, IntArray]],
     others: list[tuple[int, int, bytes]],
@@ -93,18 +93,18 @@ def _spelled(
         start = np.where(
             start < 0, start, start + growth[np.searchsorted(first, start, side="right")]
         )
-        data = spliced(data, first, size, texts)
+        data = splice_texts(data, first, size, texts)
     tokens = Numbers(start=start, length=length, value=value)
-    return respelled(data, tokens, wanted, touched, enough, least)
+    return respell_tokens(data, tokens, wanted, touched, enough, least)
 
 
-def _wanted(
+def _compute_wanted(
     program: Program, replacement: Replacement, words: PathWords, changed: BoolArray
 ) -> tuple[Array, BoolArray]:
     """Returns what every word shall say (n, 6), as printed, and which of them move."""
     values = np.array(words.value)
     touched = np.zeros(values.shape, dtype=np.bool_)
-    place, turn, axes = moved(program, replacement)
+    place, turn, axes = find_moved(program, replacement)
     point = changed & (words.turn != Turn.AXES)
     touched[:, :3] = place & point[:, None]
     printed = replacement.position / words.unit[:, None]
@@ -215,7 +215,7 @@ def _insertions(
     ):  # fmt: skip
         style = data[first:end] if first >= 0 else _UNSEEN
         fine = len(style.partition(b".")[2]) >= few
-        text = gap + words.names[turn][column] + restyled(style, value, least=0 if fine else many)
+        text = gap + words.names[turn][column] + restyle(style, value, least=0 if fine else many)
         if out and out[-1][0] == place:
             text = out.pop()[2] + text
         out.append((place, 0, text))
@@ -244,7 +244,7 @@ def _arc_insertions(
             continue
         style = _style(data, arcs.numbers, row, int(with_it[0]))
         least = _INCHES[1] if _is_inch(words)[arcs.end[row]] else _MILLIMETRES[1]
-        number = restyled(style, float(values[row, column]), least=least)
+        number = restyle(style, float(values[row, column]), least=least)
         last = int((arcs.numbers.start[row] + arcs.numbers.length[row]).max())
         out.append((last, 0, gap + _ARC_NAMES[column] + number))
     return out

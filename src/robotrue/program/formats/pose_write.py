@@ -29,7 +29,9 @@ def changed_rows(program: Program, replacement: Replacement) -> BoolArray:
     return changed
 
 
-def moved(program: Program, replacement: Replacement) -> tuple[BoolArray, BoolArray, BoolArray]:
+def find_moved(
+    program: Program, replacement: Replacement
+) -> tuple[BoolArray, BoolArray, BoolArray]:
     """Returns which coordinates (n, 3), orientations (n,) and axes (n, dof) are not as read.
 
     What is not finite in the replacement counts as moved, so that it is refused and not passed by.

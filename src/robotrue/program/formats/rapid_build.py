@@ -10,7 +10,7 @@ from robotrue.core.arm_words import NO_WORD
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.rotations import matrix_from_quat_wxyz
 from robotrue.core.units import DEG, MM
-from robotrue.program.external_axes import described
+from robotrue.program.external_axes import mark_described
 from robotrue.program.formats.course import DIFFERS
 from robotrue.program.formats.rapid_data import AXIS, NOTHING
 from robotrue.program.formats.rapid_frames import TOOL, WORK
@@ -63,7 +63,7 @@ class _Builder:
         """Returns the finished program, its rows in file order."""
         state = self._settle()
         frame, bases = self._external(state[1])
-        self._flagged()
+        self._flag_points()
         position, rotation, axes = self._si()
         position, rotation = turned_round(position, rotation, self.held)
         self._pair_arcs()
@@ -205,18 +205,18 @@ class _Builder:
         external = self.numbers.value[:, 11:]
         with np.errstate(invalid="ignore"):
             there = np.abs(external) < _NOT_CONNECTED
-        moved = self.walk.frames.frames.carried(work, np.where(there, external, np.nan))
+        moved = self.walk.frames.frames.carry_frames(work, np.where(there, external, np.nan))
         self._put(
             moved.unknown & self.used & ~self.is_axis,
             Reason.EXTERNAL_AXIS,
             "an external axis that carries the robot or the work object has no value here; "
             "such targets are not compensated",
         )
-        there &= self.used[:, None] & ~described(self.given.external)
-        self._undescribed(external, there)
+        there &= self.used[:, None] & ~mark_described(self.given.external)
+        self._flag_undescribed(external, there)
         return moved.frame, moved.T_base_frame
 
-    def _undescribed(self, external: Array, there: BoolArray) -> None:
+    def _flag_undescribed(self, external: Array, there: BoolArray) -> None:
         away = (there & (external != 0.0)).any(axis=1)
         if not away.any():
             return
@@ -235,7 +235,7 @@ class _Builder:
             "hold there, say so there (external_axes_at_rest)",
         )
 
-    def _flagged(self) -> None:
+    def _flag_points(self) -> None:
         """Flags what the text says of single points."""
         story = self.walk.story
         uncertain, based, flagged = (np.zeros(self.count, np.bool_) for _ in range(3))

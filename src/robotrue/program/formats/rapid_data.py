@@ -149,21 +149,21 @@ class Data:
         if not variable.is_array or subscript:
             match = fills(pattern, self.data, *self._inside(start, end))
             if match is None:
-                self._computed(variable, start, end)
+                self._mark_computed(variable, start, end)
             else:
                 self._point_of(variable, subscript, match, kind)
             return
         at, number, matches = start, [0], []
         for match in pattern.finditer(self.data, start, end):
             between = clean(self.data[at : match.start()])
-            number = _counted(number, between)
+            number = _count_subscript(number, between)
             if re.sub(r"[\[\],\s]", "", between):
-                self._computed(variable, start, end)
+                self._mark_computed(variable, start, end)
                 return
             matches.append((",".join(map(str, number)), match))
             at = match.end()
         if re.sub(r"[\]\s]", "", clean(self.data[at:end])) or not matches:
-            self._computed(variable, start, end)
+            self._mark_computed(variable, start, end)
             return
         for subscript, match in matches:
             self._point_of(variable, subscript, match, kind)
@@ -172,7 +172,7 @@ class Data:
         gap = SKIP.match(self.data, start, end)
         return (gap.end() if gap else start), end
 
-    def _computed(self, variable: Variable, start: int, end: int) -> None:
+    def _mark_computed(self, variable: Variable, start: int, end: int) -> None:
         variable.computed = True
         self.mention(start, end, "")
 
@@ -213,7 +213,7 @@ class Data:
             if plain and bool(subscript) == variable.is_array:
                 self._give(variable, *self._inside(match.end(), end), subscript)
             else:
-                self._computed(variable, match.end(), end)
+                self._mark_computed(variable, match.end(), end)
         return True
 
     def mention(self, start: int, end: int, word: str) -> None:
@@ -237,7 +237,7 @@ class Data:
         return int(np.searchsorted(self._starts, offset, side="right")) - 1
 
 
-def _counted(number: list[int], between: str) -> list[int]:
+def _count_subscript(number: list[int], between: str) -> list[int]:
     """Returns the subscript of the next element of an array literal from what lies before it."""
     opened = between.count("[")
     if number == [0]:

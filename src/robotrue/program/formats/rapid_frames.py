@@ -90,7 +90,7 @@ class RapidFrames:
         self.renewed: list[tuple[int, tuple[str, str]]] = []
         self._table, self._course = table, course
         self._known: dict[tuple[str, str], _Variable] = {}
-        given = _given(table.bases, "wobj0")
+        given = _find_frame(table.bases, "wobj0")
         self._T_base_world = np.eye(4) if given is None else given
 
     def has(self, side: str, name: str) -> bool:
@@ -180,7 +180,7 @@ class RapidFrames:
     ) -> tuple[int, bool]:
         differs = [member for member, each in version.items() if each == DIFFERS]
         if differs:
-            return self._lost(
+            return self._lose(
                 side, name, variable, f"depends on the way the program took ({differs[0]})"
             ), False
         values = {member: variable.versions[member][each] for member, each in version.items()}
@@ -191,19 +191,19 @@ class RapidFrames:
         stands = swapped is (side == TOOL)
         total = self._T_base_world if stands else np.eye(4)
         if held is None or values.get("ufprog", True) is None:
-            return self._lost(side, name, variable, "is not given as numbers"), False
+            return self._lose(side, name, variable, "is not given as numbers"), False
         for member in _FRAMES[side]:
             matrix = values[member]
             if not isinstance(matrix, np.ndarray):
-                return self._lost(side, name, variable, "is not given as numbers"), False
+                return self._lose(side, name, variable, "is not given as numbers"), False
             total = total @ matrix
-        return self.frames.known(WORK if stands else TOOL, total), swapped
+        return self.frames.index_frame(WORK if stands else TOOL, total), swapped
 
     def _on_unit(self, name: str, variable: _Variable, values: Mapping[str, Member]) -> int:
         """Returns the index of a work object whose user frame a mechanical unit moves."""
         unit, oframe = values["ufmec"], values["oframe"]
         axes = [axis.name for axis in self._table.external if axis.frames]
-        given = _given(self._table.bases, unit.lower()) if isinstance(unit, str) else None
+        given = _find_frame(self._table.bases, unit.lower()) if isinstance(unit, str) else None
         known = isinstance(unit, str) and unit.lower() in {each.lower() for each in axes}
         if given is None or not known or not isinstance(oframe, np.ndarray):
             return self.frames.unknown(
@@ -212,17 +212,17 @@ class RapidFrames:
                 "its name",
             )  # fmt: skip
         if values["robhold"] is not False:
-            return self._lost(WORK, name, variable, "is held by the robot and by a unit")
-        return self.frames.known(WORK, given @ oframe, str(unit))
+            return self._lose(WORK, name, variable, "is held by the robot and by a unit")
+        return self.frames.index_frame(WORK, given @ oframe, str(unit))
 
     def _outside(self, side: str, name: str, line: int) -> int:
         if side == WORK and name in ("", "wobj0"):
-            return self.frames.known(side, self._T_base_world)
-        given = _given(self._table.tools if side == TOOL else self._table.bases, name)
+            return self.frames.index_frame(side, self._T_base_world)
+        given = _find_frame(self._table.tools if side == TOOL else self._table.bases, name)
         if given is not None:
-            return self.frames.known(side, given, name)
+            return self.frames.index_frame(side, given, name)
         if name == "tool0":
-            return self.frames.known(side, np.eye(4))
+            return self.frames.index_frame(side, np.eye(4))
         what = {TOOL: "tooldata", WORK: "wobjdata"}[side]
         shown = repr(name) if re.fullmatch(r"[\w\x80-\xff]+", name) else "of this instruction"
         return self.frames.unknown(
@@ -230,7 +230,7 @@ class RapidFrames:
             f"copy its {what} into the module, or add it to the cell by this name",
         )  # fmt: skip
 
-    def _lost(self, side: str, name: str, variable: _Variable, why: str) -> int:
+    def _lose(self, side: str, name: str, variable: _Variable, why: str) -> int:
         return self.frames.unknown(
             side, variable.line, f"{name!r} {why}", "write its frame as numbers before the motions"
         )
@@ -271,7 +271,7 @@ def _bare(value: bytes) -> bytes:
     return SKIP.sub(b"", value, count=1).strip()
 
 
-def _given(table: Mapping[str, Array], name: str) -> Array | None:
+def _find_frame(table: Mapping[str, Array], name: str) -> Array | None:
     for key, matrix in table.items():
         if key.lower() == name:
             return np.asarray(matrix, dtype=np.float64)

@@ -29,9 +29,9 @@ from robotrue.program.formats.move_trail import (
     indentation,
     line_end,
     put_in,
-    repeated,
+    repeat_statement,
 )
-from robotrue.program.formats.number_text import WHOLE_NUMBER, restyled
+from robotrue.program.formats.number_text import WHOLE_NUMBER, restyle
 from robotrue.program.formats.rapid_moves import BUILT_IN, move_of
 from robotrue.program.formats.rapid_scan import (
     GAP,
@@ -82,7 +82,7 @@ class RapidInserter:
     def moves(self, job: Sequence[Program]) -> Moves:
         """Returns the moves of a job."""
         trail, literals = Trail(), _literals(job)
-        given = _given(job, literals)
+        given = _find_given(job, literals)
         for file, program in enumerate(job):
             _Reader(trail, literals, given, file, program).read()
         return trail.moves()
@@ -105,7 +105,7 @@ class RapidInserter:
                 file = int(np.searchsorted(first, model, side="right")) - 1
                 literal = _literal(job[file], int(model - first[file]))
                 texts.append(
-                    _retargeted(
+                    _retarget(
                         literal,
                         insertion.position[row],
                         insertion.rotation[row],
@@ -116,7 +116,7 @@ class RapidInserter:
             if s.other >= 0 and data[s.other : s.other + 4].lower() == b"fine":
                 tail = data[s.target_end : s.other] + b"z0" + data[s.other + 4 : s.end]
             behind = b";" + line_end(data) + indentation(data, s.begin)
-            new = b"".join(text + behind for text in repeated(data, s, texts, tail))
+            new = b"".join(text + behind for text in repeat_statement(data, s, texts, tail))
             edits[s.file].append((s.begin, 0, new))
         return tuple(put_in(job, edits))
 
@@ -125,7 +125,7 @@ def _literals(job: Sequence[Program]) -> Literals:
     return Literals([program.spans.numbers.start[:, 0] for program in job])
 
 
-def _given(job: Sequence[Program], literals: Literals) -> dict[tuple[str, str], set[int]]:
+def _find_given(job: Sequence[Program], literals: Literals) -> dict[tuple[str, str], set[int]]:
     """Returns the job rows every named target, or element of an array, is given."""
     out: dict[tuple[str, str], set[int]] = defaultdict(set)
     for file, program in enumerate(job):
@@ -267,7 +267,7 @@ def _on_one_line(text: bytes) -> bytes:
     return re.sub(rb"![^\r\n]*|\s+", b"", text)
 
 
-def _retargeted(literal: bytes, position: Array, rotation: Array, words: IntArray) -> bytes:
+def _retarget(literal: bytes, position: Array, rotation: Array, words: IntArray) -> bytes:
     """Returns the brackets with another pose, and other confdata where they are given."""
     tokens = list(_NUMBER.finditer(literal))[:_COUNT]
     printed = [float(each[0]) for each in tokens]
@@ -279,7 +279,7 @@ def _retargeted(literal: bytes, position: Array, rotation: Array, words: IntArra
     for token, value, digits in zip(tokens, values, least, strict=True):
         out.append(literal[cursor : token.start()])
         kept = digits == 0 and value == NO_WORD
-        out.append(token[0] if kept else restyled(token[0], value, least=digits))
+        out.append(token[0] if kept else restyle(token[0], value, least=digits))
         cursor = token.end()
     return b"".join(out) + literal[cursor:]
 

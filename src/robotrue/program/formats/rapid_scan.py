@@ -140,7 +140,7 @@ def _nameless(data: bytes, at: int, name: str) -> int:
     end = _BODY.match(data, at) if data[at : at + 1] == b"%" else None
     if end is None:
         raise FormatError(
-            f"{_shown(data, at)!r} cannot begin a statement.",
+            f"{_show(data, at)!r} cannot begin a statement.",
             source=name,
             line=line_at(data, at),
             hint="export the module again; a bracket or ';' may be missing before it.",
@@ -178,14 +178,14 @@ def _control(data: bytes, word: str, at: int, body: int) -> RapidStatement | Non
 
 def _endless(data: bytes, at: int, name: str) -> FormatError:
     return FormatError(
-        f"the statement {_shown(data, at)!r} has no ';', or a string in it is not closed.",
+        f"the statement {_show(data, at)!r} has no ';', or a string in it is not closed.",
         source=name,
         line=line_at(data, at),
         hint="the file may be cut off; export it again.",
     )
 
 
-def _shown(data: bytes, at: int) -> str:
+def _show(data: bytes, at: int) -> str:
     return data[at : at + 40].split(b"\n")[0].decode("latin-1").strip()
 
 

@@ -327,18 +327,22 @@ class RapidWalk(Data):
                 why = "is a parameter or is computed"
             elif module is not None:
                 why = f"stands in {module}: declare it in the module that moves to it"
-            return [self._lost(start, Reason.EXPRESSION, f"the target {text[:40]!r} {why}")]
+            return [self._lose_point(start, Reason.EXPRESSION, f"the target {text[:40]!r} {why}")]
         shifting = _SHIFTING.match(text)
         if shifting:
-            if not self._based(shifting[2]):
+            if not self._mark_based(shifting[2]):
                 self.mention(start, end, "")
             comma = self.data.find(b",", start, end)
             self.mention(comma if comma >= 0 else end, end, "")
-            return [self._lost(start, Reason.RELATIVE, f"{shifting[1]} starts from another target")]
+            return [
+                self._lose_point(
+                    start, Reason.RELATIVE, f"{shifting[1]} starts from another target"
+                )
+            ]
         self.mention(start, end, "")
-        return [self._lost(start, Reason.EXPRESSION, f"the target {text[:40]!r} is computed")]
+        return [self._lose_point(start, Reason.EXPRESSION, f"the target {text[:40]!r} is computed")]
 
-    def _based(self, inside: str) -> bool:
+    def _mark_based(self, inside: str) -> bool:
         """Marks the points that Offs or RelTool start from; returns whether they are a variable."""
         named = _REFERENCE.match(inside.split(",")[0].strip())
         variable = self.variables.find(self.scope, named[1].lower()) if named else None
@@ -348,7 +352,7 @@ class RapidWalk(Data):
         self.story.based.update(points)
         return True
 
-    def _lost(self, offset: int, reason: Reason, what: str) -> int:
+    def _lose_point(self, offset: int, reason: Reason, what: str) -> int:
         point = self.add_point(offset, -1, NOTHING)
         self.story.flags[point] = reason
         self.story.notes.append((offset, what))

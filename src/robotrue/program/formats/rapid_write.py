@@ -17,8 +17,8 @@ from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.rotations import quat_wxyz_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ShapeError
-from robotrue.program.formats.number_table import Numbers, respelled
-from robotrue.program.formats.pose_write import changed_rows, moved, require_printable
+from robotrue.program.formats.number_table import Numbers, respell_tokens
+from robotrue.program.formats.pose_write import changed_rows, find_moved, require_printable
 from robotrue.program.program import Program, Replacement
 
 _ENOUGH: Final = np.array([3] * 3 + [6] * 4 + [0] * 10)
@@ -53,13 +53,13 @@ def write_rapid(program: Program, replacement: Replacement) -> bytes:
     changed = changed_rows(program, replacement)
     values = spans.numbers.value.copy()
     touched = np.zeros(values.shape, dtype=np.bool_)
-    place, turn, axes = moved(program, replacement)
+    place, turn, axes = find_moved(program, replacement)
     pose, axis = changed & ~spans.is_axis, changed & spans.is_axis
     touched[:, :3] = place & pose[:, None]
     touched[:, 3:7] = (turn & pose)[:, None]
     values[:, :3] = np.where(touched[:, :3], replacement.position / MM, values[:, :3])
     rows = np.flatnonzero(turn & pose)
-    values[rows, 3:7] = _signed(replacement.rotation[rows], values[rows, 3:7])
+    values[rows, 3:7] = _choose_sides(replacement.rotation[rows], values[rows, 3:7])
     told = np.asarray(replacement.words, dtype=np.int64)
     touched[:, 7:11] = (told != NO_WORD) & pose[:, None]
     values[:, 7:11] = np.where(touched[:, 7:11], told, values[:, 7:11])
@@ -68,10 +68,10 @@ def write_rapid(program: Program, replacement: Replacement) -> bytes:
     require_printable(program, values[:, :7], touched[:, :7], "mm, quaternion or deg")
     is_axis = spans.is_axis[:, None]
     enough, least = np.where(is_axis, 3, _ENOUGH), np.where(is_axis, 4, _LEAST)
-    return respelled(program.data, spans.numbers, values, touched, enough, least)
+    return respell_tokens(program.data, spans.numbers, values, touched, enough, least)
 
 
-def _signed(rotation: Array, old: Array) -> Array:
+def _choose_sides(rotation: Array, old: Array) -> Array:
     """Returns unit quaternions (k, 4) on the side of the old ones."""
     new = quat_wxyz_from_matrix(rotation)
     sign = np.where(np.sum(new * old, axis=1, keepdims=True) < 0.0, -1.0, 1.0)

@@ -16,9 +16,9 @@ import numpy as np
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.units import DEG, MM
 from robotrue.program.euler import abc_from_matrices, matrices_from_abc
-from robotrue.program.formats.number_table import Numbers, respelled
-from robotrue.program.formats.number_text import spliced
-from robotrue.program.formats.pose_write import changed_rows, moved, require_printable
+from robotrue.program.formats.number_table import Numbers, respell_tokens
+from robotrue.program.formats.number_text import splice_texts
+from robotrue.program.formats.pose_write import changed_rows, find_moved, require_printable
 from robotrue.program.program import Program, Replacement
 
 LEAST_DECIMALS: Final = 3
@@ -78,27 +78,27 @@ def rewritten(
         ShapeError: A changed row has a value that is not finite, or beyond 1e9 mm, deg or pulses.
     """
     changed = changed_rows(program, replacement)
-    values, touched = _wanted(program, replacement, tokens, changed)
+    values, touched = _compute_wanted(program, replacement, tokens, changed)
     touched &= tokens.length > 0
     data, start = program.data, tokens.start
     if others:
         first, size, texts = zip(*sorted(others), strict=True)
         growth = np.cumsum([0, *(len(t) - s for t, s in zip(texts, size, strict=True))])
         start = start + growth[np.searchsorted(first, start, side="right")]
-        data = spliced(data, first, size, texts)
+        data = splice_texts(data, first, size, texts)
     least = np.where(tokens.whole[tokens.kind] & (tokens.kind != POSE), 0, LEAST_DECIMALS)
     least = np.broadcast_to(least[:, None], values.shape)
     numbers = Numbers(start=start, length=tokens.length, value=tokens.value)
-    return respelled(data, numbers, values, touched, least, least, aligned=aligned)
+    return respell_tokens(data, numbers, values, touched, least, least, aligned=aligned)
 
 
-def _wanted(
+def _compute_wanted(
     program: Program, replacement: Replacement, tokens: TargetTokens, changed: BoolArray
 ) -> tuple[Array, BoolArray]:
     """Returns what every number shall say (n, 6), as printed, and which of them may differ."""
     values = tokens.value.copy()
     touched = np.zeros(values.shape, dtype=np.bool_)
-    place, turn, axes = moved(program, replacement)
+    place, turn, axes = find_moved(program, replacement)
     pose, axis = changed & (tokens.kind == POSE), changed & (tokens.kind != POSE)
     touched[:, :3] = place & pose[:, None]
     values[:, :3] = np.where(touched[:, :3], replacement.position / MM, values[:, :3])

@@ -49,11 +49,11 @@ class UrScript:
         """
         from robotrue.program.formats.text_lines import require_text
         from robotrue.program.formats.urscript_build import build
-        from robotrue.program.formats.urscript_scan import quieted, routines
+        from robotrue.program.formats.urscript_scan import blank_comments, routines
         from robotrue.program.formats.urscript_walk import ScriptWalk
 
         require_text(data, name)
-        code = quieted(data)
+        code = blank_comments(data)
         found = routines(code, name)
         walk = ScriptWalk(code, found, frames.harmless_routines)
         walk.all()

@@ -71,7 +71,7 @@ class _Builder:
     def program(self) -> Program:
         """Returns the finished program, its rows in file order."""
         state = self._settle()
-        self._flagged()
+        self._flag_points()
         known = np.where(self.bounded[:, None], self.numbers.value, np.nan)
         axes = np.where(self.is_axis[:, None], known, np.nan)
         values = np.where(self.is_axis[:, None], np.nan, known)
@@ -169,7 +169,7 @@ class _Builder:
             what = f"of line {at + 1} is computed, given several values, or given nowhere"
             return self.frames.unknown(side, at, what, "write it as a literal p[...]")
         matrix: Array = pose(matrix_from_rotation_vector(values[3:]), values[:3])
-        return self.frames.known(side, matrix)
+        return self.frames.index_frame(side, matrix)
 
     def _flags(self, *, tools_and_frames: bool) -> BoolArray:
         out = np.zeros(self.count, np.bool_)
@@ -178,7 +178,7 @@ class _Builder:
         out[[each for each in story.flags if (each in held) == tools_and_frames]] = True
         return out
 
-    def _flagged(self) -> None:
+    def _flag_points(self) -> None:
         """Flags what the text says of single points, and gives the points of an arc one fate."""
         story = self.walk.story
         self._put(self.uncertain & self.used, Reason.EXPRESSION, "uncertain")

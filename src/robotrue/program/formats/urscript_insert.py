@@ -28,11 +28,11 @@ from robotrue.program.formats.move_trail import (
     indentation,
     line_end,
     put_in,
-    repeated,
+    repeat_statement,
 )
-from robotrue.program.formats.number_text import NUMBER, WHOLE_NUMBER, restyled
+from robotrue.program.formats.number_text import NUMBER, WHOLE_NUMBER, restyle
 from robotrue.program.formats.text_lines import line_starts
-from robotrue.program.formats.urscript_scan import POSE, arguments, quieted, routines
+from robotrue.program.formats.urscript_scan import POSE, arguments, blank_comments, routines
 from robotrue.program.formats.urscript_write import nearest_rotation_vector
 from robotrue.program.insertion import Insertion, Moves, Obstacle, job_rows
 from robotrue.program.program import Program
@@ -90,12 +90,12 @@ class UrInserter:
                 model = (moves.via if s.via >= 0 and k % 2 == 0 else moves.end)[group.move]
                 literal = _literal(program, int(model) - base)
                 pose = insertion.position[row], insertion.rotation[row]
-                texts.append(_retargeted(literal, *pose))
+                texts.append(_retarget(literal, *pose))
             ends = [moves.start[group.move] - base, moves.end[group.move] - base]
             parts = _parts(program, ends, insertion, group)
             behind = line_end(data) + indentation(data, s.begin)
-            tail = _blended(data, s, parts, program.name, int(moves.line[group.move]))
-            new = b"".join(text + behind for text in repeated(data, s, texts, tail))
+            tail = _blend(data, s, parts, program.name, int(moves.line[group.move]))
+            new = b"".join(text + behind for text in repeat_statement(data, s, texts, tail))
             edits[s.file].append((s.begin, 0, new))
         return tuple(put_in(job, edits))
 
@@ -118,7 +118,7 @@ class _Reader:
 
     def __init__(self, trail: Trail, literals: Literals, file: int, program: Program) -> None:
         self.trail, self.literals, self.file, self.program = trail, literals, file, program
-        self.code = quieted(program.data)
+        self.code = blank_comments(program.data)
         self.lines: list[int] = line_starts(program.data).tolist()
         self.given: dict[bytes, list[int]] = defaultdict(list)
         self.tails: dict[tuple[bytes, bytes], Obstacle] = {}
@@ -228,10 +228,10 @@ def _zero(text: bytes) -> bool:
     return match is not None and float(match[1]) == 0.0
 
 
-def _blended(data: bytes, s: TrailStatement, part: float, name: str, line: int) -> bytes:
+def _blend(data: bytes, s: TrailStatement, part: float, name: str, line: int) -> bytes:
     """Returns what stands behind the target of a copy: the same, with a blend that fits."""
     tail = data[s.target_end : s.end]
-    code = quieted(tail)
+    code = blank_comments(tail)
     # The target may stand inside further brackets; what closes them comes first.
     depth, at = code.count(b")") - code.count(b"(") - 1, 0
     for _ in range(depth):
@@ -268,7 +268,7 @@ def _literal(program: Program, row: int) -> bytes:
     return re.sub(rb"\s*[\r\n]\s*", b" ", match[0]) if match else b""
 
 
-def _retargeted(literal: bytes, position: Array, rotation: Array) -> bytes:
+def _retarget(literal: bytes, position: Array, rotation: Array) -> bytes:
     """Returns ``p[..]`` with another pose."""
     tokens = list(_NUMBER.finditer(literal))
     printed = np.array([float(each[0]) for each in tokens])
@@ -276,7 +276,7 @@ def _retargeted(literal: bytes, position: Array, rotation: Array) -> bytes:
     out: list[bytes] = []
     cursor = 0
     for token, value in zip(tokens, [*position.tolist(), *vector.tolist()], strict=True):
-        out += literal[cursor : token.start()], restyled(token[0], value, least=_LEAST)
+        out += literal[cursor : token.start()], restyle(token[0], value, least=_LEAST)
         cursor = token.end()
     return b"".join(out) + literal[cursor:]
 

@@ -51,7 +51,7 @@ class Routine:
     statements: list[tuple[int, int]] = field(default_factory=list)
 
 
-def quieted(data: bytes) -> bytes:
+def blank_comments(data: bytes) -> bytes:
     """Returns the bytes with comments blank and strings empty, of the same length."""
 
     def blank(match: re.Match[bytes]) -> bytes:
@@ -141,16 +141,16 @@ def arguments(code: bytes, start: int, end: int, most: int = 99) -> list[tuple[i
     for match in _SIGNS.finditer(code, start, end):
         if match[0] == b",":
             if depth == 0:
-                out.append(_trimmed(code, begun, match.start()))
+                out.append(_trim(code, begun, match.start()))
                 begun = match.end()
                 if len(out) == most:
                     return out
         else:
             depth += 1 if match[0] in b"[(" else -1
-    out.append(_trimmed(code, begun, end))
+    out.append(_trim(code, begun, end))
     return out
 
 
-def _trimmed(code: bytes, start: int, end: int) -> tuple[int, int]:
+def _trim(code: bytes, start: int, end: int) -> tuple[int, int]:
     text = code[start:end]
     return start + len(text) - len(text.lstrip()), start + len(text.rstrip())

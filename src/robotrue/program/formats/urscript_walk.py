@@ -150,12 +150,12 @@ class ScriptWalk:
         if call and word in _MOVES:
             close = end
             if self.code.find(b"move", call.end(), end) >= 0 or self.code[end - 1 : end] != b")":
-                close = min(self._closed(call.end(), end) + 1, end)
+                close = min(self._find_close(call.end(), end) + 1, end)
             self._move(word, call.end(), close)
             if close < end:
                 self._other(close, end)
         elif call and word == "set_tcp":
-            self._tool(call.end(), self._closed(call.end(), end))
+            self._tool(call.end(), self._find_close(call.end(), end))
         elif not self._control(start, end) and not self._assign(start, end):
             self._other(start, end)
 
@@ -250,7 +250,7 @@ class ScriptWalk:
         story.kind.append(kind)
         return len(story.offset) - 1
 
-    def _closed(self, start: int, end: int) -> int:
+    def _find_close(self, start: int, end: int) -> int:
         """Returns where the bracket closes that opened before ``start``."""
         depth = 1
         for match in re.finditer(rb"[()]", self.code[start:end]):
@@ -303,11 +303,13 @@ class ScriptWalk:
                 point = self._point(match.start(), self.table.add(*match.span(), POINT), POINT)
                 self.story.uses.add(point, self._at, targets[0], 0)
                 return
-        close = end - 1 if self.code[end - 1 : end] == b")" else self._closed(start, end)
+        close = end - 1 if self.code[end - 1 : end] == b")" else self._find_close(start, end)
         places = arguments(self.code, start, close, len(targets))
         found = [self._operand(*place) for place in places]
         while len(found) < len(targets):
-            found.append((self._lost(start, Reason.INCOMPLETE, f"{word} has no target"), BASE))
+            found.append(
+                (self._lose_point(start, Reason.INCOMPLETE, f"{word} has no target"), BASE)
+            )
         for (point, frame), motion in zip(found, targets, strict=True):
             number = self.story.frames.setdefault(frame, len(self.story.frames))
             self.story.asked.setdefault(("base", number), start)
@@ -331,7 +333,7 @@ class ScriptWalk:
                 return points[0], BASE
         framed, solved = (each.match(self.code, start, end) for each in (_FRAMED, _SOLVED))
         call = framed or solved if depth < _NESTED else None
-        if call and self._closed(call.end(), end) == end - 1:
+        if call and self._find_close(call.end(), end) == end - 1:
             inside = arguments(self.code, call.end(), end - 1)
             if (
                 solved
@@ -350,9 +352,9 @@ class ScriptWalk:
         shown = text[:40].decode("latin-1")
         if _ADDED.match(self.code, start, end):
             what = f"the target {shown!r} starts from another pose"
-            return self._lost(start, Reason.RELATIVE, what), BASE
+            return self._lose_point(start, Reason.RELATIVE, what), BASE
         what = f"the target {shown!r} is computed, a parameter, or given nowhere"
-        return self._lost(start, Reason.EXPRESSION, what), BASE
+        return self._lose_point(start, Reason.EXPRESSION, what), BASE
 
     def _mention_seed(self, start: int, end: int) -> None:
         """Joints near which get_inverse_kin looks may be a variable: it stays what it is."""
@@ -360,7 +362,7 @@ class ScriptWalk:
         if self._variable(text) is None:
             self._mention(start, end)
 
-    def _lost(self, offset: int, reason: Reason, what: str) -> int:
+    def _lose_point(self, offset: int, reason: Reason, what: str) -> int:
         point = self._point(offset, -1, NOTHING)
         self.story.flags[point] = reason
         self.story.notes.append((offset, what))

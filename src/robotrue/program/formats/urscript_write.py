@@ -14,8 +14,8 @@ import numpy as np
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.rotations import rotation_vector_from_matrix
 from robotrue.errors import ShapeError
-from robotrue.program.formats.number_table import Numbers, respelled
-from robotrue.program.formats.pose_write import changed_rows, moved, require_printable
+from robotrue.program.formats.number_table import Numbers, respell_tokens
+from robotrue.program.formats.pose_write import changed_rows, find_moved, require_printable
 from robotrue.program.program import Program, Replacement
 
 _ENOUGH: Final = np.array([6])
@@ -47,7 +47,7 @@ def write_urscript(program: Program, replacement: Replacement) -> bytes:
     changed = changed_rows(program, replacement)
     values = spans.numbers.value.copy()
     touched = np.zeros(values.shape, dtype=np.bool_)
-    place, turn, axes = moved(program, replacement)
+    place, turn, axes = find_moved(program, replacement)
     pose, axis = changed & ~spans.is_axis, changed & spans.is_axis
     touched[:, :3] = place & pose[:, None]
     touched[:, 3:] = (turn & pose)[:, None]
@@ -59,7 +59,7 @@ def write_urscript(program: Program, replacement: Replacement) -> bytes:
         values = np.where(axes & axis[:, None], replacement.axes, values)
     require_printable(program, values, touched, "m, rad")
     shape = values.shape
-    return respelled(
+    return respell_tokens(
         program.data,
         spans.numbers,
         values,
