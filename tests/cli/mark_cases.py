@@ -135,6 +135,8 @@ def _drilling(lab: Lab) -> None:
     for name, count in (("campaign.csv", 20), ("known.csv", 12)):
         campaign = random_campaign(machine, count, random, held_out=name == "known.csv")
         write_campaign(lab(name), replace(campaign, provenance=lab.origin))
+    zero = "".join(f"0.1{k},0.2{k},0.3{k}\n" for k in range(5))
+    lab("zero.csv").write_text(f"{lab.mark}raw1_mm,raw2_mm,raw3_mm\n{zero}")
     head = "left_a_deg,left_b_deg,d1_mm,d2_mm,d3_mm,force_N,z_mm\n"
     lab("records.csv").write_text(lab.mark + head + "0.01,-0.02,0.1,-0.05,0.02,500,0\n")
 
@@ -261,6 +263,9 @@ CASES: Final[Mapping[str, Case]] = {
     "slot-test": Case(lambda f: (f("steps.csv"),)),
     "drill fit": Case(
         lambda f: (f("foot.toml"), f("campaign.csv"), "-o", f("d.rtm"), "--kind", "patent")
+    ),
+    "drill zero": Case(
+        lambda f: (f("foot.toml"), f("zero.csv"), "-o", f("foot2.toml"))
     ),
     "drill evaluate": Case(lambda f: (f("d.rtm"), f("known.csv"))),
     "drill adjust": Case(

@@ -13,6 +13,7 @@ from robotrue.drilling.adjust import adjustment, targets_document
 from robotrue.drilling.campaign import Campaign, conditions
 from robotrue.drilling.campaign_checks import campaign_warnings, check_campaign
 from robotrue.drilling.campaign_csv import read_campaign, write_campaign
+from robotrue.drilling.clamp_watch import ClampSettings
 from robotrue.drilling.correction import learning_errors, residual_tilt
 from robotrue.drilling.correction_trials import choose_trial, resolve_inputs, usable_positions
 from robotrue.drilling.drill_defaults import Corrects
@@ -20,7 +21,9 @@ from robotrue.drilling.evaluate import evaluate_test, terms_of
 from robotrue.drilling.foot import Foot
 from robotrue.drilling.foot_file import FootSetup
 from robotrue.drilling.foot_model import fit_model
+from robotrue.drilling.foot_signals import foot_sample
 from robotrue.drilling.head import Head
+from robotrue.drilling.hole_session import HoleSession
 from robotrue.drilling.model_archive import read_model, write_model
 from robotrue.drilling.physics import fit_physics, log_evidence
 from robotrue.errors import ImplausibleDataError, ObservabilityError
@@ -183,3 +186,33 @@ def test_exchanged_tilts_and_kilonewtons_are_refused_and_one_force_is_reported()
     (said,) = campaign_warnings(machine.foot, one)
     assert said.startswith("all 30 clamps are at 500 N")
     assert "--forces-n" in said
+
+
+def test_a_foot_of_four_sensors_and_its_axes_go_through_a_session() -> None:
+    machine = drilling_machine(11, foot=FEET["four"], sag=SAG)
+    random = np.random.default_rng(11)
+    campaign = random_campaign(machine, 60, random, swing=SWING)
+    model, _ = fit_model(machine.foot, HEAD, campaign, kind="interactions", inputs=("A", "B"))
+    holes = random_campaign(machine, 9, random, held_out=True, swing=SWING)
+    hole = holes.take(holes.clamps.force == holes.clamps.force.max())
+    session = HoleSession(model, settings=ClampSettings(), reference=0.005 * DEG)
+    setup = FootSetup(foot=machine.foot, head=HEAD, count=None, zero=None, source="")
+    clamp = hole.clamps
+    values = {f"d{k + 1}_mm": float(v / MM) for k, v in enumerate(clamp.readings[0])}
+    values |= {"force_N": float(clamp.force[0]), "z_mm": float(clamp.height[0] / MM)}
+    values |= {f"{n}_deg": float(v / DEG) for n, v in zip("AB", clamp.axes[0], strict=True)}
+    answers = [
+        session.push(foot_sample({**values, "X_mm": 3.0, "Y_mm": 4.0}, setup, 0.01 * k))
+        for k in range(30)
+    ]
+    (answer,) = [a for a in answers if a is not None]
+    assert answer.adjustment is not None, answer.refused
+    assert answer.clamps is not None
+    np.testing.assert_allclose(answer.clamps.axes, clamp.axes, atol=1e-12)
+    np.testing.assert_allclose(answer.clamps.place, [[3e-3, 4e-3]], atol=1e-12)
+    alone = replace(answer.clamps, axes=())
+    with pytest.raises(ImplausibleDataError, match="uses the machine's A, B"):
+        adjustment(model, alone, np.zeros(2))
+    far = replace(answer.clamps, axes=np.array([[60.0, 0.0]]) * DEG)
+    notes = adjustment(model, replace(far, readings=far.readings + 0.0), np.zeros(2)).notes
+    assert any(note.startswith("A is 60 deg, the campaign covers") for note in notes)

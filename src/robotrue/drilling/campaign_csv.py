@@ -25,7 +25,7 @@ from robotrue.drilling.campaign_plan import CampaignPlan
 from robotrue.drilling.foot_file import FootSetup, read_foot
 from robotrue.drilling.foot_model import NormalModel
 from robotrue.drilling.head import AxisOrder
-from robotrue.errors import ConfigurationError, FormatError
+from robotrue.errors import ConfigurationError, FormatError, ModelMismatchError
 from robotrue.measurement.formats.sheet import Sheet, column_key, write_columns
 from robotrue.measurement.formats.sheet_file import read_sheet
 
@@ -36,6 +36,7 @@ PLACE: Final = ("X_mm", "Y_mm")
 AXES: Final = ("axis_A_deg", "axis_B_deg")
 LEFT: Final = ("left_a_deg", "left_b_deg")
 HOLE: Final = "hole"
+VERSION: Final = "version"
 FORMS: Final = ("d{}_mm", "raw{}_mm", "raw{}_counts")
 """Names of the readings of sensor 1, 2, ...: less their zero, raw as lengths, raw as counts."""
 FORMS_HINT: Final = f"one of {', '.join(form.format(1) + ', ...' for form in FORMS)}."
@@ -80,33 +81,63 @@ class ProductionRecord:
         clamps: The n clamps.
         left: (n, 2) rad, tilt that remained.
         hole: n names.
+        source: The file.
         provenance: Simulated or measured, and the file.
     """
 
     clamps: Clamps
     left: Array
     hole: tuple[str, ...]
+    source: str
     provenance: Provenance
 
 
-def read_production(path: str | Path, setup: FootSetup) -> ProductionRecord:
+def read_production(
+    path: str | Path, setup: FootSetup, *, version: int | None = None
+) -> ProductionRecord:
     """Returns the holes in a file.
 
     Its columns are those of a campaign with ``left_a_deg, left_b_deg`` in place of the true tilt
-    and, if need be, ``hole``.
+    and, if need be, ``hole`` and ``version``: of the model that moved the hole, as `drill run`
+    answers and its journal states it.
+
+    Args:
+        path: The file.
+        setup: Of the foot.
+        version: Of the model they refine; not compared without.
 
     Raises:
+        ModelMismatchError: A hole that an older or newer model moved.
         FormatError: As :func:`read_campaign`.
         ConfigurationError: As :func:`read_campaign`.
     """
     sheet = read_sheet(path)
     counted = tuple(str(i + 1) for i in range(len(sheet)))
+    holes = sheet.column(HOLE) if sheet.has(HOLE) else counted
+    if version is not None and sheet.has(VERSION):
+        _check_versions(sheet, holes, version)
     return ProductionRecord(
-        clamps=_read_clamps(sheet, setup, (*LEFT, HOLE)),
+        clamps=_read_clamps(sheet, setup, (*LEFT, HOLE, VERSION)),
         left=sheet.numbers(LEFT) * DEG,
-        hole=sheet.column(HOLE) if sheet.has(HOLE) else counted,
+        hole=holes,
+        source=sheet.source,
         provenance=sheet.provenance,
     )
+
+
+def _check_versions(sheet: Sheet, holes: tuple[str, ...], version: int) -> None:
+    moved = sheet.numbers((VERSION,))[:, 0]
+    others = np.flatnonzero(moved != version)
+    if len(others):
+        row = int(others[0])
+        age = "older" if moved[row] < version else "newer"
+        raise ModelMismatchError(
+            f"version {moved[row]:g} of the model moved hole {holes[row]}, this is version "
+            f"{version}: {len(others)} of {len(moved)} references are {age} than the model.",
+            source=sheet.source,
+            line=sheet.lines[row],
+            hint="the model of that version, or only the holes that this one moved.",
+        )
 
 
 def write_campaign(path: str | Path, campaign: Campaign) -> None:

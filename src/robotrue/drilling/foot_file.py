@@ -9,6 +9,7 @@
     range_mm = [-5.0, 15.0]           # of a reading less its zero
     count_um = 1.0                    # where readings are counts
     zero_counts = [10231, 9977, 10102] # or zero_mm: on the mandrel, if readings are not less it
+    zero_sigma_um = [0.5, 0.4, 0.5]   # of that zero, as `drill zero` writes it
 
     [head]
     order = "AB"                      # the first carries the second
@@ -52,6 +53,7 @@ class FootTable(_Table):
     count_um: Above0 | None = None
     zero_mm: Numbers | None = None
     zero_counts: Numbers | None = None
+    zero_sigma_um: Annotated[list[Above0], Field(min_length=3)] | None = None
 
 
 class SkinTable(_Table):
@@ -88,6 +90,7 @@ class FootSetup:
         count: m per count; None where readings are lengths.
         zero: (k,) m, readings on the mandrel; None where readings are given less it.
         zero_in_counts: Whether the file states that zero in counts.
+        zero_sigma: (k,) m, standard deviation of the zero; None where it is not stated.
         source: The file.
     """
 
@@ -97,6 +100,7 @@ class FootSetup:
     zero: Array | None
     source: str
     zero_in_counts: bool = False
+    zero_sigma: Array | None = None
 
 
 def read_foot(path: str | Path) -> FootSetup:
@@ -147,6 +151,7 @@ def _setup(file: FootFile, path: str | Path) -> FootSetup:
         zero=_zero(table, k),
         source=str(path),
         zero_in_counts=table.zero_counts is not None,
+        zero_sigma=None if table.zero_sigma_um is None else np.array(table.zero_sigma_um) * UM,
     )
 
 

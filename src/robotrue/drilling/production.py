@@ -10,9 +10,10 @@ from robotrue.core.arrays import Array
 from robotrue.core.provenance import MEASURED, Provenance, merge
 from robotrue.core.units import DEG
 from robotrue.drilling.campaign import Campaign
-from robotrue.drilling.correction import CorrectedReadings
+from robotrue.drilling.campaign_csv import ProductionRecord
+from robotrue.drilling.correction import CorrectedReadings, correct_readings
 from robotrue.drilling.evaluate import evaluate_test
-from robotrue.drilling.foot_model import Frozen, NormalModel
+from robotrue.drilling.foot_model import Frozen, NormalModel, with_refinement
 from robotrue.drilling.refinement import (
     Remaining,
     Watch,
@@ -20,6 +21,7 @@ from robotrue.drilling.refinement import (
     update_refinement,
     update_watch,
 )
+from robotrue.drilling.refinement_choice import FEWEST, MemoryChoice, choose_memory
 from robotrue.errors import ConfigurationError
 
 
@@ -33,6 +35,7 @@ class RecordUpdate:
         alarm: Whether the watch tells a shift from noise; the watch then begins anew.
         shift: (2,) rad, the shift it estimates; 0 without an alarm.
         said: One sentence for the operator, or "".
+        hole: Of the record.
     """
 
     model: NormalModel
@@ -40,6 +43,7 @@ class RecordUpdate:
     alarm: bool
     shift: Array
     said: str
+    hole: str = ""
 
 
 def update_model(
@@ -72,6 +76,7 @@ def update_model(
         alarm=False,
         shift=np.zeros(2),
         said="",
+        hole=record.hole,
     )
 
 
@@ -99,7 +104,70 @@ def _restart_after_alarm(
         f"hole {record.hole}: the tilt has shifted by about {a:+.3f} deg in a and {b:+.3f} deg in "
         f"b: {was}check the zero on the mandrel. What follows refines the model."
     )
-    return RecordUpdate(model=changed, score=score, alarm=True, shift=shift, said=said)
+    return RecordUpdate(
+        model=changed, score=score, alarm=True, shift=shift, said=said, hole=record.hole
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BatchRefinement:
+    """What the references of a file did.
+
+    Attributes:
+        model: After them.
+        alarms: Of its watch.
+        memory: Which memory held-out references support; None of a frozen model.
+        expected: (n, 2) rad, deviation the model and the reference led to expect.
+    """
+
+    model: NormalModel
+    alarms: tuple[RecordUpdate, ...]
+    memory: MemoryChoice | None
+    expected: Array
+
+
+def refine_model(
+    before: NormalModel, holes: ProductionRecord, *, truth: str, reference: float
+) -> BatchRefinement:
+    """Returns the model after holes that it moved all of.
+
+    Its memory is the one that held-out references support; without one it stays as it is. After
+    an alarm among the last references too few follow to learn the zero anew, and it is not
+    forgotten.
+
+    Args:
+        before: Moved all holes.
+        holes: In their order.
+        truth: What measured them.
+        reference: rad, deviation of the reference in each of a and b.
+
+    Raises:
+        ConfigurationError: No outside reference.
+    """
+    plain = correct_readings(before.foot, before.head.order, before.correction, holes.clamps)
+    moved = with_refinement(before, plain)
+    deviation = np.sqrt(np.diagonal(moved.covariance, axis1=1, axis2=2) + reference**2)
+    memory = None
+    model = before
+    if before.frozen is None:
+        c = plain.conditions
+        causes = np.stack([c.a, c.b, c.force], axis=-1)
+        memory = choose_memory(before.refinement, causes, holes.left, reference=reference)
+        model = replace(before, refinement=memory.start or before.refinement)
+    alarms = []
+    for i, name in enumerate(holes.hole):
+        found = with_refinement(model, plain.take(slice(i, i + 1)))
+        record = record_of(name, found, holes.left[i], truth, holes.provenance, moved=moved.tilt[i])
+        step = update_model(model, found, record, reference=reference)
+        late = step.alarm and model.frozen is None and len(holes.hole) - i < FEWEST
+        if late:
+            learned = update_refinement(model.refinement, record, reference=reference)
+        model = replace(step.model, refinement=learned) if late else step.model
+        if step.alarm:
+            alarms.append(step)
+    if memory is not None and memory.start is None and not alarms:
+        model = replace(model, refinement=before.refinement, version=before.version)
+    return BatchRefinement(model=model, alarms=tuple(alarms), memory=memory, expected=deviation)
 
 
 def freeze_model(

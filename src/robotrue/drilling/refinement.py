@@ -121,7 +121,7 @@ class Refinement(Columns):
         Args:
             cause: (n, 3) a and b in deg as the foot sees them, clamp force in kN.
         """
-        x = _row(cause)
+        x = terms_of_cause(cause)
         share = np.einsum("ij,jk,ik->i", x, self.covariance, x) * (self.records > 0)
         return x @ self.coefficients, self.sigma**2 * share
 
@@ -134,7 +134,7 @@ def update_refinement(state: Refinement, record: Remaining, *, reference: float)
         record: What remained.
         reference: rad, deviation of the reference in each of a and b.
     """
-    x = _row(record.cause[None])[0]
+    x = terms_of_cause(record.cause[None])[0]
     prior = _forgotten(state)
     noise = 1.0 + (reference / state.sigma) ** 2
     gain = prior @ x / (noise + x @ prior @ x)
@@ -163,7 +163,8 @@ def _forgotten(state: Refinement) -> Array:
     return np.asarray(grown * np.outer(over, over))
 
 
-def _row(cause: Array) -> Array:
+def terms_of_cause(cause: Array) -> Array:
+    """Returns the terms (n, 4) 1, a, b, F of causes (n, 3)."""
     cause = np.atleast_2d(cause)
     if cause.shape[1] != TERMS - 1:
         raise ShapeError(f"causes have shape {cause.shape}, expected (n, 3).")

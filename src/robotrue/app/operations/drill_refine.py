@@ -11,15 +11,17 @@ from robotrue.app.context import Context
 from robotrue.app.drill_fields import DrillModel, ModelOutput, ReferenceSigma, ZeroFoot
 from robotrue.app.operation import Operation
 from robotrue.app.plain_result import PlainResult
-from robotrue.app.presentation import Note, count
+from robotrue.app.presentation import Note, Table, count
 from robotrue.app.request import InputFile, Option, Request
 from robotrue.core.units import DEG
 from robotrue.drilling.drill_defaults import LIMIT_DEG, REFERENCE_SIGMA_DEG
 from robotrue.errors import ConfigurationError
 
 if TYPE_CHECKING:
+    from robotrue.app.presentation import Block
     from robotrue.drilling.campaign_csv import ProductionRecord
     from robotrue.drilling.foot_model import NormalModel
+    from robotrue.drilling.refinement_choice import MemoryChoice
 
 
 class DrillRefineRequest(Request):
@@ -66,11 +68,11 @@ def run(request: DrillRefineRequest, context: Context) -> PlainResult:
     before = model = read_model(path)
     setup = setup_of(model, path, request.foot)
     alarms: list[dict[str, object]] = []
-    holes = 0
+    holes, memory = 0, None
     if request.records is not None:
-        production = read_production(request.records, setup)
+        production = read_production(request.records, setup, version=model.version)
         holes = len(production.hole)
-        model, alarms = _refine(model, production, request, context)
+        model, alarms, memory = _refine(model, production, request, context)
     elif request.freeze is None:
         raise ConfigurationError(
             "no RECORDS to refine the model by, and no --freeze.", hint="RECORDS, or --freeze TEST."
@@ -88,10 +90,12 @@ def run(request: DrillRefineRequest, context: Context) -> PlainResult:
             "records": holes,
             "alarms": alarms,
             "version_before": before.version,
+            "memory": _memory_document(memory),
             **_document(model),
         },
         shown=(
             *([] if request.records is None else [Note(taken)]),
+            *_memory_blocks(memory),
             Note(f"{_state(model)}, written to {output}"),
         ),
         provenance=model.provenance,
@@ -100,27 +104,65 @@ def run(request: DrillRefineRequest, context: Context) -> PlainResult:
 
 def _refine(
     before: NormalModel, holes: ProductionRecord, request: DrillRefineRequest, context: Context
-) -> tuple[NormalModel, list[dict[str, object]]]:
-    """The model after holes that it moved all of, and the alarms of its watch."""
-    from robotrue.drilling.correction import correct_readings
-    from robotrue.drilling.foot_model import with_refinement
-    from robotrue.drilling.production import record_of, update_model
+) -> tuple[NormalModel, list[dict[str, object]], MemoryChoice | None]:
+    """The model after holes that it moved all of, the alarms of its watch, the memory chosen."""
+    from robotrue.drilling.production import refine_model
+    from robotrue.drilling.refinement_choice import check_references
 
-    model = before
-    alarms: list[dict[str, object]] = []
-    plain = correct_readings(before.foot, before.head.order, before.correction, holes.clamps)
-    moved = with_refinement(before, plain).tilt
-    for i, name in enumerate(holes.hole):
-        found = with_refinement(model, plain.take(slice(i, i + 1)))
-        record = record_of(
-            name, found, holes.left[i], request.truth, holes.provenance, moved=moved[i]
-        )
-        step = update_model(model, found, record, reference=request.sigma_deg * DEG)
-        model = step.model
-        if step.alarm:
-            alarms.append({"hole": name, "shift_deg": (step.shift / DEG).tolist()})
-            context.inform(f"ALARM: {step.said}")
-    return model, alarms
+    found = refine_model(before, holes, truth=request.truth, reference=request.sigma_deg * DEG)
+    if warning := check_references(holes.left, found.expected, holes.source):
+        context.note(warning)
+    alarms = []
+    for step in found.alarms:
+        alarms.append({"hole": step.hole, "shift_deg": (step.shift / DEG).tolist()})
+        context.inform(f"ALARM: {step.said}")
+    return found.model, alarms, found.memory
+
+
+def _memory_document(memory: MemoryChoice | None) -> dict[str, object] | None:
+    """What held-out references say of each memory, as JSON values."""
+    if memory is None or not memory.trials:
+        return None
+    trials = [
+        {
+            "forgetting": t.forgetting,
+            "held_out_rms_deg": t.rms / DEG,
+            "gain_sigmas": t.gain,
+        }
+        for t in memory.trials
+    ]
+    return {
+        "refined": memory.start is not None,
+        "forgetting": None if memory.start is None else memory.start.forgetting,
+        "before_rms_deg": memory.before / DEG,
+        "trials": trials,
+    }
+
+
+def _memory_blocks(memory: MemoryChoice | None) -> list[Block]:
+    """The trials as a table, and what follows from them."""
+    if memory is None:
+        return []
+    if not memory.trials:
+        return [Note("too few references to hold any out: refined with the memory of the model")]
+    table = Table(
+        title=f"Held-out references; without refinement {memory.before / DEG:.5f} deg rms",
+        columns=("forgetting", "rms deg", "gain sigmas"),
+        rows=tuple(
+            (
+                f"{t.forgetting:g}",
+                f"{t.rms / DEG:.5f}",
+                f"{t.gain:+.1f}",
+            )
+            for t in memory.trials
+        ),
+    )
+    said = (
+        "not refined: no memory surely predicts held-out references better than the model as it is"
+        if memory.start is None
+        else f"refined with forgetting {memory.start.forgetting:g}"
+    )
+    return [table, Note(said)]
 
 
 def _document(model: NormalModel) -> dict[str, object]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.plain_result import PlainResult
-from robotrue.app.request import Option, Request
+from robotrue.app.request import InputFile, Option, Request
 from robotrue.app.simulated_service import Seconds, run_until_stopped
 from robotrue.errors import ConfigurationError
 from robotrue.simulation.device_defaults import HOLES, SHIFT_UM
@@ -47,6 +47,10 @@ class SimulateDrillRequest(Request):
     ] = 0.005
     nonlinear: Annotated[bool, Option(help="A foot that bends with force and tilt.")] = False
     friction: Annotated[bool, Option(help="With friction in the foot's joint.")] = False
+    foot: Annotated[
+        Path | None,
+        InputFile(help="Foot file with the sensors of the machine; three on 60 mm without."),
+    ] = None
     seconds: Seconds = None
     seed: Annotated[int, Option(help="Of the machine, its surfaces and its noise.")] = 0
 
@@ -71,9 +75,15 @@ def run(request: SimulateDrillRequest, context: Context) -> PlainResult:
     Raises:
         ConfigurationError: Numbers or an address that cannot be, or nobody answers.
     """
+    from robotrue.drilling.foot_file import read_foot
     from robotrue.simulation.drilling_machine import drilling_machine
 
-    machine = drilling_machine(request.seed, nonlinear=request.nonlinear, friction=request.friction)
+    machine = drilling_machine(
+        request.seed,
+        nonlinear=request.nonlinear,
+        friction=request.friction,
+        foot=None if request.foot is None else read_foot(request.foot).foot,
+    )
     if request.write is None:
         return _drill(machine, request, context)
     return _write_files(machine, request.write, request.seed, context)
