@@ -116,6 +116,17 @@ def _touches(lab: Lab) -> None:
         lab("points.csv"),
         ProbingSet(names=names, point=points, joints=joints, provenance=lab.origin),
     )
+    more, at = touched.by_joints(1, seed=9)
+    for name, rows in (("pin.csv", 1), ("same.csv", 2)):
+        write_points(
+            lab(name),
+            ProbingSet(
+                names=("pin", "pin2")[:rows],
+                point=np.repeat(more, rows, axis=0),
+                joints=np.repeat(at, rows, axis=0),
+                provenance=lab.origin,
+            ),
+        )
     write_points(
         lab("few_points.csv"),
         ProbingSet(names=names[:4], point=points[:4], joints=joints[:4], provenance=lab.origin),
@@ -222,6 +233,15 @@ CASES: Final[Mapping[str, Case]] = {
     "register": Case(
         lambda f: (f("m.rtm"), f("points.csv"), "-o", f("placed.toml"), "--fit", "frame"),
         files=("placed.toml",),
+    ),
+    "datum-check": Case(
+        lambda f: (f("placed.toml"), f("pin.csv"), "--tolerance-mm", 5),
+    ),
+    "tool-point": Case(
+        lambda f: (f("m.rtm"), f("pin.csv"), "--table", f("points.csv"), "-o", f("tooled.toml")),
+    ),
+    "tool-axis": Case(
+        lambda f: (f("m.rtm"), f("same.csv"), "--normal", "0,0,1"),
     ),
     "register-rounds": Case(
         lambda f: (f("placed.toml"), f("few_points.csv"), "-o", f("rounds.toml")),

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGES = ("three-points-and-rounds",)
+PAGES = ("three-points-and-rounds", "tool-point-from-the-table")
 
 
 @pytest.mark.parametrize("page", PAGES)

@@ -50,6 +50,11 @@ FrameFormats: TypeAlias = Annotated[
     Option(help="Also print the frame: krl, rapid, fanuc, yaskawa, ur, g54; repeatable."),
 ]
 FrameNumber: TypeAlias = Annotated[int, Option(help="Of the controller's frame table.")]
+ToolFormats: TypeAlias = Annotated[
+    tuple[str, ...],
+    Option(help="Also print the tool: krl, rapid, fanuc, yaskawa, ur; repeatable."),
+]
+ToolNumber: TypeAlias = Annotated[int, Option(help="Of the controller's tool table.")]
 TouchSigma: TypeAlias = Annotated[
     float, Option(help="One standard deviation per axis of one touch.")
 ]

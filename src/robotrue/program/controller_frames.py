@@ -1,4 +1,4 @@
-"""A found frame as controllers take it: text to paste or to type in, with its Euler order named.
+"""A found frame or tool as controllers take it: text to paste or to type in, Euler order named.
 
 Numbers are printed to 1e-4 mm and 1e-6 deg (0.02 um over a metre). A controller's user frame stands
 in its world frame; where that is not the robot's root ($ROBROOT, a shifted ABB base frame, Fanuc's
@@ -136,6 +136,93 @@ def _g54(xyz: Array, R: Array, name: str, number: int) -> ControllerFrame:
         f"G{53 + number} X{x} Y{y} Z{z} A{a} B{b} C{c}\n"
         f"$P_UIFR[{number}]=CTRANS(X,{x},Y,{y},Z,{z}):CROT(X,{a},Y,{b},Z,{c})\n",
     )
+
+
+def controller_tool(
+    T_flange_tool: Array, form: str, *, name: str = "tool", number: int = 1
+) -> ControllerFrame:
+    """Returns a tool as the controller takes it.
+
+    Args:
+        T_flange_tool: (4, 4) m.
+        form: ``krl``, ``rapid``, ``fanuc``, ``yaskawa`` or ``ur``.
+        name: Of the tool.
+        number: Of the controller's tool table.
+
+    Raises:
+        ConfigurationError: An unknown form, or a number the controller does not have.
+    """
+    if form not in TOOLS:
+        raise ConfigurationError(
+            f"tool format {form!r}, expected {', '.join(TOOLS)}.", hint="--tool-format krl"
+        )
+    low, high, write = TOOLS[form]
+    if not low <= number <= high:
+        raise ConfigurationError(
+            f"tool number {number} of {form}, allowed {low} to {high}.",
+            hint=f"--tool-number {low}",
+        )
+    T: Array = frozen(T_flange_tool, (4, 4), "T_flange_tool")
+    frame = FORMS[form][2](T[:3, 3] / MM, T[:3, :3], _word(name), 1)
+    return ControllerFrame(
+        system=frame.system,
+        order=frame.order,
+        text=write(T[:3, 3] / MM, T[:3, :3], _word(name), number),
+    )
+
+
+def _krl_tool(xyz: Array, R: Array, name: str, number: int) -> str:
+    x, y, z = (_mm(v) for v in xyz)
+    a, b, c = (_deg(v) for v in abc_from_matrix(R) / DEG)
+    values = f"{{X {x},Y {y},Z {z},A {a},B {b},C {c}}}"
+    return (
+        f"; {name} in the flange, mm; R = Rz(A) Ry(B) Rx(C), deg\n"
+        f"$TOOL={values}\nTOOL_DATA[{number}]={values}\n"
+    )
+
+
+def _rapid_tool(xyz: Array, R: Array, name: str, number: int) -> str:
+    x, y, z = (_mm(v) for v in xyz)
+    q = ",".join(f"{v:.9f}" for v in quat_wxyz_from_matrix(R) + 0.0)
+    return (
+        f"! {name} in the flange, mm; [q1,q2,q3,q4] = [w,x,y,z]; mass and centre are not known\n"
+        f"PERS tooldata t_{name[:29]}:=[TRUE,[[{x},{y},{z}],[{q}]],"
+        "[0.001,[0,0,0.001],[1,0,0,0],0,0,0]];\n"
+    )
+
+
+def _fanuc_tool(xyz: Array, R: Array, name: str, number: int) -> str:
+    x, y, z = (_mm(v) for v in xyz)
+    r, p, w = (_deg(v) for v in abc_from_matrix(R) / DEG)
+    return (
+        f"UTOOL[{number}] {name}, mm; R = Rz(R) Ry(P) Rx(W), deg\n"
+        f"X: {x}  Y: {y}  Z: {z}\nW: {w}  P: {p}  R: {r}\n"
+    )
+
+
+def _yaskawa_tool(xyz: Array, R: Array, name: str, number: int) -> str:
+    rotation = (abc_from_matrix(R) / DEG)[::-1]
+    values = ",".join([*(f"{v + 0.0:.3f}" for v in xyz), *(f"{v + 0.0:.4f}" for v in rotation)])
+    return (
+        "; in TOOL.CND: X,Y,Z mm, Rx,Ry,Rz deg, R = Rz(Rz) Ry(Ry) Rx(Rx)\n"
+        f"//TOOL {number}\n///NAME {name[:16]}\n{values}\n"
+    )
+
+
+def _ur_tool(xyz: Array, R: Array, name: str, number: int) -> str:
+    position = ", ".join(f"{v * MM:.7f}" for v in xyz + 0.0)
+    vector = ", ".join(f"{v:.9f}" for v in rotation_vector_from_matrix(R) + 0.0)
+    return f"# {name} in the flange, m; rotation vector, rad\nset_tcp(p[{position}, {vector}])\n"
+
+
+TOOLS: Final[dict[str, tuple[int, int, Callable[[Array, Array, str, int], str]]]] = {
+    "krl": (1, 128, _krl_tool),
+    "rapid": (1, ANY, _rapid_tool),
+    "fanuc": (1, 30, _fanuc_tool),
+    "yaskawa": (0, 63, _yaskawa_tool),
+    "ur": (1, ANY, _ur_tool),
+}
+"""Name of each form, first and last number of the tool table, and its writer."""
 
 
 FORMS: Final[dict[str, tuple[int, int, Callable[[Array, Array, str, int], ControllerFrame]]]] = {

@@ -12,3 +12,7 @@ METHOD: Final = "touches"
 """Every touch counts, and wrong ones are named."""
 FRAME_NUMBER: Final = 1
 """First entry of a controller's frame table."""
+TOOL_NUMBER: Final = 1
+"""First entry of a controller's tool table that is free."""
+SQUARE_DEG: Final = 0.05
+"""One squaring of a tool on a plane, per axis: a 20 mm square held against the shank by eye."""

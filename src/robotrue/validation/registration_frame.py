@@ -51,6 +51,7 @@ class RegistrationSettings:
         mesh: The part; touches with a normal then lie on it.
         on_mesh: m, how far a nominal point may be off it.
         arm: Payload, repeatability and priors of the arm.
+        belief: What is believed of a nominal arm, where it is more than those priors.
     """
 
     touch: float = TOUCH
@@ -63,6 +64,7 @@ class RegistrationSettings:
     mesh: TriangleMesh | None = None
     on_mesh: float = 0.2 * MM
     arm: FitSettings = field(default_factory=FitSettings)
+    belief: Belief | None = None
 
     def __post_init__(self) -> None:
         """Refuses sizes that cannot be.
@@ -297,6 +299,8 @@ def arm_belief(arm: ErrorModel, settings: RegistrationSettings) -> Belief | None
         variance = np.zeros(len(belief.mean))
         variance[parameter_slice(belief.robot.dof, "tool")][:3] = (settings.tool_sigma or 0.0) ** 2
         return add_variance(belief, variance)
+    if settings.belief is not None:
+        return settings.belief
     robot = arm.robot
     if settings.T_flange_tool is not None:
         robot = robot.with_tool(settings.T_flange_tool)

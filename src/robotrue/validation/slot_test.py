@@ -261,6 +261,45 @@ def check_datums(
         ConfigurationError: A datum that the frame was made of, or no tolerance.
         ShapeError: Wrong shapes, or no datum.
     """
+    lever = np.asarray(in_part, dtype=np.float64) @ T_base_part[:3, :3].T
+    known = propagate_covariance(np.asarray(covariance), lever)
+    turn = T_base_part[:3, :3]
+    return judge_datums(
+        T_base_part,
+        in_part,
+        in_base,
+        covariance=turn.T @ (known + noise.sigma**2 * np.eye(3)) @ turn,
+        tolerance=tolerance,
+        names=names,
+        used=used,
+    )
+
+
+def judge_datums(
+    T_base_part: Array,
+    in_part: Array,
+    in_base: Array,
+    *,
+    covariance: Array,
+    tolerance: float,
+    names: tuple[str, ...] | None = None,
+    used: tuple[str, ...] = (),
+) -> DatumCheck:
+    """Returns the check of datums whose covariance is known.
+
+    Args:
+        T_base_part: (4, 4) the frame to be checked.
+        in_part: (n, 3) m, nominal datums.
+        in_base: (n, 3) m, touched.
+        covariance: (n, 3, 3) m^2 in part, of touched less nominal if the frame is right.
+        tolerance: m.
+        names: One per datum.
+        used: Names of the touches the frame was made of.
+
+    Raises:
+        ConfigurationError: As :func:`check_datums`.
+        ShapeError: As :func:`check_datums`.
+    """
     part: Array = frozen(in_part, (None, 3), "in_part")
     base: Array = frozen(in_base, (len(part), 3), "in_base")
     labels = name_touches(names, len(part))
@@ -274,19 +313,15 @@ def check_datums(
             f"datum {', '.join(common)} was used for the frame and agrees with it by construction.",
             hint="touch another feature of the part.",
         )
-    turn = T_base_part[:3, :3]
-    lever = part @ turn.T
-    known = propagate_covariance(np.asarray(covariance), lever)
-    total = turn.T @ (known + noise.sigma**2 * np.eye(3)) @ turn
     deviation = apply(inverse(T_base_part), base) - part
-    square = np.einsum("ni,nij,nj->n", deviation, np.linalg.inv(total), deviation)
+    square = np.einsum("ni,nij,nj->n", deviation, np.linalg.inv(covariance), deviation)
     probability = chi2.sf(square, 3)
-    resolution = float(np.sqrt(chi2.ppf(0.95, 3) * np.linalg.eigvalsh(total)[:, -1].max()))
+    resolution = float(np.sqrt(chi2.ppf(0.95, 3) * np.linalg.eigvalsh(covariance)[:, -1].max()))
     verdict, reason = _check_deviation(deviation, probability, resolution, tolerance, labels)
     return DatumCheck(
         names=labels,
         deviation=frozen(deviation, (len(part), 3), "deviation"),
-        covariance=frozen(total, (len(part), 3, 3), "covariance"),
+        covariance=frozen(covariance, (len(part), 3, 3), "covariance"),
         probability=frozen(probability, (len(part),), "probability"),
         tolerance=tolerance,
         resolution=resolution,

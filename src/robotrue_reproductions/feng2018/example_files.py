@@ -8,12 +8,14 @@ writes a cell, three rounds of touches of three points, and what is named in :da
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
 from robotrue.core.arrays import Array
+from robotrue.core.poses import pose
 from robotrue.core.provenance import Provenance, mark_line
 from robotrue.core.units import DEG, MM
 from robotrue_reproductions.feng2018.machining_cell import (
@@ -38,7 +40,12 @@ mm = 0.1
 HEAD: Final = "name,px_mm,py_mm,pz_mm,j1_deg,j2_deg,j3_deg,j4_deg,j5_deg,j6_deg"
 LEAN: Final = 5.0 * DEG
 """Of the wrist from touch to touch."""
-FILES: Final = ("cell.toml", "round1.csv", "round2.csv", "round3.csv")
+FILES: Final = (
+    "cell.toml", "round1.csv", "round2.csv", "round3.csv", "table.csv", "tool.csv"
+)  # fmt: skip
+TIP: Final = np.array([8.3, -5.2, 240.4]) * MM
+"""Of the tool in ``tool.csv``."""
+TABLE: Final = np.array([[10, 0, 10], [390, 0, 10], [10, 0, 390], [390, 0, 390]]) * MM
 
 
 def write_example(folder: Path, seed: int = 1) -> None:
@@ -48,6 +55,18 @@ def write_example(folder: Path, seed: int = 1) -> None:
     (folder / "cell.toml").write_text(CELL, encoding="utf-8")
     for number in (1, 2, 3):
         _write(folder / f"round{number}.csv", cell, CORNER, "R", ("K", "L", "M"), rng)
+    names = ("A", "B", "C", "D")
+    _write(folder / "table.csv", cell, TABLE, "R", names, rng)
+    _write(folder / "tool.csv", with_tool(cell, TIP), TABLE, "R", names, rng)
+
+
+def with_tool(cell: FengCell, tip: Array) -> FengCell:
+    """Returns the cell with another tool, of which the controller knows the place to 10 mm."""
+    actual = replace(
+        cell.robot.actual, T_flange_tool=pose(cell.robot.actual.T_flange_tool[:3, :3], tip)
+    )
+    nominal = cell.robot.nominal.with_tool(pose(np.eye(3), np.round(tip, 2)))
+    return replace(cell, robot=replace(cell.robot, actual=actual, nominal=nominal))
 
 
 def _write(
