@@ -25,6 +25,8 @@ from robotrue.errors import ConfigurationError
 
 ANY: Final = 1_000_000
 """Last number where frames have names and the number says nothing."""
+FIRST: Final = 1
+"""Entry of a controller's table that is filled where none is stated."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,7 +45,7 @@ class ControllerFrame:
 
 
 def controller_frame(
-    T_base_part: Array, form: str, *, name: str = "part", number: int = 1
+    T_base_part: Array, form: str, *, name: str = "part", number: int = FIRST
 ) -> ControllerFrame:
     """Returns the frame as the controller takes it.
 
@@ -139,7 +141,7 @@ def _g54(xyz: Array, R: Array, name: str, number: int) -> ControllerFrame:
 
 
 def controller_tool(
-    T_flange_tool: Array, form: str, *, name: str = "tool", number: int = 1
+    T_flange_tool: Array, form: str, *, name: str = "tool", number: int = FIRST
 ) -> ControllerFrame:
     """Returns a tool as the controller takes it.
 
