@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -21,7 +21,7 @@ SAYS: Final = {
 }
 
 
-def rounds_document(rounds: RoundsResult) -> dict[str, Any]:
+def rounds_document(rounds: RoundsResult) -> dict[str, object]:
     """Returns JSON values; mm, deg."""
     end = rounds.adjustment
     return {

@@ -9,7 +9,7 @@ orientations or more. A touch with the tip says nothing about the turn about the
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
 import numpy as np
 from scipy.stats import chi2
@@ -395,7 +395,7 @@ def _belief(arm: ErrorModel, settings: RegistrationSettings) -> Belief:
 
 def _tip_roots(belief: Belief, query: Query) -> Array:
     """Motion (3n, r) of the tips per unit of every independent error of the arm."""
-    columns: Any = tip_columns(belief, query) @ belief.root.T
+    columns = np.asarray(tip_columns(belief, query) @ belief.root.T)
     return np.asarray(columns.reshape(3 * len(query.joints), -1))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
@@ -47,7 +47,7 @@ def run(request: DatumCheckRequest, context: Context) -> PlainResult:
         ImplausibleDataError: Wrong units.
         ModelMismatchError: Joints of another robot.
     """
-    from robotrue.app.registered import opened
+    from robotrue.app.registered import open_model
     from robotrue.calibration.nominal import NominalModel
     from robotrue.core.provenance import merge
     from robotrue.measurement.formats.part_points import read_points
@@ -56,7 +56,7 @@ def run(request: DatumCheckRequest, context: Context) -> PlainResult:
     from robotrue.validation.registration_frame import RegistrationSettings
 
     source = context.cell_file(request.cell)
-    cell, model = opened(source)
+    cell, model = open_model(source)
     if cell.part is None:
         raise ConfigurationError(
             "the cell is not registered: it has no part frame to check.",
@@ -122,7 +122,7 @@ def run(request: DatumCheckRequest, context: Context) -> PlainResult:
     )
 
 
-def _document(check: DatumCheck, joint: bool) -> dict[str, Any]:
+def _document(check: DatumCheck, joint: bool) -> dict[str, object]:
     return {
         "verdict": check.verdict,
         "reason": check.reason,

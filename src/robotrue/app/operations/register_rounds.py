@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
@@ -83,7 +83,7 @@ class AdjustedInRounds:
     output: Path
     provenance: Provenance
 
-    def document(self) -> Mapping[str, Any]:
+    def document(self) -> Mapping[str, object]:
         """Returns JSON values; mm, deg."""
         from robotrue.app.registration_view import frames_document, registration_document
         from robotrue.app.rounds_view import rounds_document

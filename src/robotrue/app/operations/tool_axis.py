@@ -66,7 +66,7 @@ def run(request: ToolAxisRequest, context: Context) -> PlainResult:
     """
     import numpy as np
 
-    from robotrue.app.registered import opened
+    from robotrue.app.registered import open_model
     from robotrue.app.tool_view import tool_texts, write_tool
     from robotrue.calibration.nominal import NominalModel
     from robotrue.cell.registration.tool import tool_frame
@@ -76,7 +76,7 @@ def run(request: ToolAxisRequest, context: Context) -> PlainResult:
     for form in request.tool_format:
         controller_tool(np.eye(4), form, number=request.tool_number)  # refuses before any work
     source = context.cell_file(request.cell)
-    cell, model = opened(source)
+    cell, model = open_model(source)
     arm = NominalModel(robot=cell.robot) if model is None else model
     found, origin = _find(request, cell, arm)
     T = tool_frame(

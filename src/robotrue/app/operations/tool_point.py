@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
@@ -60,7 +60,7 @@ def run(request: ToolPointRequest, context: Context) -> PlainResult:
     """
     import numpy as np
 
-    from robotrue.app.registered import opened
+    from robotrue.app.registered import open_model
     from robotrue.app.tool_view import tool_texts, write_tool
     from robotrue.calibration.nominal import NominalModel
     from robotrue.core.poses import pose
@@ -74,7 +74,7 @@ def run(request: ToolPointRequest, context: Context) -> PlainResult:
     for form in request.tool_format:
         controller_tool(np.eye(4), form, number=request.tool_number)  # refuses before any work
     source = context.cell_file(request.cell)
-    cell, model = opened(source)
+    cell, model = open_model(source)
     touches = read_points(request.touches).touches
     table = None if request.table is None else read_points(request.table).touches
     tool_sigma = None if request.tool_sigma_mm is None else request.tool_sigma_mm * MM
@@ -106,7 +106,7 @@ def run(request: ToolPointRequest, context: Context) -> PlainResult:
 
 def _document(
     found: CalibratedTool, texts: tuple[tuple[str, str], ...], verdict: str
-) -> dict[str, Any]:
+) -> dict[str, object]:
     return {
         "xyz_mm": (found.p_flange_tool / MM).tolist(),
         "covariance_mm2": (found.covariance / MM**2).tolist(),
