@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from planted_arm import PAYLOAD, arm, planted, postures
+from planted_arm import arm, planted, postures
 
 from robotrue.calibration.archive import open_model
 from robotrue.calibration.lineage import identity_of
@@ -42,7 +42,7 @@ def test_its_identity_is_the_geometry_and_its_archive_comes_back():
     assert archive_bytes(again.to_archive()) == archive_bytes(model.to_archive())
     assert model.at_reflector(0) is model
     assert model.training_summary()["rows"] == 0
-    assert not model.mean_tables(PAYLOAD).robot.errors.any()
+    assert not model.mean_tables().robot.errors.any()
 
 
 def test_what_it_does_not_know_is_refused():

@@ -16,7 +16,7 @@ from robotrue.program.program import Motion, Program, Reason
 from robotrue.robot.forward import forward, walk
 from robotrue.robot.model import RobotModel, parameter_slice
 from robotrue.robot.presets import preset
-from robotrue.robot.statics import NO_LOAD, drive_torque
+from robotrue.robot.statics import drive_torque
 
 TOOL = pose_from_xyz_abc(np.array([120.0, -35.0, 260.0]) * MM, np.array([30.0, 80.0, -15.0]) * DEG)
 FRAME = pose_from_xyz_abc(np.array([900.0, -200.0, 300.0]) * MM, np.array([15.0, -4.0, 8.0]) * DEG)
@@ -51,7 +51,7 @@ class TableModel:
     def robot(self) -> RobotModel:
         return self.tables.robot.nominal()
 
-    def mean_tables(self, load=NO_LOAD):
+    def mean_tables(self):
         return self.tables if self.flat else None
 
     def actual(self, query: Query):

@@ -213,7 +213,7 @@ def test_archive_gives_the_same_model_to_the_last_bit(name, tmp_path):
 
 @pytest.mark.parametrize("name", MODELS)
 def test_tables_say_what_predict_says(name):
-    tables = model(name).mean_tables(query().load)
+    tables = model(name).mean_tables()
     if tables is None:
         assert name in POSES
         return

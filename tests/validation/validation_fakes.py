@@ -16,7 +16,6 @@ from robotrue.core.arrays import Array
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel
-from robotrue.robot.statics import NO_LOAD, Load
 
 SIGMA = 0.05e-3
 
@@ -59,7 +58,7 @@ class FakeModel:
     def belief(self) -> None:
         return None
 
-    def mean_tables(self, load: Load = NO_LOAD) -> MeanTables | None:
+    def mean_tables(self) -> MeanTables | None:
         return None
 
     def in_base(self, measurements: MeasurementSet) -> MeasurementSet:

@@ -27,7 +27,6 @@ from robotrue.errors import ConfigurationError
 from robotrue.program.identity import require_compensable
 from robotrue.program.program import FrameTable
 from robotrue.program.program_file import ProgramFile, open_job
-from robotrue.robot.statics import NO_LOAD
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,6 +35,7 @@ class Ground:
 
     Attributes:
         programs: Files of one program, or its folder.
+        folder: Where the programs lie.
         output: File or folder to write.
         cell: Whose frames, tool and payload hold.
         model: Error of the arm; None changes nothing.
@@ -50,6 +50,7 @@ class Ground:
     """
 
     programs: tuple[Path, ...]
+    folder: Path
     output: Path
     cell: Cell
     model: ErrorModel | None
@@ -61,11 +62,6 @@ class Ground:
     home: Array
     steps: StepRule
     split: SplitOptions
-
-    @property
-    def folder(self) -> Path:
-        """Where the programs lie."""
-        return self.programs[0] if self.programs[0].is_dir() else self.programs[0].parent
 
 
 def open_ground(request: CompensateRequest, context: Context) -> Ground:
@@ -91,8 +87,10 @@ def open_ground(request: CompensateRequest, context: Context) -> Ground:
             source=registered or ground,
             hint="robotrue register CELL|MODEL POINTS -o CELL_OUT.",
         )
+    programs = context.program_files(request.program)
     return Ground(
-        programs=context.program_files(request.program),
+        programs=programs,
+        folder=programs[0] if programs[0].is_dir() else programs[0].parent,
         output=context.program_output(request.output),
         cell=cell,
         model=model,
@@ -138,7 +136,7 @@ def _why_whole(request: CompensateRequest, ground: Ground) -> str:
         "--free-spin": request.free_spin,
         ground.split.named: ground.split.asked,
         "no model": model is None,
-        "a model without flat tables": model is not None and model.mean_tables(NO_LOAD) is None,
+        "a model without flat tables": model is not None and model.mean_tables() is None,
     }
     return ", ".join(what for what, asked in asks.items() if asked)
 

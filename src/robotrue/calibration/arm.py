@@ -16,7 +16,6 @@ import numpy as np
 
 from robotrue.calibration.terms.term import ArmPostures, Term
 from robotrue.core.arrays import Array
-from robotrue.core.rotations import rotation_vector_from_matrix
 from robotrue.robot.forward import forward, parameter_jacobian, sensitivity_of, walk
 from robotrue.robot.model import RobotModel, parameter_slice
 from robotrue.robot.statics import Load, drive_torque
@@ -29,14 +28,14 @@ class LinearArm:
     Attributes:
         tip: (n, 3) m, actual tool point in base.
         error: (n, 3) m, actual minus commanded tool point, base axes.
-        turn: (n, 3) rad, left rotation vector of the same.
+        rotation: (n, 3, 3) actual orientation relative to the commanded one, base axes.
         columns: (n, 3, p) derivative of the error by the coefficients.
         uncarried: (n,) m^2 per axis of variance that no coefficient carries.
     """
 
     tip: Array
     error: Array
-    turn: Array
+    rotation: Array
     columns: Array
     uncarried: Array
 
@@ -69,7 +68,17 @@ class ArmWithTerms:
         approach: Array | None = None,
         temperature: Array | None = None,
     ) -> LinearArm:
-        """Returns the error of the arm, linearised.
+        """Returns the error of the arm, linearised; arguments as :meth:`postures`."""
+        return self.linearise_at(self.postures(joints, load, approach, temperature))
+
+    def postures(
+        self,
+        joints: Array,
+        load: Load,
+        approach: Array | None = None,
+        temperature: Array | None = None,
+    ) -> ArmPostures:
+        """Returns postures with the torques on the drives.
 
         Args:
             joints: (n, dof) rad.
@@ -77,15 +86,17 @@ class ArmWithTerms:
             approach: (n, dof) sign of the last motion; unknown if not given.
             temperature: (n,) K; unknown if not given.
         """
-        commanded = forward(self.nominal, joints)
-        at = ArmPostures(
+        return ArmPostures(
             joints=joints,
             torque=drive_torque(self.nominal, joints, load),
             approach=np.empty(0) if approach is None else approach,
             temperature=np.empty(0) if temperature is None else temperature,
         )
+
+    def linearise_at(self, at: ArmPostures) -> LinearArm:
+        """Returns the error of the arm at some of its :meth:`postures`, linearised."""
         shift = at.torque * self.compliance
-        lift, uncarried = np.zeros((len(joints), 3)), np.zeros(len(joints))
+        lift, uncarried = np.zeros((len(shift), 3)), np.zeros(len(shift))
         for term, part in parts_of(self.terms, self.values):
             effect = term.effect(self.actual, at, part)
             if effect.drive_shift is not None:
@@ -96,8 +107,9 @@ class ArmWithTerms:
                 uncarried = uncarried + effect.uncarried
             if self.other_tool is not None:
                 uncarried = uncarried + effect.other_tool
-        state = walk(self.actual, joints, shift)
-        jacobian = parameter_jacobian(self.actual, state, joints, at.torque)[:, :3]
+        commanded = forward(self.nominal, at.joints)
+        state = walk(self.actual, at.joints, shift)
+        jacobian = parameter_jacobian(self.actual, state, at.joints, at.torque)[:, :3]
         by = sensitivity_of(self.actual, jacobian)
         learned = [
             term.columns(self.actual, at, by, part)
@@ -106,12 +118,11 @@ class ArmWithTerms:
         columns = np.concatenate([jacobian, *learned], axis=2)
         if self.other_tool is not None:
             columns[:, :, self.other_tool] = 0.0
-        turn = rotation_vector_from_matrix(state.rotation @ np.swapaxes(commanded[:, :3, :3], 1, 2))
         tip = state.position + lift
         return LinearArm(
             tip=tip,
             error=tip - commanded[:, :3, 3],
-            turn=turn,
+            rotation=state.rotation @ np.swapaxes(commanded[:, :3, :3], 1, 2),
             columns=columns,
             uncarried=uncarried,
         )

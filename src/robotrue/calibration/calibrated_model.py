@@ -23,16 +23,16 @@ from robotrue.calibration.evidence import spread
 from robotrue.calibration.mean_tables import MeanTables, rigid_tables
 from robotrue.calibration.model import Prediction, Query
 from robotrue.calibration.observations import take_to_base
-from robotrue.calibration.terms.term import Term
+from robotrue.calibration.terms.term import ArmPostures, Term
 from robotrue.calibration.terms.term_registry import STANDARD
 from robotrue.calibration.training_summary import TrainingSummary
 from robotrue.core.archive import Archive
 from robotrue.core.arrays import Array
 from robotrue.core.columns import EMPTY, Column, Columns
+from robotrue.core.rotations import rotation_vector_from_matrix
 from robotrue.errors import ModelMismatchError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel, parameter_slice
-from robotrue.robot.statics import NO_LOAD, Load
 
 RIGID_FLEXIBLE: Final = "error-model/rigid-flexible"
 LEARNED: Final = "error-model/learned"
@@ -140,17 +140,22 @@ class CalibratedModel(Columns):
         """
         query = query.expand(self.robot.dof)
         n = len(query.joints)
-        error, turn, covariance = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros((n, 3, 3))
-        arm = self._arm(query)
-        for part, rows in query.chunks(_ROWS):
-            at, columns = self._linear(arm, rows)
-            error[part], turn[part] = at.error, at.turn
+        error, rotation, covariance = np.zeros((n, 3)), np.zeros((n, 3, 3)), np.zeros((n, 3, 3))
+        arm, postures = self._arm(query)
+        for start in range(0, n, _ROWS):
+            part = slice(start, start + _ROWS)
+            at, columns = self._linear(arm, postures.take(part))
+            error[part], rotation[part] = at.error, at.rotation
             if self.root is None:
                 covariance[part] = columns @ self.covariance @ np.swapaxes(columns, 1, 2)
             else:
                 covariance[part] = spread(self.root, columns)
             covariance[part] += (at.uncarried + self._visit)[:, None, None] * np.eye(3)
-        return Prediction(error=error, rotation_error=turn, covariance=self.inflation * covariance)
+        return Prediction(
+            error=error,
+            rotation_error=rotation_vector_from_matrix(rotation),
+            covariance=self.inflation * covariance,
+        )
 
     def joint_covariance(self, query: Query) -> Array:
         """Returns the covariance (3n, 3n) m^2 of the errors of all rows together.
@@ -160,8 +165,7 @@ class CalibratedModel(Columns):
         Raises:
             ShapeError: Joints or approach of another robot.
         """
-        query = query.expand(self.robot.dof)
-        at, columns = self._linear(self._arm(query), query)
+        at, columns = self._linear(*self._arm(query.expand(self.robot.dof)))
         rows = columns.reshape(3 * len(columns), -1)
         own = np.diag(np.repeat(at.uncarried + self._visit, 3))
         if self.root is None:
@@ -176,17 +180,19 @@ class CalibratedModel(Columns):
         """Variance per axis of one visit, m^2."""
         return self.white**2 + self.repeatability**2
 
-    def _arm(self, query: Query) -> ArmWithTerms:
-        return prepare_arm(self.actual, query.T_flange_tool, terms=self.terms, values=self.values)
+    def _arm(self, query: Query) -> tuple[ArmWithTerms, ArmPostures]:
+        """The arm with the tool of a query, and its postures."""
+        arm = prepare_arm(self.actual, query.T_flange_tool, terms=self.terms, values=self.values)
+        return arm, arm.postures(query.joints, query.load, query.approach, query.temperature)
 
-    def _linear(self, arm: ArmWithTerms, rows: Query) -> tuple[LinearArm, Array]:
+    def _linear(self, arm: ArmWithTerms, rows: ArmPostures) -> tuple[LinearArm, Array]:
         """The arm, linearised, and d(error)/d(what the posterior is over)."""
-        at = arm.linearise(rows.joints, rows.load, rows.approach, rows.temperature)
+        at = arm.linearise_at(rows)
         if self.root is None:
             return at, at.columns
         return at, at.columns[:, :, self.columns.astype(np.int64)]
 
-    def mean_tables(self, load: Load = NO_LOAD) -> MeanTables | None:
+    def mean_tables(self) -> MeanTables | None:
         """Returns the mean as flat tables, or None if a term has no such form.
 
         The load enters when they are evaluated.

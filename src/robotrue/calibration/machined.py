@@ -83,8 +83,10 @@ def tip_columns(
         )
     columns, tip = np.zeros((n, 3, len(belief.mean))), np.empty((n, 3))
     arm = prepare_arm(belief.actual, query.T_flange_tool, terms=belief.terms, values=belief.values)
-    for rows, some in query.chunks(ROWS):
-        at = arm.linearise(some.joints, some.load, some.approach, some.temperature)
+    postures = arm.postures(query.joints, query.load, query.approach, query.temperature)
+    for start in range(0, n, ROWS):
+        rows = slice(start, start + ROWS)
+        at = arm.linearise_at(postures.take(rows))
         columns[rows, :, : belief.end], tip[rows] = at.columns, at.tip
     number = _frame_numbers(frames, part, n)
     for k, T in frames.items():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
@@ -56,21 +55,6 @@ class Query:
             raise ShapeError(f"temperature has shape {temperature.shape}, expected ({n},).")
         return replace(self, joints=joints, approach=approach, temperature=temperature)
 
-    def chunks(self, size: int) -> Iterator[tuple[slice, Query]]:
-        """Yields at most ``size`` rows at a time of an expanded query, and which they are."""
-        for start in range(0, len(self.joints), size):
-            part = slice(start, start + size)
-            yield (
-                part,
-                replace(
-                    self,
-                    joints=self.joints[part],
-                    load=self.load.take(part),
-                    approach=self.approach[part],
-                    temperature=self.temperature[part],
-                ),
-            )
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Prediction:
@@ -117,7 +101,7 @@ class ErrorModel(Protocol):
         """
         ...
 
-    def mean_tables(self, load: Load = NO_LOAD) -> MeanTables | None:
+    def mean_tables(self) -> MeanTables | None:
         """Returns the mean as flat tables for fast inversion; None if it has no such form."""
         ...
 

@@ -18,7 +18,6 @@ from robotrue.core.arrays import Array
 from robotrue.errors import ModelMismatchError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel
-from robotrue.robot.statics import NO_LOAD, Load
 
 KIND: Final = "error-model/nominal"
 SCHEMA: Final = 1
@@ -70,7 +69,7 @@ class NominalModel:
         """
         return model_of(self.belief(), {}).joint_covariance(query)
 
-    def mean_tables(self, load: Load = NO_LOAD) -> MeanTables | None:
+    def mean_tables(self) -> MeanTables | None:
         """Returns the nominal chain."""
         return rigid_tables(self.robot)
 

@@ -23,8 +23,7 @@ from robotrue.robot.chain import (
     links_dtype,
     masses_dtype,
 )
-from robotrue.robot.model import RobotModel
-from robotrue.robot.opw import opw_geometry
+from robotrue.robot.opw import OpwGeometry, opw_geometry
 
 MOST_FILLED = 8
 """Harmonics of the recurrence for each harmonic that is present."""
@@ -233,8 +232,7 @@ def calibrated_arm(tables: MeanTables, tools: Array, keep_tool_error: BoolArray)
     for arm, tool, keep in zip(arms, tools, keep_tool_error, strict=True):
         arm["nominal"]["constant"] = link_constants(nominal, tool)
         arm["actual"]["constant"] = link_constants(robot, tool @ error_of_tool if keep else tool)
-        _write_closed_form(arm["closed"], robot, tool)
-    frames = link_frames(robot)
+    frames, geometry = link_frames(nominal), opw_geometry(nominal)
     arms["masses"] = link_masses(robot, frames)
     arms["coupling"], arms["uncoupling"] = robot.joint_map, np.linalg.inv(robot.joint_map)
     arms["coupled"] = not np.array_equal(robot.joint_map, np.eye(DOF))
@@ -243,6 +241,8 @@ def calibrated_arm(tables: MeanTables, tools: Array, keep_tool_error: BoolArray)
     arms["backlash"], arms["feature_scale"] = tables.backlash, tables.scale
     arms["flange"] = frames[-1, :3]
     arms["limits"], arms["length"] = robot.limits, 0.5 * robot.reach
+    if geometry is not None:
+        _write_closed_form(arms["closed"], geometry, tools)
     harmonics, ripple = _ripple(tables)
     return CalibratedArm(
         arms=arms,
@@ -255,14 +255,13 @@ def calibrated_arm(tables: MeanTables, tools: Array, keep_tool_error: BoolArray)
     )
 
 
-def _write_closed_form(closed: np.void, robot: RobotModel, tool: Array) -> None:
-    geometry = opw_geometry(robot)
-    closed["exists"] = geometry is not None
-    if geometry is None:
-        return
+def _write_closed_form(
+    closed: np.ndarray[tuple[int], np.dtype[np.void]], geometry: OpwGeometry, tools: Array
+) -> None:
+    closed["exists"] = True
     for name in ("a1", "a2", "b", "c1", "c2", "c3", "c4", "sign", "offset"):
         closed[name] = getattr(geometry, name)
-    closed["T_tool_wrist"] = inverse(geometry.T_opw_flange @ tool)[:3]
+    closed["T_tool_wrist"] = inverse(geometry.T_opw_flange @ tools)[:, :3]
 
 
 def _ripple(tables: MeanTables) -> tuple[Array, Array]:

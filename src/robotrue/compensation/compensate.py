@@ -67,7 +67,7 @@ def compensate(
     """
     settings = settings or CompensationSettings()
     load = load_about_part_origin(program, settings.load_for(len(program)))
-    setup = compensation_setup(model, program.T_flange_tool, program.start, load, settings)
+    setup = compensation_setup(model, program.T_flange_tool, program.start, settings)
     return compensate_targets(setup, program, load, setup.start_state(), progress)
 
 
@@ -93,13 +93,14 @@ def compensate_targets(
     from robotrue.compensation.solve_targets import solve_targets  # compiles: when needed
 
     robot, settings, n = setup.robot, setup.settings, len(program)
-    outcome = _empty_outcome(program, covariance=settings.covariance)
+    outcome = _empty_outcome(program, n, covariance=settings.covariance)
     axes, words = np.array(program.axes), np.full_like(program.words, NO_WORD)
     notes: list[RowNote] = []
     stance, rotation_known = None, True
     for start in range(0, n, CHUNK):
         rows = slice(start, min(start + CHUNK, n))
-        here, part = program.take(rows), Outcome._make(column[rows] for column in outcome)
+        here = program if n <= CHUNK else program.take(rows)
+        part = Outcome._make(column[rows] for column in outcome)
         reached = bool(state.get("reached"))
         plan = lay_out(robot, here, settings, state)
         nominal, known = solve_targets(setup, here, plan, load.take(rows), state, part)
@@ -155,9 +156,8 @@ def load_about_part_origin(program: Program, load: Load) -> Load:
     return replace(load, wrench=wrench)
 
 
-def _empty_outcome(program: Program, *, covariance: bool) -> Outcome:
-    """Returns the outcome before anything is solved: the targets as they stand."""
-    n = len(program)
+def _empty_outcome(program: Program, n: int, *, covariance: bool) -> Outcome:
+    """Returns the outcome before anything is solved: the n targets as they stand."""
     return Outcome(
         position=np.array(program.position),
         rotation=np.array(program.rotation).reshape(n, 9),

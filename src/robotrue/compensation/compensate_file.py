@@ -118,7 +118,7 @@ def compensate_file(
     load = settings.load_for(file.targets)
     if file.held is not None:
         load = load_about_part_origin(file.held, load)
-    job = _job(model, file, settings, load)
+    job = _job(model, file, settings)
     closed = file.held is not None or job.setup.arm.has_closed_form
     alone = ALONE_SURE if settings.covariance else ALONE
     count = worker_count(file.targets, workers, alone=alone) if closed else 1
@@ -182,10 +182,8 @@ def _workers(
     return ChunkProcesses(job, count)
 
 
-def _job(
-    model: ErrorModel, file: ProgramFile, settings: CompensationSettings, load: Load
-) -> ChunkJob:
-    setup = compensation_setup(model, file.T_flange_tool, file.start, load, settings)
+def _job(model: ErrorModel, file: ProgramFile, settings: CompensationSettings) -> ChunkJob:
+    setup = compensation_setup(model, file.T_flange_tool, file.start, settings)
     if file.held is None and not setup.has_tables:
         raise ConfigurationError(
             "the model has no flat tables; programs are read whole with it.", source=file.name

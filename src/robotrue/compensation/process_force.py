@@ -24,7 +24,6 @@ from robotrue.errors import ConfigurationError, FormatError
 from robotrue.program.cut_path import CutPath, ProcessForce, cut_path
 from robotrue.program.formats.stated_feeds import stated_feeds
 from robotrue.program.program import Motion, Program
-from robotrue.robot.statics import NO_LOAD
 
 Axes: TypeAlias = Literal["base", "tool", "path"]
 Key: TypeAlias = Literal["line", "target", "path_mm"]
@@ -398,7 +397,7 @@ def note_rigid_model(force: StatedForce, model: ErrorModel | None) -> list[str]:
 
 
 def _rigid(model: ErrorModel) -> bool:
-    tables = model.mean_tables(NO_LOAD)
+    tables = model.mean_tables()
     return tables is not None and not tables.robot.error("compliance").any()
 
 

@@ -138,7 +138,7 @@ def choose_spins(
     base = compensate(model, program, settings=replace(settings, covariance=False))
     load = settings.load_for(len(program))
     wrench = np.broadcast_to(load.wrench, (len(program), 6))
-    tables = model.mean_tables(load)
+    tables = model.mean_tables()
     compliance = np.zeros(6) if tables is None else tables.robot.error("compliance")
     task = _Task(
         robot=robot, geometry=geometry, compliance=compliance, program=program,

@@ -145,7 +145,6 @@ def compensation_setup(
     model: ErrorModel,
     T_flange_tool: Array,
     start: Array,
-    load: Load,
     settings: CompensationSettings,
 ) -> CompensationSetup:
     """Returns the setup for a program.
@@ -154,7 +153,6 @@ def compensation_setup(
         model: Error of the robot.
         T_flange_tool: (t, 4, 4) tools of the program.
         start: Axis values (6,) the program says it starts from, controller's sense; or empty.
-        load: Payload and wrench of the program.
         settings: Guards and tolerances.
 
     Raises:
@@ -164,7 +162,7 @@ def compensation_setup(
     measured = np.array(
         [np.allclose(t, robot.T_flange_tool, rtol=0.0, atol=SAME_TOOL) for t in T_flange_tool]
     )
-    tables = model.mean_tables(load)
+    tables = model.mean_tables()
     return CompensationSetup(
         robot=robot,
         arm=calibrated_arm(tables or rigid_tables(robot), T_flange_tool, measured),

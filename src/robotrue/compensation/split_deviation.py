@@ -363,5 +363,5 @@ def _middles(
 
 
 def _backlash(job: JobMoves) -> bool:
-    tables = job.model.mean_tables(job.settings.load)
+    tables = job.model.mean_tables()
     return tables is not None and bool(np.any(tables.backlash))

@@ -13,7 +13,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Protocol, cast
@@ -83,6 +83,7 @@ class ProgramFile:
         notes: What the reader wants the user to know; of a file that is cut, without counts.
         chunks: In file order; together they are the file.
         content: The program, where it is held whole; else how a chunk is read.
+        held: The program of a file that is held whole.
     """
 
     name: str
@@ -95,11 +96,12 @@ class ProgramFile:
     notes: tuple[str, ...]
     chunks: tuple[ProgramChunk, ...]
     content: Program | ChunkRules
+    held: Program | None = field(init=False)
 
-    @property
-    def held(self) -> Program | None:
-        """The program of a file that is held whole."""
-        return self.content if isinstance(self.content, Program) else None
+    def __post_init__(self) -> None:
+        """Says whether the program is held."""
+        held = self.content if isinstance(self.content, Program) else None
+        object.__setattr__(self, "held", held)
 
     @property
     def frames_in_use(self) -> Array:

@@ -85,7 +85,7 @@ def prepare_export(
     Raises:
         ModelMismatchError: A model without tables, or without a training range.
     """
-    tables = model.mean_tables(load)
+    tables = model.mean_tables()
     places = known_places(model, load=load)
     if tables is None or places is None:
         raise ModelMismatchError(

@@ -19,7 +19,7 @@ X, Y, Z = 0, 1, 2
 LINK = -1
 """Number of a mark that is the frame of a link."""
 _REACH_STEPS = 91  # postures of shoulder and of elbow that are tried for the reach
-_BLOCK = 4096  # poses walked at a time in forward(), so that the frame stays in the cache
+BLOCK = 4096  # poses walked at a time in forward(), so that the frame stays in the cache
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -218,12 +218,12 @@ def forward(robot: RobotModel, joints: Array, shift: Array | None = None) -> Arr
     theta = joint_angles(robot, joints, shift)
     out = np.zeros((len(theta), 4, 4))
     out[:, 3, 3] = 1.0
-    for start in range(0, len(theta), _BLOCK):
-        block = theta[start : start + _BLOCK]
+    for start in range(0, len(theta), BLOCK):
+        block = theta[start : start + BLOCK]
         walker = _Walker(len(block))
         for _ in _walk_chain(walker, robot, block):
             pass
-        part = out[start : start + _BLOCK]
+        part = out[start : start + BLOCK]
         for k in range(3):
             part[:, :3, k] = walker.columns[k].T
         part[:, :3, 3] = walker.origin.T

@@ -16,7 +16,7 @@ import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.core.columns import Column, Columns, Rows
-from robotrue.robot.forward import ChainState, walk
+from robotrue.robot.forward import BLOCK, ChainState, walk
 from robotrue.robot.model import RobotModel
 
 
@@ -71,8 +71,12 @@ def drive_torque(robot: RobotModel, joints: Array, load: Load = NO_LOAD) -> Arra
         joints: (n, dof) rad.
         load: Payload and wrench, one row or n rows.
     """
-    state = walk(robot.nominal(), joints)
-    return torque_at(robot, state, load)
+    nominal = robot.nominal()
+    torque = np.empty((len(joints), robot.dof))
+    for start in range(0, len(joints), BLOCK):
+        rows = slice(start, start + BLOCK)
+        torque[rows] = torque_at(nominal, walk(nominal, joints[rows]), load.take(rows))
+    return torque
 
 
 def torque_at(robot: RobotModel, state: ChainState, load: Load) -> Array:

@@ -30,7 +30,6 @@ from robotrue.errors import (
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel
-from robotrue.robot.statics import NO_LOAD, Load
 
 KIND: Final = "error-model/deng2022"
 SCHEMA: Final = 2
@@ -151,7 +150,7 @@ class PoseModel:
         speaks[lost] = np.argmin(away, axis=0)
         return speaks
 
-    def mean_tables(self, load: Load = NO_LOAD) -> MeanTables | None:
+    def mean_tables(self) -> MeanTables | None:
         """Returns None: a model of poses has no tables over joints."""
         return None
 
