@@ -60,7 +60,7 @@ class Rewritten:
     Attributes:
         sha256: Of the bytes.
         counts: JSON values.
-        steps: Of a file that is cut.
+        steps: Of the file by itself.
         held: The program with what became of its targets; None of a file that is cut, or without a
             model.
     """
@@ -92,10 +92,7 @@ def compensate_files(
             for stack, path in zip(stacks, outputs, strict=True)
         ]
         rewritten, between = _rewrite(request, ground, files, forces, streams, context)
-        held = [made.held for made in rewritten if made.held is not None]
-        seen = [(program, result.status, result.shift) for program, result in held]
-        parts = [made.steps for made in rewritten]
-        steps = join_steps([job_steps(seen), *parts] if seen else parts)
+        steps = _join_files(rewritten)
         _require_steps(ground, files, rewritten, steps, context)
         documents = []
         for file, target, force, made, stack in zip(
@@ -126,6 +123,15 @@ def _tell_each(sentences: Iterable[str], notes: Iterable[str], context: Context)
         context.inform(text)
     for text in filter(None, notes):
         context.note(text)
+
+
+def _join_files(rewritten: Sequence[Rewritten]) -> Steps:
+    """Returns the steps of a job; programs that are held may be one text, as those of KRL are."""
+    held = [made.held for made in rewritten if made.held is not None]
+    if len(held) < 2:
+        return join_steps(made.steps for made in rewritten)
+    cut = [made.steps for made in rewritten if made.held is None]
+    return join_steps([job_steps([(p, result.status, result.shift) for p, result in held]), *cut])
 
 
 def _require_steps(
@@ -213,7 +219,8 @@ def _rewritten(
     if file.held is not None and result.held is not None:
         held = (file.held, result.held)
         counts = _counts(result.summary(), force)
-        return Rewritten(sha256=result.sha256, counts=counts, held=held)
+        steps = result.tally.steps
+        return Rewritten(sha256=result.sha256, counts=counts, steps=steps, held=held)
     beside = "moves between points beside it and its own are not looked at for steps."
     remarks = [beside] if any(f.held is not None and len(f.held.path) for f in files) else []
     for text in (*remarks, *result.notes):
@@ -232,8 +239,10 @@ def _write_held(
     """Writes a program that was compensated as a whole."""
     data = write_program(program, result.replacement)
     stream.write(data)
-    counts = {"route": "whole", **_counts(result.tally(program).summary(), force), **more}
-    return Rewritten(sha256=sha256(data), counts=counts, held=(program, result))
+    tally = result.tally(program)
+    counts = {"route": "whole", **_counts(tally.summary(), force), **more}
+    held = (program, result)
+    return Rewritten(sha256=sha256(data), counts=counts, steps=tally.steps, held=held)
 
 
 def _counts(summary: Mapping[str, object], force: StatedForce) -> dict[str, object]:
