@@ -6,6 +6,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import cases
@@ -143,10 +144,7 @@ def test_loads_go_with_their_targets(source: Path) -> None:
 
 def test_an_arm_followed_step_by_step_stays_in_one_process(source: Path) -> None:
     robot = cases.kr160()
-    bent = robot.__class__(
-        **{name: getattr(robot, name) for name in robot.__dataclass_fields__ if name != "alpha"},
-        alpha=robot.alpha + np.array([0.0, 0.0, 0.0, 0.01, 0.0, 0.0]),
-    )
+    bent = replace(robot, alpha=robot.alpha + np.array([0.0, 0.0, 0.0, 0.01, 0.0, 0.0]))
     model, how = cases.rigid_model(robot=bent), settings()
     found, result = streamed(source, model, how, workers=3)
     assert result.workers == 1
