@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Iterator
 from html import unescape
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -15,9 +16,11 @@ from web_shop import Client, Shop, fill, write_files
 
 from robotrue.app.job_files import job_fields
 from robotrue.app.job_kinds import job_kinds
-from robotrue.app.registry import job_operations, listings, why_no_job
+from robotrue.app.registry import job_operations, listings, operation_of, why_no_job
+from robotrue.app.request import InputFile, Item, Output, fields_of
 from robotrue.core.provenance import Provenance
-from robotrue.store import items, jobs
+from robotrue.drilling.drill_defaults import CAMPAIGN
+from robotrue.store import documents, items, jobs
 from robotrue.store.jobs_claim import claim
 from robotrue.store.jobs_work import attempt
 from robotrue.store.nouns import DOCUMENT
@@ -51,7 +54,7 @@ def send(here: Any, name: str, content: str | bytes) -> dict[str, str]:
     return {"upload": answer.json()["id"]}
 
 
-def do(here: Any, own: Shop, kind: str, **parameters: Any) -> jobs.Job:
+def do(here: Any, own: Shop, kind: str, /, **parameters: Any) -> jobs.Job:
     """Asks for a job as the form does, and does it in this process."""
     asked = here.post("/api/jobs", json={"kind": kind, "parameters": parameters})
     assert asked.status_code == 202, asked.text
@@ -200,6 +203,88 @@ def test_a_form_becomes_a_result_that_stays(
     assert not any(incoming.iterdir()) if incoming.is_dir() else True
     found = verify(own.workspace)
     assert (found.faults, found.unnamed) == ((), ())
+
+
+def test_a_cell_may_be_that_of_a_model(here: Any, own: Shop, fitted: str, lab: Lab) -> None:
+    """What is written names the model without a folder, and the model stands beside it."""
+    sent = send(here, "points.csv", lab("points.csv").read_bytes())
+    done = do(here, own, "register", cell=fitted, points=sent, output="stands.toml")
+    assert done.result is not None, done.error
+    record = items.get(own.workspace, DOCUMENT, done.result["document"]["id"])
+    files = {each.name: own.workspace.content(each.sha256) for each in record.attachments}
+    named = set(re.findall(r'"([^"]+\.(?:rtm|robotrue))"', files["stands.toml"].decode()))
+    assert named
+    assert named <= set(files)
+    assert fitted in {link.to.id for link in record.links}
+    for kind, cell in (("map", own.cell.id), ("map", fitted)):
+        asked = {"angle_deg": "-10,10", "radius_mm": "1000,1200", "height_mm": "800,1000"}
+        done = do(here, own, kind, model=cell, **asked, grid="2,2,2", sectors=1)
+        assert done.state == "done", done.error
+    shown = here.get("/tools/map").text
+    assert own.cell.id in shown
+    assert fitted in shown
+
+
+def test_what_one_job_wrote_is_read_by_the_next(here: Any, own: Shop, lab: Lab) -> None:
+    files = [lab("foot.toml"), lab("campaign.csv")]
+    campaign = documents.add(own.workspace, CAMPAIGN, name="clamps", files=files)
+    learned = do(here, own, "drill_fit", campaign=campaign.id, kind="patent")
+    assert learned.result is not None, learned.error
+    model = learned.result["document"]["id"]
+    records = send(here, "records.csv", lab("records.csv").read_bytes())
+    refined = do(here, own, "drill_refine", model=model, records=records, truth="a gauge")
+    assert refined.result is not None, refined.error
+    known = send(here, "known.csv", lab("known.csv").read_bytes())
+    refined_model = refined.result["document"]["id"]
+    assert refined_model in here.get("/tools/drill_evaluate").text
+    judged = do(here, own, "drill_evaluate", model=refined_model, test=known)
+    assert judged.state == "done", judged.error
+    plan = do(here, own, "drill_plan", foot=send(here, "foot.toml", lab("foot.toml").read_bytes()))
+    assert plan.result is not None, plan.error
+    wrong = do(
+        here,
+        own,
+        "drill_evaluate",
+        model=plan.result["document"]["id"],
+        test=known_again(here, lab),
+    )
+    assert wrong.state == "failed"
+    assert wrong.error is not None
+    assert wrong.error["kind"] in ("ArchiveError", "FormatError"), wrong.error
+
+
+def known_again(here: Any, lab: Lab) -> dict[str, str]:
+    return send(here, "known.csv", lab("known.csv").read_bytes())
+
+
+def test_a_form_comes_back_with_the_values_of_a_run(here: Any, own: Shop) -> None:
+    sent = send(here, "again.csv", QUERIES)
+    done = do(here, own, "predict", model=own.model.id, queries=sent, output="mine.csv")
+    assert f"/tools/predict?again={done.id}" in page_of(here, done)
+    form = unescape(here.get(f"/tools/predict?again={done.id}").text)
+    assert 'name="output" value="mine.csv"' in form
+    assert re.search(r'<option value="[^>]*again.csv[^>]*" selected', form)
+    assert f'<option value="{own.model.id}" selected' in form
+    fresh = unescape(here.get("/tools/predict").text)
+    assert 'name="output" value="predict.csv"' in fresh
+
+
+def test_what_runs_until_it_is_stopped_is_a_service() -> None:
+    for each in listings():
+        operation = operation_of(each.name)
+        told = [field.entry.help for field in fields_of(operation.request)]
+        if any("Ctrl-C" in help for help in told):
+            assert operation.is_service, f"{each.name} needs is_service=True"
+
+
+def test_no_parameter_of_a_job_is_a_file_of_the_server() -> None:
+    for kind, operation in job_operations().items():
+        for field in job_fields(operation):
+            path = field.kind is Path and not isinstance(field.entry, InputFile | Output)
+            assert not path, f"{kind}.{field.name}"
+            words = field.entry.metavar or field.entry.help
+            if not isinstance(field.entry, InputFile | Output | Item):
+                assert "=FILE" not in words, f"{kind}.{field.name} names files: InputFile"
 
 
 def test_several_files_become_one_input(here: Any, own: Shop, lab: Lab) -> None:

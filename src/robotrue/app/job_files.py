@@ -23,6 +23,10 @@ from robotrue.errors import ConfigurationError
 
 INPUT: Final = "input"
 """Kind of the documents that keep what came with a job."""
+BLOCKS: Final = "blocks"
+"""In the detail of a kept result: what its page shows."""
+VALUES: Final = "values"
+"""Likewise: the name of the file of its JSON values."""
 LONGEST: Final = 120
 """Characters of the name of a result."""
 _BAD: Final = re.compile(r'[\x00-\x1f\x7f/\\:*?"<>|]')

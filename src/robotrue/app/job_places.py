@@ -6,15 +6,23 @@ import re
 import shutil
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path, PurePosixPath
 from typing import Any, Final
 
 from robotrue.app.job_files import FileItem
+from robotrue.app.kept_context import RESULTS, KeptContext
 from robotrue.app.presentation import Block, Note, Table, Text
-from robotrue.app.request import InputFile, Item, Request, RequestField, fields_of
-from robotrue.app.workspace_context import WorkspaceContext
-from robotrue.core.files import read_bytes
+from robotrue.app.request import (
+    InputFile,
+    Item,
+    ItemVersion,
+    Reference,
+    Request,
+    RequestField,
+    fields_of,
+)
+from robotrue.core.files import read_bytes, sha256_of_file
 from robotrue.errors import ConfigurationError, RobotrueError
 from robotrue.store import items
 from robotrue.store.cells import copy_cell
@@ -23,7 +31,6 @@ from robotrue.store.nouns import CELL, NOUNS, CellRecord
 from robotrue.store.records import ItemRecord, Link
 
 INPUTS: Final = "inputs"
-RESULTS: Final = "results"
 
 
 class JobPlaces:
@@ -34,11 +41,11 @@ class JobPlaces:
         subjects: Names of the files that are read, and behind them of the items.
     """
 
-    def __init__(self, context: WorkspaceContext) -> None:
+    def __init__(self, context: KeptContext) -> None:
         self.links: list[Link] = []
         self.subjects: list[str] = []
         self._context = context
-        self._results = context.folder(RESULTS)
+        self._results = context.results
 
     def input_files(self, field: RequestField, stated: Sequence[FileItem]) -> tuple[Path, ...]:
         """Returns copies of the files that a field reads, with what came beside them.
@@ -62,11 +69,15 @@ class JobPlaces:
         return self._results / name
 
     def results(self) -> list[Path]:
-        """Returns the files that were written; a folder is packed as one."""
+        """Returns the files that were written, and copies that they name; a folder is packed."""
         for folder in [each for each in self._results.iterdir() if each.is_dir()]:
             shutil.make_archive(str(folder), "zip", folder)
             shutil.rmtree(folder)
-        return sorted(self._results.iterdir())
+        copies = self._context.copies
+        found = sorted(self._results.iterdir())
+        written = [path for path in found if copies.get(path) != sha256_of_file(path)]
+        named = {text for path in written for text in _named_files(path)}
+        return [path for path in found if path in written or path.name in named]
 
     def link_items(self, request: Request) -> None:
         """Notes the items that a request refers to, and that they are there.
@@ -78,9 +89,20 @@ class JobPlaces:
             stated = getattr(request, field.name)
             if isinstance(field.entry, Item) and stated is not None:
                 for each in stated if isinstance(stated, tuple) else (stated,):
-                    record = self._context.record(NOUNS[field.entry.noun], each)
+                    noun = self._noun(field.entry, each)
+                    self._context.nouns[each] = noun
+                    record = self._context.record(NOUNS[noun], each)
                     self.links.append(Link(role=field.name, to=record.ref))
                     self.subjects.append(record.name)
+
+    def _noun(self, entry: Item, reference: Reference) -> str:
+        """The noun of an item that is referred to; the usual one where there is none."""
+        if not isinstance(reference, ItemVersion):
+            return entry.noun
+        for noun in (entry.noun, *entry.also):
+            with suppress(ConfigurationError):
+                return items.resolve(self._context.work.workspace, reference.id, noun)[0]
+        return entry.noun
 
     def _copy(self, stated: FileItem, folder: Path, *, several: bool) -> list[Path]:
         """Copies of the files of an item; those that are meant."""
@@ -107,13 +129,7 @@ class JobPlaces:
 
 def _require_own_files(path: Path) -> None:
     """Refuses a TOML that names a file outside of the folder it came to."""
-    if path.suffix.lower() != ".toml":
-        return
-    try:
-        stated = tomllib.loads(read_bytes(path).decode("utf-8-sig", errors="replace"))
-    except tomllib.TOMLDecodeError:  # whoever reads it says where
-        return
-    for text in _texts(stated):
+    for text in _named_files(path):
         named = PurePosixPath(text.replace("\\", "/"))
         if named.is_absolute() or ".." in named.parts:
             raise ConfigurationError(
@@ -121,6 +137,13 @@ def _require_own_files(path: Path) -> None:
                 source=path.name,
                 hint="choose a cell of the workspace, which brings the files it names.",
             )
+
+
+def _named_files(path: Path) -> Iterator[str]:
+    """All texts in a TOML, among them the files it may name; of another file none."""
+    if path.suffix.lower() == ".toml":
+        with suppress(tomllib.TOMLDecodeError):  # whoever reads it says where
+            yield from _texts(tomllib.loads(read_bytes(path).decode("utf-8-sig", errors="replace")))
 
 
 def _texts(value: object) -> Iterator[str]:

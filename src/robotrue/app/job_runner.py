@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from robotrue.app.job_parameters import stated_parameters
 from robotrue.app.job_places import JobPlaces, hide_folder
+from robotrue.app.kept_context import KeptContext
 from robotrue.app.kept_result import keep_result
 from robotrue.app.operation import AnyOperation
 from robotrue.app.presentation import Note
@@ -28,14 +29,15 @@ def run_job(work: Work) -> Publish:
 
 def _run(operation: AnyOperation, work: Work) -> Publish:
     naming = stated_parameters(operation, work.parameters).naming
-    context = WorkspaceContext(work, naming)
     save = operation.save
     if save is None:
-        places = JobPlaces(context)
+        kept = KeptContext(work, naming)
+        places = JobPlaces(kept)
         request = stated_parameters(operation, work.parameters, places).request
         places.link_items(request)
-        found = operation.run(request, context)
-        return lambda into: keep_result(found, into, context, places)
+        found = operation.run(request, kept)
+        return lambda into: keep_result(found, into, kept, places)
+    context = WorkspaceContext(work, naming)
     stated = stated_parameters(operation, work.parameters)
     result = operation.run(stated.request, context)
     for block in result.blocks():

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from robotrue.app.job_files import BLOCKS, VALUES
 from robotrue.app.job_places import JobPlaces, plain_block, without_folder
 from robotrue.app.operation import Result
 from robotrue.app.workspace_context import WorkspaceContext
@@ -27,18 +28,20 @@ def keep_result(
     values = without_folder(json_values(result.document() or {}), folder)
     origin = result.provenance
     marked = values if "simulated" in values else marked_document(values, origin)
+    files = places.results()
+    written = _write_values(marked, job.kind, folder, files)
     detail = {
         "simulated": bool(marked.get("simulated", False)),
         "provenance": None if origin is None else origin.to_document(),
-        "blocks": [plain_block(each, folder) for each in result.blocks()],
+        VALUES: written.name,
+        BLOCKS: [plain_block(each, folder) for each in result.blocks()],
         "remarks": list(context.work.remarks),
     }
-    files = places.results()
     return context.leave_document(
         into,
         job.kind.replace("_", " "),
         next(iter(places.subjects), "no input"),
-        [*files, _write_values(marked, job.kind, folder, files)],
+        [*files, written],
         list(dict.fromkeys(places.links)),
         without_folder(json_values(detail), folder),
     )

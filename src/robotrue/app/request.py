@@ -97,11 +97,13 @@ class Item(Option):
 
     Attributes:
         noun: What it refers to, as ``robotrue workspace list`` spells it.
+        also: Other nouns that it may refer to in a job whose result is kept as a document.
         listed: Jobs may state it as a list of one.
         single: Jobs state one, or a list of one, where the command line takes several.
     """
 
     noun: str
+    also: tuple[str, ...] = ()
     listed: bool = False
     single: bool = False
 

@@ -43,7 +43,12 @@ Page: TypeAlias = Annotated[
 """A page that jobs do not write."""
 CellOrModel: TypeAlias = Annotated[
     Reference,
-    Item(noun="cell", argument="CELL|MODEL", help="cell.toml (nominal arm) or model file."),
+    Item(
+        noun="cell",
+        also=("model", "registration"),
+        argument="CELL|MODEL",
+        help="cell.toml (nominal arm) or model file.",
+    ),
 ]
 FrameFormats: TypeAlias = Annotated[
     tuple[str, ...],

@@ -44,7 +44,8 @@ class DiffRequest(Request):
         ),
     ] = None
     cell: Annotated[
-        Reference | None, Item(noun="cell", help="Registered cell with the part frame.")
+        Reference | None,
+        Item(noun="cell", also=("registration",), help="Registered cell with the part frame."),
     ] = None
     wrench: Annotated[
         str | None, Option(help="With --model: process force, as compensate takes it.")

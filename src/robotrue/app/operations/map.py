@@ -31,7 +31,12 @@ class MapRequest(Request):
 
     model: Annotated[
         Reference,
-        Item(noun="model", argument="MODEL|CELL", help="Model file; a cell.toml maps its priors."),
+        Item(
+            noun="model",
+            also=("cell",),
+            argument="MODEL|CELL",
+            help="Model file; a cell.toml maps its priors.",
+        ),
     ]
     output: Annotated[
         Path,

@@ -34,7 +34,13 @@ class ProgramRequest(Request):
     """Which tool paths to make a program of, and how the arm is to drive it."""
 
     cell: Annotated[
-        Reference, Item(noun="cell", argument="CELL", help="cell.toml, best one `register` wrote.")
+        Reference,
+        Item(
+            noun="cell",
+            also=("registration",),
+            argument="CELL",
+            help="cell.toml, best one `register` wrote.",
+        ),
     ]
     toolpaths: Annotated[
         tuple[Path, ...],

@@ -33,7 +33,10 @@ class ReportProgramRequest(Request):
         Reference, Item(noun="program", argument="BEFORE", help="Program as CAM made it.")
     ]
     after: Annotated[Reference, Item(noun="program", argument="AFTER", help="The compensated one.")]
-    model: Annotated[Reference, Item(noun="model", help="Model file, or a registered cell.")]
+    model: Annotated[
+        Reference,
+        Item(noun="model", also=("registration",), help="Model file, or a registered cell."),
+    ]
     tolerance_mm: Annotated[
         float, Option(help="Largest distance of a target from where it should be.")
     ]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
-from robotrue.app.job_files import INPUT, job_fields
+from robotrue.app.job_files import BLOCKS, INPUT, job_fields
 from robotrue.app.operation import AnyOperation
 from robotrue.app.registry import GROUPS, Listing, job_operations, listings, why_no_job
 from robotrue.app.request import InputFile, Item
@@ -96,16 +96,28 @@ async def _show_form(context: PageContext, listing: Listing) -> str:
         help=listing.help,
         pages=_own_pages(context, name),
         jobs=await context.jobs(name),
-        form=await _form(context, operation),
+        form=await _form(context, operation, await _stated(context, name)),
         runs=[(each, await _document(context, each)) for each in found if each.over],
         tones=TONES,
     )
 
 
-async def _form(context: PageContext, operation: AnyOperation) -> GeneratedForm:
+async def _stated(context: PageContext, kind: str) -> Mapping[str, Any]:
+    """The parameters of the job that is to be done again with other values."""
+    id = context.query.get("again")
+    if id is None:
+        return {}
+    job = await context.ask(jobs.status, context.workspace, id)
+    return job.parameters if job.kind == kind else {}
+
+
+async def _form(
+    context: PageContext, operation: AnyOperation, stated: Mapping[str, Any]
+) -> GeneratedForm:
     """The form with the items and files that its fields may refer to."""
     fields = job_fields(operation)
-    nouns = {each.entry.noun for each in fields if isinstance(each.entry, Item)}
+    entries = [each.entry for each in fields if isinstance(each.entry, Item)]
+    nouns = {noun for each in entries for noun in (each.noun, *each.also)}
     records: dict[str, Sequence[ItemRecord]] = {
         noun: await context.items(NOUNS[noun], ItemQuery(limit=OFFERED)) for noun in sorted(nouns)
     }
@@ -123,6 +135,7 @@ async def _form(context: PageContext, operation: AnyOperation) -> GeneratedForm:
         operation=operation,
         records=records,
         files=await _kept_files(context) if reads else {},
+        stated=stated,
         chosen={} if context.model is None else {"model": context.model.id},
     )
 
@@ -152,7 +165,7 @@ async def _document(context: PageContext, job: jobs.Job) -> ItemRecord | None:
     if not made:
         return None
     record = await context.item(DOCUMENT, made["id"])
-    return record if "blocks" in record.detail else None
+    return record if BLOCKS in record.detail else None
 
 
 async def _show_run(context: PageContext, listing: Listing, id: str) -> str:

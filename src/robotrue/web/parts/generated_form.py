@@ -29,6 +29,8 @@ UNITS: Final[Mapping[str, str]] = {
     "deg": "°", "hz": "Hz", "rpm": "1/min", "ms": "ms", "s": "s", "N": "N", "n": "N", "kg": "kg",
 }  # fmt: skip
 """How the ends of names that are units are printed."""
+MORE_TEXTS: Final = 3
+"""Fields of a list of texts."""
 _OPTION: Final = re.compile(r"--([a-z][a-z-]+)")
 
 
@@ -40,11 +42,13 @@ class GeneratedForm(RequestForm):
         operation: That a job is to do.
         files: Items that have files to choose from, by the heading they stand under.
         chosen: Id of the item that is chosen at first, by noun.
+        stated: Parameters of an earlier job, which stand in the fields at first.
     """
 
     operation: AnyOperation
     files: Mapping[str, Sequence[ItemRecord]] = field(default_factory=dict)
     chosen: Mapping[str, str] = field(default_factory=dict)
+    stated: Mapping[str, Any] = field(default_factory=dict)
 
     def parts(self) -> Iterator[tuple[str, Markup]]:
         """Yields the heading and the fields of each part of the form that has some."""
@@ -93,6 +97,13 @@ class GeneratedForm(RequestForm):
 
         return _OPTION.sub(label, fields[name].entry.help)
 
+    def offered(self, each: RequestField) -> list[tuple[str, Sequence[ItemRecord]]]:
+        """Returns the items that a field may refer to, by their noun in the reader's words."""
+        entry = each.entry
+        nouns = (entry.noun, *entry.also) if isinstance(entry, Item) else ()
+        known = [(self.context.say.word("history.noun", n), self.records.get(n, ())) for n in nouns]
+        return [(noun, records) for noun, records in known if records]
+
     def is_required(self, each: RequestField) -> bool:
         """Returns whether a job cannot do without a field."""
         return each.is_required(JOB) and not isinstance(each.entry, Output)
@@ -101,13 +112,49 @@ class GeneratedForm(RequestForm):
         """Returns whether a field may have several values."""
         return is_list(each)
 
-    def first_text(self, each: RequestField) -> str:
-        """Returns the text that stands in a field at first."""
-        return "" if each.default is None or each.many else str(each.default)
+    def first_value(self, each: RequestField) -> str:
+        """Returns the number that stands in a field at first."""
+        value = self.stated.get(each.name, each.default)
+        return f"{value:g}" if isinstance(value, int | float) else ""
 
-    def first_name(self, each: RequestField) -> str:
-        """Returns the name of a result that is always written; empty for one on request."""
-        return self.usual_name(each) if each.required else ""
+    def first_texts(self, each: RequestField) -> list[str]:
+        """Returns the texts that stand in a field at first, with room for more of a list."""
+        stated = self.stated.get(each.name, each.default)
+        if not each.many:
+            return ["" if stated is None else str(stated)]
+        known = [str(text) for text in stated or ()]
+        return known + [""] * max(MORE_TEXTS - len(known), 1)
+
+    def first_names(self, each: RequestField) -> list[str]:
+        """Returns the names of results at first; empty where it is only written on request."""
+        usual = self.usual_name(each)
+        stated = self.stated.get(each.name, usual if each.required else "")
+        listed = stated if isinstance(stated, list) else [stated]
+        return [usual if name is True else str(name or "") for name in listed or [""]]
+
+    def first_item(self, each: RequestField) -> str:
+        """Returns the id of the item that is chosen at first."""
+        noun = each.entry.noun if isinstance(each.entry, Item) else ""
+        usual = self.chosen.get(noun, "") if self.is_required(each) else ""
+        return next(iter(self._ids(each)), usual)
+
+    def is_chosen(self, each: RequestField, value: object) -> bool:
+        """Returns whether a tick is set, a choice or an item chosen at first."""
+        stated = self.stated.get(each.name, each.default)
+        listed = stated if isinstance(stated, list | tuple) else [stated]
+        return value in listed or value in self._ids(each)
+
+    def is_kept_file(self, each: RequestField, record: ItemRecord, file: str) -> bool:
+        """Returns whether an earlier job read a file."""
+        stated = self.stated.get(each.name)
+        meant = {"id": record.id, "version": record.version, "file": file}
+        return meant in (stated if isinstance(stated, list) else [stated])
+
+    def _ids(self, each: RequestField) -> list[str]:
+        """The items that an earlier job stated in a field."""
+        stated = self.stated.get(each.name) or []
+        listed = stated if isinstance(stated, list) else [stated]
+        return [str(one.get("id")) if isinstance(one, Mapping) else str(one) for one in listed]
 
     def usual_name(self, each: RequestField) -> str:
         """Returns the name of a result where none is stated."""

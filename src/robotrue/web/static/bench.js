@@ -146,6 +146,8 @@
       } else if (type === "checkbox") {
         if (field.checked) put(name, name.endsWith("[]") ? value : true);
         else if (field.defaultChecked && !name.endsWith("[]")) put(name, false);
+      } else if (type === "select-multiple") {
+        for (const option of field.selectedOptions) put(name, "json" in field.dataset ? JSON.parse(option.value) : option.value);
       } else if (value !== "" && (type !== "radio" || field.checked)) put(name, type === "number" ? Number(value) : "json" in field.dataset ? JSON.parse(value) : value);
     }
     return found;
