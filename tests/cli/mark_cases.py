@@ -28,6 +28,7 @@ from robotrue.simulation.online_scenario import WRIST_ATTITUDES, online_scenario
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "dynamics"))
 sys.path.insert(0, str(Path(__file__).parents[1] / "online"))
+import pass_cases
 from jog_cases import jog
 from window_cases import planted, stated_arm
 
@@ -171,6 +172,12 @@ def _dynamics(lab: Lab) -> None:
     )
     windows = replace(planted(passes=(0, 1), each=12), provenance=lab.origin)
     write_windows(lab("windows.csv"), windows)
+    moved = pass_cases.joint_time()
+    rows = np.column_stack([moved, pass_cases.joints_at(moved) / DEG]).T
+    _table(lab, "pass_joints.csv", "t_s," + ",".join(f"j{k}_deg" for k in range(1, 7)), [*rows])
+    rows = np.column_stack([pass_cases.force_time(), pass_cases.reading()]).T
+    _table(lab, "pass_force.csv", "t_s,fx_N,fy_N,fz_N", [*rows])
+    pass_cases.write_response(lab("spring.csv"))
     at_rest = online_scenario(0, "KR160").at_rest(WRIST_ATTITUDES, 0)
     lab("poses.csv").write_bytes(sensor_csv(WRIST_ATTITUDES, at_rest, lab.origin))
 
@@ -305,6 +312,12 @@ CASES: Final[Mapping[str, Case]] = {
         files=("error.csv",),
     ),
     "dynamics force": Case(lambda f: (f("cut.toml"), "--slots", f("slots.csv"))),
+    "dynamics windows": Case(
+        lambda f: (f("pass_force.csv"), "--joints", f("pass_joints.csv"), "--cell", f("arm.toml"),
+                   "--frf", f("spring.csv"), "--between", "lines", "--spindle-rpm", "3000",
+                   "--sensor-axes=-y,x,z", "-o", f("cut.csv")),
+        files=("cut.csv",),
+    ),
     "dynamics fit": Case(
         lambda f: (f("windows.csv"), "--cell", f("arm.toml"), "-o", f("dev.rtm"))
     ),

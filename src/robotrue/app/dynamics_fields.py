@@ -9,6 +9,13 @@ from robotrue.app.request import InputFile, Option, Output
 
 DIRECTION: Final = "0,-1,0"
 
+BETWEEN: Final = "auto"
+WAYS_BETWEEN: Final = (BETWEEN, "lines", "modes")
+
+Between: TypeAlias = Annotated[
+    str,
+    Option(help="Between the lines: auto (what rebuilds them best), lines or modes."),
+]
 StaticTest: TypeAlias = Annotated[
     str | None,
     Option(

@@ -9,6 +9,7 @@ import numpy as np
 from robotrue.app.context import Context
 from robotrue.app.number_options import parse_numbers
 from robotrue.cell.config import read_cell
+from robotrue.core.arrays import Array
 from robotrue.core.provenance import Provenance, merge
 from robotrue.core.units import UM
 from robotrue.dynamics.deviation_physics import CompliantArm, StaticCompliance, compliance_of
@@ -41,6 +42,21 @@ def parse_static(text: str | None) -> dict[str, float]:
     return found
 
 
+def parse_direction(text: str) -> Array:
+    """Returns the unit vector (3,) of ``X,Y,Z``.
+
+    Raises:
+        ConfigurationError: No three numbers, or all of them zero.
+    """
+    value = parse_numbers("--direction", text, 3, hint="--direction=0,-1,0")
+    size = float(np.linalg.norm(value))
+    if size == 0.0:
+        raise ConfigurationError(
+            f"--direction {text!r}, expected three numbers.", hint="--direction=0,-1,0"
+        )
+    return np.asarray(value / size)
+
+
 def read_arm(cell_path: Path, direction: str) -> CompliantArm:
     """Returns the compliant arm a cell file states.
 
@@ -60,13 +76,7 @@ def read_arm(cell_path: Path, direction: str) -> CompliantArm:
             hint="[robot] stiffness_Nm_per_rad, from the data sheet or an earlier test.",
         )
     stiffness = np.where(np.isfinite(prior), 1.0 / np.where(prior > 0.0, prior, np.inf), np.inf)
-    value = parse_numbers("--direction", direction, 3, hint="--direction=0,-1,0")
-    size = float(np.linalg.norm(value))
-    if size == 0.0:
-        raise ConfigurationError(
-            f"--direction {direction!r}, expected three numbers.", hint="--direction=0,-1,0"
-        )
-    return CompliantArm(robot=cell.robot, stiffness=stiffness, direction=value / size)
+    return CompliantArm(robot=cell.robot, stiffness=stiffness, direction=parse_direction(direction))
 
 
 def read_static_row(

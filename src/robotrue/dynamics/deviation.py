@@ -79,8 +79,8 @@ class DeviationSettings:
     force: float = 1.0 * UM
     offset: float = 3.0 * UM
     gain: float = 0.2
-    force_zero: float = 0.1
-    force_drift: float = 0.6
+    force_zero: float = 0.05
+    force_drift: float = 0.45
 
     def __post_init__(self) -> None:
         """Checks signs."""

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Annotated, Final
 
 import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray, IntArray
-from robotrue.core.columns import Column, Columns, concat
+from robotrue.core.columns import EMPTY, Column, Columns, concat
 from robotrue.core.provenance import MEASURED, Provenance, merge
 from robotrue.core.units import DEG, UM
 from robotrue.errors import (
@@ -27,13 +28,15 @@ FEWEST: Final = 12
 """Windows below which nothing is learned."""
 LARGEST_ERROR: Final = 5e-3
 LARGEST_FORCE: Final = 2e4
-_SMALLEST_PEAK: Final = 1.0
+SMALLEST_PEAK: Final = 1.0
 """N; a cut with less moves no tool by what a sensor sees."""
 _OPPOSITE: Final = 0.3
 """Part of the deviation that is left when the sign of the measured error is turned round."""
 SMALLEST_TURN: Final = 0.01 * DEG
 FORCE_ROOM: Final = 0.5
 """How far, over its range, a force may lie outside what was learned from."""
+SAME_TIME: Final = 1e-6
+"""s; windows that share less touch."""
 _RADIANS: Final = 0.12
 """rad; joints that never exceed this in degrees would be all within 7 deg of zero."""
 
@@ -51,6 +54,7 @@ class WindowSet(Columns):
         force_mean: (n,) N, mean force along that direction.
         predicted: (n,) m, error by frequency response and force (eq. 1 of the paper).
         measured: (n,) m; NaN where nobody measured.
+        span: (n, 2) s, start and end in the record of the pass; NaN where nothing states them.
         source: File or experiment.
         provenance: Simulated or measured, and the files.
     """
@@ -62,6 +66,7 @@ class WindowSet(Columns):
     force_mean: Annotated[Array, Column("n", unit="N")]
     predicted: Annotated[Array, Column("n", unit="m")]
     measured: Annotated[Array, Column("n", unit="m", nan=True)]
+    span: Annotated[Array, Column("n 2", unit="s", nan=True, fill=np.nan)] = EMPTY
     source: str = ""
     provenance: Provenance = MEASURED
 
@@ -117,6 +122,15 @@ def peaks_per_turn(signal: Array, samples_per_turn: float) -> Array:
     edges = np.rint(np.arange(turns) * samples_per_turn).astype(np.int64)
     last = round(turns * samples_per_turn)
     return np.asarray(np.maximum.reduceat(signal[:last], edges))
+
+
+def first_overlap(span: Array) -> tuple[int, int] | None:
+    """Returns the rows of two windows (n, 2) s that share time, or None; NaN shares none."""
+    order = np.argsort(span[:, 0], kind="stable")
+    for one, two in pairwise(order.tolist()):
+        if span[two, 0] < span[one, 1] - SAME_TIME:
+            return one, two
+    return None
 
 
 def check_for_fit(windows: WindowSet, outside: BoolArray) -> None:
@@ -240,7 +254,7 @@ def check_units(windows: WindowSet) -> None:
     size = np.linalg.norm(windows.force, axis=1)
     if size.size and size.max() > LARGEST_FORCE:
         raise wrong(f"a mean force of {size.max():.0f} N.", "forces in N; these look like counts.")
-    if size.size and 0.0 < windows.force_peak.max() < _SMALLEST_PEAK:
+    if size.size and 0.0 < windows.force_peak.max() < SMALLEST_PEAK:
         raise wrong(
             f"f_peak_N of no more than {windows.force_peak.max():.3g} N.",
             "forces in N; these look like kN.",

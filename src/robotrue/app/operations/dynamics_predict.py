@@ -7,7 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from robotrue.app.context import Context
-from robotrue.app.dynamics_fields import StaticTest, table_output
+from robotrue.app.dynamics_fields import (
+    BETWEEN,
+    WAYS_BETWEEN,
+    Between,
+    StaticTest,
+    table_output,
+)
 from robotrue.app.operation import Operation
 from robotrue.app.plain_result import PlainResult
 from robotrue.app.presentation import Facts
@@ -21,8 +27,6 @@ if TYPE_CHECKING:
     from robotrue.dynamics.interpolation import ResponseCurve
     from robotrue.dynamics.predict import DeflectionPrediction
 
-BETWEEN: Final = ("auto", "lines", "modes")
-
 
 class DynamicsPredictRequest(Request):
     """Which response and force, and what stands between the lines."""
@@ -34,10 +38,7 @@ class DynamicsPredictRequest(Request):
     force: Annotated[Path, InputFile(help="Recorded force on the tool: CSV, TDMS or MAT.")]
     output: Annotated[Path, table_output("CSV of the error to write.")]
     static_um_per_n: StaticTest = None
-    between: Annotated[
-        str,
-        Option(help="Between the lines: auto (what rebuilds them best), lines or modes."),
-    ] = "auto"
+    between: Between = BETWEEN
     padding_s: Annotated[
         float | None,
         Option(help="Zeros behind the record; default: twice as long as it rings."),
@@ -59,8 +60,10 @@ def run(request: DynamicsPredictRequest, context: Context) -> PlainResult:
     from robotrue.dynamics.predict import predict_error, prediction_columns
 
     between, output = request.between, context.output(request.output)
-    if between not in BETWEEN:
-        raise ConfigurationError(f"--between {between!r}, expected one of {', '.join(BETWEEN)}.")
+    if between not in WAYS_BETWEEN:
+        raise ConfigurationError(
+            f"--between {between!r}, expected one of {', '.join(WAYS_BETWEEN)}."
+        )
     frf = with_static(read_frf(request.frf), parse_static(request.static_um_per_n))
     record, odd = read_force(request.force)
     curve = fit_curve(frf, between)

@@ -8,16 +8,15 @@ letters only count), each with its unit as property ``unit_string`` (N or kN), i
 
 from __future__ import annotations
 
-import io
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
-from typing import Final, Protocol
+from typing import Final
 
 import numpy as np
 
 from robotrue.core.arrays import Array
-from robotrue.core.files import read_bytes, write_atomic
+from robotrue.core.files import write_atomic
 from robotrue.core.provenance import Provenance, mark_line, read_provenance
 from robotrue.dynamics.force import ForceRecord, check_force
 from robotrue.dynamics.formats.column_table import (
@@ -29,23 +28,14 @@ from robotrue.dynamics.formats.column_table import (
     read_mat,
     table_bytes,
 )
-from robotrue.errors import FormatError, ImplausibleDataError, MissingExtraError
+from robotrue.dynamics.formats.tdms_channels import TdmsChannel, read_tdms_groups
+from robotrue.errors import FormatError, ImplausibleDataError
 
 FORCE_SUFFIXES: Final = (".csv", ".txt", ".tdms", ".mat")
 COLUMNS: Final = ("t_s", "fx_N", "fy_N", "fz_N")
 _BARE: Final = re.compile(r"(t|time|f[xyz])([ _(\[].*)?", re.IGNORECASE)
 _UNITS: Final = {"n": 1.0, "newton": 1.0, "newtons": 1.0, "kn": 1e3}
 _CHANNEL: Final = re.compile(r"\s*f[ _]?([xyz])\s*(?:[\[(_ ]\s*(\w+)\s*[\])]?)?\s*", re.IGNORECASE)
-
-
-class _Channel(Protocol):
-    """A channel of npTDMS, which has no types."""
-
-    name: str
-    path: str
-    properties: Mapping[str, float | str]
-
-    def __getitem__(self, rows: slice) -> Array: ...
 
 
 def read_force(path: str | Path) -> tuple[ForceRecord, tuple[str, ...]]:
@@ -144,24 +134,10 @@ def _read_tdms(path: str | Path) -> tuple[ForceRecord, tuple[str, ...]]:
     return _build_record(path, np.column_stack(columns), (start, 1.0 / step))
 
 
-def _tdms_channels(path: str | Path) -> dict[str, _Channel]:
-    try:
-        import nptdms
-    except ImportError as cause:
-        raise MissingExtraError(
-            "TDMS needs npTDMS.", hint="pip install 'robotrue[dynamics]'"
-        ) from cause
-    try:
-        file = nptdms.TdmsFile.read(io.BytesIO(read_bytes(path)))
-    except FormatError:
-        raise
-    except Exception as cause:  # npTDMS raises whatever its parsing meets
-        raise FormatError(
-            f"cannot be read as TDMS ({type(cause).__name__}: {cause}).", source=path
-        ) from cause
-    found: dict[str, _Channel] = {}
-    for group in file.groups():
-        for channel in group.channels():
+def _tdms_channels(path: str | Path) -> dict[str, TdmsChannel]:
+    found: dict[str, TdmsChannel] = {}
+    for group in read_tdms_groups(path):
+        for channel in group:
             if channel.name.strip() == "t_s":
                 found["t"] = channel
             named = _CHANNEL.fullmatch(channel.name)
@@ -179,7 +155,7 @@ def _tdms_channels(path: str | Path) -> dict[str, _Channel]:
 
 
 def _channel_clock(
-    channel: _Channel, times: _Channel | None, path: str | Path
+    channel: TdmsChannel, times: TdmsChannel | None, path: str | Path
 ) -> tuple[float, float]:
     step = channel.properties.get("wf_increment")
     if step is None and times is not None:
@@ -194,7 +170,7 @@ def _channel_clock(
     return float(channel.properties.get("wf_start_offset", 0.0)), float(step)
 
 
-def _channel_force(channel: _Channel, path: str | Path) -> Array:
+def _channel_force(channel: TdmsChannel, path: str | Path) -> Array:
     named = _CHANNEL.fullmatch(channel.name)
     unit = channel.properties.get("unit_string") or (named[2] if named is not None else None)
     scale = _UNITS.get(str(unit).strip().lower()) if unit else None

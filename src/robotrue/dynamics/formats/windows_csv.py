@@ -3,22 +3,27 @@
     pass,j1_deg..j6_deg,fx_mean_N,fy_mean_N,fz_mean_N,f_peak_N,f_mean_N,predicted_um,measured_um
 
 Forces act on the tool, in base axes. ``measured_um`` may be blank or missing where nobody measured.
+``start_s,end_s`` beside them say where in the record of its pass a window lies; windows of a pass
+that share time are refused.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
+from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, UM
-from robotrue.dynamics.windows import WindowSet
-from robotrue.measurement.formats.sheet import number_columns, write_columns
+from robotrue.dynamics.windows import WindowSet, first_overlap
+from robotrue.measurement.formats.sheet import Sheet, number_columns, write_columns
 from robotrue.measurement.formats.sheet_file import read_sheet
 
 FORCES: Final = ("fx_mean_N", "fy_mean_N", "fz_mean_N", "f_peak_N", "f_mean_N")
 ERRORS: Final = ("predicted_um", "measured_um")
+SPAN: Final = ("start_s", "end_s")
 
 
 def read_windows(path: str | Path) -> WindowSet:
@@ -52,9 +57,60 @@ def read_windows(path: str | Path) -> WindowSet:
         force_mean=forces[:, 4],
         predicted=sheet.numbers(ERRORS[:1])[:, 0] * UM,
         measured=measured,
+        span=_read_span(sheet),
         source=str(path),
         provenance=sheet.provenance,
     )
+
+
+def read_edges(path: str | Path) -> Array:
+    """Returns start and end (k, 2) s of windows that the user states.
+
+    Raises:
+        FormatError: A column missing, no number, windows that end before they start or overlap;
+            with its line.
+    """
+    sheet = read_sheet(path)
+    missing = [name for name in SPAN if not sheet.has(name)]
+    if missing:
+        raise sheet.lacking_columns(missing, f"the columns are {','.join(SPAN)}.")
+    return _checked_span(sheet, range(len(sheet)))
+
+
+def _read_span(sheet: Sheet) -> Array:
+    """Start and end (n, 2) s of windows; NaN where the file does not state them."""
+    out = np.full((len(sheet), 2), np.nan)
+    if not all(sheet.has(name) for name in SPAN):
+        return out
+    passes = sheet.column("pass")
+    for name in dict.fromkeys(passes):
+        rows = [k for k, own in enumerate(passes) if own == name and sheet.column(SPAN[0])[k]]
+        if rows:
+            out[rows] = _checked_span(sheet, rows)
+    return out
+
+
+def _checked_span(sheet: Sheet, rows: Sequence[int]) -> Array:
+    """Start and end (k, 2) s in rows of a sheet, none overlapping."""
+    span = sheet.take(rows).numbers(SPAN)
+    odd = np.flatnonzero(span[:, 1] <= span[:, 0])
+    if odd.size:
+        k = int(odd[0])
+        raise sheet.fault(
+            f"a window from {span[k, 0]:.3f} to {span[k, 1]:.3f} s.",
+            "windows end after they start.",
+            row=rows[k],
+        )
+    shared = first_overlap(span)
+    if shared is not None:
+        one, two = shared
+        raise sheet.fault(
+            f"a window from {span[two, 0]:.3f} s, before the end of another at {span[one, 1]:.3f} "
+            "s: windows that overlap.",
+            "one sample belongs to one window: held out and learned from, it would flatter.",
+            row=rows[two],
+        )
+    return span
 
 
 def write_windows(path: str | Path, windows: WindowSet) -> None:
@@ -71,4 +127,6 @@ def write_windows(path: str | Path, windows: WindowSet) -> None:
         ]
     )  # fmt: skip
     numbers = number_columns([*joints, *FORCES, *ERRORS], values)
+    if np.isfinite(windows.span).any():
+        numbers |= number_columns(SPAN, windows.span)
     write_columns(path, {"pass": windows.passes, **numbers}, windows.provenance)

@@ -1,0 +1,258 @@
+"""Cut the records of a milling pass into the windows that `dynamics fit` learns from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+
+from robotrue.app.context import Context
+from robotrue.app.dynamics_fields import (
+    BETWEEN,
+    DIRECTION,
+    Between,
+    Direction,
+    StaticTest,
+    table_output,
+)
+from robotrue.app.operation import Operation
+from robotrue.app.plain_result import PlainResult
+from robotrue.app.presentation import Facts, count
+from robotrue.app.request import InputFile, Option, Request
+from robotrue.core.units import MM, UM
+from robotrue.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from robotrue.app.pass_inputs import ReadForce
+    from robotrue.core.arrays import Array
+    from robotrue.core.provenance import Provenance
+    from robotrue.dynamics.dry_run import DryRun
+    from robotrue.dynamics.pass_windows import PassRecords
+    from robotrue.dynamics.windows import WindowSet
+    from robotrue.robot.model import RobotModel
+
+
+class DynamicsWindowsRequest(Request):
+    """Which records, how the sensors are mounted, and where windows lie."""
+
+    force: Annotated[
+        Path,
+        InputFile(argument="FORCE", help="Force of the pass: CSV (t_s,fx_N,fy_N,fz_N), TDMS, MAT."),
+    ]
+    cell: Annotated[Path, InputFile(help="cell.toml with arm and tool.")]
+    joints: Annotated[
+        Path,
+        InputFile(help="Joints of the pass, t_s and j1_deg.. (model) or a1_deg.. (displayed)."),
+    ]
+    frf: Annotated[Path, InputFile(help="Response to predict with, axes of base.")]
+    spindle_rpm: Annotated[float, Option(help="Speed of the spindle.")]
+    output: Annotated[Path, table_output("CSV of the windows to write.")]
+    laser: Annotated[
+        Path | None,
+        InputFile(help="Displacement along --direction: t_s and d_um or d_mm."),
+    ] = None
+    dry_laser: Annotated[Path | None, InputFile(help="The same of the dry run.")] = None
+    dry_joints: Annotated[Path | None, InputFile(help="Joints of the dry run.")] = None
+    onto: Annotated[
+        Path | None, InputFile(help="Windows of earlier passes, to stand before these.")
+    ] = None
+    name: Annotated[str, Option(help="Of the pass.")] = "1"
+    carried_by: Annotated[
+        Literal["base", "tool", "spindle"],
+        Option(help="What carries the dynamometer: base, tool, or spindle (it rotates)."),
+    ] = "base"
+    sensor_axes: Annotated[str, Option(help="Where its x, y, z point on that; as -y,x,z.")] = (
+        "x,y,z"
+    )
+    spindle_angle: Annotated[
+        Path | None, InputFile(help="For a rotating one: t_s,angle_deg about the tool's z.")
+    ] = None
+    on_part: Annotated[bool, Option(help="It reads the force on the part, not on the tool.")] = (
+        False
+    )
+    keep_zero: Annotated[
+        bool, Option(help="Do not take the zero off that it shows before and behind the cut.")
+    ] = False
+    window_s: Annotated[
+        float | None, Option(help="Length of a window, rounded to whole turns; default 1.")
+    ] = None
+    edges: Annotated[
+        Path | None, InputFile(help="Windows as start_s,end_s instead, clock of the force.")
+    ] = None
+    joints_shift_s: Annotated[
+        float, Option(help="Added to times of the joints, for those of the force.")
+    ] = 0.0
+    laser_shift_s: Annotated[
+        float, Option(help="Added to times of the laser, for those of the force.")
+    ] = 0.0
+    static_um_per_n: StaticTest = None
+    between: Between = BETWEEN
+    direction: Direction = DIRECTION
+
+
+def run(request: DynamicsWindowsRequest, context: Context) -> PlainResult:
+    """Cuts the windows, writes them, and says where the stages of the pass lie."""
+    from robotrue.app.dynamics_inputs import parse_static
+    from robotrue.core.provenance import merge
+    from robotrue.dynamics.formats.frf_table import read_frf
+    from robotrue.dynamics.formats.windows_csv import read_windows, write_windows
+    from robotrue.dynamics.frf import with_static
+    from robotrue.dynamics.interpolation import fit_curve
+    from robotrue.dynamics.pass_windows import cut_windows
+    from robotrue.dynamics.windows import FEWEST, check_units, concatenate_windows
+
+    frf = with_static(read_frf(request.frf), parse_static(request.static_um_per_n))
+    records, read = _read_records(request, frf.provenance)
+    edges = _edges(request, read, records)
+    for remark in read.remarks:
+        context.note(remark)
+    windows = cut_windows(records, edges, fit_curve(frf, request.between))
+    check_units(windows)
+    whole = windows
+    if request.onto is not None:
+        earlier = read_windows(request.onto)
+        if request.name in earlier.pass_names:
+            raise ConfigurationError(
+                f"a pass {request.name!r} is in {request.onto} already.", hint="--name NEW"
+            )
+        whole = concatenate_windows([earlier, windows])
+    if len(whole) < FEWEST:
+        context.note(f"{count(len(whole), 'window')}: `dynamics fit` needs {FEWEST} or more")
+    output = context.output(request.output)
+    write_windows(output, whole)
+    values = _document(records, read, windows, len(whole), output)
+    return PlainResult(
+        values=values,
+        shown=(_facts(values),),
+        provenance=merge([whole.provenance]),
+    )
+
+
+def _read_records(
+    request: DynamicsWindowsRequest, response: Provenance
+) -> tuple[PassRecords, ReadForce]:
+    """All records of the pass on one clock, force in base axes."""
+    from robotrue.app.dynamics_inputs import parse_direction
+    from robotrue.app.pass_inputs import read_laser, read_pass_force, read_pass_joints
+    from robotrue.cell.config import read_cell
+    from robotrue.core.provenance import merge
+    from robotrue.dynamics.dynamometer import CarriedBy, Dynamometer, parse_axes
+    from robotrue.dynamics.pass_windows import PassRecords, check_clocks
+
+    if not request.spindle_rpm > 0.0:
+        raise ConfigurationError(f"--spindle-rpm {request.spindle_rpm:g}, expected above zero.")
+    robot, spindle = read_cell(request.cell).robot, request.spindle_rpm / 60.0
+    sensor = Dynamometer(
+        axes=parse_axes(request.sensor_axes),
+        carried=CarriedBy(request.carried_by),
+        reaction=request.on_part,
+    )
+    joints, origin = read_pass_joints(request.joints, robot, request.joints_shift_s)
+    read = read_pass_force(
+        request.force, sensor, joints, spindle,
+        angle_file=request.spindle_angle, keep_zero=request.keep_zero,
+    )  # fmt: skip
+    origins, laser = [origin, read.force.provenance, response], None
+    if request.laser is not None:
+        laser, own = read_laser(request.laser, request.laser_shift_s)
+        origins.append(own)
+    dry = _read_dry(request, robot, origins)
+    records = PassRecords(
+        name=request.name,
+        force=read.force,
+        joints=joints,
+        laser=laser,
+        dry=dry,
+        spindle=spindle,
+        direction=parse_direction(request.direction),
+        provenance=merge(origins),
+    )
+    check_clocks(records)
+    return records, read
+
+
+def _read_dry(
+    request: DynamicsWindowsRequest, robot: RobotModel, origins: list[Provenance]
+) -> DryRun | None:
+    """The dry run, if it is stated; its origin is added."""
+    from robotrue.app.pass_inputs import read_dry_run
+
+    stated = (request.dry_laser is not None, request.dry_joints is not None)
+    if any(stated) and (not all(stated) or request.laser is None):
+        raise ConfigurationError(
+            "a dry run is a laser record and its joints, beside the laser of the cut.",
+            hint="--laser, --dry-laser and --dry-joints together.",
+        )
+    if request.dry_laser is None or request.dry_joints is None:
+        return None
+    dry, own = read_dry_run(request.dry_laser, request.dry_joints, robot)
+    origins.append(own)
+    return dry
+
+
+def _edges(request: DynamicsWindowsRequest, read: ReadForce, records: PassRecords) -> Array:
+    """Start and end of the windows (k, 2) s."""
+    from robotrue.dynamics.formats.windows_csv import read_edges
+    from robotrue.dynamics.pass_windows import WINDOW, even_windows
+
+    if request.edges is None:
+        length = WINDOW if request.window_s is None else request.window_s
+        return even_windows(read.stages, records, length)
+    if request.window_s is not None:
+        raise ConfigurationError("--edges and --window-s both say where windows lie.")
+    return read_edges(request.edges)
+
+
+def _document(
+    records: PassRecords, read: ReadForce, windows: WindowSet, rows: int, output: Path
+) -> dict[str, Any]:
+    import numpy as np
+
+    from robotrue.dynamics.pass_windows import path_between
+
+    stages = read.stages
+    parts = {
+        "entry": (stages.entry, stages.steady),
+        "steady": (stages.steady, stages.leaving),
+        "exit": (stages.leaving, stages.end),
+    }
+    measured = windows.measured[np.isfinite(windows.measured)]
+    return {
+        "output_csv": str(output),
+        "pass": records.name,
+        "windows": len(windows),
+        "rows": rows,
+        "stages_s": {name: list(part) for name, part in parts.items()},
+        "path_mm": {name: path_between(records.joints, *part) / MM for name, part in parts.items()},
+        "level_N": stages.level,
+        "air_N": stages.air,
+        "zero_before_N": read.zeros[0].tolist(),
+        "zero_behind_N": read.zeros[1].tolist(),
+        "predicted_um": float(windows.predicted.mean()) / UM,
+        "measured_um": float(measured.mean()) / UM if len(measured) else None,
+        "dry_run": records.dry is not None,
+    }
+
+
+def _facts(d: dict[str, Any]) -> Facts:
+    stages = tuple(
+        (name, f"{a:.3f} to {b:.3f} s, {d['path_mm'][name]:.2f} mm")
+        for name, (a, b) in d["stages_s"].items()
+    )
+    zeros = (d["zero_before_N"], d["zero_behind_N"])
+    before, behind = (", ".join(f"{v:.2f}" for v in zero) for zero in zeros)
+    measured = "not measured" if d["measured_um"] is None else f"{d['measured_um']:.2f} um"
+    less = ", less the dry run" if d["dry_run"] else ""
+    return Facts(
+        title=f"pass {d['pass']}: {count(d['windows'], 'window')}",
+        rows=(
+            *stages,
+            ("force rms", f"{d['level_N']:.1f} N in the cut, {d['air_N']:.2f} N in the air"),
+            ("zero taken off, N", f"{before} before; {behind} behind"),
+            ("predicted error, mean", f"{d['predicted_um']:.2f} um"),
+            ("measured error, mean", measured + less),
+            ("written", f"{d['output_csv']}, {count(d['rows'], 'window')}"),
+        ),
+    )
+
+
+OPERATION: Final = Operation(request=DynamicsWindowsRequest, run=run)

@@ -1,0 +1,111 @@
+"""Where in a record the tool enters, cuts steadily and leaves, found from the size of the force.
+
+The force of each turn of the spindle is one number, the root of its mean square. Half of what the
+highest turns have tells cut from air; the median of the turns in the cut is its level.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array
+from robotrue.errors import ImplausibleDataError
+
+TOUCHED: Final = 0.1
+"""Part of the way from air to the cut's level at which the tool has touched."""
+FULL: Final = 0.8
+"""Part of that way from which the tool is fully in the cut. Depth and material may vary by less."""
+_CUT: Final = 0.5
+_CONTRAST: Final = 3.0
+"""The cut has so many times the force of the air at least."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PassStages:
+    """Stages of a pass as times of its force record, s.
+
+    Attributes:
+        entry: The tool touches.
+        steady: It is fully in the cut.
+        leaving: It begins to leave.
+        end: It is free.
+        level: N, rms force of the steady stage.
+        air: N, rms force of the air before and behind.
+    """
+
+    entry: float
+    steady: float
+    leaving: float
+    end: float
+    level: float
+    air: float
+
+
+def find_stages(time: Array, force: Array, turn: float, source: str) -> PassStages:
+    """Returns the stages of a pass, to a turn of the spindle.
+
+    Args:
+        time: (n,) s, even.
+        force: (n, 3) N.
+        turn: Samples per turn.
+        source: Of messages.
+
+    Raises:
+        ImplausibleDataError: The record begins or ends in the cut, holds none, or two.
+    """
+    count = int(np.floor(len(force) / turn + 1e-9))
+    if count < 4:
+        raise ImplausibleDataError(
+            f"{count} turns of the spindle, expected four or more.",
+            source=source,
+            hint="--spindle-rpm, or a longer record.",
+        )
+    edges = np.rint(np.arange(count + 1) * turn).astype(np.int64)
+    square = np.add.reduceat((force**2).sum(axis=1)[: edges[-1]], edges[:-1])
+    size = np.sqrt(square / np.diff(edges))
+    cutting = size > _CUT * float(np.quantile(size, 0.9))
+    level, air = float(np.median(size[cutting])), _air_of(size, cutting, source)
+    if level < _CONTRAST * air:
+        raise ImplausibleDataError(
+            f"a force of {air:.3g} N in the air and {level:.3g} N in the cut: no cut stands out.",
+            source=source,
+            hint="take the sensor's offset off, or check that this record holds the pass.",
+        )
+    way = (size - air) / (level - air)
+    inside = np.flatnonzero(way >= FULL)
+    first, last = int(inside[0]), int(inside[-1])
+    gap = np.flatnonzero(way[first : last + 1] < TOUCHED)
+    if gap.size:
+        raise ImplausibleDataError(
+            f"the tool leaves the cut at {time[edges[first + int(gap[0])]]:.3f} s and comes back.",
+            source=source,
+            hint="cut the record: one pass each.",
+        )
+    before = np.flatnonzero(way[:first] < TOUCHED)
+    behind = np.flatnonzero(way[last + 1 :] < TOUCHED)
+    at = edges / (len(force) - 1) * (time[-1] - time[0]) + time[0]
+    return PassStages(
+        entry=float(at[int(before[-1]) + 1]),
+        steady=float(at[first]),
+        leaving=float(at[last + 1]),
+        end=float(at[last + 1 + int(behind[0])]),
+        level=level,
+        air=air,
+    )
+
+
+def _air_of(size: Array, cutting: Array, source: str) -> float:
+    """The force without a cut, of the turns before the first that cuts and behind the last."""
+    inside = np.flatnonzero(cutting)
+    before, behind = size[: inside[0]], size[inside[-1] + 1 :]
+    for part, where in ((before, "begins"), (behind, "ends")):
+        if len(part) == 0:
+            raise ImplausibleDataError(
+                f"the record {where} in the cut: entry and exit cannot be told from the cut.",
+                source=source,
+                hint="record from before the tool touches until it is free.",
+            )
+    return float(min(np.median(before), np.median(behind)))
