@@ -118,6 +118,7 @@ def _aligned(cloud, readings, count=16):
         target=turned_features(features, ANGLE, readings.attitude)[mapped],
         target_errors=there[mapped],
         covariance=np.tile((20 * UM) ** 2 * np.eye(3), (count, 1, 1)),
+        distance=np.zeros(count),
     )
     moved, carried = carry_source(found, readings, features, errors)
     return found, moved, np.abs(carried - there).max()

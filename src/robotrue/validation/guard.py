@@ -86,6 +86,7 @@ def select_guarded(
     doubts: Sequence[str] = (),
     progress: Progress | None = None,
     seed: int = 0,
+    requested: str = "",
 ) -> ErrorModel:
     """Returns the model of the candidate that holds on target poses, with the evidence.
 
@@ -101,6 +102,7 @@ def select_guarded(
         doubts: Known before, e.g. of sources left out.
         progress: Told before every fit.
         seed: Of the folds.
+        requested: A candidate that is used whoever wins; the verdict then names the winner.
 
     Raises:
         ObservabilityError: No candidate could be fitted.
@@ -113,9 +115,36 @@ def select_guarded(
     trials = hold_out(candidates, target, splits=folds, payload=payload, progress=progress)
     trials = replace(trials, rule=_rule(rows, len(folds)))
     selection = decide(trials)
+    if requested and requested != selection.winner:
+        doubts = (_preferred(selection.winner, requested, trials), *doubts)
+        selection = _use_requested(selection, requested)
+        transfers = {requested: transfers[requested], **transfers}
     verdict = _verdict(selection, trials, tuple(transfers), tuple(alone), target, reach, doubts)
     model = candidates[selection.winner](target)
     return _with_verdict(model, verdict, {"selection": selection.summary()})
+
+
+def _preferred(winner: str, requested: str, trials: Trials) -> str:
+    """The sentence that another candidate holds better than the one requested."""
+    scored = trials.scored
+    if requested not in scored:
+        return f"{requested} was requested and could not be checked; {winner} wins the contest."
+    gain, noise = trials.gain(requested, winner)
+    return (
+        f"{requested} is used because it was requested; {winner} wins the contest, "
+        f"{scored[winner].error.mean() / MM:.3f} mm against "
+        f"{scored[requested].error.mean() / MM:.3f} mm on held-out target poses (gain "
+        f"{gain / MM:.3f} mm, noise {noise / MM:.3f} mm)."
+    )
+
+
+def _use_requested(selection: Selection, requested: str) -> Selection:
+    """The selection with the requested candidate in the place of the winner."""
+    winner = selection.winner
+    reason = selection.reason.replace(
+        f"{winner} is used: ", f"{requested} is used as requested, {winner} wins: ", 1
+    )
+    return replace(selection, winner=requested, reason=reason)
 
 
 def verdict_from_summary(summary: TrainingSummary) -> tuple[GuardVerdict, Selection | None] | None:

@@ -97,8 +97,11 @@ def select_transfer(
     settings: FitSettings,
     *,
     progress: Progress | None = None,
+    requested: str = "",
 ) -> ErrorModel:
     """Returns the winner of the contest; see :func:`fit_guarded`, of which this is the end.
+
+    A candidate that was ``requested`` is used whoever wins.
 
     Raises:
         ObservabilityError: Nothing could be fitted.
@@ -111,6 +114,7 @@ def select_transfer(
         reach=robot.reach,
         doubts=found.doubts,
         progress=progress,
+        requested=requested,
     )
     summary = model.training_summary()
     more = drift_doubts(summary)

@@ -10,6 +10,8 @@ from robotrue.app.operation import Operation
 from robotrue.app.plain_result import PlainResult
 from robotrue.app.presentation import Facts, Table
 from robotrue.app.request import Option, Request
+from robotrue.core.provenance import Provenance
+from robotrue.errors import ConfigurationError
 
 
 class ReproduceRequest(Request):
@@ -29,6 +31,11 @@ class ReproduceRequest(Request):
         Path | None,
         Option(names=("--output", "-o"), help="Folder for JSON and CSV of the figures."),
     ] = None
+    data: Annotated[
+        Path | None,
+        Option(help="deng2022: write one arm's cell and measurements to this folder instead."),
+    ] = None
+    seed: Annotated[int, Option(least=0, help="Arm of --data.")] = 1
 
 
 def run(request: ReproduceRequest, context: Context) -> PlainResult:
@@ -38,6 +45,8 @@ def run(request: ReproduceRequest, context: Context) -> PlainResult:
     from robotrue_reproductions.table_text import text_tables, write_figures
 
     paper = find_paper(request.paper)
+    if request.data is not None:
+        return _write_data(request, context.output(request.data), context)
     asked = ReproductionRequest(
         robots=request.robots, quick=request.quick, scenario=request.scenario
     )
@@ -65,6 +74,22 @@ def run(request: ReproduceRequest, context: Context) -> PlainResult:
             Facts(title="What cannot be met, and why", rows=tuple(result.unmet)),
         ),
     )
+
+
+def _write_data(request: ReproduceRequest, folder: Path, context: Context) -> PlainResult:
+    """Writes the design of one arm as files."""
+    from robotrue_reproductions.deng2022.design_files import write_design
+
+    if request.paper != "deng2022":
+        raise ConfigurationError(
+            f"--data writes the design of deng2022; the paper is {request.paper}.",
+            hint="leave --data out.",
+        )
+    files = write_design(folder, request.scenario, request.seed)
+    for path in files:
+        context.wrote("file", path)
+    values = {"files": [str(path) for path in files]}
+    return PlainResult(values=values, provenance=Provenance(simulated=True))
 
 
 OPERATION: Final = Operation(request=ReproduceRequest, run=run)

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final, Literal, TypeAlias
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
@@ -21,6 +21,12 @@ from robotrue.app.request import (
     Request,
 )
 from robotrue.app.request_fields import ForeignColumns, ModelOutput, Page
+from robotrue.calibration.deng2022.readings import (
+    BOOSTING,
+    AttitudeReading,
+    Boosting,
+    DengReadings,
+)
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError, ModelMismatchError, ObservabilityError
@@ -43,6 +49,14 @@ REPEATS: Final = 5
 """Subsets of the target poses for each point of the curve."""
 UPDATE: Final = "campaign"
 """How a model stands to poses that bring it up to date: the same arm, another time."""
+TransferMethod: TypeAlias = Literal["auto", "deng2022"]
+AUTO: Final[TransferMethod] = "auto"
+METHOD_OPTIONS: Final = (
+    "sub_spaces", "source_region", "target_region", "attitude", "rounds", "boosting", "reading",
+)  # fmt: skip
+"""Fields of the paper's method alone."""
+USUAL: Final = DengReadings()
+"""How the paper's equations are read unless stated otherwise."""
 
 
 class TransferRequest(Request):
@@ -81,6 +95,57 @@ class TransferRequest(Request):
         bool,
         Option(shells=ON_COMMAND_LINE, help="Also accuracy against the number of target poses."),
     ] = False
+    method: Annotated[
+        TransferMethod,
+        Option(
+            shells=ON_COMMAND_LINE,
+            help="auto (the candidate that holds) or deng2022 (the paper's Tr-GPR, checked too).",
+        ),
+    ] = AUTO
+    sub_spaces: Annotated[
+        int | None,
+        Option(
+            shells=ON_COMMAND_LINE,
+            least=1,
+            help="deng2022: parts of the target as wide as the source; default: all that fit.",
+        ),
+    ] = None
+    source_region: Annotated[
+        str | None,
+        Option(
+            shells=ON_COMMAND_LINE,
+            help="deng2022: angle_deg=A..B,radius_mm=..,height_mm=..; default: as measured.",
+        ),
+    ] = None
+    target_region: Annotated[
+        str | None,
+        Option(shells=ON_COMMAND_LINE, help="deng2022: where it shall hold, like --source-region."),
+    ] = None
+    attitude: Annotated[
+        AttitudeReading,
+        Option(
+            shells=ON_COMMAND_LINE,
+            help="deng2022: turning (with the angle about joint 1) or fixed (in base).",
+        ),
+    ] = USUAL.attitude
+    rounds: Annotated[
+        int,
+        Option(shells=ON_COMMAND_LINE, least=1, help="deng2022: boosting rounds, at most."),
+    ] = USUAL.rounds
+    boosting: Annotated[
+        Boosting,
+        Option(
+            shells=ON_COMMAND_LINE,
+            help="deng2022: corrected, or literal (eq. 19, 22 and 24 as printed).",
+        ),
+    ] = BOOSTING
+    reading: Annotated[
+        tuple[str, ...],
+        Option(
+            shells=ON_COMMAND_LINE,
+            help="deng2022: NAME=VALUE, how an equation is read; may be repeated.",
+        ),
+    ] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,6 +175,7 @@ class Transferred:
 
     def blocks(self) -> Iterable[Block]:
         """Returns the contest, the curve, and what the model learned."""
+        from robotrue.app.transfer_method import sub_space_blocks
         from robotrue.report.model_view import remarks, result_facts
 
         summary, verdict = self.model.training_summary(), self.verdict
@@ -124,6 +190,7 @@ class Transferred:
             yield _curve_table(self.curve)
             for failure in self.curve.failures:
                 yield Note(f"note: {failure}")
+        yield from sub_space_blocks(summary)
         yield Facts(
             title=f"transfer to {self.model.robot.name}",
             rows=(("used", verdict.winner), *result_facts(summary)),
@@ -170,6 +237,7 @@ def run(request: TransferRequest, context: Context) -> Transferred:
     Raises:
         ObservabilityError: Nothing can be used.
     """
+    from robotrue.app.transfer_method import paper_contestants
     from robotrue.app.transfer_sources import parse_source, read_target
     from robotrue.calibration.lineage import provenance_of
     from robotrue.planning.information import settings_of
@@ -189,13 +257,20 @@ def run(request: TransferRequest, context: Context) -> Transferred:
         else context.measurements(cell, request.measurements, minimum=FEWEST)
     )
     robot, settings = cell.measured_robot, settings_of(cell)
-    found = contestants(robot, target, sources, settings)
+    if request.method == AUTO:
+        _refuse_method_options(request)
+        found = contestants(robot, target, sources, settings)
+    else:
+        found = paper_contestants(request, robot, target, sources, settings, context)
     if target is None and not found.transfers:
         raise ObservabilityError(
             "no source can be used and no target pose was measured: " + " ".join(found.doubts),
             hint="measure target poses, or give a source of this robot.",
         )
-    model = select_transfer(found, robot, target, settings, progress=context.step)
+    requested = "" if request.method == AUTO else request.method
+    model = select_transfer(
+        found, robot, target, settings, progress=context.step, requested=requested
+    )
     curve = _curve(found, target, cell, context) if request.curve else None
     output = context.output(request.output)
     write_model(output, model, cell)
@@ -214,6 +289,17 @@ def run(request: TransferRequest, context: Context) -> Transferred:
     if request.report is not None:
         _write_page(context.output(request.report), request, stated, result, context)
     return result
+
+
+def _refuse_method_options(request: TransferRequest) -> None:
+    """Refuses options of the paper's method where it is not the one that was stated."""
+    for name in METHOD_OPTIONS:
+        if getattr(request, name) != TransferRequest.model_fields[name].get_default():
+            option = f"--{name.replace('_', '-')}"
+            raise ConfigurationError(
+                f"{option} is an option of --method deng2022; the method is {request.method}.",
+                hint=f"--method deng2022, or leave {option} out.",
+            )
 
 
 def _read_known(

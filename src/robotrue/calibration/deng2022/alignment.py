@@ -31,12 +31,14 @@ class Alignment:
         labels: (7, 3) or (10, 3) H_j: from position (and attitude), error and 1 to the error; mm,
             deg and mm as printed.
         ridge: lambda used.
+        distance: (m,) m between each target pose and the turned source pose it is paired with.
     """
 
     angle: float
     transform: Array
     labels: Array
     ridge: float
+    distance: Array
 
 
 def row_transform(
@@ -169,6 +171,7 @@ def align(
     target: Array,
     target_errors: Array,
     covariance: Array,
+    distance: Array,
 ) -> Alignment:
     """Returns T_j and H_j of one sub-space, eq. 11-14.
 
@@ -181,6 +184,7 @@ def align(
         target: (m, 6) features of the target rows of the sub-space.
         target_errors: (m, 3) m.
         covariance: (m, 3, 3) m^2 of the target measurements, for omega_m.
+        distance: (m,) m of the pairs, see :class:`robotrue.calibration.deng2022.domains.Pairs`.
 
     Raises:
         ShapeError: The literal eq. 12.
@@ -216,7 +220,9 @@ def align(
         labels = weighted_columns(D, Y, ridge, weights, centre)
     else:
         labels = ridge_solution(D, Y, ridge, rows=rows, centre=centre)
-    return Alignment(angle=found, transform=transform, labels=labels, ridge=ridge)
+    return Alignment(
+        angle=found, transform=transform, labels=labels, ridge=ridge, distance=distance
+    )
 
 
 def moved_features(

@@ -136,7 +136,9 @@ def divide_target(source: CylinderRegion, target: CylinderRegion, count: int) ->
     span = target.angle[1] - target.angle[0]
     if width > span + 1e-12:
         raise ConfigurationError(
-            f"the source spans {width / DEG:g} deg, the target only {span / DEG:g} deg."
+            f"the source spans {width / DEG:.4g} deg, the target only {span / DEG:.4g} deg.",
+            hint="the source is the narrow region, sampled completely: are source and target "
+            "exchanged?",
         )
     gap = (span - count * width) / (count - 1) if count > 1 else 0.0
     if count == 1:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from robotrue.calibration.deng2022.committee import Committee
@@ -28,7 +30,11 @@ def expert_of(
 
 
 def pose_summary(
-    rows: MeasurementSet, method: str, *, inside: str = ", and only inside its domains"
+    rows: MeasurementSet,
+    method: str,
+    *,
+    inside: str = ", and only inside its domains",
+    doubts: Sequence[str] = (),
 ) -> dict[str, object]:
     """Returns the JSON values of a model of poses; lengths are SI like everything in an archive.
 
@@ -36,6 +42,7 @@ def pose_summary(
         rows: All rows it was fitted to.
         method: Its name.
         inside: Where it holds, the end of the doubt.
+        doubts: That come before it.
     """
     return {
         "method": method,
@@ -43,7 +50,8 @@ def pose_summary(
         "screened_rows": [],
         "verdict": "conditional",
         "doubts": [
+            *doubts,
             "A model of poses: it holds for the payload, the tool point and the arm configuration "
-            f"that were measured{inside}."
+            f"that were measured{inside}.",
         ],
     }

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal, TypeAlias, get_args, get_origin, get_type_hints
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+from types import MappingProxyType
+from typing import Final, Literal, TypeAlias, get_args, get_origin, get_type_hints
 
 from robotrue.errors import ConfigurationError
 
@@ -113,3 +115,47 @@ class DengReadings:
             raise ConfigurationError(f"overlap_weight {self.overlap_weight}, expected more than 0.")
         if self.length is not None and not self.length > 0.0:
             raise ConfigurationError(f"length {self.length} mm, expected more than 0.")
+
+
+Boosting: TypeAlias = Literal["corrected", "literal"]
+BOOSTING: Final[Boosting] = "corrected"
+LITERAL_BOOSTING: Final[Mapping[str, str]] = MappingProxyType(
+    {"source_start": "same", "error_over": "all", "source_weights": "literal"}
+)
+"""Eq. 19, 22 and 24 as printed."""
+
+
+def parse_readings(texts: Iterable[str], **stated: object) -> DengReadings:
+    """Returns the readings of texts NAME=VALUE on top of stated ones, defaults for the others.
+
+    Raises:
+        ConfigurationError: No such reading, or a value it cannot have.
+    """
+    values = dict(stated)
+    kinds = get_type_hints(DengReadings)
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if name not in kinds or not equals:
+            raise ConfigurationError(
+                f"reading {text!r}, expected NAME=VALUE with one of {', '.join(kinds)}.",
+                hint="--reading shrink_to=zero",
+            )
+        values[name] = _reading_value(name, value, kinds[name])
+    return DengReadings(**values)  # type: ignore[arg-type]  # checked by its own rules
+
+
+def _reading_value(name: str, text: str, kind: object) -> object:
+    if get_origin(kind) is Literal:
+        return text
+    try:
+        return int(text) if kind is int else float(text)
+    except ValueError:
+        raise ConfigurationError(
+            f"reading {name}={text!r}, expected a number.", hint=f"--reading {name}=10"
+        ) from None
+
+
+def changed_readings(readings: DengReadings) -> dict[str, object]:
+    """Returns the readings that are not the default, by name."""
+    usual = asdict(DengReadings())
+    return {name: value for name, value in asdict(readings).items() if value != usual[name]}

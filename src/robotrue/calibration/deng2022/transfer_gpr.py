@@ -21,6 +21,7 @@ from robotrue.calibration.deng2022.alignment import (
 )
 from robotrue.calibration.deng2022.committee import Committee, boost, single
 from robotrue.calibration.deng2022.domains import (
+    LEVER,
     Domains,
     attitude_reference,
     check_overlap,
@@ -34,17 +35,19 @@ from robotrue.calibration.deng2022.held_out_width import (
 from robotrue.calibration.deng2022.joined import Expert, PoseModel
 from robotrue.calibration.deng2022.labelled_poses import Labelled, label_poses
 from robotrue.calibration.deng2022.pose_expert import expert_of, pose_summary
-from robotrue.calibration.deng2022.readings import DengReadings
+from robotrue.calibration.deng2022.readings import AttitudeReading, DengReadings
 from robotrue.calibration.settings import FitSettings
 from robotrue.core.arrays import Array
 from robotrue.core.regions import CylinderRegion
-from robotrue.core.units import DEG
+from robotrue.core.units import DEG, MM
 from robotrue.errors import ObservabilityError
 from robotrue.measurement.measurement_set import MeasurementSet, concatenate
 from robotrue.robot.model import RobotModel
 
 FEWEST_POSES: Final = 8
 """Of the source, or of a region with a process of its own."""
+FAR_PAIR: Final = 1.0 * MM
+"""Mean distance of pairs from which the other convention of attitude is looked at."""
 
 
 def fit_deng2022(
@@ -91,13 +94,15 @@ def fit_deng2022(
         replace(target_expert, inflation=inflation),
         _source_expert(known, domains, chosen, settings),
     )
+    doubts = _attitude_doubts(known, few, domains, chosen, alignments)
+    summary = pose_summary(concatenate([source, target]), "deng2022", doubts=doubts)
     return PoseModel(
         robot=robot,
         experts=experts,
         reference=reference,
         outside=chosen.outside,
         summary={
-            **pose_summary(concatenate([source, target]), "deng2022"),
+            **summary,
             "readings": asdict(chosen),
             "sub_spaces": [_describe_alignment(a) for a in alignments],
             "rounds": len(committee.betas),
@@ -158,6 +163,31 @@ def _carry_errors(
 ) -> Array:
     """Source errors in all sub-spaces, aligned to a part of the target rows."""
     return transfer_rows(source, target, domains, readings)[0][1]
+
+
+def _attitude_doubts(
+    source: Labelled,
+    target: Labelled,
+    domains: Domains,
+    readings: DengReadings,
+    alignments: tuple[Alignment, ...],
+) -> list[str]:
+    """Whether target poses are images of source poses under the other convention of attitude."""
+    other: AttitudeReading = "fixed" if readings.attitude == "turning" else "turning"
+    there = np.concatenate(
+        [
+            mapped_pairs(domains, j, source.features, target.features, other).distance
+            for j in range(len(domains.sub_spaces))
+        ]
+    ).mean()
+    here = np.concatenate([each.distance for each in alignments]).mean()
+    if here <= 2.0 * there or here < FAR_PAIR:
+        return []
+    return [
+        f"target poses lie {here / MM:.3g} mm (mean, {LEVER:g} m a rad of attitude) from the "
+        f"turned source poses with attitude {readings.attitude}, {there / MM:.3g} mm with "
+        f"{other}: the tool's attitude is {other} in these poses."
+    ]
 
 
 def _source_expert(
@@ -224,6 +254,7 @@ def transfer_rows(
             target=target.features[pairs.target],
             target_errors=target.errors[pairs.target],
             covariance=target.covariance[pairs.target],
+            distance=pairs.distance,
         )
         moved, carried = carry_source(found, readings, source.features, source.errors)
         features.append(moved)
@@ -241,4 +272,9 @@ def _enough(measurements: MeasurementSet, name: str) -> None:
 
 
 def _describe_alignment(alignment: Alignment) -> dict[str, float]:
-    return {"angle_deg": alignment.angle / DEG, "ridge": alignment.ridge}
+    return {
+        "angle_deg": alignment.angle / DEG,
+        "ridge": alignment.ridge,
+        "poses": len(alignment.distance),
+        "largest_pair_distance_m": float(alignment.distance.max()),
+    }
