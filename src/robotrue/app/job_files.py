@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Final, Protocol
 
 from robotrue.app.operation import AnyOperation
 from robotrue.app.outputs import FORMATS, require_suffix
@@ -127,7 +127,7 @@ def require_result_name(name: str, request: type[Request], field: RequestField) 
     return name
 
 
-def file_item(stated: Any) -> FileItem:
+def file_item(stated: object) -> FileItem:
     """Returns the file that a parameter states: the id or name of an item, or a file of one."""
     if isinstance(stated, ItemVersion):
         return FileItem(**stated.model_dump())

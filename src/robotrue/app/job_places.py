@@ -8,7 +8,7 @@ import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path, PurePosixPath
-from typing import Any, Final
+from typing import Final
 
 from robotrue.app.job_files import FileItem
 from robotrue.app.kept_context import RESULTS, KeptContext
@@ -169,24 +169,29 @@ def hide_folder(folder: Path) -> Iterator[None]:
         raise
 
 
-def without_folder(value: Any, folder: Path) -> Any:
-    """Returns JSON values without the folder of a job in front of the names of its files."""
+def without_folder(text: str, folder: Path) -> str:
+    """Returns a text without the folder of a job in front of the names of its files."""
+    inside = rf"{re.escape(str(folder))}(?:/{RESULTS}|/{INPUTS}(?:/\w+)?(?:/\d+)?)?(?:/|\b)"
+    return re.sub(inside, "", text)
+
+
+def hide_in_values(value: object, folder: Path) -> object:
+    """Returns JSON values without the folder of a job, as :func:`without_folder`."""
     if isinstance(value, str):
-        inside = rf"{re.escape(str(folder))}(?:/{RESULTS}|/{INPUTS}(?:/\w+)?(?:/\d+)?)?(?:/|\b)"
-        return re.sub(inside, "", value)
+        return without_folder(value, folder)
     if isinstance(value, Mapping):
-        return {name: without_folder(each, folder) for name, each in value.items()}
+        return {name: hide_in_values(each, folder) for name, each in value.items()}
     if isinstance(value, list | tuple):
-        return [without_folder(each, folder) for each in value]
+        return [hide_in_values(each, folder) for each in value]
     return value
 
 
-def plain_block(block: Block, folder: Path) -> dict[str, Any]:
+def plain_block(block: Block, folder: Path) -> dict[str, object]:
     """Returns a block as JSON values, for the page of a result."""
     if isinstance(block, Note | Text):
         return {"form": type(block).__name__.lower(), "text": without_folder(block.text, folder)}
-    rows = without_folder(block.rows, folder)
-    values: dict[str, Any] = {"title": without_folder(block.title, folder), "rows": rows}
+    rows = hide_in_values(block.rows, folder)
+    values: dict[str, object] = {"title": without_folder(block.title, folder), "rows": rows}
     if isinstance(block, Table):
         return {"form": "table", **values, "columns": list(block.columns), "words": block.words}
     return {"form": "facts", **values, "measured": block.measured}

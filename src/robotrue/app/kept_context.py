@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from robotrue.app.job_files import BLOCKS, VALUES
 from robotrue.app.job_naming import Naming
@@ -70,7 +70,7 @@ class KeptContext(WorkspaceContext):
     def _copy(self, reference: Reference, usual: str) -> Path:
         """The file of a cell, a model or a registration, beside the results."""
         noun, workspace = self.nouns.get(reference, usual), self.work.workspace
-        record: Any = self.record(NOUNS[noun], reference)
+        record = self.record(NOUNS[noun], reference)
         taken = {each.name for each in record.attachments} & set(os.listdir(self.results))
         folder = self.folder(f"item {len(self.copies)}") if taken else self.results
         if noun == CELL.name:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from robotrue.app.job_files import BLOCKS, VALUES
-from robotrue.app.job_places import JobPlaces, plain_block, without_folder
+from robotrue.app.job_places import JobPlaces, hide_in_values, plain_block, without_folder
 from robotrue.app.operation import Result
 from robotrue.app.workspace_context import WorkspaceContext
 from robotrue.core.json_values import json_values
@@ -25,9 +25,8 @@ def keep_result(
     show is in its detail, for the page of the result.
     """
     job, folder = context.work.job, context.work.folder
-    values = without_folder(json_values(result.document() or {}), folder)
-    origin = result.provenance
-    marked = values if "simulated" in values else marked_document(values, origin)
+    values, origin = result.document() or {}, result.provenance
+    marked = dict(values) if "simulated" in values else marked_document(values, origin)
     files = places.results()
     written = _write_values(marked, job.kind, folder, files)
     detail = {
@@ -35,7 +34,7 @@ def keep_result(
         "provenance": None if origin is None else origin.to_document(),
         VALUES: written.name,
         BLOCKS: [plain_block(each, folder) for each in result.blocks()],
-        "remarks": list(context.work.remarks),
+        "remarks": [without_folder(each, folder) for each in context.work.remarks],
     }
     return context.leave_document(
         into,
@@ -43,12 +42,12 @@ def keep_result(
         next(iter(places.subjects), "no input"),
         [*files, written],
         list(dict.fromkeys(places.links)),
-        without_folder(json_values(detail), folder),
+        json_values(detail),
     )
 
 
 def _write_values(
-    values: Mapping[str, Any], kind: str, folder: Path, beside: Sequence[Path]
+    values: Mapping[str, object], kind: str, folder: Path, beside: Sequence[Path]
 ) -> Path:
     """The file of the JSON values, by a name that none beside it has."""
     taken = {path.name for path in beside}
@@ -56,5 +55,6 @@ def _write_values(
     while name in taken:
         name = f"_{name}"
     path = folder / name
-    path.write_text(json.dumps(json_values(values), indent=1, allow_nan=False) + "\n")
+    plain = hide_in_values(json_values(values), folder)
+    path.write_text(json.dumps(plain, indent=1, allow_nan=False) + "\n")
     return path

@@ -13,7 +13,7 @@ from fastapi import APIRouter, Path, Query
 from pydantic import BaseModel, ConfigDict, Field
 
 from robotrue.app.job_parameters import parameter_schemas, stated_parameters
-from robotrue.app.kept_inputs import find_incoming
+from robotrue.app.kept_inputs import find_uploads, keep_uploads, name_uploads
 from robotrue.app.registry import job_operations
 from robotrue.errors import ConfigurationError
 from robotrue.store import jobs
@@ -113,11 +113,11 @@ def submit_job(workspace: Workspace, kind: str, parameters: Mapping[str, object]
     operation = job_operations().get(kind)
     if operation is None:  # a kind of others
         return jobs.submit(workspace, kind, parameters)
-    incoming = find_incoming(operation, parameters, functools.partial(find_upload, workspace))
-    stated_parameters(operation, incoming.checked(parameters))
+    paths = find_uploads(operation, parameters, functools.partial(find_upload, workspace))
+    stated_parameters(operation, name_uploads(parameters, paths))
     with workspace.write() as into:
-        id = jobs.submit(into, kind, incoming.kept(into, parameters))
-    for each in incoming.paths:  # only what is kept: after a refusal one tries again
+        id = jobs.submit(into, kind, keep_uploads(into, parameters, paths))
+    for each in paths:  # only what is kept: after a refusal one tries again
         forget(workspace, each)
     return id
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 from robotrue.app.job_files import BLOCKS, INPUT, job_fields
 from robotrue.app.operation import AnyOperation
@@ -96,13 +96,13 @@ async def _show_form(context: PageContext, listing: Listing) -> str:
         help=listing.help,
         pages=_own_pages(context, name),
         jobs=await context.jobs(name),
-        form=await _form(context, operation, await _stated(context, name)),
+        form=await _form(context, operation, await _read_parameters(context, name)),
         runs=[(each, await _document(context, each)) for each in found if each.over],
         tones=TONES,
     )
 
 
-async def _stated(context: PageContext, kind: str) -> Mapping[str, Any]:
+async def _read_parameters(context: PageContext, kind: str) -> Mapping[str, object]:
     """The parameters of the job that is to be done again with other values."""
     id = context.query.get("again")
     if id is None:
@@ -112,7 +112,7 @@ async def _stated(context: PageContext, kind: str) -> Mapping[str, Any]:
 
 
 async def _form(
-    context: PageContext, operation: AnyOperation, stated: Mapping[str, Any]
+    context: PageContext, operation: AnyOperation, stated: Mapping[str, object]
 ) -> GeneratedForm:
     """The form with the items and files that its fields may refer to."""
     fields = job_fields(operation)
@@ -184,8 +184,8 @@ async def _show_run(context: PageContext, listing: Listing, id: str) -> str:
     left = [Ref(id=each["id"], version=each["version"]) for each in made if "version" in each]
     rests = [] if record is None else [each.to for each in record.links]
     shown = [
-        (context.say("tools.left"), [] if record else await _linked(context, left)),
-        (context.say("tools.rests"), await _linked(context, rests)),
+        (context.say("tools.left"), [] if record else await _find_linked(context, left)),
+        (context.say("tools.rests"), await _find_linked(context, rests)),
     ]
     running = [each for each in await context.jobs(job.kind) if not each.over]
     return context.render(
@@ -201,7 +201,9 @@ async def _show_run(context: PageContext, listing: Listing, id: str) -> str:
     )
 
 
-async def _linked(context: PageContext, refs: Sequence[Ref]) -> list[tuple[str, ItemRecord, str]]:
+async def _find_linked(
+    context: PageContext, refs: Sequence[Ref]
+) -> list[tuple[str, ItemRecord, str]]:
     """Noun, record and address of items; of a document its files are there instead."""
     found = []
     for ref in refs:

@@ -10,7 +10,7 @@ import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Final
 
 from annotated_types import Gt, Lt
 from markupsafe import Markup
@@ -48,7 +48,7 @@ class GeneratedForm(RequestForm):
     operation: AnyOperation
     files: Mapping[str, Sequence[ItemRecord]] = field(default_factory=dict)
     chosen: Mapping[str, str] = field(default_factory=dict)
-    stated: Mapping[str, Any] = field(default_factory=dict)
+    stated: Mapping[str, object] = field(default_factory=dict)
 
     def parts(self) -> Iterator[tuple[str, Markup]]:
         """Yields the heading and the fields of each part of the form that has some."""
@@ -97,7 +97,7 @@ class GeneratedForm(RequestForm):
 
         return _OPTION.sub(label, fields[name].entry.help)
 
-    def offered(self, each: RequestField) -> list[tuple[str, Sequence[ItemRecord]]]:
+    def list_offers(self, each: RequestField) -> list[tuple[str, Sequence[ItemRecord]]]:
         """Returns the items that a field may refer to, by their noun in the reader's words."""
         entry = each.entry
         nouns = (entry.noun, *entry.also) if isinstance(entry, Item) else ()
@@ -122,7 +122,7 @@ class GeneratedForm(RequestForm):
         stated = self.stated.get(each.name, each.default)
         if not each.many:
             return ["" if stated is None else str(stated)]
-        known = [str(text) for text in stated or ()]
+        known = [str(text) for text in (stated if isinstance(stated, list | tuple) else ())]
         return known + [""] * max(MORE_TEXTS - len(known), 1)
 
     def first_names(self, each: RequestField) -> list[str]:
@@ -166,7 +166,7 @@ class GeneratedForm(RequestForm):
 
     def bounds(self, each: RequestField) -> Iterator[tuple[str, str]]:
         """Yields the attributes ``min`` and ``max`` of a number."""
-        known: dict[str, Any] = dict(RequestForm.bounds(self, each))
+        known: dict[str, str] = dict(RequestForm.bounds(self, each))
         for limit in each.info.metadata:
             if isinstance(limit, Gt):
                 known.setdefault("min", f"{float(str(limit.gt)):g}")
