@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -75,7 +75,7 @@ def open_model(source: Archive | str | Path) -> ErrorModel:
     return reader(archive)
 
 
-def robot_document(robot: RobotModel) -> dict[str, Any]:
+def robot_document(robot: RobotModel) -> dict[str, str]:
     """Returns the JSON part of a robot."""
     return {
         "name": robot.name,

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -413,8 +413,9 @@ def _instrument(data: Sequence[Linearisation], channel: int) -> float:
 def _learn_scales(deviation: Array, solution: _Solution, base: Array, group: Array) -> Array:
     """Prior sd of each free parameter after one update of its group's common factor."""
     number = group.astype(np.int64) + 1  # 0 collects what is not learned
-    seen: Any = np.bincount(number, 1.0 - np.diagonal(solution.scaled_covariance))
-    squares: Any = np.bincount(number, (deviation / base) ** 2)
+    known = 1.0 - np.diagonal(solution.scaled_covariance)
+    seen = np.asarray(np.bincount(number, known), dtype=np.float64)
+    squares = np.asarray(np.bincount(number, (deviation / base) ** 2), dtype=np.float64)
     factor = pulled_scale(squares, seen, 1.0)
     factor[0] = 1.0
     scaled: Array = base * factor[number]

@@ -10,10 +10,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from robotrue.calibration.belief import Belief
 from robotrue.calibration.drift_scales import Stack
@@ -21,7 +20,7 @@ from robotrue.calibration.evidence import COMMON_HOLD, PriorGroup, Weights, lear
 from robotrue.calibration.new_rows import left_out_lengths
 from robotrue.calibration.priors import LEARNED, Prior
 from robotrue.calibration.robust import chi_point, student_factor
-from robotrue.core.arrays import Array, BoolArray
+from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.graduated import agreeing
 
 FALSE_ALARM: Final = 0.01
@@ -156,7 +155,7 @@ def noise_factor(belief: Belief, stack: Stack, noise: Array) -> float:
     return float(_learn(unit, offset, np.zeros(unit.shape[1]), noise, [group]).noise[0])
 
 
-def _group(name: str, columns: npt.NDArray[Any], sd: Array, *, held: bool) -> PriorGroup:
+def _group(name: str, columns: IntArray, sd: Array, *, held: bool) -> PriorGroup:
     return PriorGroup(
         name=name,
         columns=np.asarray(columns, dtype=np.int64),

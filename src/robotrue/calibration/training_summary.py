@@ -43,7 +43,7 @@ class EstimatedParameter:
 
 def describe_parameters(
     names: Iterable[str], values: Array, sd: Array, kinds: Iterable[str]
-) -> dict[str, dict[str, Any]]:
+) -> dict[str, dict[str, object]]:
     """Returns the JSON values of parameters; kinds as in :class:`EstimatedParameter`."""
     return {
         name: {"value": value, "sd": spread, "class": kind}
@@ -108,7 +108,7 @@ class TrainingSummary(Mapping[str, Any]):
         return tuple(str(source) for source in self.document.get("sources", ()))
 
     @property
-    def provenance(self) -> Any:
+    def provenance(self) -> object:
         """JSON values of the provenance; None before it was recorded."""
         return self.document.get("provenance")
 

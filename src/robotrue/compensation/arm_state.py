@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from robotrue.core.arm_words import NO_WORD
-from robotrue.core.arrays import Array
+from robotrue.core.arrays import Array, IntArray
 
 KNOWN: Final = 0
 GUESSED: Final = 1
@@ -57,9 +57,15 @@ class ArmState:
         """Returns whether both are equal bit for bit."""
         return self.record.tobytes() == other.record.tobytes()
 
-    def get(self, name: str) -> Any:
-        """Returns the present value of a field."""
-        return self.record[name][0]
+    @property
+    def words(self) -> IntArray:
+        """(3,) the words of the record, to be changed in place."""
+        words: IntArray = self.record["words"][0]
+        return words
+
+    def get(self, name: str) -> int:
+        """Returns the present value of a field that is one number."""
+        return int(self.record[name][0])
 
     def set(self, name: str, value: object) -> None:
         """Changes a field."""

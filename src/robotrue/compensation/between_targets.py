@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, TypedDict
 
 import numpy as np
 
@@ -59,6 +59,29 @@ class SplitOptions:
         return "--deviation" if self.tolerance_um is None else "--split"
 
 
+class WorstMove(TypedDict):
+    """JSON values of a move that is far off the compensated path."""
+
+    line: int
+    kind: str
+    length_mm: float
+    kept_um: float
+    kept_turn_deg: float
+    at: float
+    place_base_mm: list[float]
+    parts: int
+    split_um: float | None
+
+
+class LeftWhole(TypedDict):
+    """JSON values of moves that stay whole for one reason."""
+
+    reason: str
+    moves: int
+    lines: list[int]
+    kept_um: float | None
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Between:
     """A job that was looked at between its targets, split where asked.
@@ -74,7 +97,7 @@ class Between:
 
     programs: tuple[Program, ...]
     results: tuple[Compensation, ...]
-    document: dict[str, Any]
+    document: dict[str, object]
     sentences: tuple[str, ...]
     left_whole: tuple[str, ...] = ()
     worst: tuple[str, ...] = ()
@@ -114,22 +137,23 @@ def look_between(
     deviation = job_deviation(whole, tolerance=tolerance)
     document = _document(whole, deviation)
     if tolerance is None:
-        document["worst"] = _worst(whole, deviation, None)
+        document["worst"] = worst = _worst(whole, deviation, None)
         return Between(
             programs=tuple(job),
             results=tuple(results),
             document=document,
             sentences=(_kept_sentence(whole, deviation),),
-            worst=_table(document["worst"]),
+            worst=_table(worst),
         )
     plan = plan_split(whole, job, deviation, tolerance, limit=options.limit)
-    programs = tuple(job)
+    programs, left = tuple(job), _list_left_whole(whole, deviation, plan)
+    worst = _worst(whole, deviation, plan)
     document |= {
         "tolerance_um": options.tolerance_um,
         "split_moves": int((plan.parts > 1).sum()),
         "inserted_targets": len(plan.insertion),
-        "left_whole": _list_left_whole(whole, deviation, plan),
-        "worst": _worst(whole, deviation, plan),
+        "left_whole": left,
+        "worst": worst,
     }
     reached = deviation
     if len(plan.insertion):
@@ -144,8 +168,8 @@ def look_between(
         results=tuple(results),
         document=document,
         sentences=(_kept_sentence(whole, deviation), *_split_sentence(document)),
-        left_whole=tuple(map(_left_sentence, document["left_whole"])),
-        worst=_table(document["worst"]) if options.deviation else (),
+        left_whole=tuple(map(_left_sentence, left)),
+        worst=_table(worst) if options.deviation else (),
     )
 
 
@@ -159,7 +183,7 @@ def _require_model(model: ErrorModel | None, options: SplitOptions) -> ErrorMode
     return model
 
 
-def _document(job: JobMoves, deviation: MoveDeviations) -> dict[str, Any]:
+def _document(job: JobMoves, deviation: MoveDeviations) -> dict[str, object]:
     arcs = int(job.moves.circular.sum())
     turn = deviation.turn[np.isfinite(deviation.turn)]
     return {
@@ -175,9 +199,7 @@ def _document(job: JobMoves, deviation: MoveDeviations) -> dict[str, Any]:
     }
 
 
-def _worst(
-    job: JobMoves, deviation: MoveDeviations, plan: SplitPlan | None
-) -> list[dict[str, Any]]:
+def _worst(job: JobMoves, deviation: MoveDeviations, plan: SplitPlan | None) -> list[WorstMove]:
     """The moves that are furthest off: kept whole, and split as planned or into two."""
     known = np.flatnonzero(np.isfinite(deviation.size) & ~deviation.bounded)
     rows = known[np.argsort(-deviation.size[known], kind="stable")[:_WORST]]
@@ -205,11 +227,9 @@ def _worst(
     ]
 
 
-def _list_left_whole(
-    job: JobMoves, deviation: MoveDeviations, plan: SplitPlan
-) -> list[dict[str, Any]]:
+def _list_left_whole(job: JobMoves, deviation: MoveDeviations, plan: SplitPlan) -> list[LeftWhole]:
     """The moves that stay whole although they may be beyond the tolerance, by reason."""
-    out: list[dict[str, Any]] = []
+    out: list[LeftWhole] = []
 
     def tell(rows: IntArray, why: str) -> None:
         if len(rows):
@@ -272,7 +292,7 @@ def _split_sentence(document: dict[str, Any]) -> list[str]:
     return [f"no move is split: all are within {document['tolerance_um']:g} um"]
 
 
-def _left_sentence(left: dict[str, Any]) -> str:
+def _left_sentence(left: LeftWhole) -> str:
     lines = ", ".join(map(str, left["lines"]))
     more = f", ... ({left['moves']} in all)" if left["moves"] > len(left["lines"]) else ""
     size = "" if left["kept_um"] is None else f" ({left['kept_um']:.2f} um)"
@@ -280,7 +300,7 @@ def _left_sentence(left: dict[str, Any]) -> str:
     return f"line{several} {lines}{more}: left whole{size}: {left['reason']}."
 
 
-def _table(worst: Sequence[dict[str, Any]]) -> tuple[str, ...]:
+def _table(worst: Sequence[WorstMove]) -> tuple[str, ...]:
     if not worst:
         return ()
     out = ["      line  kind   length_mm   kept_um  parts  split_um"]

@@ -43,7 +43,7 @@ class DaskWorkers(ChunkWorkers):
         self.notes.extend(notes)
         self._shared = self._scatter_job()
 
-    def _scatter_job(self) -> Any:
+    def _scatter_job(self) -> object:
         return self._client.scatter(self._job, broadcast=True, hash=False)
 
     def _start(self, task: ChunkTask) -> Pending:

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, BinaryIO, Final, TypeAlias
+from typing import BinaryIO, Final, TypeAlias
 
 import numpy as np
 
@@ -70,7 +70,7 @@ class CompensatedFile:
     notes: tuple[str, ...]
     held: Compensation | None
 
-    def summary(self) -> Mapping[str, Any]:
+    def summary(self) -> Mapping[str, object]:
         """Returns JSON values: the sums, and how it was done."""
         if self.held is not None:
             return {"route": "whole", **self.tally.summary()}

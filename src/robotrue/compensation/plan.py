@@ -91,10 +91,10 @@ def lay_out(
     route[blocked] = Route.SKIP
     route[lost & stated] = Route.PASS
     status[blocked] = Status.UNCHANGED_SOURCE
-    before = np.array(state.get("words"))
+    before = np.array(state.words)
     by_words = _by_words(robot, program, route, bool(state.get("begun")), before)
     state.set("begun", state.get("begun") or (route != Route.SKIP).any())
-    state.get("words")[: len(by_words.last)] = by_words.last
+    state.words[: len(by_words.last)] = by_words.last
     joints[by_words.rows] = by_words.joints
     route[by_words.rows] = Route.GIVEN
     known = np.where(np.isin(route, [Route.GIVEN, Route.PASS, Route.AXES]), 1, 0)

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
 
@@ -365,7 +365,7 @@ class StatedForce:
     wrench: Array = field(default_factory=lambda: np.empty(0))
     uses: tuple[Use, ...] = ()
 
-    def document(self) -> list[dict[str, Any]]:
+    def document(self) -> list[dict[str, object]]:
         """Returns JSON values: every part, its targets, lines and sizes."""
         return [
             {

@@ -14,7 +14,7 @@ checked once more as the controller drives it.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -96,7 +96,7 @@ def require_free_spin(model: ErrorModel | None, force: Array | DescribedForce) -
 
 def compensate_with_spins(
     model: ErrorModel, program: Program, settings: CompensationSettings, cutter: Array
-) -> tuple[Compensation, dict[str, Any]]:
+) -> tuple[Compensation, dict[str, object]]:
     """Returns the compensation of a program with its spins chosen anew, and what they won.
 
     Raises:

@@ -64,10 +64,10 @@ class SpinChoice:
     runs: tuple[int, int]
     notes: tuple[str, ...]
 
-    def summary(self) -> dict[str, Any]:
+    def summary(self) -> dict[str, object]:
         """Returns JSON values over the turned targets: what was won, as the model predicts it."""
         at = self.turned
-        out: dict[str, Any] = {
+        out: dict[str, object] = {
             "runs": self.runs[0],
             "runs_turned": self.runs[1],
             "targets_turned": int(at.sum()),

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Final, Self
+from typing import Annotated, Final, Self
 
 import numpy as np
 
@@ -60,11 +60,11 @@ class Tally:
         """Returns how many targets there are of each status, by lower-case name, zeros left out."""
         return {s.name.lower(): int(self.status[s]) for s in Status if self.status[s]}
 
-    def summary(self) -> Mapping[str, Any]:
+    def summary(self) -> Mapping[str, object]:
         """Returns JSON values: counts, predicted error before and after, size of the correction."""
         done = int(self.status[Status.COMPENSATED])
         count = int(self.status.sum())
-        out: dict[str, Any] = {
+        out: dict[str, object] = {
             "targets": count,
             "compensated": done,
             "unchanged": count - done,
@@ -187,7 +187,7 @@ class Compensation(Columns):
         """Returns how many targets there are of each status, by lower-case name, zeros left out."""
         return self.tally().counts()
 
-    def summary(self) -> Mapping[str, Any]:
+    def summary(self) -> Mapping[str, object]:
         """Returns JSON values: counts, predicted error before and after, size of the correction."""
         return self.tally().summary()
 

@@ -76,7 +76,7 @@ def solve_targets(
     )  # fmt: skip
     wanted = (chunk.route != Route.SKIP) & (chunk.route != Route.PASS)
     targets = np.flatnonzero(wanted & np.isfinite(chunk.nominal[:, 0]))
-    known = configuration_known(plan.known, int(state.get("configuration")))
+    known = configuration_known(plan.known, state.get("configuration"))
     mark_guesses_that_matter(
         known, plan.known, targets, chunk.nominal, chunk.approach,
         partial(_other_joints, setup.robot, program),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final, Literal, TypeAlias
+from typing import Final, Literal, TypeAlias, TypedDict
 
 import numpy as np
 
@@ -29,6 +29,14 @@ _SAID: Final[dict[str, str]] = {
 }
 
 
+class StanceDocument(TypedDict):
+    """JSON values of a :class:`Stance`, deg."""
+
+    line: int
+    axes_deg: list[float]
+    chosen_by: ChosenBy
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stance:
     """The arm at the first target that it reaches.
@@ -47,13 +55,13 @@ class Stance:
         """Freezes the axes."""
         object.__setattr__(self, "axes", frozen(self.axes, (None,), "axes"))
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> StanceDocument:
         """Returns JSON values, deg."""
         degrees = [round(value, 4) + 0.0 for value in (self.axes / DEG).tolist()]
         return {"line": self.line, "axes_deg": degrees, "chosen_by": self.chosen_by}
 
 
-def sentence(stated: dict[str, Any]) -> str:
+def sentence(stated: StanceDocument) -> str:
     """Returns :meth:`Stance.document` in words."""
     axes = ", ".join(f"{value:.1f}" for value in stated["axes_deg"])
     return f"line {stated['line']}: the arm stands at {axes} deg, {_SAID[stated['chosen_by']]}"

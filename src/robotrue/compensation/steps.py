@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Final, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
 import numpy as np
 
@@ -68,7 +68,7 @@ class PathStep(NamedTuple):
     left: str
     size: float
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> dict[str, object]:
         """Returns JSON values."""
         return {
             "from": self.before,
@@ -105,7 +105,7 @@ class Steps:
         """m, 0 without any."""
         return 0.0 if self.worst is None else self.worst.size
 
-    def document(self) -> Mapping[str, Any]:
+    def document(self) -> Mapping[str, object]:
         """Returns JSON values."""
         return {
             "count": self.count,
@@ -278,7 +278,7 @@ class StepRule:
         fault.detail = {"steps": self.document(steps)}
         raise fault
 
-    def document(self, steps: Steps) -> dict[str, Any]:
+    def document(self, steps: Steps) -> dict[str, object]:
         """Returns JSON values: the steps, and what is allowed."""
         return {**steps.document(), "limit_mm": self.max_mm, "allowed": self.allow}
 

@@ -253,7 +253,7 @@ def _unpack(data: bytes) -> tuple[dict[str, Any], dict[str, Array]]:
     return head, arrays
 
 
-def _check_numbers(value: Any) -> None:
+def _check_numbers(value: object) -> None:
     """Refuses numbers that are no quantity, but in the summary, which nothing computes with."""
     if isinstance(value, dict):
         for key, part in value.items():
@@ -300,7 +300,7 @@ def _npy(array: Array) -> bytes:
     return buffer.getvalue()
 
 
-def _content_hash(head: Mapping[str, Any], arrays: Mapping[str, Array]) -> str:
+def _content_hash(head: Mapping[str, object], arrays: Mapping[str, Array]) -> str:
     text = json.dumps(dict(head), sort_keys=True, allow_nan=False)
     parts = [text.encode()] + [n.encode() + _npy(arrays[n]) for n in sorted(arrays)]
     return sha256(b"\0".join(parts))

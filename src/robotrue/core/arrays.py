@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -19,8 +19,26 @@ Ints: TypeAlias = npt.NDArray[np.int32]
 """Places in a text below 2 GiB."""
 Integers: TypeAlias = npt.NDArray[np.integer[Any]]
 """Integers of any width."""
+S = TypeVar("S", bound=np.generic)
 Records: TypeAlias = np.ndarray[tuple[int], np.dtype[np.void]]
 """Records with named numbers, a row each; a kernel takes one of them as ``np.record``."""
+
+
+@overload
+def frozen(
+    values: npt.ArrayLike, shape: tuple[int | None, ...], name: str, *, allow_nan: bool = False
+) -> Array: ...
+
+
+@overload
+def frozen(
+    values: npt.ArrayLike,
+    shape: tuple[int | None, ...],
+    name: str,
+    *,
+    dtype: type[S],
+    allow_nan: bool = False,
+) -> npt.NDArray[S]: ...
 
 
 def frozen(
@@ -28,9 +46,9 @@ def frozen(
     shape: tuple[int | None, ...],
     name: str,
     *,
-    dtype: Any = np.float64,
+    dtype: type[np.generic] = np.float64,
     allow_nan: bool = False,
-) -> Any:
+) -> npt.NDArray[np.generic]:
     """Returns ``values`` as a read-only array of the given shape.
 
     Args:

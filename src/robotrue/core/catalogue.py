@@ -5,7 +5,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 DEFAULT_LANG: Final = "en"
 """Language of texts unless somebody asks for another."""
@@ -19,7 +19,7 @@ def read_catalogue(paths: Iterable[Path]) -> dict[str, str]:
     return texts
 
 
-def _flatten(table: Mapping[str, Any], prefix: str) -> dict[str, str]:
+def _flatten(table: Mapping[str, object], prefix: str) -> dict[str, str]:
     texts: dict[str, str] = {}
     for key, value in table.items():
         if isinstance(value, Mapping):

@@ -156,7 +156,7 @@ class Columns:
                 values[field.name] = _take_rows(value, rows)
         return type(self)(**values)
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> dict[str, object]:
         """Returns the fields as JSON values, in SI; a number that is not finite is None."""
         values = {f.name: getattr(self, f.name) for f in fields(self) if not f.name.startswith("_")}
         return {name: _json_document(value) for name, value in values.items()}

@@ -18,7 +18,7 @@ from numba.core.dispatcher import Dispatcher
 
 from robotrue.core.files import sha256
 
-F = TypeVar("F", bound=Callable[..., Any])
+F = TypeVar("F", bound=Callable[..., object])
 
 EXACT: Final = frozenset({"contract"})
 """Fused multiply-add only: sums keep their order, NaN keeps its meaning."""
@@ -43,13 +43,13 @@ def compiled(flags: frozenset[str], *, inline: bool = False) -> Callable[[F], F]
     """
 
     def decorate(function: F) -> F:
-        options: dict[str, Any] = {
-            "fastmath": set(flags),
-            "nogil": True,
-            "error_model": "numpy",
-            "inline": "always" if inline else "never",
-        }
-        return cast(F, cached(njit(**options)(function)))
+        compiler = njit(
+            fastmath=set(flags),
+            nogil=True,
+            error_model="numpy",
+            inline="always" if inline else "never",
+        )
+        return cast(F, cached(compiler(function)))
 
     return decorate
 
@@ -86,23 +86,23 @@ class _KernelCache(FunctionCache):
 
     _impl_class = _KernelFiles
 
-    def __init__(self, kernel: Any) -> None:
+    def __init__(self, kernel: Dispatcher) -> None:
         super().__init__(kernel.py_func)  # type: ignore[no-untyped-call]
         self._kernel = kernel
 
-    def load_overload(self, sig: Any, target_context: Any) -> Any:
+    def load_overload(self, sig: object, target_context: object) -> object:
         self._cache_file._source_stamp = _stamp(self._kernel)
         return super().load_overload(sig, target_context)  # type: ignore[no-untyped-call]
 
-    def save_overload(self, sig: Any, data: Any) -> None:
+    def save_overload(self, sig: object, data: object) -> None:
         self._cache_file._source_stamp = _stamp(self._kernel)
         super().save_overload(sig, data)  # type: ignore[no-untyped-call]
 
 
-def _stamp(kernel: Any) -> str:
+def _stamp(kernel: Dispatcher) -> str:
     """SHA-256 of all that goes into the machine code of a kernel."""
     parts: list[str] = []
-    seen: set[Any] = {kernel}
+    seen: set[Dispatcher] = {kernel}
     waiting = [kernel]
     while waiting:
         one = waiting.pop()
@@ -129,7 +129,7 @@ def _names(code: CodeType) -> set[str]:
     return own.union(*inside)
 
 
-def _describe_value(value: Any) -> str:
+def _describe_value(value: object) -> str:
     """Everything of a value that machine code may hold. What has no stable text never fits."""
     if isinstance(value, CodeType):
         return repr(
@@ -149,12 +149,12 @@ def _describe_value(value: Any) -> str:
 class _Told(event.Listener):
     """Says why the first call takes its time; kernels found in the cache raise no event."""
 
-    def on_start(self, event: Any) -> None:
+    def on_start(self, event: event.Event) -> None:
         if not _TOLD and event.data["dispatcher"].py_func.__module__.startswith("robotrue."):
             _TOLD.append(True)
             logging.getLogger("robotrue").info(COMPILING)
 
-    def on_end(self, event: Any) -> None:
+    def on_end(self, event: event.Event) -> None:
         pass
 
 

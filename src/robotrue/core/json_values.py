@@ -5,19 +5,28 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from typing import Any, Final
+from typing import Final, overload
 
 _ODD: Final = re.compile("[\\0\\ud800-\\udfff]")
 
 
-def json_values(value: Any) -> Any:
+@overload
+def json_values(value: Mapping[str, object]) -> dict[str, object]: ...
+
+
+@overload
+def json_values(value: object) -> object: ...
+
+
+def json_values(value: object) -> object:
     """Returns the value in dicts, lists, text and numbers; numbers that are not finite are None."""
     if isinstance(value, Mapping):
         return {str(k): json_values(v) for k, v in value.items()}
     if isinstance(value, list | tuple):
         return [json_values(v) for v in value]
-    if hasattr(value, "tolist"):
-        return json_values(value.tolist())
+    to_list = getattr(value, "tolist", None)
+    if to_list is not None:
+        return json_values(to_list())
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value

@@ -12,7 +12,7 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from robotrue.core.files import sha256_of_file
 from robotrue.errors import ArchiveError
@@ -59,7 +59,7 @@ class Provenance:
         object.__setattr__(self, "files", files[:MOST_FILES])
         object.__setattr__(self, "more_files", self.more_files + len(files[MOST_FILES:]))
 
-    def to_document(self) -> dict[str, Any]:
+    def to_document(self) -> dict[str, object]:
         """Returns JSON values for archives, stores and ``--json``."""
         return {**asdict(self), "files": [asdict(file) for file in self.files]}
 
@@ -131,7 +131,9 @@ def mark_title(title: str, provenance: Provenance | None) -> str:
     return f"{mark}: {title}" if mark and mark not in title else title
 
 
-def marked_document(document: Mapping[str, Any], provenance: Provenance | None) -> dict[str, Any]:
+def marked_document(
+    document: Mapping[str, object], provenance: Provenance | None
+) -> dict[str, object]:
     """Returns the JSON values of a result with ``simulated`` and ``provenance`` in front."""
     if provenance is None:
         return dict(document)

@@ -100,15 +100,16 @@ def _clean(columns: Mapping[str, Any]) -> dict[str, Any]:
         key: json_values(value) if isinstance(value, Mapping) else value
         for key, value in columns.items()
     }
-    clean["name"], clean["note"] = (str(columns[key]).strip() for key in ("name", "note"))
-    if not 0 < len(clean["name"]) <= LONGEST_NAME:
+    name, clean["note"] = (str(columns[key]).strip() for key in ("name", "note"))
+    clean["name"] = name
+    if not 0 < len(name) <= LONGEST_NAME:
         raise ConfigurationError(
-            f"a name of {len(clean['name'])} characters, expected 1 to {LONGEST_NAME}.",
+            f"a name of {len(name)} characters, expected 1 to {LONGEST_NAME}.",
             hint="--name",
         )
     if not plain_text(clean):
         raise ConfigurationError(
-            f"{clean['name'][:40]!a} or what is said of it holds a NUL character or half of one.",
+            f"{name[:40]!a} or what is said of it holds a NUL character or half of one.",
             hint="type it anew.",
         )
     return clean

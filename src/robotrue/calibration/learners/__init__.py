@@ -4,7 +4,7 @@ The only room that imports scikit-learn; the mathematics is NumPy and SciPy.
 """
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from robotrue.calibration.learners.gaussian_process import GaussianProcess
@@ -15,7 +15,7 @@ __all__ = ["GaussianProcess", "TrAdaBoostR2", "TransferGaussianProcess"]
 _FILES: Final = ("gaussian_process", "tradaboost", "transfer_gaussian_process")
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     """Returns a learner, imported when it is first used.
 
     Commands use the mathematics beside the learners; scikit-learn would take most of the time in

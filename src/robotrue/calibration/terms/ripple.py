@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, ClassVar, Final, Self
+from typing import ClassVar, Final, Self
 
 import numpy as np
 
@@ -195,7 +195,7 @@ class Ripple(Term):
 
     @classmethod
     def restore(
-        cls, robot: RobotModel, document: Mapping[str, Any], arrays: Mapping[str, Array]
+        cls, robot: RobotModel, document: Mapping[str, object], arrays: Mapping[str, Array]
     ) -> tuple[Self, Array]:
         """Returns the term and its parameters.
 

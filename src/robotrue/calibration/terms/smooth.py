@@ -274,7 +274,7 @@ class SmoothResidual(Term):
             "smooth_weights": values.reshape(-1, 3),
         }
 
-    def document(self) -> Mapping[str, Any]:
+    def document(self) -> Mapping[str, object]:
         """Returns the amplitude."""
         return {"amplitude": self.amplitude}
 

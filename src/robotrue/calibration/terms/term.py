@@ -158,7 +158,7 @@ class Term(ABC):
     def arrays(self, values: Array) -> Mapping[str, Array]:
         """Returns structure and parameters as named arrays for an archive."""
 
-    def document(self) -> Mapping[str, Any]:
+    def document(self) -> Mapping[str, object]:
         """Returns JSON values that belong to :meth:`arrays`."""
         return {}
 
