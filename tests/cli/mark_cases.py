@@ -117,6 +117,15 @@ def _touches(lab: Lab) -> None:
         lab("points.csv"),
         ProbingSet(names=names, point=points, joints=joints, provenance=lab.origin),
     )
+    on, normals = touched.on_block(9)
+    write_points(
+        lab("blank.csv"),
+        ProbingSet(
+            names=tuple(f"B{k}" for k in range(9)), point=on, normal=normals,
+            position=touched.in_base(on), provenance=lab.origin,
+        ),
+    )  # fmt: skip
+    touched.block(lab("block.stl"))
     more, at = touched.by_joints(1, seed=9)
     for name, rows in (("pin.csv", 1), ("same.csv", 2)):
         write_points(
@@ -240,6 +249,11 @@ CASES: Final[Mapping[str, Case]] = {
     "register": Case(
         lambda f: (f("m.rtm"), f("points.csv"), "-o", f("placed.toml"), "--fit", "frame"),
         files=("placed.toml",),
+    ),
+    "blank-check": Case(
+        lambda f: (f("placed.toml"), f("blank.csv"), "--mesh", f("block.stl"), "-o",
+                   f("shifted.toml")),
+        files=("shifted.toml",),
     ),
     "datum-check": Case(
         lambda f: (f("placed.toml"), f("pin.csv"), "--tolerance-mm", 5),

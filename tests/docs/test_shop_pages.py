@@ -9,7 +9,12 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGES = ("three-points-and-rounds", "tool-point-from-the-table")
+PAGES = (
+    "three-points-and-rounds",
+    "tool-point-from-the-table",
+    "from-cam-to-program",
+    "test-with-slots",
+)
 
 
 @pytest.mark.parametrize("page", PAGES)

@@ -6,7 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from robotrue.cell.cell import Cell
+from robotrue.core.units import MM
 from robotrue.report.content import (
     Conclusion,
     Fact,
@@ -16,6 +19,7 @@ from robotrue.report.content import (
     Section,
     TableColumn,
 )
+from robotrue.report.contour_plot import SideContour
 from robotrue.report.page import report_html
 
 
@@ -25,6 +29,19 @@ def program_page(cell: Cell, document: Mapping[str, Any]) -> str:
     made = document["compensation"]
     name = Path(document["output"]).name
     sections = [Section(title="Sides", blocks=(_sides(sides),))]
+    contours = tuple(
+        SideContour(
+            title=f"{side['name']}, {side['pass']}",
+            caption="The outer boundary of the part's shadow along the tool axis; points that cut "
+            "lie inside.",
+            outlines=tuple(np.array(each) * MM for each in side["contour"]["outlines_mm"]),
+            cuts=np.array(side["contour"]["cuts_mm"]) * MM,
+        )
+        for side in sides
+        if side["contour"] is not None
+    )
+    if contours:
+        sections.append(Section(title="Largest contour of each side", blocks=contours))
     words = [
         (side["source"], w["line"], w["text"]) for side in sides for w in side["unknown_words"]
     ]
@@ -73,6 +90,8 @@ def _sides(sides: list[Mapping[str, Any]]) -> ReportTable:
         title="Sides in the order they are cut",
         columns=(
             TableColumn(title="side"),
+            TableColumn(title="pass"),
+            TableColumn(title="stock", unit="mm", digits=2),
             TableColumn(title="part frame"),
             TableColumn(title="points", digits=0),
             TableColumn(title="cut", unit="mm", digits=0),
@@ -85,6 +104,8 @@ def _sides(sides: list[Mapping[str, Any]]) -> ReportTable:
         rows=tuple(
             (
                 side["name"],
+                side["pass"],
+                side["stock_mm"],
                 side["part"] or "[base]",
                 side["points"],
                 side["cut_mm"],

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
+
+import numpy as np
 
 from robotrue.app.registered import provenance_used
 from robotrue.cell.cell import Cell
@@ -14,29 +18,94 @@ from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 from robotrue.planning.machining import MachiningJob, Side
 from robotrue.planning.tool_axis import Posed
-from robotrue.program.contour import contour_of, keep_inside, side_direction
+from robotrue.program.contour import Contour, contour_of, keep_inside, side_direction
 from robotrue.program.formats.krl_machining import KrlSpeeds
 from robotrue.program.formats.toolpaths import read_toolpath
 from robotrue.program.identity import ProgramIdentity
-from robotrue.program.toolpath import cut_length, duration
+from robotrue.program.outline import area
+from robotrue.program.toolpath import cut_length, duration, leave_stock
+
+PASSES: Final = ("rough", "finish")
+MOST_DRAWN: Final = 500
+"""Points of a pass that a page draws."""
 
 
-def read_side(
-    cell: Cell, path: Path, frame: PartFrame | None, mesh: TriangleMesh | None, margin: float
-) -> Side:
-    """Returns one tool path in its part frame.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SidePass:
+    """One tool path as it is cut.
+
+    Attributes:
+        side: The path in its part frame.
+        kind: ``rough`` or ``finish``.
+        stock: m that it leaves along the tool axis.
+        contour: That bounds it; None without a mesh.
+    """
+
+    side: Side
+    kind: str
+    stock: float
+    contour: Contour | None
+
+
+def choose_passes(paths: Sequence[Path], named: Sequence[str]) -> tuple[str, ...]:
+    """Returns the pass of each tool path: as named, or ``finish`` where none is.
+
+    Raises:
+        ConfigurationError: Another word, not one for each, or roughing after finishing.
+    """
+    if not named:
+        return ("finish",) * len(paths)
+    wrong = [word for word in named if word not in PASSES]
+    if wrong or len(named) != len(paths):
+        what = f"--pass {wrong[0]!r}" if wrong else f"--pass is given {len(named)} times"
+        raise ConfigurationError(
+            f"{what} for {len(paths)} tool path{'' if len(paths) == 1 else 's'}.",
+            hint="rough or finish, once for each, in order.",
+        )
+    late = [k for k, word in enumerate(named) if word == "rough" and "finish" in named[:k]]
+    if late:
+        before = paths[named.index("finish")].name
+        raise ConfigurationError(
+            f"{paths[late[0]].name} is roughed after {before} is finished: roughing would push a "
+            "finished part.",
+            hint="all roughing passes first.",
+        )
+    return tuple(named)
+
+
+def read_pass(
+    cell: Cell,
+    path: Path,
+    frame: PartFrame | None,
+    contour: tuple[TriangleMesh | None, float],
+    kind: str,
+    stock: float,
+) -> SidePass:
+    """Returns one tool path as it is cut, in its part frame.
 
     Args:
         cell: Its base, where there is no part frame.
         path: File of the tool path.
         frame: Part frame.
-        mesh: Part whose largest contour bounds the points; None: all points are kept.
-        margin: m, how far outside the contour points are kept.
+        contour: Part whose largest contour bounds the points (None: all are kept), and m by which
+            they may lie outside.
+        kind: ``rough`` or ``finish``.
+        stock: m that a roughing pass leaves along the tool axis.
     """
     found = read_toolpath(path)
-    if mesh is not None:
-        found = keep_inside(found, contour_of(mesh, side_direction(found)), margin=margin)
-    return Side(path=found, T_base_part=cell.T_base_frame if frame is None else frame.T_base_part)
+    mesh, margin = contour
+    bound = None if mesh is None else contour_of(mesh, side_direction(found))
+    if kind == "rough":
+        found = leave_stock(found, stock)
+    if bound is not None:
+        found = keep_inside(found, bound, margin=margin)
+    T = cell.T_base_frame if frame is None else frame.T_base_part
+    return SidePass(
+        side=Side(path=found, T_base_part=T),
+        kind=kind,
+        stock=stock if kind == "rough" else 0.0,
+        contour=bound,
+    )
 
 
 def choose_frames(
@@ -100,15 +169,18 @@ def identity_of_frame(cell: Cell, frame: PartFrame | None, path: Path) -> Progra
 
 
 def sides_document(
-    job: MachiningJob, frames: Sequence[PartFrame | None], speeds: KrlSpeeds
+    job: MachiningJob,
+    frames: Sequence[PartFrame | None],
+    passes: Sequence[SidePass],
+    speeds: KrlSpeeds,
 ) -> dict[str, object]:
     """Returns the job as JSON values: mm, deg, s; keys as in the reference."""
     moves = sum(len(each) for each in job.moves)
     return {
         "targets": sum(len(side.path) for side in job.sides) + moves,
         "sides": [
-            _side_document(side, frame, speeds)
-            for side, frame in zip(job.sides, frames, strict=True)
+            {**_side_document(side, frame, speeds), **_pass_document(each)}
+            for side, frame, each in zip(job.sides, frames, passes, strict=True)
         ],
     }
 
@@ -134,3 +206,20 @@ def _side_document(side: Posed, frame: PartFrame | None, speeds: KrlSpeeds) -> d
             if not remark.known
         ],
     }
+
+
+def _pass_document(found: SidePass) -> dict[str, object]:
+    """Pass, stock, and the largest contour with the points that cut inside it, in its plane, mm."""
+    bound, path = found.contour, found.side.path
+    contour: dict[str, object] | None = None
+    if bound is not None:
+        cuts = path.position[path.cutting] @ bound.across.T
+        contour = {
+            "direction": bound.direction.tolist(),
+            "across": bound.across.tolist(),
+            "area_mm2": sum(abs(area(outline)) for outline in bound.outlines) / MM**2,
+            "outlines_mm": [np.round(outline / MM, 4).tolist() for outline in bound.outlines],
+            "size_mm": (np.ptp(np.concatenate(bound.outlines), axis=0) / MM).tolist(),
+            "cuts_mm": np.round(cuts[:: max(len(cuts) // MOST_DRAWN, 1)] / MM, 3).tolist(),
+        }
+    return {"pass": found.kind, "stock_mm": found.stock / MM, "contour": contour}

@@ -24,3 +24,5 @@ TIP_AXIS: Final = "+z"
 """The way from the flange to the tip, in the tool frame."""
 ROUGH_MM: Final = 20.0
 """How far a part may stand from where it is said to stand roughly."""
+STOCK_MM: Final = 1.0
+"""What a roughing pass leaves along the tool axis."""

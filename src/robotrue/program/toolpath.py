@@ -147,6 +147,13 @@ class Toolpath:
         )
 
 
+def leave_stock(path: Toolpath, stock: float) -> Toolpath:
+    """Returns the path raised by ``stock`` m along the tool axis of each point that cuts."""
+    shift = np.where(path.rapid, 0.0, stock)[:, None] * path.axis
+    every = np.arange(len(path))
+    return path.with_points(every, position=path.position + shift, rapid=path.rapid)
+
+
 def cut_length(path: Toolpath) -> float:
     """Returns the length in m of the moves that cut."""
     steps = np.linalg.norm(np.diff(path.position, axis=0), axis=1)

@@ -16,3 +16,9 @@ TOOL_NUMBER: Final = 1
 """First entry of a controller's tool table that is free."""
 SQUARE_DEG: Final = 0.05
 """One squaring of a tool on a plane, per axis: a 20 mm square held against the shank by eye."""
+LEFT_OVER_MM: Final = 1.0
+"""What a blank must leave over the part: a roughing cut's scallops and a touch of the saw."""
+PROBE_RADIUS_MM: Final = 0.0
+"""A tip, not a ball."""
+MESH_UNIT: Final = "mm"
+"""What CAD systems write STL in."""

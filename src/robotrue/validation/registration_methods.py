@@ -77,7 +77,7 @@ def _three_points(touches: ProbingSet, in_base: Array, noise: Noise) -> tuple[Re
 
 def _three_faces(touches: ProbingSet, in_base: Array, noise: Noise) -> tuple[Registration, Array]:
     """Six touches with normals, in any order: 3, 2 and 1 of the same."""
-    groups = _faces(touches)
+    groups = group_faces(touches)
     counts = [len(rows) for rows in groups]
     if counts != [3, 2, 1]:
         found = " and ".join(map(str, counts)) or "none"
@@ -101,8 +101,11 @@ def _three_faces(touches: ProbingSet, in_base: Array, noise: Noise) -> tuple[Reg
     return fit, touch_gain(touches, in_base, fit.T_base_part, fit.believed)
 
 
-def _faces(touches: ProbingSet) -> list[IntArray]:
-    """Rows of each face, the one with most touches first."""
+def group_faces(touches: ProbingSet) -> list[IntArray]:
+    """Returns the rows of each face by their normals, the face with most touches first.
+
+    Touches without a normal are one group.
+    """
     groups: list[list[int]] = []
     for row in np.flatnonzero(~touches.full).tolist():
         normal = touches.normal[row]

@@ -17,7 +17,7 @@ from robotrue.app.request_fields import Page
 from robotrue.core.provenance import Provenance, marked_document, merge
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ModelMismatchError
-from robotrue.planning.plan_defaults import LIFT_MM
+from robotrue.planning.plan_defaults import LIFT_MM, STOCK_MM
 from robotrue.program.compensation_defaults import BLEND_MM, MAX_SHIFT_MM, MAX_STEP_MM
 
 if TYPE_CHECKING:
@@ -66,6 +66,16 @@ class ProgramRequest(Request):
     mesh: Annotated[
         Path | None, InputFile(help="Part (STL): keep only points inside its largest contour.")
     ] = None
+    passes: Annotated[
+        tuple[str, ...],
+        Option(
+            names=("--pass",),
+            help="rough or finish, once for each tool path; default: finish, cut as it is.",
+        ),
+    ] = ()
+    stock_mm: Annotated[float, Option(help="What roughing passes leave along the tool axis.")] = (
+        STOCK_MM
+    )
     margin_mm: Annotated[float, Option(help="How far outside the contour points are kept.")] = 0.0
     cutter: Annotated[
         str | None,
@@ -110,6 +120,7 @@ class MadeProgram:
             title=f"program {Path(self.counts['output']).name}",
             columns=(
                 "side",
+                "pass",
                 "points",
                 "cut, mm",
                 "time, s",
@@ -120,6 +131,7 @@ class MadeProgram:
             rows=tuple(
                 (
                     side["name"],
+                    side["pass"],
                     str(side["points"]),
                     f"{side['cut_mm']:.0f}",
                     f"{side['duration_s']:.0f}",
@@ -144,9 +156,10 @@ def run(request: ProgramRequest, context: Context) -> MadeProgram:
     from robotrue.app.registered import provenance_of_file, provenance_used
     from robotrue.app.toolpath_sides import (
         choose_frames,
+        choose_passes,
         identity_of_frame,
         note_frames,
-        read_side,
+        read_pass,
         sides_document,
     )
     from robotrue.core.files import write_atomic
@@ -166,16 +179,20 @@ def run(request: ProgramRequest, context: Context) -> MadeProgram:
     )
     mesh = None if request.mesh is None else read_mesh(request.mesh)
     frames = choose_frames(cell, paths, request.part)
-    sides = [
-        read_side(cell, path, frame, mesh, request.margin_mm * MM)
-        for path, frame in zip(paths, frames, strict=True)
+    kinds = choose_passes(paths, request.passes)
+    bound = (mesh, request.margin_mm * MM)
+    passes = [
+        read_pass(cell, path, frame, bound, kind, request.stock_mm * MM)
+        for path, frame, kind in zip(paths, frames, kinds, strict=True)
     ]
+    sides = [each.side for each in passes]
     job = plan_machining(cell, sides, settings, mesh=mesh)
     data = job_program(job, cell.robot, output.stem, speeds, remarks=(HEAD,))
     notes = [*note_frames(cell, frames), *(n for s in sides for n in s.path.notes), *job.notes]
     identity = identity_of_frame(cell, frames[0], paths[0])
     origin = provenance_used(cell, None)
-    document: dict[str, object] = {"output": str(output), **sides_document(job, frames, speeds)}
+    made_of = sides_document(job, frames, passes, speeds)
+    document: dict[str, object] = {"output": str(output), **made_of}
     if request.model is None:
         write_atomic(output, data)
         if identity is not None:
@@ -216,6 +233,10 @@ def _cell_and_settings(request: ProgramRequest, context: Context) -> tuple[Cell,
 
     StepRule(max_mm=request.max_step_mm, allow=request.allow_steps)
     require_name(request.output.stem)
+    if not 0.0 <= request.stock_mm <= 100.0:
+        raise ConfigurationError(
+            f"--stock-mm is {request.stock_mm:g} mm, expected 0 to 100.", hint="--stock-mm 1"
+        )
     if not request.margin_mm >= 0.0:
         raise ConfigurationError(f"--margin-mm is {request.margin_mm:g} mm, expected 0 or more.")
     path = context.cell_file(request.cell)

@@ -21,7 +21,14 @@ from robotrue.app.request_fields import (
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError
-from robotrue.validation.registration_defaults import FIT, FRAME_NUMBER, METHOD, TOUCH_MM
+from robotrue.validation.registration_defaults import (
+    FIT,
+    FRAME_NUMBER,
+    MESH_UNIT,
+    METHOD,
+    PROBE_RADIUS_MM,
+    TOUCH_MM,
+)
 
 if TYPE_CHECKING:
     from robotrue.cell.cell import Cell
@@ -55,7 +62,7 @@ class RegisterRequest(Request):
     tolerance_mm: Annotated[
         float | None, Option(help="What machined points must keep, for the verdict.")
     ] = None
-    probe_radius_mm: Annotated[float, Option(help="Of the probe's ball.")] = 0.0
+    probe_radius_mm: Annotated[float, Option(help="Of the probe's ball.")] = PROBE_RADIUS_MM
     fit: Annotated[
         Literal["auto", "frame", "joint"],
         Option(help="auto; frame: leave the arm as it is; joint: arm, tool and frame."),
@@ -70,7 +77,7 @@ class RegisterRequest(Request):
     mesh: Annotated[
         Path | None, InputFile(help="The part (STL): touches with a normal lie on it.")
     ] = None
-    mesh_unit: Annotated[str, Option(help="mm, m or inch.")] = "mm"
+    mesh_unit: Annotated[str, Option(help="mm, m or inch.")] = MESH_UNIT
     model_out: Annotated[
         Path | None,
         Output(

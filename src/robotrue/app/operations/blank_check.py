@@ -1,0 +1,208 @@
+"""Check that the finished part lies inside its blank, and by what shift best."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+from robotrue.app.context import Context
+from robotrue.app.operation import Operation
+from robotrue.app.plain_result import PlainResult
+from robotrue.app.presentation import Block, Facts, Note, Table
+from robotrue.app.request import InputFile, Item, Option, Output, Reference, Request
+from robotrue.app.request_fields import TouchSigma
+from robotrue.core.units import MM
+from robotrue.errors import ConfigurationError
+from robotrue.validation.registration_defaults import (
+    LEFT_OVER_MM,
+    MESH_UNIT,
+    PROBE_RADIUS_MM,
+    TOUCH_MM,
+)
+
+if TYPE_CHECKING:
+    from robotrue.cell.cell import Cell
+    from robotrue.core.arrays import Array
+    from robotrue.validation.blank import BlankCheck
+
+
+class BlankCheckRequest(Request):
+    """Which part is to come out of which blank."""
+
+    cell: Annotated[
+        Reference, Item(noun="cell", argument="CELL", help="cell.toml, best one `register` wrote.")
+    ]
+    blank: Annotated[
+        Path,
+        InputFile(argument="BLANK", help="CSV of touches of the blank, with normals of its faces."),
+    ]
+    mesh: Annotated[Path, InputFile(help="The finished part (STL).")]
+    mesh_unit: Annotated[str, Option(help="mm, m or inch.")] = MESH_UNIT
+    part: Annotated[
+        str | None, Option(help="Part frame the part will be cut in; default: the only one.")
+    ] = None
+    leave_mm: Annotated[float, Option(help="What must be left over the part everywhere.")] = (
+        LEFT_OVER_MM
+    )
+    probe_radius_mm: Annotated[float, Option(help="Of the probe's ball.")] = PROBE_RADIUS_MM
+    touch_sigma_mm: TouchSigma = TOUCH_MM
+    output: Annotated[
+        Path | None,
+        Output(
+            names=("--output", "-o"),
+            what="a cell",
+            suffixes=(".toml",),
+            help="Also write the registered cell with the part shifted.",
+        ),
+    ] = None
+
+
+def run(request: BlankCheckRequest, context: Context) -> PlainResult:
+    """Says what the blank leaves on every touched face, and where least.
+
+    Raises:
+        ConfigurationError: Touches without normals, or a shift of a cell that is not registered.
+        ImplausibleDataError: Exchanged faces, or wrong units.
+        ModelMismatchError: Joints of another robot.
+    """
+    from dataclasses import replace
+
+    from robotrue.app.operations.register import UNITS
+    from robotrue.app.registered import open_model
+    from robotrue.calibration.nominal import NominalModel
+    from robotrue.core.mesh import read_mesh
+    from robotrue.core.provenance import merge
+    from robotrue.measurement.formats.part_points import read_points
+    from robotrue.planning.information import settings_of
+    from robotrue.validation.blank import check_blank
+    from robotrue.validation.part_registration import check_rows
+    from robotrue.validation.registration_frame import RegistrationSettings, tips
+    from robotrue.validation.touch_checks import check_units, naming
+
+    source = context.cell_file(request.cell)
+    cell, model = open_model(source)
+    if request.mesh_unit not in UNITS:
+        raise ConfigurationError(
+            f"--mesh-unit {request.mesh_unit!r}, expected {', '.join(UNITS)}.",
+            hint="--mesh-unit mm",
+        )
+    if request.output is not None and cell.part is None:
+        raise ConfigurationError(
+            "-o writes shifted part frames, and the cell has none.",
+            source=source,
+            hint="robotrue register CELL|MODEL POINTS -o CELL_OUT.",
+        )
+    arm = NominalModel(robot=cell.robot) if model is None else model
+    touches = read_points(request.blank).touches
+    touches = replace(touches, radius=request.probe_radius_mm * MM)
+    settings = RegistrationSettings(
+        touch=request.touch_sigma_mm * MM,
+        T_flange_tool=cell.robot.T_flange_tool,
+        arm=settings_of(cell),
+    )
+    check_rows(arm, touches, tuple(map(str, touches.parts)))
+    T_base_part = cell.T_base_frame
+    if cell.part is not None:
+        T_base_part = cell.part.frame(request.part).T_base_part
+    with naming(touches):
+        at = tips(arm, touches.joints, settings) if touches.has_joints else touches.position
+        check_units(touches, at)
+        check = check_blank(
+            read_mesh(request.mesh, unit=UNITS[request.mesh_unit]),
+            touches,
+            at,
+            T_base_part,
+            sigma=settings.touch,
+            required=request.leave_mm * MM,
+        )
+    if request.output is not None:
+        _write_shifted(cell, source, check.shift, context.output(request.output))
+        context.wrote("cell with the part shifted", request.output)
+    return PlainResult(
+        values=_document(check),
+        shown=_blocks(check),
+        provenance=merge(
+            [touches.provenance, *([] if cell.part is None else [cell.part.provenance])]
+        ),
+    )
+
+
+def _write_shifted(cell: Cell, source: Path, shift: Array, output: Path) -> None:
+    from dataclasses import replace
+
+    import numpy as np
+
+    from robotrue.app.registered_cell_file import registered_cell
+    from robotrue.core.files import write_atomic
+    from robotrue.core.poses import pose
+
+    if cell.part is None:
+        return
+    moved = tuple(
+        replace(frame, T_base_part=frame.T_base_part @ pose(np.eye(3), shift))
+        for frame in cell.part.frames
+    )
+    write_atomic(output, registered_cell(cell, source, replace(cell.part, frames=moved), output))
+
+
+def _document(check: BlankCheck) -> dict[str, object]:
+    return {
+        "verdict": check.verdict,
+        "leave_mm": check.required / MM,
+        "least_mm": check.least.allowance / MM,
+        "least_at": check.least.name,
+        "least_at_mm": (check.least.corner / MM).tolist(),
+        "shift_mm": (check.shift / MM).tolist(),
+        "least_after_mm": float(check.after.min()) / MM,
+        "faces": [
+            {
+                "name": face.name,
+                "normal": face.normal.tolist(),
+                "touches": face.touches,
+                "left_mm": face.allowance / MM,
+                "sigma_mm": face.known / MM,
+                "left_after_mm": after / MM,
+                "at_mm": (face.corner / MM).tolist(),
+                "flat_mm": face.flat / MM,
+            }
+            for face, after in zip(check.faces, check.after.tolist(), strict=True)
+        ],
+        "doubts": list(check.doubts),
+    }
+
+
+def _blocks(check: BlankCheck) -> tuple[Block, ...]:
+    least = check.least
+    x, y, z = least.corner / MM
+    dx, dy, dz = check.shift / MM + 0.0
+    return (
+        Facts(
+            title="part in its blank",
+            rows=(
+                ("verdict", f"{check.verdict}, {check.required / MM:g} mm asked"),
+                ("least left", f"{least.allowance / MM:.3f} mm at {least.name}"),
+                ("there, in the part", f"{x:.2f}, {y:.2f}, {z:.2f} mm"),
+                ("shift that balances it", f"{dx:+.3f}, {dy:+.3f}, {dz:+.3f} mm in the part"),
+                ("least left then", f"{float(check.after.min()) / MM:.3f} mm"),
+            ),
+        ),
+        Table(
+            title="faces touched",
+            columns=("", "touches", "left, mm", "one sigma", "after the shift", "out of flat"),
+            rows=tuple(
+                (
+                    face.name,
+                    str(face.touches),
+                    f"{face.allowance / MM:.3f}",
+                    f"{face.known / MM:.3f}",
+                    f"{after / MM:.3f}",
+                    f"{face.flat / MM:.3f}",
+                )
+                for face, after in zip(check.faces, check.after.tolist(), strict=True)
+            ),
+        ),
+        *(Note(f"note: {doubt}") for doubt in check.doubts),
+    )
+
+
+OPERATION: Final = Operation(request=BlankCheckRequest, run=run)

@@ -1,0 +1,248 @@
+"""A finished part inside its blank: how much is left on every touched face, and where least.
+
+The blank is what its touched faces say: planes in the part's own coordinates, in the frame the part
+will be cut in. What was not touched, as the side it lies on, bounds nothing. Where two faces look
+opposite ways a shift can share what is left between them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Final, Literal, TypeAlias
+
+import numpy as np
+
+from robotrue.core.arrays import Array, IntArray
+from robotrue.core.columns import Column, Columns
+from robotrue.core.mesh import TriangleMesh
+from robotrue.core.poses import apply, inverse
+from robotrue.core.units import DEG, MM
+from robotrue.errors import ConfigurationError, ImplausibleDataError, ObservabilityError
+from robotrue.measurement.probing_set import ProbingSet
+from robotrue.validation.registration_methods import group_faces
+from robotrue.validation.touch_checks import file_of
+
+BlankVerdict: TypeAlias = Literal["fits", "fits when shifted", "cannot tell", "does not fit"]
+OPPOSITE: Final = 20.0 * DEG
+"""Faces whose normals are this near to opposite share what is left."""
+TILT: Final = 20.0 * DEG
+"""Largest angle between a face as touched and its nominal normal."""
+NARROW: Final = 0.05
+"""Touches of a face whose smaller spread is below this part of the larger give no tilt."""
+SIGMAS: Final = 2.0
+"""Standard deviations behind "cannot tell"."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BlankFace(Columns):
+    """One touched face of the blank, and what the part leaves there.
+
+    Attributes:
+        name: Of its first touch.
+        normal: (3,) unit vector in part, out of the blank.
+        offset: m; points p of the face have ``normal @ p = offset``.
+        touches: How many.
+        flat: m, largest distance of a touch from the plane.
+        corner: (3,) m, the point of the part nearest to the face or furthest out of it.
+        allowance: m, the blank over the part there; negative: the part sticks out.
+        known: m, standard deviation of ``allowance``.
+        tilted: Whether its tilt was touched; else it is the drawing's.
+    """
+
+    name: str
+    normal: Annotated[Array, Column("3")]
+    offset: float
+    touches: int
+    flat: float
+    corner: Annotated[Array, Column("3", unit="m")]
+    allowance: float
+    known: float
+    tilted: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BlankCheck(Columns):
+    """A part in its blank.
+
+    Attributes:
+        faces: Touched ones.
+        required: m that must be left everywhere.
+        verdict: Of :data:`BlankVerdict`.
+        shift: (3,) m in part, by which the part is to move inside the blank; 0 where no two faces
+            are opposite.
+        after: (f,) m, allowance of each face after the shift.
+        doubts: What the touches cannot tell, one sentence each.
+    """
+
+    faces: tuple[BlankFace, ...]
+    required: float
+    verdict: BlankVerdict
+    shift: Annotated[Array, Column("3", unit="m")]
+    after: Annotated[Array, Column("f", unit="m")]
+    doubts: tuple[str, ...]
+
+    @property
+    def least(self) -> BlankFace:
+        """The face with least left."""
+        return min(self.faces, key=lambda face: face.allowance)
+
+
+def check_blank(
+    mesh: TriangleMesh,
+    touches: ProbingSet,
+    in_base: Array,
+    T_base_part: Array,
+    *,
+    sigma: float,
+    required: float,
+) -> BlankCheck:
+    """Returns what a blank leaves over a part.
+
+    Args:
+        mesh: The finished part.
+        touches: Of the blank, each with the outward normal of its face in part.
+        in_base: (n, 3) m, where the tip, or the centre of the ball, was.
+        T_base_part: (4, 4) the frame the part will be cut in.
+        sigma: m along the normal of one touch, the arm's share included.
+        required: m that must be left everywhere.
+
+    Raises:
+        ConfigurationError: A touch without a normal, or a negative allowance.
+        ObservabilityError: No touch.
+        ImplausibleDataError: A face that is tilted far from its normal, or exchanged faces.
+    """
+    if not required >= 0.0:
+        raise ConfigurationError(f"allowance {required / MM:g} mm, expected 0 or more.")
+    if not len(touches):
+        raise ObservabilityError("no touch of the blank.")
+    if touches.full.any():
+        row = int(np.argmax(touches.full))
+        raise ConfigurationError(
+            f"{touches.labels[row]} has no normal: which face of the blank it lies on is not said.",
+            source=file_of(touches),
+            line=int(touches.lines[row]) if len(touches.lines) else None,
+            hint="nx,ny,nz: the face's outward normal in the part, e.g. 0,0,1.",
+        )
+    inside = apply(inverse(T_base_part), in_base) - touches.radius * touches.normal
+    faces = tuple(
+        _measure_face(mesh, touches, inside, rows, sigma) for rows in group_faces(touches)
+    )
+    _check_thickness(faces, touches)
+    shift = _balance(faces)
+    after = np.array([face.allowance - face.normal @ shift for face in faces])
+    return BlankCheck(
+        faces=faces,
+        required=required,
+        verdict=_judge(faces, after, required),
+        shift=shift,
+        after=after,
+        doubts=tuple(_doubts(faces)),
+    )
+
+
+def _measure_face(
+    mesh: TriangleMesh, touches: ProbingSet, inside: Array, rows: IntArray, sigma: float
+) -> BlankFace:
+    """The plane through the touches of one face, and the part's point nearest to it."""
+    points, nominal = inside[rows], touches.normal[rows].mean(axis=0)
+    nominal = nominal / np.linalg.norm(nominal)
+    middle = points.mean(axis=0)
+    _, spread, axes = np.linalg.svd(points - middle, full_matrices=True)
+    tilted = len(rows) >= 3 and spread[1] > NARROW * spread[0] and spread[0] > MM
+    normal = nominal
+    if tilted:
+        normal = axes[2] if axes[2] @ nominal > 0.0 else -axes[2]
+        _check_tilt(float(np.arccos(np.clip(normal @ nominal, -1.0, 1.0))), touches, rows)
+    off = (points - middle) @ normal
+    corner = mesh.vertices[int(np.argmax(mesh.vertices @ normal))]
+    across = np.stack([axes[0], axes[1]]) if tilted else np.empty((0, 3))
+    design = np.column_stack([np.ones(len(rows)), (points - middle) @ across.T])
+    at = np.concatenate([[1.0], across @ (corner - middle)])
+    spare = len(rows) - len(at)
+    scatter = float(np.sqrt((off**2).sum() / spare)) if spare > 0 else 0.0
+    known = max(sigma, scatter) * np.sqrt(at @ np.linalg.solve(design.T @ design, at))
+    return BlankFace(
+        name=touches.names[int(rows[0])],
+        normal=normal,
+        offset=float(normal @ middle),
+        touches=len(rows),
+        flat=float(np.abs(off).max()),
+        corner=corner,
+        allowance=float(normal @ (middle - corner)),
+        known=float(known),
+        tilted=tilted,
+    )
+
+
+def _check_tilt(angle: float, touches: ProbingSet, rows: IntArray) -> None:
+    if angle > TILT:
+        names = ", ".join(touches.labels[i] for i in rows)
+        raise ImplausibleDataError(
+            f"touches {names} lie in a plane {angle / DEG:.0f} deg from the normal stated for "
+            f"them, allowed {TILT / DEG:.0f} deg.",
+            source=file_of(touches),
+            line=int(touches.lines[rows[0]]) if len(touches.lines) else None,
+            hint="a touch of another face, an exchanged normal, or another part frame.",
+        )
+
+
+def _pairs(faces: Sequence[BlankFace]) -> list[tuple[BlankFace, BlankFace]]:
+    """Faces that look opposite ways."""
+    return [
+        (one, other)
+        for i, one in enumerate(faces)
+        for other in faces[i + 1 :]
+        if one.normal @ other.normal < -np.cos(OPPOSITE)
+    ]
+
+
+def _check_thickness(faces: Sequence[BlankFace], touches: ProbingSet) -> None:
+    for one, other in _pairs(faces):
+        thick = one.offset + other.offset
+        if thick <= 0.0:
+            raise ImplausibleDataError(
+                f"between {one.name} and {other.name} the blank would be {thick / MM:.1f} mm "
+                "thick: the two faces are exchanged, or their normals look inward.",
+                source=file_of(touches),
+                hint="nx, ny, nz look out of the blank.",
+            )
+
+
+def _balance(faces: Sequence[BlankFace]) -> Array:
+    """The shift (3,) that leaves alike on opposite faces, and none where a face has no opposite."""
+    pairs = _pairs(faces)
+    if not pairs:
+        return np.zeros(3)
+    rows = np.array([one.normal - other.normal for one, other in pairs])
+    apart = np.array([one.allowance - other.allowance for one, other in pairs])
+    return np.asarray(np.linalg.lstsq(rows, apart, rcond=1e-6)[0])
+
+
+def _judge(faces: Sequence[BlankFace], after: Array, required: float) -> BlankVerdict:
+    now = np.array([face.allowance for face in faces])
+    slack = SIGMAS * np.array([face.known for face in faces])
+    if (now - slack >= required).all():
+        return "fits"
+    if (after - slack >= required).all():
+        return "fits when shifted"
+    if (after + slack >= required).all() or (now + slack >= required).all():
+        return "cannot tell"
+    return "does not fit"
+
+
+def _doubts(faces: Sequence[BlankFace]) -> list[str]:
+    out = []
+    flat = [face for face in faces if not face.tilted]
+    if flat:
+        out.append(
+            f"Tilt of {', '.join(face.name for face in flat)} from the drawing: three touches that "
+            "are spread over the face would tell it."
+        )
+    alone = [f for f in faces if not any(f in pair for pair in _pairs(faces))]
+    if alone:
+        out.append(
+            f"Nothing was touched opposite {', '.join(face.name for face in alone)}: what is left "
+            "there is not known, and the part is not shifted that way."
+        )
+    return out
