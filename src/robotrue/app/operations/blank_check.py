@@ -116,8 +116,9 @@ def run(request: BlankCheckRequest, context: Context) -> PlainResult:
             required=request.leave_mm * MM,
         )
     if request.output is not None:
-        _write_shifted(cell, source, check.shift, context.output(request.output))
-        context.wrote("cell with the part shifted", request.output)
+        output = context.output(request.output)
+        _write_shifted(cell, source, check.shift, output)
+        context.wrote("cell with the part shifted", output)
     return PlainResult(
         values=_document(check),
         shown=_blocks(check),

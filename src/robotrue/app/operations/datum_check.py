@@ -23,7 +23,7 @@ class DatumCheckRequest(Request):
     """Which datums were touched, and what they must keep."""
 
     cell: Annotated[
-        Reference, Item(noun="cell", argument="CELL", help="Registered cell.toml of `register`.")
+        Reference, Item(noun="registration", argument="CELL", help="Cell that `register` wrote.")
     ]
     datums: Annotated[
         Path, InputFile(argument="DATUMS", help="CSV of the datums as touched, like the touches.")
@@ -55,7 +55,7 @@ def run(request: DatumCheckRequest, context: Context) -> PlainResult:
     from robotrue.validation.datum_touches import check_part
     from robotrue.validation.registration_frame import RegistrationSettings
 
-    source = context.cell_file(request.cell)
+    source = context.registration_file(request.cell)
     cell, model = open_model(source)
     if cell.part is None:
         raise ConfigurationError(

@@ -120,24 +120,24 @@ class MadeProgram:
             title=f"program {Path(self.counts['output']).name}",
             columns=(
                 "side",
-                "pass",
                 "points",
                 "cut, mm",
                 "time, s",
                 "spin, deg",
                 "to a limit, deg",
                 "wrist, deg",
+                "pass",
             ),
             rows=tuple(
                 (
                     side["name"],
-                    side["pass"],
                     str(side["points"]),
                     f"{side['cut_mm']:.0f}",
                     f"{side['duration_s']:.0f}",
                     f"{side['spin_deg'][0]:.0f} to {side['spin_deg'][1]:.0f}",
                     f"{side['limit_margin_deg']:.1f}",
                     f"{side['wrist_angle_deg']:.1f}",
+                    side["pass"],
                 )
                 for side in self.counts["sides"]
             ),
