@@ -3,7 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robotrue.calibration.deng2022.similarity import READINGS, similarities, similarity
+from robotrue.calibration.deng2022.similarity import similarities, similarity
+from robotrue.calibration.deng2022.similarity_readings import READINGS
 from robotrue.errors import ConfigurationError, ObservabilityError, ShapeError
 
 

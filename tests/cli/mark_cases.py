@@ -227,6 +227,12 @@ CASES: Final[Mapping[str, Case]] = {
         lambda f: (f("m.rtm"), f("test.csv")), report="v.html"
     ),
     "predict": Case(lambda f: (f("m.rtm"), f("q.csv"), "-o", f("p.csv")), files=("p.csv",)),
+    "similarity": Case(
+        lambda f: (f("cell.toml"), f("cal.csv"), "-o", f("sim.csv"), "--divide", 2,
+                   "--apart-mm", 900, "--curves", f("curves.csv")),
+        report="sim.html",
+        files=("sim.csv", "curves.csv"),
+    ),
     "map": Case(
         lambda f: (f("m.rtm"), "-o", f("map.html"), "--region", "cylinder", "--angle-deg=-10,10",
                    "--radius-mm", "1000,1200", "--height-mm", "800,1000", "--grid", "2,2,2",

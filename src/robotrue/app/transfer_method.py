@@ -7,7 +7,7 @@ from typing import Protocol
 
 from robotrue.app.context import Context
 from robotrue.app.presentation import Block, Facts, Table
-from robotrue.calibration.deng2022.data_domains import describe_region, domains_of_rows
+from robotrue.calibration.deng2022.data_domains import domains_of_rows
 from robotrue.calibration.deng2022.readings import (
     BOOSTING,
     LITERAL_BOOSTING,
@@ -20,7 +20,7 @@ from robotrue.calibration.deng2022.readings import (
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.sources import TransferSource
 from robotrue.calibration.training_summary import TrainingSummary
-from robotrue.core.regions import CylinderRegion
+from robotrue.core.regions import CylinderRegion, describe_region
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError, ObservabilityError
 from robotrue.measurement.measurement_set import MeasurementSet

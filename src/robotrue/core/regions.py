@@ -13,6 +13,7 @@ import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.rotations import wrap
+from robotrue.core.units import DEG, MM
 from robotrue.errors import ShapeError
 
 Interval: TypeAlias = tuple[float, float]
@@ -187,6 +188,53 @@ def turn_region(region: CylinderRegion, angle: float) -> CylinderRegion:
     """Returns the region turned about the base's z axis by an angle in rad."""
     low, high = region.angle
     return replace(region, angle=(low + angle, high + angle))
+
+
+def bound_cylinder(points: Array) -> CylinderRegion:
+    """Returns the smallest cylinder slab about joint 1 that holds points (n, 3) m."""
+    angle = np.arctan2(points[:, 1], points[:, 0])
+    middle = float(np.arctan2(np.sin(angle).mean(), np.cos(angle).mean()))
+    turned = middle + wrap(angle - middle)
+    radius, height = np.hypot(points[:, 0], points[:, 1]), points[:, 2]
+    return CylinderRegion(
+        angle=(float(turned.min()), float(turned.max())),
+        radius=(float(radius.min()), float(radius.max())),
+        height=(float(height.min()), float(height.max())),
+    )
+
+
+def bound_cube(points: Array) -> CubeRegion:
+    """Returns the smallest box along the base axes that holds points (n, 3) m."""
+    x, y, z = ((float(low), float(high)) for low, high in zip(
+        points.min(axis=0), points.max(axis=0), strict=True
+    ))  # fmt: skip
+    return CubeRegion(x=x, y=y, z=z)
+
+
+def coordinate_units(region: Region) -> tuple[tuple[str, str, float], ...]:
+    """Returns name, unit of messages (mm, deg) and its size in SI of each coordinate."""
+    if isinstance(region, CylinderRegion):
+        return (("angle", "deg", DEG), ("radius", "mm", MM), ("height", "mm", MM))
+    return (("x", "mm", MM), ("y", "mm", MM), ("z", "mm", MM))
+
+
+def describe_region(region: Region) -> str:
+    """Returns the limits in words, e.g. ``angle -40 to -30 deg, radius 800 to 1400 mm, ...``."""
+    return ", ".join(
+        f"{name} {low / size:.4g} to {high / size:.4g} {unit}"
+        for (name, unit, size), (low, high) in zip(
+            coordinate_units(region), region.limits, strict=True
+        )
+    )
+
+
+def describe_point(region: Region, point: Array) -> str:
+    """Returns the region's coordinates of a point (3,) m in base, in words."""
+    values = coordinates_of(region, point[None])[0]
+    return ", ".join(
+        f"{name} {value / size:.4g} {unit}"
+        for (name, unit, size), value in zip(coordinate_units(region), values, strict=True)
+    )
 
 
 def _check(**intervals: Interval) -> None:

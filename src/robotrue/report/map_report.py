@@ -8,7 +8,7 @@ import numpy as np
 
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.csv_text import csv_text
-from robotrue.core.regions import CylinderRegion
+from robotrue.core.regions import coordinate_units
 from robotrue.core.units import DEG, MM
 from robotrue.report.content import (
     Cell,
@@ -30,19 +30,12 @@ ATTITUDES: Final = {
 }
 
 
-def coordinate_units(found: WorkspaceMap) -> tuple[tuple[str, str, float], ...]:
-    """Returns name, unit and size of each coordinate of the region."""
-    if isinstance(found.region, CylinderRegion):
-        return (("angle", "deg", DEG), ("radius", "mm", MM), ("height", "mm", MM))
-    return (("x", "mm", MM), ("y", "mm", MM), ("z", "mm", MM))
-
-
 def map_slices(found: WorkspaceMap, *, title: str) -> MapSlices:
     """Returns the figure: error length, its parts and what stays, in up to five slices.
 
     Slices cut the coordinate the sectors divide; the other two are the axes, the last one up.
     """
-    units = coordinate_units(found)
+    units = coordinate_units(found.region)
     others = [k for k in range(3) if k != found.along]
     axes = [np.unique(found.coordinates[:, k]) for k in range(3)]
     cut = np.unique(
@@ -126,7 +119,7 @@ def map_content(
 
 def sector_names(found: WorkspaceMap) -> tuple[str, ...]:
     """Returns the range of each sector in words, e.g. ``angle -40 to -23 deg``."""
-    name, unit, size = coordinate_units(found)[found.along]
+    name, unit, size = coordinate_units(found.region)[found.along]
     values = found.coordinates[:, found.along] / size
     return tuple(
         f"{name} {values[found.sector == k].min():.4g} to "
@@ -201,7 +194,7 @@ def _similarities(names: tuple[str, ...], alike: tuple[SectorSimilarity, ...]) -
 
 def map_table(error_map: WorkspaceMap) -> str:
     """Returns one line per grid point as CSV; cells of points the arm cannot take are empty."""
-    units = coordinate_units(error_map)
+    units = coordinate_units(error_map.region)
     sd, joints = error_map.sd, error_map.joints / DEG
     columns: list[tuple[str, Array]] = [
         *((f"{n}_{u}", error_map.coordinates[:, k] / s) for k, (n, u, s) in enumerate(units)),
@@ -222,7 +215,7 @@ def map_document(error_map: WorkspaceMap, alike: tuple[SectorSimilarity, ...]) -
     """Returns region, grid and the numbers of each sector as JSON values; mm, deg."""
     able = error_map.reachable
     names = sector_names(error_map)
-    units = coordinate_units(error_map)
+    units = coordinate_units(error_map.region)
     limits = zip(units, error_map.region.limits, strict=True)
     return {
         "region": {f"{n}_{u}": [low / s, high / s] for (n, u, s), (low, high) in limits},

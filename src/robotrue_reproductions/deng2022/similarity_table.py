@@ -11,7 +11,8 @@ from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
-from robotrue.calibration.deng2022.similarity import READINGS, SimilarityReading, similarities
+from robotrue.calibration.deng2022.similarity import similarities
+from robotrue.calibration.deng2022.similarity_readings import READINGS, SimilarityReading
 from robotrue.core.arrays import Array
 from robotrue.core.poses import pose
 from robotrue.core.regions import CubeRegion, CylinderRegion, Region, grid_points

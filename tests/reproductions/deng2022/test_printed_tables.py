@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robotrue.calibration.deng2022.similarity import READINGS
+from robotrue.calibration.deng2022.similarity_readings import READINGS
 from robotrue_reproductions.deng2022.arm_experiment import arm_results
 from robotrue_reproductions.deng2022.similarity_table import (
     FOUND,

@@ -8,8 +8,15 @@ import numpy as np
 
 from robotrue.calibration.deng2022.domains import Domains, divide_target, members
 from robotrue.core.arrays import Array
-from robotrue.core.regions import CylinderRegion, contains, coordinates_of
-from robotrue.core.units import DEG, MM
+from robotrue.core.regions import (
+    CylinderRegion,
+    bound_cylinder,
+    contains,
+    coordinates_of,
+    describe_point,
+    describe_region,
+)
+from robotrue.core.units import DEG
 from robotrue.errors import ConfigurationError, ObservabilityError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.forward import forward
@@ -21,7 +28,6 @@ BEYOND: Final = 0.25
 """Part of the source's range of radius or height by which a target pose may lie outside of it."""
 SLACK: Final = 1e-3
 """m or rad by which a row may lie outside a region, and two regions may overlap."""
-_NAMES: Final = (("angle", "deg", DEG), ("radius", "mm", MM), ("height", "mm", MM))
 
 
 def domains_of_rows(
@@ -56,10 +62,10 @@ def domains_of_rows(
     ):
         if region is not None:
             _refuse_outside(name, region, rows, points)
-    of_source = _bounds(known) if source_region is None else source_region
+    of_source = bound_cylinder(known) if source_region is None else source_region
     if target_region is None:
         _refuse_beyond(of_source, target, few)
-    of_target = _bounds(few) if target_region is None else target_region
+    of_target = bound_cylinder(few) if target_region is None else target_region
     if source_region is None or target_region is None:
         of_source, of_target = _share_ranges(of_source, of_target)
     _refuse_overlap(of_source, of_target, target, few)
@@ -77,19 +83,6 @@ def domains_of_rows(
             hint="measure more poses there, or state fewer sub-spaces (--sub-spaces).",
         )
     return domains
-
-
-def _bounds(points: Array) -> CylinderRegion:
-    """The smallest region with the points."""
-    angle = np.arctan2(points[:, 1], points[:, 0])
-    middle = float(np.arctan2(np.sin(angle).mean(), np.cos(angle).mean()))
-    turned = middle + np.angle(np.exp(1j * (angle - middle)))
-    radius, height = np.hypot(points[:, 0], points[:, 1]), points[:, 2]
-    return CylinderRegion(
-        angle=(float(turned.min()), float(turned.max())),
-        radius=(float(radius.min()), float(radius.max())),
-        height=(float(height.min()), float(height.max())),
-    )
 
 
 def _share_ranges(
@@ -127,7 +120,7 @@ def _refuse_outside(name: str, region: CylinderRegion, rows: MeasurementSet, poi
         raise ConfigurationError(
             f"{len(lost)} of {len(rows)} {name} poses lie outside the {name} region "
             f"({describe_region(region)}), the first, {place_of_row(rows, int(lost[0]))}, at "
-            f"{_describe_point(region, points[lost[0]])}.",
+            f"{describe_point(region, points[lost[0]])}.",
             hint=f"a wider --{name}-region, or leave these rows out.",
         )
 
@@ -143,7 +136,7 @@ def _refuse_beyond(source: CylinderRegion, target: MeasurementSet, points: Array
         raise ConfigurationError(
             f"{len(lost)} of {len(points)} target poses lie where the source has none near, the "
             f"first, {place_of_row(target, int(lost[0]))}, at "
-            f"{_describe_point(source, points[lost[0]])}; the source covers "
+            f"{describe_point(source, points[lost[0]])}; the source covers "
             f"{describe_region(source)}.",
             hint="source poses at these radii and heights, or leave the target poses out.",
         )
@@ -166,22 +159,6 @@ def _refuse_overlap(
         hint="the source is the narrow region: are source and target exchanged?"
         if exchanged
         else "leave these rows out, or state --source-region and --target-region side by side.",
-    )
-
-
-def describe_region(region: CylinderRegion) -> str:
-    """Returns the limits in words, e.g. ``angle -40 to -30 deg, radius 800 to 1400 mm, ...``."""
-    return ", ".join(
-        f"{name} {low / size:.4g} to {high / size:.4g} {unit}"
-        for (name, unit, size), (low, high) in zip(_NAMES, region.limits, strict=True)
-    )
-
-
-def _describe_point(region: CylinderRegion, point: Array) -> str:
-    values = coordinates_of(region, point[None])[0]
-    return ", ".join(
-        f"{name} {value / size:.4g} {unit}"
-        for (name, unit, size), value in zip(_NAMES, values, strict=True)
     )
 
 

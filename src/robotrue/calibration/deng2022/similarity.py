@@ -17,22 +17,19 @@ the text before it calls errors. The readings:
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final, Literal, TypeAlias, get_args
 
 import numpy as np
 
+from robotrue.calibration.deng2022.similarity_readings import (
+    READING,
+    READINGS,
+    SimilarityReading,
+)
 from robotrue.core.arrays import Array, frozen
 from robotrue.errors import ConfigurationError, ObservabilityError, ShapeError
 
-SimilarityReading: TypeAlias = Literal[
-    "per-point", "swapped", "shared", "per-axis", "raw", "coordinates"
-]
-READINGS: Final[tuple[SimilarityReading, ...]] = get_args(SimilarityReading)
 
-
-def similarity(
-    errors_a: Array, errors_b: Array, *, reading: SimilarityReading = "per-point"
-) -> float:
+def similarity(errors_a: Array, errors_b: Array, *, reading: SimilarityReading = READING) -> float:
     """Returns the cosine similarity of two regions, -1 to 1; see :func:`similarities`."""
     return float(similarities(errors_a, [errors_b], reading=reading)[0])
 

@@ -1,0 +1,246 @@
+"""Compare the measured errors of regions: similarity and error curves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+from robotrue.app.context import Context
+from robotrue.app.operation import Operation
+from robotrue.app.presentation import Block, Note, Table
+from robotrue.app.request import Item, Option, Output, Reference, Request
+from robotrue.app.request_fields import ForeignColumns, Page
+from robotrue.calibration.deng2022.similarity_readings import READING, SimilarityReading
+from robotrue.core.provenance import Provenance
+from robotrue.core.units import MM
+from robotrue.errors import ConfigurationError
+from robotrue.validation.similarity_defaults import APART_MM, DIVIDE, FEWEST_PAIRS
+
+if TYPE_CHECKING:
+    from robotrue.core.arrays import Array
+    from robotrue.measurement.measurement_set import MeasurementSet
+    from robotrue.validation.region_similarity import NamedRegion, RegionSimilarity
+
+
+class SimilarityRequest(Request):
+    """Which measurements, and which regions of them."""
+
+    cell: Annotated[Reference, Item(noun="cell", argument="CELL", help="cell.toml")]
+    measurements: Annotated[
+        tuple[Reference, ...],
+        Item(noun="measurement", argument="MEAS...", help="Measured poses, in base."),
+    ]
+    output: Annotated[
+        Path,
+        Output(
+            names=("--output", "-o"),
+            what="a CSV table",
+            suffixes=(".csv",),
+            help="CSV of the similarities to write.",
+        ),
+    ]
+    region: Annotated[
+        tuple[str, ...],
+        Option(
+            example="A=angle_deg=-40..-30,radius_mm=800..1400,height_mm=700..1200",
+            help="NAME=angle_deg=A..B,radius_mm=..,height_mm=.. or x_mm,y_mm,z_mm; repeated.",
+        ),
+    ] = ()
+    by_set: Annotated[
+        bool, Option(help="Regions are the sets of the measurements (column set), by their bounds.")
+    ] = False
+    divide: Annotated[
+        int,
+        Option(
+            least=2,
+            help="Without --region and --by-set: sectors and boxes the points are divided into.",
+        ),
+    ] = DIVIDE
+    reading: Annotated[
+        SimilarityReading,
+        Option(help="How eq. 9-10 are read where one number is shown; the table has all."),
+    ] = READING
+    apart_mm: Annotated[
+        float, Option(help="Points correspond if they lie nearer in their own regions.")
+    ] = APART_MM
+    mapping: ForeignColumns = None
+    curves: Annotated[
+        Path | None,
+        Output(
+            what="a CSV table", suffixes=(".csv",), help="Also write the error curves to this CSV."
+        ),
+    ] = None
+    report: Page = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Compared:
+    """Regions against the reference of their kind.
+
+    Attributes:
+        found: Similarities, by kind.
+        reading: Of the number that is shown first.
+        poses: Measured.
+        wins: In how many regions the cylinder is more alike than the cube, and of how many.
+        output: Table that was written.
+        provenance: Of the measurements.
+    """
+
+    found: tuple[RegionSimilarity, ...]
+    reading: SimilarityReading
+    poses: int
+    wins: tuple[int, int] | None
+    output: Path
+    provenance: Provenance
+
+    def document(self) -> Mapping[str, object]:
+        """Returns JSON values; mm."""
+        from robotrue.core.json_values import json_values
+
+        return {
+            "similarities_csv": str(self.output),
+            "reading": self.reading,
+            "cylinder_above_cube": None if self.wins is None else self.wins[0],
+            "compared": None if self.wins is None else self.wins[1],
+            "regions": [
+                {
+                    "kind": each.kind,
+                    "reference": each.reference,
+                    "region": each.name,
+                    "points": len(each.rows),
+                    "furthest_pair_mm": float(each.apart.max()) / MM,
+                    "similarity": json_values(dict(each.values)),
+                }
+                for each in self.found
+            ],
+        }
+
+    def blocks(self) -> Iterable[Block]:
+        """Returns the similarities under every reading."""
+        readings = list(self.found[0].values)
+        yield Table(
+            title=f"similarity of errors to the reference region, {self.poses} poses, 1 is alike",
+            columns=("region", "reference", "points", "furthest pair mm", *readings),
+            rows=tuple(
+                (
+                    each.name,
+                    each.reference,
+                    str(len(each.rows)),
+                    f"{each.apart.max() / MM:.2f}",
+                    *(f"{v:.4f}" if isfinite(v) else "-" for v in each.values.values()),
+                )
+                for each in self.found
+            ),
+        )
+        if self.wins is not None:
+            yield Note(
+                f"the cylinder is more alike than the cube in {self.wins[0]} of {self.wins[1]} "
+                f"regions, reading {self.reading}"
+            )
+
+
+def run(request: SimilarityRequest, context: Context) -> Compared:
+    """Compares the regions; writes the table, and the curves and the page if they are asked for.
+
+    Raises:
+        ConfigurationError: Regions that overlap, or that cannot be.
+        ModelMismatchError: Positions in the frame of a tracker.
+        ObservabilityError: A region without points, or too few of them correspond.
+    """
+    from robotrue.core.files import write_atomic
+    from robotrue.report.similarity_report import curves_csv, similarities_csv
+    from robotrue.robot.forward import forward
+    from robotrue.validation.region_similarity import compare_regions, count_cylinder_wins
+
+    if request.apart_mm <= 0.0:
+        raise ConfigurationError(f"--apart-mm {request.apart_mm:g}, expected more than 0.")
+    cell = context.cell(request.cell)
+    rows = context.measurements(cell, request.measurements, request.mapping, minimum=FEWEST_PAIRS)
+    _require_base(rows)
+    points = forward(cell.measured_robot.nominal(), rows.joints)[:, :3, 3]
+    errors = rows.position - points
+    regions = _regions(request, rows, points)
+    found = compare_regions(points, errors, regions, apart=request.apart_mm * MM)
+    output = context.output(request.output)
+    write_atomic(output, similarities_csv(found, rows.provenance).encode())
+    context.wrote("similarities", output)
+    if request.curves is not None:
+        path = context.output(request.curves)
+        write_atomic(path, curves_csv(found, rows, points, errors).encode())
+        context.wrote("error curves", path)
+    result = Compared(
+        found=found,
+        reading=request.reading,
+        poses=len(rows),
+        wins=count_cylinder_wins(found, request.reading),
+        output=output,
+        provenance=rows.provenance,
+    )
+    if request.report is not None:
+        _write_page(context.output(request.report), result, errors, regions, context)
+    return result
+
+
+def _require_base(rows: MeasurementSet) -> None:
+    from robotrue.errors import ModelMismatchError
+
+    if rows.frame != "base":
+        raise ModelMismatchError(
+            "the measurements are in a tracker frame; errors of regions are compared in base.",
+            hint="register the tracker to the base first.",
+        )
+
+
+def _regions(
+    request: SimilarityRequest, rows: MeasurementSet, points: Array
+) -> Sequence[NamedRegion]:
+    """The regions as stated, of the sets, or the measured points divided."""
+    from robotrue.validation.region_similarity import divide_points, regions_of_sets
+
+    if request.region and request.by_set:
+        raise ConfigurationError(
+            "--region and --by-set both say what the regions are.", hint="leave one of them out."
+        )
+    if request.by_set:
+        return regions_of_sets(points, rows)
+    if not request.region:
+        return divide_points(points, request.divide)
+    return [_stated_region(text) for text in request.region]
+
+
+def _stated_region(text: str) -> NamedRegion:
+    from robotrue.planning.work_area import EXAMPLE, parse_region
+    from robotrue.validation.region_similarity import NamedRegion
+
+    name, equals, limits = text.partition("=")
+    if not (name and equals and "=" in limits):
+        raise ConfigurationError(
+            f"--region {text!r}, expected NAME=LIMITS.", hint=f"--region A={EXAMPLE}"
+        )
+    return NamedRegion(name=name, region=parse_region(f"--region {name}=", limits))
+
+
+def _write_page(
+    path: Path, result: Compared, errors: Array, regions: Sequence[NamedRegion], context: Context
+) -> None:
+    from robotrue.core.files import write_atomic
+    from robotrue.report.page import report_html
+    from robotrue.report.similarity_report import similarity_content
+
+    content = similarity_content(
+        result.found,
+        errors,
+        regions,
+        reading=result.reading,
+        wins=result.wins,
+        poses=result.poses,
+        simulated=result.provenance.simulated,
+    )
+    write_atomic(path, report_html(content).encode())
+    context.wrote("report", path)
+
+
+OPERATION: Final = Operation(request=SimilarityRequest, run=run)
