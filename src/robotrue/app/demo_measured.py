@@ -369,9 +369,39 @@ def _content(
         selection=selection,
         unseen=[f"{u.name}: {u.cure}" for u in summary.unseen],
     )
-    before, after = np.linalg.norm(path.before, axis=1), np.linalg.norm(path.after, axis=1)
     worst = max(held_out, key=lambda h: h.report.after.mean)
-    sections = (
+    return ReportContent(
+        title="UR10, measured by a laser tracker",
+        subtitle="Landgraf et al., CASE 2021; series A (one night) and B (months later)",
+        simulated=False,
+        verdict=Conclusion(
+            text=(
+                f"Predicts held-out poses within {first.after.mean / MM:.3f} mm (mean, random), "
+                f"{worst.report.after.mean / MM:.3f} mm in the hardest split."
+            ),
+            tone="good" if not first.doubts else "caution",
+            detail=f"Method {selection.winner}, chosen on held-out blocks of series A.",
+        ),
+        tiles=_make_tiles(held_out),
+        sections=_make_sections(path, tables, detail),
+        unseen=detail.unseen,
+        doubts=(
+            "The compensated path is predicted; nobody drove it.",
+            *dict.fromkeys(d for h in held_out for d in h.report.doubts),
+        ),
+        provenance=(
+            Fact(name="data", value="ur10-landgraf, MIT licence"),
+            Fact(name="rows", value="positions of evenly spaced rows of each series"),
+            *detail.provenance,
+        ),
+    )
+
+
+def _make_sections(
+    path: PathCheck, tables: tuple[ReportTable, ReportTable], detail: ReportContent
+) -> tuple[Section, ...]:
+    before, after = np.linalg.norm(path.before, axis=1), np.linalg.norm(path.after, axis=1)
+    return (
         Section(title="Held-out poses", blocks=(tables[0],)),
         Section(
             title="A path of its own",
@@ -388,37 +418,16 @@ def _content(
         ),
         *(replace(s, title=f"{s.title}, series A, random split") for s in detail.sections),
     )
-    return ReportContent(
-        title="UR10, measured by a laser tracker",
-        subtitle="Landgraf et al., CASE 2021; series A (one night) and B (months later)",
-        simulated=False,
-        verdict=Conclusion(
-            text=(
-                f"Predicts held-out poses within {first.after.mean / MM:.3f} mm (mean, random), "
-                f"{worst.report.after.mean / MM:.3f} mm in the hardest split."
-            ),
-            tone="good" if not first.doubts else "caution",
-            detail=f"Method {selection.winner}, chosen on held-out blocks of series A.",
-        ),
-        tiles=tuple(
-            KeyFigure(
-                label=f"{h.series}, {h.split.kind}",
-                value=h.report.after.mean / MM,
-                unit="mm",
-                before=(h.report.before_aligned or h.report.before).mean / MM,
-                note=f"{h.report.after.n} poses",
-            )
-            for h in held_out
-        ),
-        sections=sections,
-        unseen=detail.unseen,
-        doubts=(
-            "The compensated path is predicted; nobody drove it.",
-            *dict.fromkeys(d for h in held_out for d in h.report.doubts),
-        ),
-        provenance=(
-            Fact(name="data", value="ur10-landgraf, MIT licence"),
-            Fact(name="rows", value="positions of evenly spaced rows of each series"),
-            *detail.provenance,
-        ),
+
+
+def _make_tiles(held_out: list[HeldOut]) -> tuple[KeyFigure, ...]:
+    return tuple(
+        KeyFigure(
+            label=f"{h.series}, {h.split.kind}",
+            value=h.report.after.mean / MM,
+            unit="mm",
+            before=(h.report.before_aligned or h.report.before).mean / MM,
+            note=f"{h.report.after.n} poses",
+        )
+        for h in held_out
     )

@@ -34,7 +34,6 @@ def demo_tables(
     report: ValidationReport, runs: HoleRuns
 ) -> tuple[ReportTable, ReportTable, ReportTable]:
     """Returns the three tables; the paper's rows were measured on another, real robot."""
-    held = report
     return (
         ReportTable(
             title="As Table 8: held-out poses",
@@ -42,8 +41,8 @@ def demo_tables(
             rows=(
                 ("before", PAPER, 1.499, 2.626, 0.542),
                 ("after, Tr-GPR with 206 poses, re-measured", PAPER, 0.182, 0.454, 0.086),
-                ("before", OURS, *_three(held.errors_before)),
-                ("after calibration, predicted", OURS, *_three(held.errors_after)),
+                ("before", OURS, *_three(report.errors_before)),
+                ("after calibration, predicted", OURS, *_three(report.errors_after)),
             ),
             caption="Poses the fit never saw. The two robots differ: compare sizes, not digits.",
             highlight=3,
@@ -65,10 +64,10 @@ def demo_tables(
             columns=(
                 TableColumn(title=""),
                 TableColumn(title="source"),
-                TableColumn(title="x", unit="mm"),
-                TableColumn(title="y", unit="mm"),
-                TableColumn(title="position", unit="mm"),
-                *(TableColumn(title=t, unit="mm") for t in ("contour", "max", "sd")),
+                *(
+                    TableColumn(title=t, unit="mm")
+                    for t in ("x", "y", "position", "contour", "max", "sd")
+                ),
             ),
             rows=(
                 ("after", PAPER, 0.144, 0.298, 0.331, 0.269, 0.461, 0.071),
@@ -137,19 +136,7 @@ def demo_content(
     )
     dry, after = np.linalg.norm(runs.dry_before, axis=1), np.linalg.norm(runs.dry_after, axis=1)
     sections = (
-        Section(
-            title="The job",
-            text=(
-                "A 210 mm flange hole in a 30 mm plate. The program was compensated, then run "
-                "again on the virtual robot: dry with the tracker on the tool, and cutting."
-            ),
-            blocks=(
-                tables[1],
-                PointErrors(before=dry, after=after, axis_label="check target"),
-                tables[2],
-                contour_plot(hole, runs),
-            ),
-        ),
+        _describe_job(hole, runs, tables),
         Section(title="Poses the fit never saw", blocks=(tables[0],)),
         *calibration.sections,
     )
@@ -179,6 +166,25 @@ def demo_content(
             *calibration.doubts,
         ),
         provenance=(Fact(name="seed", value=str(seed)), *calibration.provenance),
+    )
+
+
+def _describe_job(
+    hole: FlangeHole, runs: HoleRuns, tables: tuple[ReportTable, ReportTable, ReportTable]
+) -> Section:
+    dry, after = np.linalg.norm(runs.dry_before, axis=1), np.linalg.norm(runs.dry_after, axis=1)
+    return Section(
+        title="The job",
+        text=(
+            "A 210 mm flange hole in a 30 mm plate. The program was compensated, then run "
+            "again on the virtual robot: dry with the tracker on the tool, and cutting."
+        ),
+        blocks=(
+            tables[1],
+            PointErrors(before=dry, after=after, axis_label="check target"),
+            tables[2],
+            contour_plot(hole, runs),
+        ),
     )
 
 

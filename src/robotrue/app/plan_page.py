@@ -27,9 +27,42 @@ FIRST = 4
 def plan_page(cell: Cell, plan: PosePlan, origin: Provenance) -> str:
     """Returns the page (HTML); ``origin`` is that of the model the plan starts from."""
     n, expected = len(plan), plan.expected
+    return report_html(
+        ReportContent(
+            title=f"Poses to measure: {cell.robot.name}",
+            verdict=Conclusion(
+                text=f"{n} poses, expected mean error {expected.mean[n] / MM:.3f} mm where the "
+                "arm will work.",
+                detail=f"Criterion {plan.criterion}; as many random poses "
+                f"{expected.random_mean[n] / MM:.3f} mm.",
+            ),
+            simulated=origin.simulated,
+            subtitle="a plan, before any measurement",
+            tiles=(
+                KeyFigure(label="planned", value=float(expected.mean[n] / MM), unit="mm"),
+                KeyFigure(label="random", value=float(expected.random_mean[n] / MM), unit="mm"),
+                KeyFigure(label="floor", value=expected.floor_mean / MM, unit="mm"),
+            ),
+            sections=(
+                Section(title="Accuracy", blocks=(_draw_curve(plan),)),
+                Section(title="Candidates", blocks=(_list_rejected(plan),)),
+                Section(title="Poses", blocks=(_list_poses(plan),)),
+            ),
+            doubts=plan.notes,
+            provenance=(
+                Fact(name="cell", value=f"{cell.source} sha256:{cell.digest}"),
+                Fact(name="seed", value=str(plan.seed)),
+            ),
+        )
+    )
+
+
+def _draw_curve(plan: PosePlan) -> PoseCurves:
+    """The expected error against the number of poses, planned and at random."""
+    n, expected = len(plan), plan.expected
     counts = np.arange(min(FIRST, n), n + 1)
     poses_axis = counts.astype(np.float64)
-    curve = PoseCurves(
+    return PoseCurves(
         series=(
             PoseSeries(
                 label="planned", count=poses_axis, median=expected.mean[counts], role="ours"
@@ -46,12 +79,18 @@ def plan_page(cell: Cell, plan: PosePlan, origin: Provenance) -> str:
         title="Expected mean error against the number of poses",
         caption="From the arm's type and the instrument alone; nothing was measured.",
     )
-    rejected = ReportTable(
+
+
+def _list_rejected(plan: PosePlan) -> ReportTable:
+    return ReportTable(
         title="Why postures were left out",
         columns=(TableColumn(title="reason"), TableColumn(title="postures", digits=0)),
         rows=(*plan.rejected, ("kept as candidates", plan.candidates), ("drawn", plan.drawn)),
     )
-    poses = ReportTable(
+
+
+def _list_poses(plan: PosePlan) -> ReportTable:
+    return ReportTable(
         title="The poses, in the order of measuring",
         columns=(
             TableColumn(title="pose"),
@@ -71,35 +110,7 @@ def plan_page(cell: Cell, plan: PosePlan, origin: Provenance) -> str:
                 int(plan.load[k]),
                 int(plan.rank[k]) + 1,
             )
-            for k in range(n)
+            for k in range(len(plan))
         ),
         caption="Joints in the sense of the robot model; x, y, z as the controller computes them.",
-    )
-    return report_html(
-        ReportContent(
-            title=f"Poses to measure: {cell.robot.name}",
-            verdict=Conclusion(
-                text=f"{n} poses, expected mean error {expected.mean[n] / MM:.3f} mm where the "
-                "arm will work.",
-                detail=f"Criterion {plan.criterion}; as many random poses "
-                f"{expected.random_mean[n] / MM:.3f} mm.",
-            ),
-            simulated=origin.simulated,
-            subtitle="a plan, before any measurement",
-            tiles=(
-                KeyFigure(label="planned", value=float(expected.mean[n] / MM), unit="mm"),
-                KeyFigure(label="random", value=float(expected.random_mean[n] / MM), unit="mm"),
-                KeyFigure(label="floor", value=expected.floor_mean / MM, unit="mm"),
-            ),
-            sections=(
-                Section(title="Accuracy", blocks=(curve,)),
-                Section(title="Candidates", blocks=(rejected,)),
-                Section(title="Poses", blocks=(poses,)),
-            ),
-            doubts=plan.notes,
-            provenance=(
-                Fact(name="cell", value=f"{cell.source} sha256:{cell.digest}"),
-                Fact(name="seed", value=str(plan.seed)),
-            ),
-        )
     )

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TypeAlias
 
 import typer
 
 from robotrue.cli.app import app
 from robotrue.web.serve_defaults import HOST, PORT
+
+HostNames: TypeAlias = Annotated[
+    list[str] | None, typer.Option("--name", help="Host name it is reached by; may be repeated.")
+]
 
 
 @app.command()
@@ -26,10 +30,7 @@ def serve(
     token_env: Annotated[
         str | None, typer.Option(help="Environment variable that holds the token of programs.")
     ] = None,
-    name: Annotated[
-        list[str] | None,
-        typer.Option("--name", help="Host name it is reached by; may be repeated."),
-    ] = None,
+    name: HostNames = None,
     tls_cert: Annotated[Path | None, typer.Option(help="Certificate (PEM), for https.")] = None,
     tls_key: Annotated[Path | None, typer.Option(help="Its private key.")] = None,
     sense: Annotated[

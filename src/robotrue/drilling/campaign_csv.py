@@ -265,12 +265,12 @@ def _read_clamps(sheet: Sheet, setup: FootSetup, beside: tuple[str, ...]) -> Cla
         force=force,
         height=height * MM,
         approach=sheet.column(APPROACH) if sheet.has(APPROACH) else (),
-        place=_recorded(sheet, PLACE) * MM,
-        axes=_recorded(sheet, AXES) * DEG,
+        place=_read_places(sheet, PLACE) * MM,
+        axes=_read_places(sheet, AXES) * DEG,
     )
 
 
-def _recorded(sheet: Sheet, names: tuple[str, str]) -> Array:
+def _read_places(sheet: Sheet, names: tuple[str, str]) -> Array:
     """(n, 2) machine positions in the file's units; NaN without both columns.
 
     Raises:

@@ -240,7 +240,7 @@ def log_evidence(
     gradient[:_G], gradient[_NOISE + 1 : _NOISE + 1 + more] = by_width[:_G], by_width[_G:]
     weighted = half * rest
     gradient[_G] = 2.0 * weighted.sum()
-    z = _scaled(theta, causes, inputs)
+    z = _scale_causes(theta, causes, inputs)
     by_length = 2.0 * (weighted.sum(axis=0) @ z**2 - np.einsum("ij,ij->j", z, weighted @ z))
     gradient[_G + 1 : _G + 5], gradient[_NOISE + 1 + more :] = by_length[:4], by_length[4:]
     faded = (causes.force[:, None] + causes.force) / fading
@@ -264,7 +264,7 @@ def _covariance_parts(
     theta: Array, c: Conditions, other: Conditions, inputs: tuple[Position, ...]
 ) -> tuple[list[Array], Array]:
     """(m, n) covariance of each group and of each input, and of the smooth rest."""
-    places = _scaled(theta, c, inputs), _scaled(theta, other, inputs)
+    places = _scale_causes(theta, c, inputs), _scale_causes(theta, other, inputs)
     rest = np.exp(2.0 * theta[_G]) * correlation(*places)
     own, others = (_all_groups(theta, each, inputs) for each in (c, other))
     widths = _widths(theta, len(inputs))
@@ -282,7 +282,7 @@ def _widths(theta: Array, inputs: int) -> Array:
     return np.concatenate([theta[:_G], theta[_NOISE + 1 : _NOISE + 1 + inputs]])
 
 
-def _scaled(theta: Array, c: Conditions, inputs: tuple[Position, ...]) -> Array:
+def _scale_causes(theta: Array, c: Conditions, inputs: tuple[Position, ...]) -> Array:
     """(n, 4 + inputs) causes over the lengths of the smooth rest."""
     length = np.concatenate([theta[_G + 1 : _G + 5], theta[_NOISE + 1 + len(inputs) :]])
     return np.asarray(np.concatenate([c.table, c.positions(inputs)], axis=1) / np.exp(length))

@@ -250,7 +250,20 @@ def run(request: ProbePlanRequest, context: Context) -> PlannedTouches:
     )
     pages = _pages(request, result, limits.tip_axis, path)
     write_atomic(output, touch_sheet(plan.touches, features.parts))
-    number = len(plan.row)
+    _tell(request, result, pages, context)
+    return result
+
+
+def _tell(
+    request: ProbePlanRequest,
+    result: PlannedTouches,
+    pages: Mapping[Path, tuple[str, bytes]],
+    context: Context,
+) -> None:
+    """Writes the pages, and says what was planned and what is against it."""
+    from robotrue.core.files import write_atomic
+
+    plan, output, number = result.plan, result.output, len(result.plan.row)
     context.inform(
         f"{number} {'touch' if number == 1 else 'touches'} written to {output}: put the joints at "
         "each touch in place of the planned ones, then delete the first line"
@@ -264,7 +277,6 @@ def run(request: ProbePlanRequest, context: Context) -> PlannedTouches:
         context.note(text)
     if plan.stopped:
         context.inform(f"stopped at {number}: below the tolerance of {request.tolerance_mm:g} mm")
-    return result
 
 
 def _require_sizes(request: ProbePlanRequest) -> None:

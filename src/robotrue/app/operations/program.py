@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from robotrue.cell.part import PartFrame
     from robotrue.core.arrays import Array
     from robotrue.planning.machining import MachiningSettings
+    from robotrue.program.formats.krl_machining import KrlSpeeds
     from robotrue.program.identity import ProgramIdentity
 
 HEAD: Final = "written by robotrue; drive it once slowly, without the spindle"
@@ -165,18 +166,11 @@ def run(request: ProgramRequest, context: Context) -> MadeProgram:
     from robotrue.core.files import write_atomic
     from robotrue.core.mesh import read_mesh
     from robotrue.planning.machining import job_program, plan_machining
-    from robotrue.program.formats.krl_machining import KrlSpeeds
     from robotrue.program.identity import identity_path, write_identity
 
     output, paths = context.output(request.output), request.toolpaths
     cell, settings = _cell_and_settings(request, context)
-    speeds = KrlSpeeds(
-        rapid=request.rapid_mm_per_s * MM,
-        feed=float("nan")
-        if request.feed_mm_per_min is None
-        else request.feed_mm_per_min * MM / 60.0,
-        blend=request.blend_mm * MM,
-    )
+    speeds = _read_speeds(request)
     mesh = None if request.mesh is None else read_mesh(request.mesh)
     frames = choose_frames(cell, paths, request.part)
     kinds = choose_passes(paths, request.passes)
@@ -253,6 +247,17 @@ def _cell_and_settings(request: ProgramRequest, context: Context) -> tuple[Cell,
         home=np.empty(0) if request.home_deg is None else _home(request.home_deg),
     )
     return cell, settings
+
+
+def _read_speeds(request: ProgramRequest) -> KrlSpeeds:
+    from robotrue.program.formats.krl_machining import KrlSpeeds
+
+    feed = request.feed_mm_per_min
+    return KrlSpeeds(
+        rapid=request.rapid_mm_per_s * MM,
+        feed=float("nan") if feed is None else feed * MM / 60.0,
+        blend=request.blend_mm * MM,
+    )
 
 
 def _home(text: str) -> Array:

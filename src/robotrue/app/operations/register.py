@@ -135,30 +135,18 @@ def run(request: RegisterRequest, context: Context) -> Registered:
     """
     from dataclasses import replace
 
-    import numpy as np
-
-    from robotrue.app.outputs import check_output
     from robotrue.app.registered import open_model
     from robotrue.app.registered_cell_file import model_file_of, registered_cell, relative_name
     from robotrue.app.registration_view import write_frames
     from robotrue.calibration.nominal import NominalModel
     from robotrue.core.files import write_atomic
     from robotrue.measurement.formats.part_points import read_points
-    from robotrue.program.controller_frames import controller_frame
     from robotrue.store.model_file import write_model
     from robotrue.validation.part_registration import register
 
     output, source = context.output(request.output), context.cell_file(request.cell)
     refined_path = request.model_out or output.with_name(f"{output.stem}_model.robotrue")
-    inputs = [p for p in (source, request.points, request.mesh) if p is not None]
-    check_output(refined_path, inputs)
-    for form in request.frame_format:
-        controller_frame(np.eye(4), form, number=request.frame_number)  # refuses before any work
-    if not 0.0 <= request.probe_radius_mm < 100.0:
-        raise ConfigurationError(
-            f"--probe-radius-mm is {request.probe_radius_mm:g} mm, expected 0 to 100 mm.",
-            hint="--probe-radius-mm 3",
-        )
+    _check_request(request, source, refined_path)
     cell, model = open_model(source)
     file = read_points(request.points)
     found = register(
@@ -191,6 +179,23 @@ def run(request: RegisterRequest, context: Context) -> Registered:
         refined_model=refined,
         provenance=found.provenance,
     )
+
+
+def _check_request(request: RegisterRequest, source: Path, refined: Path) -> None:
+    """Refuses, before any work, what cannot be written or stated."""
+    import numpy as np
+
+    from robotrue.app.outputs import check_output
+    from robotrue.program.controller_frames import controller_frame
+
+    check_output(refined, [p for p in (source, request.points, request.mesh) if p is not None])
+    for form in request.frame_format:
+        controller_frame(np.eye(4), form, number=request.frame_number)
+    if not 0.0 <= request.probe_radius_mm < 100.0:
+        raise ConfigurationError(
+            f"--probe-radius-mm is {request.probe_radius_mm:g} mm, expected 0 to 100 mm.",
+            hint="--probe-radius-mm 3",
+        )
 
 
 def _settings(cell: Cell, request: RegisterRequest) -> RegistrationSettings:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -18,7 +19,7 @@ from robotrue.cell.cell_overlay import overlay_cell
 from robotrue.cell.config import read_cell
 from robotrue.compensation.difference import Difference, difference
 from robotrue.compensation.stance import start_joints
-from robotrue.core.arrays import Array
+from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.poses import apply
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError, ModelMismatchError
@@ -168,38 +169,26 @@ def _document(
     before, after, bound = (np.concatenate(each)[kept] for each in zip(*lengths, strict=True))
     line = np.concatenate([one.line for _, one in parts])[kept]
     shift = np.concatenate([np.linalg.norm(one.shift, axis=1) for _, one in parts])[kept]
-    every = [program.name for program, one in parts for _ in range(len(one.change))]
-    names = [every[row] for row in kept]
-    known = np.isfinite(before + after + bound)
-    if not known.any():
-        raise ModelMismatchError(
-            "no target has a predicted error: none is a pose the arm can take, or nothing says how "
-            "the arm stands there.",
-            hint="check tool, frames, robot and [controller] start_deg of the cell.",
-        )
+    names = [program.name for program, one in parts for _ in range(len(one.change))]
+    known = _require_known(np.isfinite(before + after + bound))
     states = conformity(after, bound, tolerance)
     drawn = np.flatnonzero(known & np.isfinite(position).all(axis=1))
+    path = {
+        "position": pack_floats(position[drawn]),
+        "before_m": pack_floats(before[drawn]),
+        "after_m": pack_floats(after[drawn]),
+        "line": line[drawn],
+        "compared": found.compared,
+    }
+    sizes = {"before": before, "after": after, "bound": bound, "shift": shift}
     # What nothing is known of comes first: it is why the program is NO-GO.
     order = np.argsort(-np.where(known, after + bound, np.inf), kind="stable")[:WORST]
     place = {int(row): number for number, row in enumerate(drawn)}
-    start = found.model.training_summary().joint_range
-    joints = np.zeros(found.cell.robot.dof) if start is None else start.mean(axis=0)
     return {
-        "scene": {
-            "robot": body_document(found.cell, joints[None]),
-            "frames": [{"name": "base", "T_base_frame": np.eye(4)}],
-            "path": {
-                "position": pack_floats(position[drawn]),
-                "before_m": pack_floats(before[drawn]),
-                "after_m": pack_floats(after[drawn]),
-                "line": line[drawn],
-                "compared": found.compared,
-            },
-            "simulated": found.simulated,
-        },
+        "scene": _draw_scene(found, path),
         "simulated": found.simulated,
         "model": {"name": found.record.name, "version": found.record.version},
-        "targets": len(names),
+        "targets": len(kept),
         "axis_targets": int(axis.sum()),
         "strict": strict,
         "unknown": int((~known).sum()),
@@ -210,17 +199,35 @@ def _document(
         "go": all_conform(states),
         "worst": [
             {
-                "file": names[row],
+                "file": names[kept[row]],
                 "line": int(line[row]),
-                "before_m": float(before[row]),
-                "after_m": float(after[row]),
-                "bound_m": float(bound[row]),
-                "shift_m": float(shift[row]),
+                **{f"{name}_m": float(size[row]) for name, size in sizes.items()},
                 "state": Conformity(int(states[row])).name.lower(),
                 "point": place.get(int(row), -1),
             }
             for row in order
         ],
+    }
+
+
+def _require_known(known: BoolArray) -> BoolArray:
+    if not known.any():
+        raise ModelMismatchError(
+            "no target has a predicted error: none is a pose the arm can take, or nothing says how "
+            "the arm stands there.",
+            hint="check tool, frames, robot and [controller] start_deg of the cell.",
+        )
+    return known
+
+
+def _draw_scene(found: _Found, path: Mapping[str, object]) -> dict[str, object]:
+    start = found.model.training_summary().joint_range
+    joints = np.zeros(found.cell.robot.dof) if start is None else start.mean(axis=0)
+    return {
+        "robot": body_document(found.cell, joints[None]),
+        "frames": [{"name": "base", "T_base_frame": np.eye(4)}],
+        "path": path,
+        "simulated": found.simulated,
     }
 
 

@@ -173,13 +173,9 @@ def adjust_recursively(
         run = apply(T, part)
         touched: Array = frozen(probe(run), (3, 3), "touched points")
         angles, shift = correct(run, touched)
+        significance = _significance(run, touched, angles, own * min(len(passes) + 1, 2))
         passes.append(
-            Pass(
-                deviation=touched - run,
-                angles=angles,
-                shift=shift,
-                significance=_significance(run, touched, angles, own * min(len(passes) + 1, 2)),
-            )
+            Pass(deviation=touched - run, angles=angles, shift=shift, significance=significance)
         )
         lengths.append(side_lengths(touched) - side_lengths(part))
         now = passes[-1]

@@ -349,17 +349,7 @@ class _Builder:
             Reason.EXPRESSION,
             "the control moves the path sideways by the radius of the tool (G41, G42, RL, RR)",
         )
-        lost_base, lost_tool = (
-            np.isin(index, self.frames.list_lost(side))
-            for side, index in (("base", base), ("tool", tool))
-        )
-        self.frames.tell(base[lost_base & ~axes], tool[lost_tool])
-        give((lost_base & ~axes) | lost_tool, Reason.UNKNOWN_FRAME, "")
-        give(
-            (force[:, Modal.SHIFTED] == 1) & ~axes,
-            Reason.UNKNOWN_FRAME,
-            "the coordinates are moved, turned or scaled by the program",
-        )
+        self._frame_reasons(give, base, tool)
         if self.vocabulary.increments:
             give(
                 self._increments(),
@@ -369,6 +359,22 @@ class _Builder:
         self._turn_reasons(give)
         give(arcs.bad, Reason.INCOMPLETE, "an arc whose circle cannot be told")
         return reason
+
+    def _frame_reasons(
+        self, give: Callable[[BoolArray, Reason, str], None], base: IntArray, tool: IntArray
+    ) -> None:
+        posed = self.rows.turn != Turn.AXES
+        lost_base, lost_tool = (
+            np.isin(index, self.frames.list_lost(side))
+            for side, index in (("base", base), ("tool", tool))
+        )
+        self.frames.tell(base[lost_base & posed], tool[lost_tool])
+        give((lost_base & posed) | lost_tool, Reason.UNKNOWN_FRAME, "")
+        give(
+            (self.rows.force[:, Modal.SHIFTED] == 1) & posed,
+            Reason.UNKNOWN_FRAME,
+            "the coordinates are moved, turned or scaled by the program",
+        )
 
     def _turn_reasons(self, give: Callable[[BoolArray, Reason, str], None]) -> None:
         rows, force = self.rows, self.rows.force

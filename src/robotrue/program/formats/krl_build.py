@@ -134,10 +134,8 @@ class Builder:
     def program(self, file: int) -> Program:
         """Returns the program of one file."""
         found, name = self.scans[file], self.walk.names[file]
-        every, where = self._rows(file)
-        agg = np.flatnonzero(every >= 0)
-        motion = every[agg]
-        state, conflicts = self._row_states(file, agg, where[agg])
+        agg, motion, where = self._rows(file)
+        state, conflicts = self._row_states(file, agg, where)
         values, external, words, is_pose, is_axis = target_columns(found, agg)
         mixed = is_pose & is_axis
         partial, donor = self._modal(file, agg, motion, values, is_axis, state, mixed)
@@ -160,9 +158,8 @@ class Builder:
         free = ((motion == Motion.ARC_VIA) & ~is_axis)[partial][:, None] & (np.arange(6) >= 3)
         values[incomplete] = np.nan
         position, rotation, axes = si_columns(values, is_axis)
-        held = np.zeros(0, np.bool_)
-        if self.given.fixed_tool == "tool_in_part" and (state[:, ON_ROBOT] == 1).any():
-            held = (state[:, ON_ROBOT] == 1) & ~is_axis
+        held = self._find_held(state, is_axis)
+        if len(held):
             position, rotation = turned_round(position, rotation, held)
         return Program(
             name=name,
@@ -185,6 +182,13 @@ class Builder:
             spans=_spans(found, agg, is_axis, partial, donor, (donor >= 0) & ~free),
             path=self._moves(file, agg, motion),
         )
+
+    def _find_held(self, state: IntArray, is_axis: BoolArray) -> BoolArray:
+        """Returns the rows whose part the robot carries along a tool that stands; empty: none."""
+        on_robot = state[:, ON_ROBOT] == 1
+        if self.given.fixed_tool != "tool_in_part" or not on_robot.any():
+            return np.zeros(0, np.bool_)
+        return np.asarray(on_robot & ~is_axis)
 
     def _note_shared(self, file: int, name: str, agg: IntArray, reason: IntArray) -> list[str]:
         """Tells of GLOBAL points that are compensated: programs outside of the job may use them."""
@@ -227,8 +231,8 @@ class Builder:
         every = np.concatenate([np.array(moves, np.int64).reshape(-1, 3), inline])
         return np.asarray(every[np.argsort(every[:, 0], kind="stable")])
 
-    def _rows(self, file: int) -> tuple[IntArray, IntArray]:
-        """Returns the motion of every aggregate (-1: no target) and the line it is moved to in."""
+    def _rows(self, file: int) -> tuple[IntArray, IntArray, IntArray]:
+        """Returns the aggregates that are targets, their motions, and the lines of the moves."""
         found = self.scans[file]
         motion = np.full(len(found.agg_line), -1, np.int64)
         line = found.agg_line.astype(np.int64)
@@ -248,7 +252,8 @@ class Builder:
                 hows = [how for _, how in uses]
                 motion[agg] = Motion.PTP if Motion.PTP in hows else hows[0]
                 line[agg] = uses[0][0]
-        return motion, line
+        targets = np.flatnonzero(motion >= 0)
+        return targets, motion[targets], line[targets]
 
     def _row_states(self, file: int, agg: IntArray, line: IntArray) -> tuple[IntArray, BoolArray]:
         """Returns the frames in force at every row and which rows are used with several."""

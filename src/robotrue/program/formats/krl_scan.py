@@ -147,15 +147,11 @@ def scan(data: bytes, *, name: str, repeats: bool = True) -> Scan:
         tok_value,
     )
     if error:
+        begin = int(line_start[n_lines])
         message, hint = _ERRORS[error]
-        text = data[line_start[n_lines] : line_end[n_lines]].decode("latin-1").strip()
-        column = place - int(line_start[n_lines]) + 1
-        raise FormatError(
-            f"column {column}: {message} The line is {text[:60]!r}.",
-            source=name,
-            line=n_lines + 1,
-            hint=hint,
-        )
+        text = data[begin : line_end[n_lines]].decode("latin-1").strip()
+        message = f"column {place - begin + 1}: {message} The line is {text[:60]!r}."
+        raise FormatError(message, source=name, line=n_lines + 1, hint=hint)
     return Scan(
         data=data,
         line_start=line_start[:n_lines],

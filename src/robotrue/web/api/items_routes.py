@@ -87,6 +87,13 @@ def router(server: ServerContext) -> APIRouter:
                 )
         raise MissingError(f"{noun} {record.name!r} has no file {sha256[:12]}.")
 
+    _offer_changes(routes, workspace)
+    return routes
+
+
+def _offer_changes(routes: APIRouter, workspace: Workspace) -> None:
+    """Adds the routes of changes to items, and that of the journal they are written to."""
+
     @routes.patch("/items/{noun}/{id}")
     def change_item(noun: NounName, id: Id, change: Change) -> dict[str, object]:
         """The new version of an item with another name or note."""
@@ -128,8 +135,6 @@ def router(server: ServerContext) -> APIRouter:
             for each in page.items
         ]
         return ItemListing(items=shown, total=page.total, offset=page.offset)
-
-    return routes
 
 
 def _noun(name: str) -> Noun[Any]:

@@ -96,6 +96,13 @@ def router(server: ServerContext) -> APIRouter:
         headers = {"Content-Disposition": 'attachment; filename="alarms.csv"'}
         return Response(text, media_type="text/csv; charset=utf-8", headers=headers)
 
+    _offer_frames(routes, server)
+    return routes
+
+
+def _offer_frames(routes: APIRouter, server: ServerContext) -> None:
+    """Adds the WebSocket of a source's frames."""
+
     @routes.websocket("/live/sources/{id}/frames")
     async def frames(socket: WebSocket, id: str) -> None:
         relay = server.relays.of(id)
@@ -114,8 +121,6 @@ def router(server: ServerContext) -> APIRouter:
         finally:
             relay.leave(viewer)
             sending.cancel()
-
-    return routes
 
 
 async def _send(socket: WebSocket, viewer: Viewer) -> None:

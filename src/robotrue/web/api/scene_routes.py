@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from typing import Annotated
 
 from fastapi import APIRouter, Path, Query
@@ -27,16 +28,12 @@ def router(server: ServerContext) -> APIRouter:
     @routes.get("/scenes/cell/{id}")
     async def show_cell(id: Id) -> Response:
         """Arm and frames of a cell."""
-        record = await asyncio.to_thread(get_item, workspace, CELL.name, id)
-        answer = await server.answers.once(calls.draw_cell, folder, id, record.version)
-        return Response(answer, media_type=JSON)
+        return await _draw_item(server, calls.draw_cell, CELL.name, id)
 
     @routes.get("/scenes/model/{id}")
     async def show_model(id: Id, version: Version = None) -> Response:
         """Arm and frames of a model's cell, measured errors before and after, predicted field."""
-        record = await asyncio.to_thread(get_item, workspace, MODEL.name, id, version)
-        answer = await server.answers.once(calls.draw_model, folder, id, record.version)
-        return Response(answer, media_type=JSON)
+        return await _draw_item(server, calls.draw_model, MODEL.name, id, version)
 
     @routes.get("/scenes/measurement/{id}")
     async def show_measurement(
@@ -45,9 +42,8 @@ def router(server: ServerContext) -> APIRouter:
         """Measured errors of a set before and after, by a model that need not have seen it."""
         record = await asyncio.to_thread(get_item, workspace, MEASUREMENT.name, id, version)
         judge = await asyncio.to_thread(get_item, workspace, MODEL.name, model)
-        answer = await server.answers.once(
-            calls.draw_measurement, folder, id, record.version, model, judge.version
-        )
+        versions = (id, record.version, model, judge.version)
+        answer = await server.answers.once(calls.draw_measurement, folder, *versions)
         return Response(answer, media_type=JSON)
 
     @routes.get("/programs/{id}/judgement")
@@ -66,16 +62,23 @@ def router(server: ServerContext) -> APIRouter:
         """
         program = await asyncio.to_thread(get_item, workspace, PROGRAM.name, id, version)
         judge = await asyncio.to_thread(get_item, workspace, MODEL.name, model)
+        versions = (id, program.version, model, judge.version)
         answer = await server.answers.once(
-            calls.judge_program,
-            folder,
-            id,
-            program.version,
-            model,
-            judge.version,
-            tolerance_mm,
-            strict,
+            calls.judge_program, folder, *versions, tolerance_mm, strict
         )
         return Response(answer, media_type=JSON)
 
     return routes
+
+
+async def _draw_item(
+    server: ServerContext,
+    draw: Callable[[str, str, int], bytes],
+    noun: str,
+    id: str,
+    version: int | None = None,
+) -> Response:
+    record = await asyncio.to_thread(get_item, server.workspace, noun, id, version)
+    folder = str(server.workspace.folder)
+    answer = await server.answers.once(draw, folder, id, record.version)
+    return Response(answer, media_type=JSON)

@@ -104,9 +104,6 @@ def router(server: ServerContext) -> APIRouter:
     routes = APIRouter(tags=["touching"])
     workspace, folder = server.workspace, str(server.workspace.folder)
 
-    async def session(id: str) -> ItemRecord:
-        return await asyncio.to_thread(get_item, workspace, DOCUMENT.name, id)
-
     @routes.post("/touching", status_code=201)
     async def begin_session(asked_for: Begin) -> dict[str, Any]:
         """A session: features, where the part is roughly, and postures to touch them with."""
@@ -122,29 +119,37 @@ def router(server: ServerContext) -> APIRouter:
         feature: Annotated[int, Query(ge=-1, le=100_000)] = -1,
     ) -> Response:
         """What to touch next, what it should read, and where the part stands as far as is known."""
-        record = await session(id)
+        record = await _read_session(server, id)
         answer = await server.answers.once(calls.show_probing, folder, id, record.version, feature)
         return Response(answer, media_type=JSON)
 
     @routes.get("/touching/{id}/version")
     async def look_for_news(id: Id) -> Latest:
         """At which version the session is: whether somebody has entered something."""
-        record = await session(id)
+        record = await _read_session(server, id)
         return Latest(version=record.version)
 
     @routes.post("/touching/{id}/readings", status_code=201)
     async def enter_reading(id: Id, entered: Entered) -> dict[str, Any]:
         """The session with one more reading; held, if it is not as expected."""
-        await session(id)
+        await _read_session(server, id)
         made = await server.workers.ask(
             calls.enter_reading, folder, id, entered.version, entered.feature, entered.text
         )
         return record_document(made, DOCUMENT.name)
 
+    _offer_outcomes(routes, server)
+    return routes
+
+
+def _offer_outcomes(routes: APIRouter, server: ServerContext) -> None:
+    """Adds the routes that decide on readings, take a file of them, and end a session."""
+    workspace, folder = server.workspace, str(server.workspace.folder)
+
     @routes.post("/touching/{id}/decisions", status_code=201)
     async def decide(id: Id, made: Decision) -> dict[str, Any]:
         """The session after keep, retake, skip or undo."""
-        await session(id)
+        await _read_session(server, id)
         changed = await server.workers.ask(
             calls.decide_reading, folder, id, made.version, made.decision, made.feature
         )
@@ -153,7 +158,7 @@ def router(server: ServerContext) -> APIRouter:
     @routes.post("/touching/{id}/files", status_code=201)
     async def take_readings(id: Id, taken: Taken) -> dict[str, Any]:
         """The session with the readings of a file; those not as expected are set aside."""
-        await session(id)
+        await _read_session(server, id)
         path = find_upload(workspace, taken.uploads[0])
         made = await server.workers.ask(calls.import_readings, folder, id, taken.version, path)
         await asyncio.to_thread(_forget, workspace, taken.uploads)
@@ -162,7 +167,7 @@ def router(server: ServerContext) -> APIRouter:
     @routes.post("/touching/{id}/registration", status_code=201)
     async def finish(id: Id, wanted: Finish) -> dict[str, Any]:
         """The registration that the readings give, and the refined model where there is one."""
-        await session(id)
+        await _read_session(server, id)
         made = await server.workers.ask(
             calls.finish_probing, folder, id, wanted.version, wanted.name
         )
@@ -175,13 +180,15 @@ def router(server: ServerContext) -> APIRouter:
     )
     async def download_readings(id: Id) -> Response:
         """The readings that count, as ``robotrue register`` reads them."""
-        record = await session(id)
+        record = await _read_session(server, id)
         data = await server.workers.ask(calls.write_readings, folder, id)
         mark = " simulated" if record.detail["session"]["simulated"] else ""
         headers = {"Content-Disposition": f'attachment; filename="readings{mark}.csv"'}
         return Response(data, media_type="text/csv; charset=utf-8", headers=headers)
 
-    return routes
+
+async def _read_session(server: ServerContext, id: str) -> ItemRecord:
+    return await asyncio.to_thread(get_item, server.workspace, DOCUMENT.name, id)
 
 
 def _forget(workspace: Workspace, uploads: list[str]) -> None:
