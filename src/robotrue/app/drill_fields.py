@@ -5,20 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, TypeAlias
 
-from robotrue.app.request import InputFile, Item, Option, Output, Reference
+from robotrue.app.request import InputFile, Item, Option, Reference
+from robotrue.app.request_fields import model_output
 
 DrillModel: TypeAlias = Annotated[
     Reference, Item(noun="document", argument="MODEL", help="Model file of `drill fit`.")
 ]
 ModelOutput: TypeAlias = Annotated[
-    Path,
-    Output(
-        names=("--output", "-o"),
-        what="a robotrue file",
-        suffixes=(".robotrue",),
-        saved_as="drill.robotrue",
-        help="Model file to write.",
-    ),
+    Path, model_output(saved_as="drill.robotrue", help="Model file to write.")
 ]
 ZeroFoot: TypeAlias = Annotated[
     Path | None, InputFile(help="Foot file, where the readings are not less their zero.")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Final, TypeAlias
 
-from robotrue.app.request import InputFile, Option, Output
+from robotrue.app.request import InputFile, Option
 
 DIRECTION: Final = "0,-1,0"
 
@@ -34,15 +34,3 @@ PredictedWith: TypeAlias = Annotated[
     Path | None,
     InputFile(help="Response the windows were predicted with, axes of base."),
 ]
-
-
-def model_output(help: str) -> Output:
-    """Returns ``--output`` of a robotrue file."""
-    return Output(
-        names=("--output", "-o"), what="a robotrue file", suffixes=(".robotrue",), help=help
-    )
-
-
-def table_output(help: str) -> Output:
-    """Returns ``--output`` of a CSV table."""
-    return Output(names=("--output", "-o"), what="a CSV table", suffixes=(".csv",), help=help)

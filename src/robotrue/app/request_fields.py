@@ -9,18 +9,31 @@ from robotrue.app.request import InputFile, Item, Option, Output, Reference
 
 PAGE_FILE: Final = "report.html"
 MODEL_FILE: Final = "model.rtm"
+
+
+def table_output(help: str, *, saved_as: str = "") -> Output:
+    """Returns ``--output`` of a CSV table."""
+    names, suffixes = ("--output", "-o"), (".csv",)
+    return Output(names=names, what="a CSV table", suffixes=suffixes, saved_as=saved_as, help=help)
+
+
+def model_output(help: str, *, saved_as: str = "", renews: str = "") -> Output:
+    """Returns ``--output`` of a robotrue file."""
+    return Output(
+        names=("--output", "-o"),
+        what="a robotrue file",
+        suffixes=(".robotrue",),
+        saved_as=saved_as,
+        renews=renews,
+        help=help,
+    )
+
+
 CalibratedModel: TypeAlias = Annotated[
     Reference, Item(noun="model", argument="MODEL", help="Model file of `calibrate`.")
 ]
 ModelOutput: TypeAlias = Annotated[
-    Path,
-    Output(
-        names=("--output", "-o"),
-        what="a robotrue file",
-        suffixes=(".robotrue",),
-        saved_as=MODEL_FILE,
-        help="Model file to write.",
-    ),
+    Path, model_output(saved_as=MODEL_FILE, help="Model file to write.")
 ]
 SavedPage: TypeAlias = Annotated[
     Path | None,

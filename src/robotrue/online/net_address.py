@@ -58,12 +58,17 @@ class NetAddress:
     @property
     def loopback(self) -> bool:
         """Whether only programs on this computer can be meant by the host."""
-        if self.host == "localhost":
-            return True
-        try:
-            return ipaddress.ip_address(self.host).is_loopback
-        except ValueError:
-            return False
+        return is_loopback(self.host)
+
+
+def is_loopback(host: str) -> bool:
+    """Returns whether a host can only be this computer."""
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
 
 
 def parse_peer(text: str) -> tuple[str, int]:

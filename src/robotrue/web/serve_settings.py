@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import ipaddress
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
 from robotrue.errors import ConfigurationError
-from robotrue.online.net_address import net_address
+from robotrue.online.net_address import is_loopback, net_address
 from robotrue.web.serve_defaults import HOST, PORT
 
 MB: Final = 1024 * 1024
@@ -141,12 +140,7 @@ class ServeSettings:
     @property
     def loopback(self) -> bool:
         """Whether only this machine can reach the address."""
-        if self.host == "localhost":
-            return True
-        try:
-            return ipaddress.ip_address(self.host).is_loopback
-        except ValueError:
-            return False
+        return is_loopback(self.host)
 
     @property
     def guarded(self) -> bool:

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Final
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Table
-from robotrue.app.request import Option, Output, Request
-from robotrue.app.request_fields import CalibratedModel
+from robotrue.app.request import Option, Request
+from robotrue.app.request_fields import CalibratedModel, table_output
 from robotrue.core.provenance import Provenance, marked_document
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
@@ -27,16 +27,7 @@ class DriftPlanRequest(Request):
     """For which model to choose poses."""
 
     model: CalibratedModel
-    output: Annotated[
-        Path,
-        Output(
-            names=("--output", "-o"),
-            what="a CSV table",
-            suffixes=(".csv",),
-            saved_as="check_poses.csv",
-            help="Sheet (CSV) to write.",
-        ),
-    ]
+    output: Annotated[Path, table_output(saved_as="check_poses.csv", help="Sheet (CSV) to write.")]
     poses: Annotated[int, Option(offered=(FEWEST, 20), help="How many; 4 at least.")] = POSES
     seed: Annotated[int, Option(advanced=True, help="Of the draw of candidates.")] = 0
 

@@ -9,7 +9,8 @@ from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.plain_result import PlainResult
 from robotrue.app.presentation import Note, count
-from robotrue.app.request import InputFile, Option, Output, Request
+from robotrue.app.request import InputFile, Option, Request
+from robotrue.app.request_fields import table_output
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.drill_defaults import CHOSEN_BY, By
 from robotrue.errors import ConfigurationError
@@ -24,15 +25,7 @@ class DrillPlanRequest(Request):
     """Which foot is clamped, how often, and between which limits."""
 
     foot: Annotated[Path, InputFile(argument="FOOT", help="Foot file (TOML).")]
-    output: Annotated[
-        Path,
-        Output(
-            names=("--output", "-o"),
-            what="a CSV table",
-            suffixes=(".csv",),
-            help="Execution sheet (CSV) to write.",
-        ),
-    ]
+    output: Annotated[Path, table_output(help="Execution sheet (CSV) to write.")]
     clamps: Annotated[int, Option(help="How many; 15 at least.")] = 60
     forces_N: Annotated[str, Option(names=("--forces-n",), help="Clamp forces in N.")] = (
         "0,250,500,750,1000"

@@ -19,7 +19,8 @@ from robotrue.app.drill_fields import (
 )
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Note, count
-from robotrue.app.request import InputFile, Option, Output, Request
+from robotrue.app.request import InputFile, Option, Request
+from robotrue.app.request_fields import model_output
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, UM
 from robotrue.drilling.drill_defaults import (
@@ -54,13 +55,7 @@ class DrillRunRequest(Request):
     ] = f"udp://127.0.0.1:{PORT}"
     output: Annotated[
         Path | None,
-        Output(
-            names=("--output", "-o"),
-            what="a robotrue file",
-            suffixes=(".robotrue",),
-            renews="model",
-            help="Model file, written after every reference.",
-        ),
+        model_output(renews="model", help="Model file, written after every reference."),
     ] = None
     foot: ZeroFoot = None
     approach: Annotated[str, Option(help="How the foot comes down; default the usual way.")] = ""

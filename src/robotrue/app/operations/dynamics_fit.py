@@ -8,17 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, TypeAlias
 
 from robotrue.app.context import Context
-from robotrue.app.dynamics_fields import (
-    DIRECTION,
-    Direction,
-    PredictedWith,
-    WindowsFile,
-    model_output,
-)
+from robotrue.app.dynamics_fields import DIRECTION, Direction, PredictedWith, WindowsFile
 from robotrue.app.operation import Operation
 from robotrue.app.plain_result import PlainResult
 from robotrue.app.presentation import Block, Facts, count
 from robotrue.app.request import InputFile, Option, Request
+from robotrue.app.request_fields import model_output
 from robotrue.core.units import MM, UM
 
 if TYPE_CHECKING:

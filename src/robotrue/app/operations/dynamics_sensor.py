@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.context import Context
-from robotrue.app.dynamics_fields import model_output
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Facts
 from robotrue.app.request import InputFile, Request
+from robotrue.app.request_fields import model_output
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import MM
 

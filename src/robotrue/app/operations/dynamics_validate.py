@@ -6,17 +6,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 from robotrue.app.context import Context
-from robotrue.app.dynamics_fields import (
-    DIRECTION,
-    Direction,
-    PredictedWith,
-    WindowsFile,
-    table_output,
-)
+from robotrue.app.dynamics_fields import DIRECTION, Direction, PredictedWith, WindowsFile
 from robotrue.app.operation import Operation
 from robotrue.app.plain_result import PlainResult
 from robotrue.app.presentation import Facts, Note, Table, count
 from robotrue.app.request import InputFile, Option, Request
+from robotrue.app.request_fields import table_output
 from robotrue.core.provenance import mark_line, merge
 from robotrue.core.units import UM
 from robotrue.errors import ConfigurationError

@@ -6,18 +6,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 from robotrue.app.context import Context
-from robotrue.app.dynamics_fields import (
-    BETWEEN,
-    DIRECTION,
-    Between,
-    Direction,
-    StaticTest,
-    table_output,
-)
+from robotrue.app.dynamics_fields import BETWEEN, DIRECTION, Between, Direction, StaticTest
 from robotrue.app.operation import Operation
 from robotrue.app.plain_result import PlainResult
 from robotrue.app.presentation import Facts, count
 from robotrue.app.request import InputFile, Option, Request
+from robotrue.app.request_fields import table_output
 from robotrue.core.units import MM, UM
 from robotrue.errors import ConfigurationError
 

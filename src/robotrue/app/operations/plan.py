@@ -13,7 +13,7 @@ from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Note, Table
 from robotrue.app.request import ALL, Item, Option, Output, Reference, Request
-from robotrue.app.request_fields import SavedPage
+from robotrue.app.request_fields import SavedPage, table_output
 from robotrue.core.provenance import Provenance, marked_document
 from robotrue.core.units import MM
 from robotrue.planning.plan_defaults import CANDIDATES, CRITERION, POSES, SEED, Criterion
@@ -34,16 +34,7 @@ class PlanRequest(Request):
     """Which poses to choose, for which work."""
 
     cell: Annotated[Reference, Item(noun="cell", argument="CELL", help="cell.toml")]
-    output: Annotated[
-        Path,
-        Output(
-            names=("--output", "-o"),
-            what="a CSV table",
-            suffixes=(".csv",),
-            saved_as="poses.csv",
-            help="CSV of the poses to write.",
-        ),
-    ]
+    output: Annotated[Path, table_output(saved_as="poses.csv", help="CSV of the poses to write.")]
     poses: Annotated[
         int, Option(names=("--poses", "-n"), offered=(4, 500), help="How many, at most.")
     ] = POSES

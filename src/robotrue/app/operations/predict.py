@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Final
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Note
-from robotrue.app.request import InputFile, Output, Request
-from robotrue.app.request_fields import CalibratedModel, Columns
+from robotrue.app.request import InputFile, Request
+from robotrue.app.request_fields import CalibratedModel, Columns, table_output
 from robotrue.core.provenance import Provenance
 
 if TYPE_CHECKING:
@@ -23,12 +23,7 @@ class PredictRequest(Request):
 
     model: CalibratedModel
     queries: Annotated[Path, InputFile(argument="QUERIES", help="CSV of joints, wrench.")]
-    output: Annotated[
-        Path,
-        Output(
-            names=("--output", "-o"), what="a CSV table", suffixes=(".csv",), help="CSV to write."
-        ),
-    ]
+    output: Annotated[Path, table_output(help="CSV to write.")]
     mapping: Columns = None
 
 

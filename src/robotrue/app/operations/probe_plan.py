@@ -11,7 +11,7 @@ from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Note, Table, count
 from robotrue.app.request import InputFile, Option, Output, Request
-from robotrue.app.request_fields import CellOrModel, Page, ToolSigma, TouchSigma
+from robotrue.app.request_fields import CellOrModel, Page, ToolSigma, TouchSigma, table_output
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
@@ -46,15 +46,7 @@ class ProbePlanRequest(Request):
             help="Postures (CSV with joints), tool path or program; may be repeated.",
         ),
     ]
-    output: Annotated[
-        Path,
-        Output(
-            names=("--output", "-o"),
-            what="a CSV table",
-            suffixes=(".csv",),
-            help="CSV of the touches to write.",
-        ),
-    ]
+    output: Annotated[Path, table_output(help="CSV of the touches to write.")]
     touches: Annotated[int, Option(names=("--touches", "-n"), help="How many, at most.")] = 20
     frame: Annotated[
         str | None,

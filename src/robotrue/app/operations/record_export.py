@@ -10,19 +10,15 @@ from robotrue.app.operation import Operation
 from robotrue.app.plain_result import PlainResult
 from robotrue.app.presentation import Note, count
 from robotrue.app.record_fields import RecordFolder, SkipDamage
-from robotrue.app.request import Option, Output, Request
+from robotrue.app.request import Option, Request
+from robotrue.app.request_fields import table_output
 
 
 class RecordExportRequest(Request):
     """Which stream of which record."""
 
     folder: RecordFolder
-    output: Annotated[
-        Path,
-        Output(
-            names=("--output", "-o"), what="a CSV table", suffixes=(".csv",), help="CSV to write."
-        ),
-    ]
+    output: Annotated[Path, table_output(help="CSV to write.")]
     stream: Annotated[str, Option(help="joints, force (as a replay reads them) or estimates.")] = (
         "estimates"
     )

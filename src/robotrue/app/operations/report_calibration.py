@@ -8,17 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 from pydantic import Field
 
+from robotrue.app import reported
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.plain_result import WrittenFiles
-from robotrue.app.reported import (
-    Language,
-    Outputs,
-    ReportDraft,
-    Simulated,
-    check_report_request,
-    write_draft,
-)
 from robotrue.app.request import Item, Option, Reference, Request
 from robotrue.app.request_fields import CalibratedModel, Columns
 from robotrue.core.catalogue import DEFAULT_LANG
@@ -36,8 +29,8 @@ class ReportCalibrationRequest(Request):
         tuple[Reference, ...],
         Item(noun="measurement", argument="[TEST...]", help="Poses the calibration has not seen."),
     ] = ()
-    output: Outputs
-    lang: Language = DEFAULT_LANG
+    output: reported.Outputs
+    lang: reported.Language = DEFAULT_LANG
     tolerance_mm: Annotated[
         float | None,
         Field(gt=0.0),
@@ -56,18 +49,18 @@ class ReportCalibrationRequest(Request):
         ),
     ] = 0.0
     mapping: Columns = None
-    simulated: Simulated = False
+    simulated: reported.Simulated = False
 
 
 def run(request: ReportCalibrationRequest, context: Context) -> WrittenFiles:
     """Writes the certificate."""
-    lang = check_report_request(request, request.output, request.lang)
-    return write_draft(draft_certificate(request, context, lang), request.output, context)
+    lang = reported.check_report_request(request, request.output, request.lang)
+    return reported.write_draft(draft_certificate(request, context, lang), request.output, context)
 
 
 def draft_certificate(
     request: ReportCalibrationRequest, context: Context, lang: Lang
-) -> ReportDraft:
+) -> reported.ReportDraft:
     """Returns the certificate before it is written.
 
     Raises:
@@ -95,7 +88,7 @@ def draft_certificate(
     )
     tolerance = None if request.tolerance_mm is None else request.tolerance_mm * MM
     content, budget = certificate_content(facts, tolerance=tolerance, lang=lang), facts.budget
-    return ReportDraft(
+    return reported.ReportDraft(
         content=content,
         numbers={
             "verdict": content.verdict.text,

@@ -5,18 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
+from robotrue.app import reported
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.plain_result import WrittenFiles
-from robotrue.app.reported import (
-    Language,
-    Outputs,
-    ReportDraft,
-    Simulated,
-    check_report_request,
-    draft_verdict,
-    write_draft,
-)
 from robotrue.app.request import InputFile, Item, Option, Reference, Request
 from robotrue.core.catalogue import DEFAULT_LANG
 from robotrue.core.units import MM
@@ -40,8 +32,8 @@ class ReportProgramRequest(Request):
     tolerance_mm: Annotated[
         float, Option(help="Largest distance of a target from where it should be.")
     ]
-    output: Outputs
-    lang: Language = DEFAULT_LANG
+    output: reported.Outputs
+    lang: reported.Language = DEFAULT_LANG
     cell: Annotated[
         Reference | None, Item(noun="registration", help="Registered cell whose part counts.")
     ] = None
@@ -58,19 +50,21 @@ class ReportProgramRequest(Request):
     strict: Annotated[bool, Option(help="Axis targets count as targets that are not proven.")] = (
         False
     )
-    simulated: Simulated = False
+    simulated: reported.Simulated = False
 
 
 def run(request: ReportProgramRequest, context: Context) -> WrittenFiles:
     """Writes the report; the verdict is in it, and never an error."""
-    lang = check_report_request(request, request.output, request.lang)
+    lang = reported.check_report_request(request, request.output, request.lang)
     place = None if request.cell is None else context.registration_file(request.cell)
-    return write_draft(draft_program(request, context, lang, place), request.output, context)
+    return reported.write_draft(
+        draft_program(request, context, lang, place), request.output, context
+    )
 
 
 def draft_program(
     request: ReportProgramRequest, context: Context, lang: Lang, registered: Path | None
-) -> ReportDraft:
+) -> reported.ReportDraft:
     """Returns the report before it is written.
 
     Args:
@@ -127,7 +121,7 @@ def draft_program(
         lang=lang,
         strict=request.strict,
     )
-    return draft_verdict(content, tolerance_mm=request.tolerance_mm)
+    return reported.draft_verdict(content, tolerance_mm=request.tolerance_mm)
 
 
 def _files_of(job: Path) -> list[Path]:

@@ -5,18 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
+from robotrue.app import reported
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.plain_result import WrittenFiles
-from robotrue.app.reported import (
-    Language,
-    Outputs,
-    ReportDraft,
-    Simulated,
-    check_report_request,
-    draft_verdict,
-    write_draft,
-)
 from robotrue.app.request import Item, Reference, Request
 from robotrue.core.catalogue import DEFAULT_LANG
 from robotrue.errors import ConfigurationError
@@ -32,20 +24,20 @@ class ReportRegistrationRequest(Request):
         Reference,
         Item(noun="registration", argument="CELL", help="Cell that `register` wrote."),
     ]
-    output: Outputs
-    lang: Language = DEFAULT_LANG
-    simulated: Simulated = False
+    output: reported.Outputs
+    lang: reported.Language = DEFAULT_LANG
+    simulated: reported.Simulated = False
 
 
 def run(request: ReportRegistrationRequest, context: Context) -> WrittenFiles:
     """Writes the report of a registered cell."""
-    lang = check_report_request(request, request.output, request.lang)
-    return write_draft(draft_registration(request, context, lang), request.output, context)
+    lang = reported.check_report_request(request, request.output, request.lang)
+    return reported.write_draft(draft_registration(request, context, lang), request.output, context)
 
 
 def draft_registration(
     request: ReportRegistrationRequest, context: Context, lang: Lang
-) -> ReportDraft:
+) -> reported.ReportDraft:
     """Returns the report before it is written.
 
     Raises:
@@ -74,7 +66,7 @@ def draft_registration(
         provenance=[fact(ReportTexts(lang=lang), "fact.cell", file_fact(path))],
         lang=lang,
     )
-    return draft_verdict(content)
+    return reported.draft_verdict(content)
 
 
 OPERATION: Final = Operation(request=ReportRegistrationRequest, run=run)

@@ -6,21 +6,11 @@ import asyncio
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
+from robotrue.app import simulated_service as service
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.plain_result import PlainResult
 from robotrue.app.request import Option, Output, Request
-from robotrue.app.simulated_service import (
-    Faults,
-    Host,
-    Robot,
-    Seconds,
-    Seed,
-    announce,
-    choose,
-    reachable_host,
-    run_until_stopped,
-)
 from robotrue.core.provenance import Provenance
 from robotrue.online.device_defaults import RDT_PORT
 from robotrue.simulation.device_defaults import LOCAL_HOST, RATE_HZ
@@ -35,7 +25,7 @@ SENSOR: Final = Provenance(simulated=True, instrument="force sensor")
 class SimulateRdtRequest(Request):
     """Which sensor to simulate, and where it listens."""
 
-    host: Host = LOCAL_HOST
+    host: service.Host = LOCAL_HOST
     port: Annotated[int, Option(help="UDP port; 0 takes a free one.")] = RDT_PORT
     rate: Annotated[float, Option(help="Records per second.")] = RATE_HZ
     device: Annotated[str, Option(help="net or axia: their status words differ.")] = "net"
@@ -54,10 +44,10 @@ class SimulateRdtRequest(Request):
             help="Writes readings at rest in six attitudes, for `dynamics sensor`.",
         ),
     ] = None
-    robot: Robot = None
-    seconds: Seconds = None
-    seed: Seed = 0
-    fault: Faults = ()
+    robot: service.Robot = None
+    seconds: service.Seconds = None
+    seed: service.Seed = 0
+    fault: service.Faults = ()
 
 
 def run(request: SimulateRdtRequest, context: Context) -> PlainResult:
@@ -81,7 +71,7 @@ def run(request: SimulateRdtRequest, context: Context) -> PlainResult:
         host=request.host,
         port=request.port,
         page_port=request.page_port,
-        device=choose(request.device, {each.value: each for each in RdtDevice}, "device"),
+        device=service.choose(request.device, {each.value: each for each in RdtDevice}, "device"),
         rate=request.rate,
         seed=request.seed,
         faults=tuple(parse_fault(text, FAULTS) for text in request.fault),
@@ -107,7 +97,7 @@ def run(request: SimulateRdtRequest, context: Context) -> PlainResult:
         _announce_sensor(sensor.port, sensor.page_port, request, settings, scenario, context)
         return await serving
 
-    return run_until_stopped("ATI force sensor", serve, seconds=request.seconds)
+    return service.run_until_stopped("ATI force sensor", serve, seconds=request.seconds)
 
 
 def _write_readings(path: Path, scenario: OnlineScenario, seed: int) -> None:
@@ -128,12 +118,12 @@ def _announce_sensor(
     context: Context,
 ) -> None:
     """Reports where the sensor listens and where its scale is."""
-    host = reachable_host(settings.host)
+    host = service.reachable_host(settings.host)
     scale = request.scale if request.scale is not None else "netftapi2.xml"
     if request.page_port is not None:
         scale = f"http://{host}:{page_port}/netftapi2.xml"
     query = f"scale={scale}&rate={settings.rate:g}Hz&device={request.device}"
-    announce(
+    service.announce(
         f"ATI force sensor, udp {settings.host}:{port}, {settings.rate:g} records per second "
         "once asked",
         scenario,

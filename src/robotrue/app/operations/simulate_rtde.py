@@ -5,21 +5,11 @@ from __future__ import annotations
 import asyncio
 from typing import Annotated, Any, Final
 
+from robotrue.app import simulated_service as service
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.plain_result import PlainResult
 from robotrue.app.request import Option, Request
-from robotrue.app.simulated_service import (
-    Faults,
-    Host,
-    Robot,
-    Seconds,
-    Seed,
-    announce,
-    controller_faults,
-    reachable_host,
-    run_until_stopped,
-)
 from robotrue.online.device_defaults import RTDE_PORT
 from robotrue.simulation.device_defaults import LOCAL_HOST
 
@@ -27,12 +17,12 @@ from robotrue.simulation.device_defaults import LOCAL_HOST
 class SimulateRtdeRequest(Request):
     """Which controller to simulate, and where it listens."""
 
-    host: Host = LOCAL_HOST
+    host: service.Host = LOCAL_HOST
     port: Annotated[int, Option(help="TCP port; 0 takes a free one.")] = RTDE_PORT
-    robot: Robot = "UR10"
-    seconds: Seconds = None
-    seed: Seed = 0
-    fault: Faults = ()
+    robot: service.Robot = "UR10"
+    seconds: service.Seconds = None
+    seed: service.Seed = 0
+    fault: service.Faults = ()
 
 
 def run(request: SimulateRtdeRequest, context: Context) -> PlainResult:
@@ -50,7 +40,7 @@ def run(request: SimulateRtdeRequest, context: Context) -> PlainResult:
         host=host,
         port=request.port,
         seed=request.seed,
-        faults=controller_faults(request.fault),
+        faults=service.controller_faults(request.fault),
     )
 
     async def serve(stop: asyncio.Event) -> Any:
@@ -60,15 +50,15 @@ def run(request: SimulateRtdeRequest, context: Context) -> PlainResult:
         await asyncio.wait((serving, listening), return_when=asyncio.FIRST_COMPLETED)
         listening.cancel()
         if not serving.done():
-            announce(
+            service.announce(
                 f"Universal Robots controller, tcp {host}:{controller.port}",
                 scenario,
-                f"--robot 'rtde://{reachable_host(host)}:{controller.port}?rate=500Hz'",
+                f"--robot 'rtde://{service.reachable_host(host)}:{controller.port}?rate=500Hz'",
                 context,
             )
         return await serving
 
-    return run_until_stopped("Universal Robots controller", serve, seconds=request.seconds)
+    return service.run_until_stopped("Universal Robots controller", serve, seconds=request.seconds)
 
 
 OPERATION: Final = Operation(request=SimulateRtdeRequest, run=run, is_service=True)

@@ -7,8 +7,9 @@ computed that a command would not compute the same.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Concatenate, ParamSpec, TypeVar
 
 from robotrue.store.nouns import (
     CellRecord,
@@ -18,6 +19,9 @@ from robotrue.store.nouns import (
     RegistrationRecord,
 )
 from robotrue.store.workspace import Workspace
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 
 def list_presets() -> bytes:
@@ -38,32 +42,28 @@ def save_cell_text(folder: str, text: str, name: str, id: str, version: int) -> 
     """Returns the record of a cell.toml's text: a new cell, or a new version of one."""
     from robotrue.app.workbench.cell_editor import save_cell_text as answer
 
-    with Workspace.open(folder) as workspace:
-        return answer(workspace, text, name, id, version)
+    return _ask(answer, folder, text, name, id, version)
 
 
 def read_cell_text(folder: str, id: str, version: int) -> bytes:
     """Returns the text of a cell's file."""
     from robotrue.app.workbench.cell_editor import read_cell_text as answer
 
-    with Workspace.open(folder) as workspace:
-        return answer(workspace, id, version)
+    return _ask(answer, folder, id, version)
 
 
 def import_cell(folder: str, paths: Sequence[Path], name: str) -> CellRecord:
     """Returns the record of a cell.toml and the files it names."""
     from robotrue.app.workbench.file_imports import import_cell as answer
 
-    with Workspace.open(folder) as workspace:
-        return answer(workspace, paths, name)
+    return _ask(answer, folder, paths, name)
 
 
 def import_program(folder: str, paths: Sequence[Path], name: str) -> ProgramRecord:
     """Returns the record of a program's files as they are."""
     from robotrue.store.programs import add
 
-    with Workspace.open(folder) as workspace:
-        return add(workspace, list(paths), name=name or None)
+    return _ask(add, folder, list(paths), name=name or None)
 
 
 def import_measurements(
@@ -72,8 +72,7 @@ def import_measurements(
     """Returns the record of measured poses, read and checked for plausibility."""
     from robotrue.app.workbench.file_imports import import_measurements as answer
 
-    with Workspace.open(folder) as workspace:
-        return answer(workspace, paths, name, cell, mapping)
+    return _ask(answer, folder, paths, name, cell, mapping)
 
 
 def import_check_poses(
@@ -82,32 +81,28 @@ def import_check_poses(
     """Returns the record of a few poses measured again, in the cell that a model belongs to."""
     from robotrue.app.workbench.file_imports import import_check_poses as answer
 
-    with Workspace.open(folder) as workspace:
-        return answer(workspace, paths, name, model)
+    return _ask(answer, folder, paths, name, model)
 
 
 def import_drilling(folder: str, paths: Sequence[Path], name: str) -> DocumentRecord:
     """Returns the record of a campaign with its foot, of a model, or of a journal."""
     from robotrue.app.workbench.drilling_import import import_drilling as answer
 
-    with Workspace.open(folder) as workspace:
-        return answer(workspace, paths, name)
+    return _ask(answer, folder, paths, name)
 
 
 def preview_file(folder: str, path: Path, cell: str, mapping: Mapping[str, object] | None) -> bytes:
     """Returns the columns of a file, how they would be read, and what is wrong with that."""
     from robotrue.app.workbench.import_preview import preview_file as answer
 
-    with Workspace.open(folder) as workspace:
-        return answer(workspace, path, cell, mapping)
+    return _ask(answer, folder, path, cell, mapping)
 
 
 def show_model(folder: str, model: str, version: int) -> bytes:
     """Returns what a model learned, how surely, and what the data cannot tell."""
     from robotrue.app.workbench.calibration_view import show_model as answer
 
-    with Workspace.open(folder) as workspace:
-        return answer(workspace, model, version)
+    return _ask(answer, folder, model, version)
 
 
 def judge_measurement(
@@ -116,8 +111,7 @@ def judge_measurement(
     """Returns how well a model predicts a set, its worst poses and what screening finds."""
     from robotrue.app.workbench.measurement_view import judge_measurement as answer
 
-    with Workspace.open(folder) as workspace:
-        return answer(workspace, measured, version, model, model_version)
+    return _ask(answer, folder, measured, version, model, model_version)
 
 
 def list_rows(
@@ -126,16 +120,14 @@ def list_rows(
     """Returns some rows of a set: line of the file, joints in deg, position in mm."""
     from robotrue.app.workbench.measurement_view import list_rows as answer
 
-    with Workspace.open(folder) as workspace:
-        return answer(workspace, measured, version, sort, offset, limit)
+    return _ask(answer, folder, measured, version, sort, offset, limit)
 
 
 def show_plan(folder: str, plan: str, version: int) -> bytes:
     """Returns a plan as it was made, its scene, and how the instrument sees each pose."""
     from robotrue.app.workbench.plan_view import show_plan as answer
 
-    with Workspace.open(folder) as workspace:
-        return answer(workspace, plan, version)
+    return _ask(answer, folder, plan, version)
 
 
 def judge_program(
@@ -150,24 +142,21 @@ def judge_program(
     """Returns path, predicted errors, worst targets and verdict of a program."""
     from robotrue.app.workbench.program_judgement import judge_program as answer
 
-    with Workspace.open(folder) as workspace:
-        return answer(workspace, program, version, model, model_version, tolerance_mm, strict)
+    return _ask(answer, folder, program, version, model, model_version, tolerance_mm, strict)
 
 
 def draw_cell(folder: str, cell: str, version: int) -> bytes:
     """Returns the scene of a cell without a model: arm and frames."""
     from robotrue.app.workbench.cell_scene import draw_cell as answer
 
-    with Workspace.open(folder) as workspace:
-        return answer(workspace, cell, version)
+    return _ask(answer, folder, cell, version)
 
 
 def draw_model(folder: str, model: str, version: int) -> bytes:
     """Returns the scene of a model: its cell, measured errors, and the predicted field."""
     from robotrue.app.workbench.cell_scene import draw_model as answer
 
-    with Workspace.open(folder) as workspace:
-        return answer(workspace, model, version)
+    return _ask(answer, folder, model, version)
 
 
 def draw_measurement(
@@ -176,32 +165,28 @@ def draw_measurement(
     """Returns the scene of a set's errors before and after, by a model that need not know it."""
     from robotrue.app.workbench.cell_scene import draw_measurement as answer
 
-    with Workspace.open(folder) as workspace:
-        return answer(workspace, measured, version, model, model_version)
+    return _ask(answer, folder, measured, version, model, model_version)
 
 
 def begin_probing(folder: str, stated: Mapping[str, object]) -> DocumentRecord:
     """Returns the record of a new probing session."""
     from robotrue.app.workbench.probing_begin import begin_probing as answer
 
-    with Workspace.open(folder) as workspace:
-        return answer(workspace, stated)
+    return _ask(answer, folder, stated)
 
 
 def show_probing(folder: str, id: str, version: int, feature: int) -> bytes:
     """Returns a probing session: what to probe next, what it should read, what is known."""
     from robotrue.app.workbench.probing_view import show_probing as answer
 
-    with Workspace.open(folder) as workspace:
-        return answer(workspace, id, version, feature)
+    return _ask(answer, folder, id, version, feature)
 
 
 def enter_reading(folder: str, id: str, version: int, feature: int, text: str) -> DocumentRecord:
     """Returns the session with one more reading; held, if it is not as expected."""
     from robotrue.app.workbench.probing_entry import enter_reading as answer
 
-    with Workspace.open(folder) as workspace:
-        return answer(workspace, id, version, feature, text)
+    return _ask(answer, folder, id, version, feature, text)
 
 
 def decide_reading(
@@ -210,29 +195,32 @@ def decide_reading(
     """Returns the session after keep, retake, skip or undo."""
     from robotrue.app.workbench.probing_entry import decide_reading as answer
 
-    with Workspace.open(folder) as workspace:
-        return answer(workspace, id, version, decision, feature)
+    return _ask(answer, folder, id, version, decision, feature)
 
 
 def import_readings(folder: str, id: str, version: int, path: Path) -> DocumentRecord:
     """Returns the session with the readings of a file; those not as expected are set aside."""
     from robotrue.app.workbench.probing_entry import import_readings as answer
 
-    with Workspace.open(folder) as workspace:
-        return answer(workspace, id, version, path)
+    return _ask(answer, folder, id, version, path)
 
 
 def finish_probing(folder: str, id: str, version: int, name: str) -> RegistrationRecord:
     """Returns the record of the registration that a session's readings give."""
     from robotrue.app.workbench.probing_finish import finish_probing as answer
 
-    with Workspace.open(folder) as workspace:
-        return answer(workspace, id, version, name)
+    return _ask(answer, folder, id, version, name)
 
 
 def write_readings(folder: str, id: str) -> bytes:
     """Returns the readings that count, as the file that ``robotrue register`` reads."""
     from robotrue.app.workbench.probing_finish import write_readings as answer
 
+    return _ask(answer, folder, id)
+
+
+def _ask(
+    answer: Callable[Concatenate[Workspace, P], T], folder: str, *args: P.args, **kwargs: P.kwargs
+) -> T:
     with Workspace.open(folder) as workspace:
-        return answer(workspace, id)
+        return answer(workspace, *args, **kwargs)
