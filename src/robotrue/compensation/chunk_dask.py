@@ -61,22 +61,32 @@ class DaskWorkers(ChunkWorkers):
         self._client.close()
 
 
-def _client_at(address: str) -> tuple[Any, list[str]]:
-    """Returns the client of a scheduler whose workers compute as this process does, and notes."""
+def connect_scheduler(address: str, *, timeout: float) -> Any:  # distributed has no types
+    """Returns the client of a Dask scheduler that answers within ``timeout`` s.
+
+    Raises:
+        ConfigurationError: Nothing answers there.
+        MissingExtraError: The package distributed is not installed.
+    """
     try:
-        connect: Any = import_module("distributed").Client
+        connect = import_module("distributed").Client
     except ImportError as cause:
         raise MissingExtraError(
             "a Dask scheduler was named, and the package distributed is not installed.",
             hint="pip install 'robotrue[dask]'.",
         ) from cause
     try:
-        client = connect(address, timeout=10, set_as_default=False)
+        return connect(address, timeout=timeout, set_as_default=False)
     except (OSError, ValueError) as cause:
         raise ConfigurationError(
             f"no Dask scheduler answers at {address!r} ({cause}).",
             hint="the address `dask scheduler` prints, such as tcp://10.0.0.5:8786.",
         ) from cause
+
+
+def _client_at(address: str) -> tuple[Any, list[str]]:
+    """Returns the client of a scheduler whose workers compute as this process does, and notes."""
+    client = connect_scheduler(address, timeout=10.0)
     try:
         return client, _compare_versions(client, address)
     except ConfigurationError:

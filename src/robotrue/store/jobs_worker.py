@@ -10,12 +10,11 @@ import time
 import uuid
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from importlib import import_module
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, Final, Literal, Protocol, TypeAlias
 
-from robotrue.errors import ConfigurationError, DatabaseDownError, MissingExtraError
+from robotrue.errors import DatabaseDownError
 from robotrue.store.jobs import RUNNING, status
 from robotrue.store.jobs_claim import (
     WORKERS,
@@ -114,20 +113,9 @@ class DaskEngine:
     """
 
     def __init__(self, address: str) -> None:
-        try:
-            client: Any = import_module("distributed").Client
-        except ImportError as cause:
-            raise MissingExtraError(
-                "a Dask scheduler was named, and the package distributed is not installed.",
-                hint="pip install 'robotrue[dask]'.",
-            ) from cause
-        try:
-            self._client = client(address, timeout=DASK_ANSWER, set_as_default=False)
-        except (OSError, ValueError) as cause:
-            raise ConfigurationError(
-                f"no Dask scheduler answers at {address!r} ({cause}).",
-                hint="the address `dask scheduler` prints, such as tcp://10.0.0.5:8786.",
-            ) from cause
+        from robotrue.compensation.chunk_dask import connect_scheduler
+
+        self._client = connect_scheduler(address, timeout=DASK_ANSWER)
 
     def begin(self, workspace: Workspace, target: str, claim: Claim) -> JobRun:
         """Returns an attempt that was handed to the scheduler."""
