@@ -269,7 +269,7 @@ def _finish(
     force: StatedForce,
     made: Rewritten,
     context: Context,
-) -> dict[str, Any]:
+) -> dict[str, object]:
     """Writes the identity of a written program, by its hash, and says what was done."""
     frame, document = ground.frame, {"source": file.name, **made.counts}
     notes = [
@@ -327,7 +327,7 @@ def _tell(target: Path, document: Mapping[str, Any], force: StatedForce, context
     _tell_each(sentences, [*(won["notes"] if won else ()), *document["notes"]], context)
 
 
-def _together(documents: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def _together(documents: Sequence[Mapping[str, Any]]) -> dict[str, object]:
     """The counts of a program of several files, and each file by itself."""
     status: Counter[str] = Counter()
     for document in documents:

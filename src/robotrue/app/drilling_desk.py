@@ -141,7 +141,7 @@ class Desk:
         self.alarms += step.alarm
         return self._give_answer(document)
 
-    def _give_answer(self, document: dict[str, Any]) -> dict[str, Any]:
+    def _give_answer(self, document: dict[str, Any]) -> dict[str, object]:
         self._answers[document["hole"]] = document
         if len(self._answers) > _AGAIN:
             self._answers.popitem(last=False)

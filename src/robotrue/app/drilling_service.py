@@ -74,9 +74,9 @@ async def _answer(desk: Desk, source: UdpSignals) -> None:
             source.answer(write_signals(_flat(document)))
 
 
-def _flat(document: Mapping[str, Any]) -> dict[str, Any]:
+def _flat(document: Mapping[str, Any]) -> dict[str, object]:
     """An answer for a control: numbers and texts only."""
-    out: dict[str, Any] = {}
+    out: dict[str, object] = {}
     for name, value in document.items():
         if name == "notes":
             out["said"] = " ".join(value)[:1000]

@@ -103,10 +103,10 @@ def parameters_model(operation: AnyOperation) -> type[Naming]:
     return model
 
 
-def _result_parameter(request: type[Request], field: RequestField) -> tuple[Any, Any]:
+def _result_parameter(request: type[Request], field: RequestField) -> tuple[object, object]:
     """The name of a result; one that may be left out is written under its usual name for true."""
-    kind: Any = list[ResultName] if field.many else ResultName
-    default: Any = result_name(request, field) if field.required else None
+    kind: object = list[ResultName] if field.many else ResultName
+    default: object = result_name(request, field) if field.required else None
     if field.many:
         default = [] if default is None else [default]
     elif not field.required:
@@ -189,7 +189,7 @@ def stated_parameters(
 
 def _saved_values(
     fields: Mapping[str, RequestField], stated: Mapping[str, RequestField], model: Naming
-) -> dict[str, Any]:
+) -> dict[str, object]:
     """The outputs of a job with a ``save`` of its own, by the names that it expects."""
     return {
         name: Path(field.entry.saved_as)
@@ -200,13 +200,13 @@ def _saved_values(
     }
 
 
-def _kept_values(request: type[Request], model: Naming, places: Places) -> dict[str, Any]:
+def _kept_values(request: type[Request], model: Naming, places: Places) -> dict[str, object]:
     """The files of a job whose result is kept: what it reads, and what it writes under which name.
 
     Raises:
         ConfigurationError: A name that cannot be, or two results of one name.
     """
-    values: dict[str, Any] = {}
+    values: dict[str, object] = {}
     written: list[str] = []
     for field in fields_of(request):
         if isinstance(field.entry, Output):

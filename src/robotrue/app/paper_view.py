@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from robotrue.app.presentation import Facts, Table, count
 
@@ -14,7 +14,7 @@ SHOWN_ROWS: Final = 10
 """Of Table 1, as printed; JSON has all."""
 
 
-def tables_document(tables: PaperTables) -> Mapping[str, Any]:
+def tables_document(tables: PaperTables) -> Mapping[str, object]:
     """Returns JSON values, units in the names."""
     return {
         "table1": {

@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from robotrue.app.presentation import Block, Facts, Note, Table, Text
+from robotrue.core.arrays import Array
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.program.controller_frames import ControllerFrame, controller_frame
@@ -144,5 +145,5 @@ def _share(frame: FoundFrame) -> str:
     return "machined there" if frame.with_arm else "frame there"
 
 
-def _three(values: Any, unit: str) -> str:
+def _three(values: Array, unit: str) -> str:
     return ", ".join(f"{float(v):.4f}" for v in values) + f" {unit}"

@@ -29,7 +29,7 @@ def round_digits(values: npt.ArrayLike) -> Any:
     """Returns a number or an array as floats to 1e-12, without what a change of units adds."""
     plain = np.asarray(values, dtype=np.float64).tolist()
 
-    def round_value(value: Any) -> Any:
+    def round_value(value: Any) -> object:
         if isinstance(value, list):
             return [round_value(entry) for entry in value]
         return round(value, 12) + 0.0  # no negative zero

@@ -62,7 +62,7 @@ class GeneratedCommand:
         run_operation(operation, request, as_json=as_json)
 
 
-def _read_values(request: type[Request], values: Mapping[str, Any]) -> dict[str, Any]:
+def _read_values(request: type[Request], values: Mapping[str, Any]) -> dict[str, object]:
     """The values as the request wants them: lists as tuples, what was left out left out."""
     from robotrue.app.request import fields_of
 

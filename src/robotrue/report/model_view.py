@@ -41,7 +41,7 @@ def stiffness(model: ErrorModel) -> dict[str, dict[str, Any]]:
     The estimate is of the compliance c; stiffness is 1/c with standard deviation sd(c)/c^2, which
     says nothing where sd(c) is not well below c.
     """
-    out: dict[str, dict[str, Any]] = {}
+    out: dict[str, dict[str, object]] = {}
     for name, row in _read_estimates(model).items():
         if not name.startswith("compliance"):
             continue

@@ -158,7 +158,7 @@ def _read_tables(
     for table in order:
         name = f"tables/{table.name}.jsonl"
         with member(bundle, name, members[name], source) as stream:
-            batch: list[dict[str, Any]] = []
+            batch: list[dict[str, object]] = []
             while line := stream.readline():
                 batch.append(_row(table, line, source))
                 if len(batch) == _BATCH:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
@@ -17,6 +17,7 @@ from robotrue.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from robotrue.compensation.difference import Difference
+    from robotrue.compensation.process_force import DescribedForce
     from robotrue.core.arrays import Array
 
 SHOWN: Final = 20
@@ -110,7 +111,7 @@ def run(request: DiffRequest, context: Context) -> ProgramDifference:
     from robotrue.core.files import write_atomic
 
     cell = model = origin = None
-    force: Any = np.empty(0)
+    force: Array | DescribedForce = np.empty(0)
     home = np.empty(0)
     if request.model is not None:
         place = None if request.cell is None else context.cell_file(request.cell)

@@ -158,7 +158,7 @@ def _identify(
     stated: Mapping[str, Any],
     output: Path | None,
     context: Context,
-) -> dict[str, Any]:
+) -> dict[str, object]:
     from robotrue.core.files import write_atomic
     from robotrue.dynamics.coefficients import identify_coefficients
     from robotrue.dynamics.cutting_data import coefficient_keys, cutting_text, read_slots

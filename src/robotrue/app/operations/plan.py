@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 from pydantic import Field
 
@@ -21,6 +21,7 @@ from robotrue.program.measuring_defaults import TRIGGER_OUTPUT
 
 if TYPE_CHECKING:
     from robotrue.app.workspace_context import WorkspaceContext
+    from robotrue.calibration.model import ErrorModel
     from robotrue.cell.cell import Cell
     from robotrue.planning.pose_plan import PosePlan
     from robotrue.robot.statics import Load
@@ -192,7 +193,9 @@ def run(request: PlanRequest, context: Context) -> Planned:
     return Planned(plan=plan, files=tuple(files), provenance=origin)
 
 
-def _choose_poses(request: PlanRequest, context: Context, cell: Cell, model: Any) -> PosePlan:
+def _choose_poses(
+    request: PlanRequest, context: Context, cell: Cell, model: ErrorModel | None
+) -> PosePlan:
     """The poses, chosen by what the request says."""
     from robotrue.core.units import UM
     from robotrue.errors import ConfigurationError

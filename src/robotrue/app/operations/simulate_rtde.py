@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
 from robotrue.app import simulated_service as service
 from robotrue.app.context import Context
@@ -43,7 +43,7 @@ def run(request: SimulateRtdeRequest, context: Context) -> PlainResult:
         faults=service.controller_faults(request.fault),
     )
 
-    async def serve(stop: asyncio.Event) -> Any:
+    async def serve(stop: asyncio.Event) -> object:
         controller = RtdeController(settings, scenario)
         serving = asyncio.create_task(controller.run(stop=stop))
         listening = asyncio.create_task(controller.listening.wait())

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from robotrue.app.workbench.arm_body import answer
 from robotrue.app.workbench.calibration_view import from_simulation
+from robotrue.core.arrays import Array
 from robotrue.core.units import MM
 from robotrue.errors import ImplausibleDataError
 from robotrue.measurement.screening import screen
@@ -71,7 +72,7 @@ def list_rows(
     return answer({"columns": columns, "rows": values, "total": page.total, "offset": offset})
 
 
-def _sizes(errors: Any) -> dict[str, float]:
+def _sizes(errors: Array) -> dict[str, float]:
     found = error_statistics(errors)
     return {"mean": found.mean, "p95": found.p95, "max": found.max}
 

@@ -114,7 +114,7 @@ def _session(
     )
 
 
-def _settings(stated: Mapping[str, Any]) -> dict[str, Any]:
+def _settings(stated: Mapping[str, Any]) -> dict[str, object]:
     def number(name: str, default: float | None, least: float, most: float) -> float | None:
         value = stated.get(name)
         value = default if value is None else float(value)

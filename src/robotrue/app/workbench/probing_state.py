@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -103,7 +103,7 @@ def open_session(workspace: Workspace, id: str, version: int | None = None) -> O
     )
 
 
-def settings_from(stated: Any, cell: Cell) -> RegistrationSettings:
+def settings_from(stated: Mapping[str, Any], cell: Cell) -> RegistrationSettings:
     """Returns the settings of a registration from words in mm."""
 
     def length(name: str) -> float | None:

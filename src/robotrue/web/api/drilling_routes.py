@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Path, Query
 
@@ -25,7 +25,7 @@ def router(server: ServerContext) -> APIRouter:
     workspace = server.workspace
 
     @routes.post("/drilling", status_code=201)
-    async def add_drilling(asked: FromFiles) -> dict[str, Any]:
+    async def add_drilling(asked: FromFiles) -> dict[str, object]:
         """A campaign with its foot.toml, a model of robotrue drill, or a journal."""
         made = await import_files(server, calls.import_drilling, asked)
         return record_document(made, DOCUMENT.name)

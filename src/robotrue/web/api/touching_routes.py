@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from fastapi import APIRouter, Path, Query
 from fastapi.responses import Response
@@ -105,7 +105,7 @@ def router(server: ServerContext) -> APIRouter:
     workspace, folder = server.workspace, str(server.workspace.folder)
 
     @routes.post("/touching", status_code=201)
-    async def begin_session(asked_for: Begin) -> dict[str, Any]:
+    async def begin_session(asked_for: Begin) -> dict[str, object]:
         """A session: features, where the part is roughly, and postures to touch them with."""
         paths = [str(find_upload(workspace, each)) for each in asked_for.uploads]
         stated = {**asked_for.model_dump(exclude={"uploads"}), "paths": paths}
@@ -130,7 +130,7 @@ def router(server: ServerContext) -> APIRouter:
         return Latest(version=record.version)
 
     @routes.post("/touching/{id}/readings", status_code=201)
-    async def enter_reading(id: Id, entered: Entered) -> dict[str, Any]:
+    async def enter_reading(id: Id, entered: Entered) -> dict[str, object]:
         """The session with one more reading; held, if it is not as expected."""
         await _read_session(server, id)
         made = await server.workers.ask(
@@ -147,7 +147,7 @@ def _offer_outcomes(routes: APIRouter, server: ServerContext) -> None:
     workspace, folder = server.workspace, str(server.workspace.folder)
 
     @routes.post("/touching/{id}/decisions", status_code=201)
-    async def decide(id: Id, made: Decision) -> dict[str, Any]:
+    async def decide(id: Id, made: Decision) -> dict[str, object]:
         """The session after keep, retake, skip or undo."""
         await _read_session(server, id)
         changed = await server.workers.ask(
@@ -156,7 +156,7 @@ def _offer_outcomes(routes: APIRouter, server: ServerContext) -> None:
         return record_document(changed, DOCUMENT.name)
 
     @routes.post("/touching/{id}/files", status_code=201)
-    async def take_readings(id: Id, taken: Taken) -> dict[str, Any]:
+    async def take_readings(id: Id, taken: Taken) -> dict[str, object]:
         """The session with the readings of a file; those not as expected are set aside."""
         await _read_session(server, id)
         path = find_upload(workspace, taken.uploads[0])
@@ -165,7 +165,7 @@ def _offer_outcomes(routes: APIRouter, server: ServerContext) -> None:
         return record_document(made, DOCUMENT.name)
 
     @routes.post("/touching/{id}/registration", status_code=201)
-    async def finish(id: Id, wanted: Finish) -> dict[str, Any]:
+    async def finish(id: Id, wanted: Finish) -> dict[str, object]:
         """The registration that the readings give, and the refined model where there is one."""
         await _read_session(server, id)
         made = await server.workers.ask(

@@ -87,7 +87,7 @@ async def _model(context: PageContext) -> str:
     )
 
 
-def _holes(test: Any) -> list[dict[str, Any]]:
+def _holes(test: Any) -> list[dict[str, object]]:
     """The tilts of each hole of a test, before and after, as the monitor shows them."""
     pairs = zip(test["before_deg"], test["left_deg"], strict=True)
     return [{"before": before, "left": left} for before, left in pairs]
