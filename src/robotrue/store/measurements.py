@@ -24,7 +24,7 @@ from robotrue.errors import ArchiveError, ConfigurationError, ImplausibleDataErr
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.store import items
 from robotrue.store.blobs import SAMPLES, require_whole
-from robotrue.store.nouns import MEASUREMENT, MeasurementRecord
+from robotrue.store.nouns import MEASUREMENT, MeasurementRecord, ModelRecord
 from robotrue.store.query_defaults import LIMIT
 from robotrue.store.records import Ref, links_to
 from robotrue.store.workspace import Transaction, Workspace, transaction
@@ -161,6 +161,14 @@ def rows_of(workspace: Workspace, record: MeasurementRecord) -> MeasurementSet:
     path = workspace.path_of(record.samples)
     require_whole(path, record.samples)
     return read_samples(path)
+
+
+def read_data(workspace: Workspace, model: ModelRecord) -> list[MeasurementSet]:
+    """Returns the poses a model rests on, a set each."""
+    return [
+        rows_of(workspace, items.get(workspace, MEASUREMENT, to.id, version=to.version))
+        for to in model.refs("data")
+    ]
 
 
 def some_rows(workspace: Workspace, record: MeasurementRecord, query: RowQuery) -> RowPage:

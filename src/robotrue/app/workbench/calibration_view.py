@@ -11,7 +11,7 @@ from robotrue.core.provenance import merge
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.report.model_view import drive_errors, list_geometric_errors, stiffness
 from robotrue.store import items, measurements, models
-from robotrue.store.nouns import MEASUREMENT, MODEL
+from robotrue.store.nouns import MODEL
 from robotrue.store.workspace import Workspace
 from robotrue.validation.contest import Selection, selection_from_summary
 
@@ -20,12 +20,7 @@ def show_model(workspace: Workspace, model_id: str, version: int) -> bytes:
     """Returns parameters with deviations, doubts, the contest of methods, and numbers held out."""
     record = items.get(workspace, MODEL, model_id, version=version)
     held = models.model_of(workspace, record)
-    rows = [
-        measurements.rows_of(
-            workspace, items.get(workspace, MEASUREMENT, to.id, version=to.version)
-        )
-        for to in record.refs("data")
-    ]
+    rows = measurements.read_data(workspace, record)
     model, summary = held.model, held.model.training_summary()
     return answer(
         {

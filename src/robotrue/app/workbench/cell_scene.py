@@ -45,12 +45,7 @@ def draw_model(workspace: Workspace, model_id: str, version: int) -> bytes:
     """Returns a model's cell, its measured errors before and after, and the predicted field."""
     record = items.get(workspace, MODEL, model_id, version=version)
     held = models.model_of(workspace, record)
-    rows = [
-        measurements.rows_of(
-            workspace, items.get(workspace, MEASUREMENT, to.id, version=to.version)
-        )
-        for to in record.refs("data")
-    ]
+    rows = measurements.read_data(workspace, record)
     document = {
         "frames": frame_documents(held.cell),
         "simulated": from_simulation(held.model, rows),

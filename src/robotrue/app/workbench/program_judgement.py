@@ -27,7 +27,7 @@ from robotrue.program.formats import read_job
 from robotrue.program.program import Program
 from robotrue.robot.statics import Load
 from robotrue.store import cells, items, jobs, measurements, models, programs
-from robotrue.store.nouns import CELL, MEASUREMENT, MODEL, PROGRAM, ModelRecord, ProgramRecord
+from robotrue.store.nouns import CELL, MODEL, PROGRAM, ModelRecord, ProgramRecord
 from robotrue.store.workspace import Workspace
 from robotrue.validation.conformity import Conformity, all_conform, conformity, to_judge
 from robotrue.validation.error_map import radius_95
@@ -124,12 +124,7 @@ def _read_programs(
         place = scratch / str(number)
         place.mkdir()
         jobs_read.append(read_job(list(programs.copy_program(workspace, each, place)), frames))
-    rows = [
-        measurements.rows_of(
-            workspace, items.get(workspace, MEASUREMENT, to.id, version=to.version)
-        )
-        for to in record.refs("data")
-    ]
+    rows = measurements.read_data(workspace, record)
     return _Found(
         first=jobs_read[0],
         second=jobs_read[1],
