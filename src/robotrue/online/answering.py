@@ -26,16 +26,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.errors import RobotrueError
-from robotrue.online.answering_wire import (
-    MOST,
-    AnsweringFault,
-    AnsweringReport,
-    LinkRequest,
-    Opening,
-    frames,
-    read_message,
-    write_message,
-)
+from robotrue.online import answering_wire as wire
 from robotrue.online.blocks import Block, ForceBlock
 from robotrue.online.guard import CorrectionGuard, GuardState
 from robotrue.online.link import StreamSource
@@ -64,11 +55,13 @@ def main(descriptor: int) -> None:
     with contextlib.suppress(OSError):
         os.setpriority(os.PRIO_PROCESS, 0, _NICE)
     with socket.socket(fileno=descriptor) as pipe:
-        opening, _ = read_message(pipe.recv(MOST), Opening)
+        opening, _ = wire.read_message(pipe.recv(wire.MOST), wire.Opening)
         try:
             guard, link = _open_link(opening)
         except RobotrueError as refused:
-            pipe.send(write_message(AnsweringReport(fault=AnsweringFault.of(refused))))
+            pipe.send(
+                wire.write_message(wire.AnsweringReport(fault=wire.AnsweringFault.of(refused)))
+            )
             return
         pipe.setblocking(False)
         _stay_in_memory()
@@ -82,7 +75,7 @@ def _stay_in_memory() -> None:
         ctypes.CDLL(None).mlockall(_RESIDENT)
 
 
-def _open_link(opening: Opening) -> tuple[CorrectionGuard | None, AnsweringRobot]:
+def _open_link(opening: wire.Opening) -> tuple[CorrectionGuard | None, AnsweringRobot]:
     guard, before = None, opening.before
     if opening.limits is not None and opening.mode is not None:
         guard = CorrectionGuard(opening.limits, opening.mode)
@@ -125,19 +118,19 @@ class _Answering:
         loop = asyncio.get_running_loop()
         while True:
             try:
-                data = await loop.sock_recv(self._pipe, MOST)
+                data = await loop.sock_recv(self._pipe, wire.MOST)
             except ConnectionError:
                 continue  # what it left unread is told once, then the end
             if not data:
                 self._alone = True
                 return
-            request, _ = read_message(data, LinkRequest)
+            request, _ = wire.read_message(data, wire.LinkRequest)
             if request.do == "close":
                 return
             if not self._fulfil(request):
                 await self._send(self._report)
 
-    def _fulfil(self, request: LinkRequest) -> bool:
+    def _fulfil(self, request: wire.LinkRequest) -> bool:
         """Does one thing; returns whether the service need not be told at once how it stands."""
         guard = self._guard
         if (
@@ -170,14 +163,16 @@ class _Answering:
             async for block in blocks:
                 # right behind an answer there is time for the counters
                 due = time.monotonic() - self._told >= _BEAT
-                for frame in frames(block):
+                for frame in wire.frames(block):
                     await self._send(self._report if due else self._brief, frame)
                     due = False
                 # every message wakes the service; but what the robot holds is told at once
                 if self._guard is None or self._guard.at_rest:
                     await asyncio.sleep(_GATHER)
         except RobotrueError as fault:
-            failed = AnsweringReport(guard=self._guard_state(), fault=AnsweringFault.of(fault))
+            failed = wire.AnsweringReport(
+                guard=self._guard_state(), fault=wire.AnsweringFault.of(fault)
+            )
             await self._send(lambda: failed)
 
     async def _beat(self) -> None:
@@ -187,13 +182,13 @@ class _Answering:
             if time.monotonic() - self._told >= 1.3 * _BEAT:
                 await self._send(self._report)
 
-    async def _send(self, report: Callable[[], AnsweringReport], frame: bytes = b"") -> None:
+    async def _send(self, report: Callable[[], wire.AnsweringReport], frame: bytes = b"") -> None:
         """Waits while the service is slow, then tells it; says nothing to one that is gone."""
         if self._alone:
             return
         async with self._sending:
             try:
-                data = write_message(report(), frame)
+                data = wire.write_message(report(), frame)
                 await asyncio.get_running_loop().sock_sendall(self._pipe, data)
             except OSError:
                 self._alone = True
@@ -201,14 +196,14 @@ class _Answering:
     def _guard_state(self) -> GuardState | None:
         return None if self._guard is None else self._guard.state()
 
-    def _brief(self) -> AnsweringReport:
+    def _brief(self) -> wire.AnsweringReport:
         """What has to be known of the last answers if this process should end now."""
         watch, peer = self._link.seen
-        return AnsweringReport(watch=watch, peer=peer, guard=self._guard_state())
+        return wire.AnsweringReport(watch=watch, peer=peer, guard=self._guard_state())
 
-    def _report(self) -> AnsweringReport:
+    def _report(self) -> wire.AnsweringReport:
         self._told = time.monotonic()
-        return AnsweringReport(
+        return wire.AnsweringReport(
             link=self._link.state(),
             guard=self._guard_state(),
             health=self._link.health(),

@@ -21,18 +21,7 @@ from dataclasses import replace
 from typing import Final, Generic, TypeVar
 
 from robotrue.errors import ConfigurationError, RobotrueError
-from robotrue.online.answering_wire import (
-    MOST,
-    AnsweringReport,
-    EndedLink,
-    LinkRequest,
-    LinkSettings,
-    Opening,
-    RemoteGuard,
-    join_blocks,
-    read_message,
-    write_message,
-)
+from robotrue.online import answering_wire as wire
 from robotrue.online.blocks import ForceBlock, JointBlock
 from robotrue.online.guard import CorrectionGuard, CorrectionLimits, GuardState
 from robotrue.online.link import Health
@@ -56,9 +45,9 @@ _PATIENCE: Final = 0.2
 
 def answering_guard(
     limits: CorrectionLimits, mode: CorrectionMode
-) -> RemoteGuard | CorrectionGuard:
+) -> wire.RemoteGuard | CorrectionGuard:
     """Returns the guard for a live robot: in its answering process, or here where there is none."""
-    return RemoteGuard(limits, mode) if AVAILABLE else CorrectionGuard(limits, mode)
+    return wire.RemoteGuard(limits, mode) if AVAILABLE else CorrectionGuard(limits, mode)
 
 
 class RemoteStream(Generic[B]):
@@ -102,7 +91,7 @@ class RemoteStream(Generic[B]):
         """
         await self._restart()
         while found := await self._inbox.take():
-            for block in join_blocks(found):
+            for block in wire.join_blocks(found):
                 yield block
 
     async def close(self) -> None:
@@ -130,7 +119,7 @@ class AnsweringLink:
         ConfigurationError: As the link itself, or the process did not begin.
     """
 
-    def __init__(self, settings: LinkSettings, guard: RemoteGuard | None = None) -> None:
+    def __init__(self, settings: wire.LinkSettings, guard: wire.RemoteGuard | None = None) -> None:
         if not AVAILABLE:
             raise ConfigurationError(
                 "an answering process on a system other than Linux.",
@@ -179,14 +168,14 @@ class AnsweringLink:
             self._force = RemoteStream(
                 f"{self.settings.name} force", self.settings.waiting, self._restart_process
             )
-            self._tell(LinkRequest(do="force"))
+            self._tell(wire.LinkRequest(do="force"))
         return self._force
 
     async def close(self) -> None:
         """Has the correction brought to zero at its rate, and the process ended."""
         async with self._again:
             self._closing = True
-            self._tell(LinkRequest(do="close"))
+            self._tell(wire.LinkRequest(do="close"))
             until = time.monotonic() + _END
             while self._thread.is_alive():
                 if time.monotonic() > until:
@@ -198,7 +187,7 @@ class AnsweringLink:
         """Returns the counters as they stood when they were last told."""
         return self._joints.health()
 
-    def _start(self, before: EndedLink | None) -> None:
+    def _start(self, before: wire.EndedLink | None) -> None:
         """Starts a process, and waits until it listens."""
         settings = self.settings
         if before is not None:
@@ -215,7 +204,7 @@ class AnsweringLink:
                 process_group=0,
             )
         guard = self._guard
-        opening = Opening(
+        opening = wire.Opening(
             settings=settings,
             limits=None if guard is None else guard.limits,
             mode=None if guard is None else guard.mode,
@@ -237,15 +226,15 @@ class AnsweringLink:
         self._thread.start()
         if self._force is not None:
             self._force.begin()
-            self._tell(LinkRequest(do="force"))
+            self._tell(wire.LinkRequest(do="force"))
 
-    def _open_process(self, opening: Opening) -> tuple[Address, AnsweringReport]:
+    def _open_process(self, opening: wire.Opening) -> tuple[Address, wire.AnsweringReport]:
         """Returns where it listens, and its first report."""
         self._pipe.settimeout(_START)
         data, slow = b"", ""
         try:
-            self._pipe.send(write_message(opening))
-            data = self._pipe.recv(MOST)
+            self._pipe.send(wire.write_message(opening))
+            data = self._pipe.recv(wire.MOST)
         except TimeoutError:
             slow = f" within {_START:g} s"
         except OSError:
@@ -256,7 +245,7 @@ class AnsweringLink:
                 hint=f"{sys.executable} -P -m robotrue.online.answering",
             )
         self._pipe.settimeout(None)
-        report, _ = read_message(data, AnsweringReport)
+        report, _ = wire.read_message(data, wire.AnsweringReport)
         if report.fault is not None or report.address is None:
             raise (
                 ConfigurationError("no address.") if report.fault is None else report.fault.error()
@@ -269,14 +258,14 @@ class AnsweringLink:
             if not self._died or self._closing:
                 return
             self._pipe.close()
-            before = EndedLink(link=self._link, guard=self._before, why=self._died)
+            before = wire.EndedLink(link=self._link, guard=self._before, why=self._died)
             await asyncio.to_thread(self._start, before)
 
-    def _tell(self, request: LinkRequest) -> None:
+    def _tell(self, request: wire.LinkRequest) -> None:
         """Asks something of the process; one that does not read misses what is wanted of it."""
         if self._died:
             return
-        data = write_message(request)
+        data = wire.write_message(request)
         # a correction that has to wait is old; all else may wait for a moment
         until = time.monotonic() + (0.0 if request.do == "want" else _PATIENCE)
         while True:
@@ -295,14 +284,14 @@ class AnsweringLink:
         fault: RobotrueError | None = None
         while True:
             try:
-                data = self._pipe.recv(MOST)
+                data = self._pipe.recv(wire.MOST)
             except ConnectionError:
                 continue  # what it left unread is told once, then the rest, then the end
             except OSError:
                 break
             if not data:
                 break
-            report, frame = read_message(data, AnsweringReport)
+            report, frame = wire.read_message(data, wire.AnsweringReport)
             if report.fault is not None:
                 fault = report.fault.error()
             self._take_report(report)
@@ -317,7 +306,7 @@ class AnsweringLink:
         elif self._force is not None and isinstance(block, ForceBlock):
             self._force.put(block)
 
-    def _take_report(self, report: AnsweringReport) -> None:
+    def _take_report(self, report: wire.AnsweringReport) -> None:
         if self._guard is not None and report.guard is not None:
             self._guard.take_state(report.guard)
         if report.link is not None and report.health is not None:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Final
 
 from robotrue.errors import ConfigurationError, FormatError
+from robotrue.online import stream_protocol as protocol
 from robotrue.online.blocks import Flag, ForceBlock, JointBlock
 from robotrue.online.device_defaults import EGM_PORT
 from robotrue.online.egm import (
@@ -30,14 +31,6 @@ from robotrue.online.link import Corrector, Health
 from robotrue.online.robot_correction import CorrectionMode
 from robotrue.online.robot_link import LinkState, RobotLink
 from robotrue.online.sequence import SequenceState, advance
-from robotrue.online.stream_protocol import (
-    CORRECTION_MODES,
-    FORCE_FRAMES,
-    Role,
-    StreamProtocol,
-    StreamSettings,
-    read_own_address,
-)
 from robotrue.online.udp import CROWDED, Address, Inbox
 
 _CYCLE: Final = 4e-3
@@ -269,16 +262,18 @@ def name_egm_link(address: str) -> str:
     Raises:
         ConfigurationError: An address or option that cannot be read.
     """
-    return read_own_address(address, EGM_PORT, OPTIONS)[0].shown
+    return protocol.read_own_address(address, EGM_PORT, OPTIONS)[0].shown
 
 
-def read_egm_address(address: str, role: Role, settings: StreamSettings) -> EgmSettings:
+def read_egm_address(
+    address: str, role: protocol.Role, settings: protocol.StreamSettings
+) -> EgmSettings:
     """Returns the settings of a link to an ABB controller.
 
     Raises:
         ConfigurationError: An option or value that is none, or RobotWare is not stated.
     """
-    where, options = read_own_address(address, EGM_PORT, OPTIONS)
+    where, options = protocol.read_own_address(address, EGM_PORT, OPTIONS)
     generation = options.word("robotware", ("6", "7"))
     if generation is None:
         raise ConfigurationError(
@@ -287,19 +282,19 @@ def read_egm_address(address: str, role: Role, settings: StreamSettings) -> EgmS
             source=address,
             hint="egm://0.0.0.0:6510?robotware=7",
         )
-    mode = options.word("mode", CORRECTION_MODES)
+    mode = options.word("mode", protocol.CORRECTION_MODES)
     return EgmSettings(
         name=where.shown,
         generation=RobotWare.SIX if generation == "6" else RobotWare.SEVEN,
         mode=None if mode is None else CorrectionMode(mode),
-        force_frame=options.word("frame", FORCE_FRAMES) or "sensor",
+        force_frame=options.word("frame", protocol.FORCE_FRAMES) or "sensor",
         host=where.host,
         port=where.port,
         peer=settings.peer,
     )
 
 
-PROTOCOL: Final = StreamProtocol(
+PROTOCOL: Final = protocol.StreamProtocol(
     example="egm://0.0.0.0:6510?robotware=7",
     options=OPTIONS,
     read=read_egm_address,

@@ -4,18 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Final
 
+from robotrue.app import workspace_fields as fields
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.plain_result import PlainResult
 from robotrue.app.presentation import Table, count
 from robotrue.app.request import Option, Request
-from robotrue.app.workspace_fields import (
-    HERE,
-    WorkspaceFolder,
-    is_simulated,
-    job_document,
-    time_text,
-)
 from robotrue.store.query_defaults import LIMIT
 
 if TYPE_CHECKING:
@@ -27,7 +21,7 @@ class JobsListRequest(Request):
 
     state: Annotated[str | None, Option(help="queued, running, done, failed or cancelled.")] = None
     limit: Annotated[int, Option(help="Jobs shown, the newest first.")] = LIMIT
-    folder: WorkspaceFolder = HERE
+    folder: fields.WorkspaceFolder = fields.HERE
 
 
 def run(request: JobsListRequest, context: Context) -> PlainResult:
@@ -42,7 +36,7 @@ def run(request: JobsListRequest, context: Context) -> PlainResult:
     with Workspace.open(request.folder) as workspace:
         page = jobs.search(workspace, state=request.state, limit=request.limit)
     return PlainResult(
-        values={"total": page.total, "jobs": [job_document(job) for job in page.items]},
+        values={"total": page.total, "jobs": [fields.job_document(job) for job in page.items]},
         shown=(
             Table(
                 title=count(page.total, "job"),
@@ -63,9 +57,9 @@ def _row(job: Job) -> tuple[str, ...]:
         job.state,
         f"{job.progress:.0%}",
         str(job.attempts),
-        time_text(job.submitted),
+        fields.time_text(job.submitted),
         job.text if job.error is None else str(job.error["message"]),
-        simulation_mark(is_simulated(job)),
+        simulation_mark(fields.is_simulated(job)),
     )
 
 

@@ -4,19 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+from robotrue.app import workspace_fields as fields
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.plain_result import PlainResult
 from robotrue.app.presentation import Facts
 from robotrue.app.request import Request
-from robotrue.app.workspace_fields import (
-    HERE,
-    JobWord,
-    WorkspaceFolder,
-    job_result,
-    json_facts,
-    time_text,
-)
 
 if TYPE_CHECKING:
     from robotrue.store.jobs import Job
@@ -25,8 +18,8 @@ if TYPE_CHECKING:
 class JobsShowRequest(Request):
     """Which job."""
 
-    job: JobWord
-    folder: WorkspaceFolder = HERE
+    job: fields.JobWord
+    folder: fields.WorkspaceFolder = fields.HERE
 
 
 def run(request: JobsShowRequest, context: Context) -> PlainResult:
@@ -40,7 +33,7 @@ def run(request: JobsShowRequest, context: Context) -> PlainResult:
 
     with Workspace.open(request.folder) as workspace:
         job = jobs.status(workspace, request.job)
-    return job_result(job, Facts(title=f"job {job.kind}", rows=_facts(job)))
+    return fields.job_result(job, Facts(title=f"job {job.kind}", rows=_facts(job)))
 
 
 def _facts(job: Job) -> tuple[tuple[str, str], ...]:
@@ -48,10 +41,10 @@ def _facts(job: Job) -> tuple[tuple[str, str], ...]:
     return (
         ("id", job.id),
         ("state", f"{job.state}, {job.progress:.0%}, attempt {job.attempts}"),
-        ("submitted", time_text(job.submitted)),
-        ("finished", time_text(job.finished)),
-        *json_facts(job.parameters),
-        *json_facts(job.result or {}, "result: "),
+        ("submitted", fields.time_text(job.submitted)),
+        ("finished", fields.time_text(job.finished)),
+        *fields.json_facts(job.parameters),
+        *fields.json_facts(job.result or {}, "result: "),
         *((f"error: {name}", text) for name, text in error.items()),
         *(("remark", remark) for remark in job.remarks),
     )

@@ -4,18 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Final
 
+from robotrue.app import workspace_fields as fields
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.plain_result import PlainResult
 from robotrue.app.presentation import Table
 from robotrue.app.request import Option, Request
-from robotrue.app.workspace_fields import (
-    HERE,
-    WorkspaceFolder,
-    item_document,
-    time_text,
-    value_text,
-)
 from robotrue.errors import ConfigurationError
 from robotrue.store.query_defaults import LIMIT, SORT
 
@@ -57,7 +51,7 @@ class WorkspaceListRequest(Request):
     offset: Annotated[int, Option(help="Items left out before the first.")] = 0
     limit: Annotated[int, Option(help="Items shown.")] = LIMIT
     deleted: Annotated[bool, Option(help="Those that are deleted.")] = False
-    folder: WorkspaceFolder = HERE
+    folder: fields.WorkspaceFolder = fields.HERE
 
 
 def run(request: WorkspaceListRequest, context: Context) -> PlainResult:
@@ -88,7 +82,7 @@ def run(request: WorkspaceListRequest, context: Context) -> PlainResult:
         values={
             "total": page.total,
             "offset": offset,
-            "items": [item_document(noun, record) for record in page.items],
+            "items": [fields.item_document(noun, record) for record in page.items],
         },
         shown=(
             Table(
@@ -109,8 +103,8 @@ def _row(noun: str, record: ItemRecord) -> tuple[str, ...]:
         record.id[:8],
         record.name,
         str(record.version),
-        time_text(record.created),
-        *(value_text(getattr(record, column)) for column in COLUMNS[noun]),
+        fields.time_text(record.created),
+        *(fields.value_text(getattr(record, column)) for column in COLUMNS[noun]),
         simulation_mark(provenance_of_record(record)),
     )
 

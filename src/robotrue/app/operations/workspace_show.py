@@ -5,19 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
+from robotrue.app import workspace_fields as fields
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.plain_result import PlainResult
 from robotrue.app.presentation import Facts
 from robotrue.app.request import Option, Request
-from robotrue.app.workspace_fields import (
-    HERE,
-    ItemWord,
-    WorkspaceFolder,
-    item_document,
-    item_result,
-    value_text,
-)
 from robotrue.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -27,12 +20,12 @@ if TYPE_CHECKING:
 class WorkspaceShowRequest(Request):
     """Which item, in which version."""
 
-    item: ItemWord
+    item: fields.ItemWord
     version: Annotated[int | None, Option(help="Default: the latest.")] = None
     output: Annotated[
         Path | None, Option(names=("--output", "-o"), help="Folder to copy its files to.")
     ] = None
-    folder: WorkspaceFolder = HERE
+    folder: fields.WorkspaceFolder = fields.HERE
 
 
 def run(request: WorkspaceShowRequest, context: Context) -> PlainResult:
@@ -55,16 +48,16 @@ def run(request: WorkspaceShowRequest, context: Context) -> PlainResult:
                 raise ConfigurationError("no folder.", source=output, hint=f"mkdir -p {output}")
             for path in copy_files(workspace, record, output):
                 context.inform(f"written: {path}")
-    return item_result(
+    return fields.item_result(
         noun, record, Facts(title=f"{noun} {record.name}", rows=_facts(noun, record))
     )
 
 
 def _facts(noun: str, record: ItemRecord) -> tuple[tuple[str, str], ...]:
-    values = item_document(noun, record)
+    values = fields.item_document(noun, record)
     return (
         *(
-            (name, value_text(value))
+            (name, fields.value_text(value))
             for name, value in values.items()
             if name not in ("links", "files", "detail")
         ),
@@ -74,7 +67,7 @@ def _facts(noun: str, record: ItemRecord) -> tuple[tuple[str, str], ...]:
         ),
         *((f"file ({each['role']})", each["name"]) for each in values["files"]),
         *(
-            (name, value_text(value))
+            (name, fields.value_text(value))
             for name, value in record.detail.items()
             if isinstance(value, str | int | float) and value != ""
         ),

@@ -8,19 +8,10 @@ from typing import Final
 
 import numpy as np
 
+from robotrue.program.formats import rapid_scan as scan
 from robotrue.program.formats.course import Course
 from robotrue.program.formats.number_table import NumberTable
 from robotrue.program.formats.rapid_frames import KINDS, TOOL, WORK, RapidFrames
-from robotrue.program.formats.rapid_scan import (
-    GAP,
-    JOINTTARGET,
-    ROBTARGET,
-    SKIP,
-    WORD,
-    RapidStatement,
-    clean,
-    fills,
-)
 from robotrue.program.formats.stored_points import Uses, Variable, Variables
 from robotrue.program.formats.text_lines import line_starts
 from robotrue.program.program import Reason
@@ -31,22 +22,22 @@ POSE: Final = 0
 AXIS: Final = 1
 NOTHING: Final = 2
 """Kinds of points: the third stands for a motion to what is no literal."""
-LITERAL: Final = {"robtarget": (ROBTARGET, POSE), "jointtarget": (JOINTTARGET, AXIS)}
+LITERAL: Final = {"robtarget": (scan.ROBTARGET, POSE), "jointtarget": (scan.JOINTTARGET, AXIS)}
 _DECLARED: Final = re.compile(
-    rb"(?:(?:LOCAL|TASK|GLOBAL)\b" + GAP + rb")?(?:CONST|PERS|VAR)\b" + GAP
-    + rb"(?P<kind>[\w\x80-\xff]+)" + GAP + rb"(?P<name>[\w\x80-\xff]+)" + GAP
-    + rb"(?:\{(?P<sizes>[^}]*)\}" + GAP + rb")?(?P<given>:=)?",
+    rb"(?:(?:LOCAL|TASK|GLOBAL)\b" + scan.GAP + rb")?(?:CONST|PERS|VAR)\b" + scan.GAP
+    + rb"(?P<kind>[\w\x80-\xff]+)" + scan.GAP + rb"(?P<name>[\w\x80-\xff]+)" + scan.GAP
+    + rb"(?:\{(?P<sizes>[^}]*)\}" + scan.GAP + rb")?(?P<given>:=)?",
     re.IGNORECASE,
 )  # fmt: skip
 _ASSIGNED: Final = re.compile(
     rb"([\w\x80-\xff]+)"
-    + GAP
+    + scan.GAP
     + rb"(?:\{([^}]*)\})?"
-    + GAP
+    + scan.GAP
     + rb"((?:\."
-    + GAP
-    + WORD
-    + GAP
+    + scan.GAP
+    + scan.WORD
+    + scan.GAP
     + rb")*+):="
 )
 _WORDS: Final = re.compile(
@@ -112,7 +103,7 @@ class Data:
         self.place, self.scope = 0, ""
         self._starts = line_starts(data)
 
-    def declare(self, statement: RapidStatement, *, frames_only: bool = False) -> bool:
+    def declare(self, statement: scan.RapidStatement, *, frames_only: bool = False) -> bool:
         """Enters a declaration; returns whether the statement is one."""
         if statement.word not in ("local", "task", "global", "const", "pers", "var"):
             return False
@@ -147,7 +138,7 @@ class Data:
         """Gives a variable the literal or, for an array, the literals between two bytes."""
         pattern, kind = LITERAL[variable.kind]
         if not variable.is_array or subscript:
-            match = fills(pattern, self.data, *self._inside(start, end))
+            match = scan.fills(pattern, self.data, *self._inside(start, end))
             if match is None:
                 self._mark_computed(variable, start, end)
             else:
@@ -155,21 +146,21 @@ class Data:
             return
         at, number, matches = start, [0], []
         for match in pattern.finditer(self.data, start, end):
-            between = clean(self.data[at : match.start()])
+            between = scan.clean(self.data[at : match.start()])
             number = _count_subscript(number, between)
             if re.sub(r"[\[\],\s]", "", between):
                 self._mark_computed(variable, start, end)
                 return
             matches.append((",".join(map(str, number)), match))
             at = match.end()
-        if re.sub(r"[\]\s]", "", clean(self.data[at:end])) or not matches:
+        if re.sub(r"[\]\s]", "", scan.clean(self.data[at:end])) or not matches:
             self._mark_computed(variable, start, end)
             return
         for subscript, match in matches:
             self._point_of(variable, subscript, match, kind)
 
     def _inside(self, start: int, end: int) -> tuple[int, int]:
-        gap = SKIP.match(self.data, start, end)
+        gap = scan.SKIP.match(self.data, start, end)
         return (gap.end() if gap else start), end
 
     def _mark_computed(self, variable: Variable, start: int, end: int) -> None:
@@ -195,7 +186,7 @@ class Data:
         match = _ASSIGNED.match(self.data, start, end)
         if match is None:
             return False
-        name, path = match[1].decode("latin-1").lower(), clean(match[3])
+        name, path = match[1].decode("latin-1").lower(), scan.clean(match[3])
         for side in (TOOL, WORK):
             if self.frames.has(side, name):
                 value = self.data[match.end() : end]

@@ -7,20 +7,11 @@ from collections.abc import Container
 from typing import Final
 
 from robotrue.errors import FormatError
+from robotrue.program.formats import rapid_scan as scan
 from robotrue.program.formats.course import Course
 from robotrue.program.formats.rapid_data import LITERAL, NOTHING, POSE, Data
 from robotrue.program.formats.rapid_frames import TOOL, WORK, RapidFrames
 from robotrue.program.formats.rapid_moves import BUILT_IN, Move, Tail, move_of, read_tail
-from robotrue.program.formats.rapid_scan import (
-    INLINE,
-    ROBTARGET,
-    WORD,
-    RapidStatement,
-    beginning,
-    clean,
-    fills,
-    next_statement,
-)
 from robotrue.program.formats.text_lines import line_at
 from robotrue.program.program import Motion, Reason
 
@@ -56,12 +47,12 @@ _PARAMETER: Final = re.compile(
 )
 _COMPACT: Final = re.compile(
     rb'(?:"(?:[^"\r\n]|"")*+"|![^\r\n]*+|[^"!\w\x80-\xff]|'
-    + WORD
+    + scan.WORD
     + rb"(?:\s*+\.\s*+"
-    + WORD
+    + scan.WORD
     + rb")*+)*?(?<![\w\x80-\xff])"
-    rb"((?:Move|Trigg|Search|Arc)" + WORD + rb"|" + WORD + rb"(?=\s*+(?:\{[^{}]*+\}"
-    rb"\s*+)?+(?:\.\s*+" + WORD + rb"\s*+)*+:=)|GOTO|RETURN|EXIT)(?![\w\x80-\xff])",
+    rb"((?:Move|Trigg|Search|Arc)" + scan.WORD + rb"|" + scan.WORD + rb"(?=\s*+(?:\{[^{}]*+\}"
+    rb"\s*+)?+(?:\.\s*+" + scan.WORD + rb"\s*+)*+:=)|GOTO|RETURN|EXIT)(?![\w\x80-\xff])",
     re.IGNORECASE | re.DOTALL,
 )
 
@@ -82,23 +73,23 @@ class RapidWalk(Data):
         if not _CHANGES.search(self.data):
             names = (name.decode("latin-1").lower() for name in _ROUTINE.findall(self.data))
             self.frames.routines.update(names)
-        at = beginning(self.data)
+        at = scan.beginning(self.data)
         while True:
-            statement, at = next_statement(self.data, at, self.name)
+            statement, at = scan.next_statement(self.data, at, self.name)
             if statement is None:
                 return
             self.declare(statement, frames_only=True)
 
     def all(self) -> None:
         """Reads every statement."""
-        at = beginning(self.data)
+        at = scan.beginning(self.data)
         while True:
             self.place += 1
-            inline = INLINE.match(self.data, at)
+            inline = scan.INLINE.match(self.data, at)
             if inline and self._inline(inline):
                 at = inline.end()
                 continue
-            statement, at = next_statement(self.data, at, self.name)
+            statement, at = scan.next_statement(self.data, at, self.name)
             if statement is None:
                 break
             self._statement(statement)
@@ -137,7 +128,7 @@ class RapidWalk(Data):
             return False
         return re.fullmatch(r"[\w\x80-\xff]+", name) is not None
 
-    def _statement(self, statement: RapidStatement) -> None:
+    def _statement(self, statement: scan.RapidStatement) -> None:
         word = statement.word
         move = move_of(word)
         if move is not None:
@@ -150,23 +141,23 @@ class RapidWalk(Data):
             if not self.assign(statement.start, statement.end):
                 self._instruction(statement)
 
-    def _instruction(self, statement: RapidStatement) -> None:
+    def _instruction(self, statement: scan.RapidStatement) -> None:
         """What is neither motion nor assignment: an instruction, or a call of a routine."""
         start, end, word = statement.body, statement.end, statement.word
         self.mention(start, end, word)
         if word in ("confl", "confj"):
-            said = " ".join(clean(self.data[statement.start : end]).split())
+            said = " ".join(scan.clean(self.data[statement.start : end]).split())
             if said.lower().endswith("off"):
                 self.story.checks.setdefault(said, statement.start)
         if word not in BUILT_IN:
             self._calls.append((self.place, word, statement.start))
             self.course.call(self.place, [word])
-        for match in ROBTARGET.finditer(self.data, start, end):
+        for match in scan.ROBTARGET.finditer(self.data, start, end):
             point = self.add_point(match.start(), self.table.add(*match.span(), POSE), POSE)
             self.story.flags[point] = Reason.EXPRESSION
             self.story.notes.append((match.start(), f"{word} is no motion that is followed"))
 
-    def _control(self, statement: RapidStatement, word: str) -> bool:
+    def _control(self, statement: scan.RapidStatement, word: str) -> bool:
         """Follows branches, loops, jumps and routines; returns whether the word is one of them."""
         course, at = self.course, self.place
         if word in ("if then", "test"):
@@ -194,7 +185,7 @@ class RapidWalk(Data):
         self.mention(statement.body, statement.end, "")
         return True
 
-    def _section(self, statement: RapidStatement, word: str) -> bool:
+    def _section(self, statement: scan.RapidStatement, word: str) -> bool:
         """Follows the parts a module is made of; returns whether the word is one of them."""
         if word in ("proc", "func", "trap"):
             self._routine(statement, word)
@@ -212,10 +203,10 @@ class RapidWalk(Data):
             return word == "prefix" or self._in_record
         return True
 
-    def _text(self, statement: RapidStatement) -> str:
-        return clean(self.data[statement.body : statement.end])
+    def _text(self, statement: scan.RapidStatement) -> str:
+        return scan.clean(self.data[statement.body : statement.end])
 
-    def _routine(self, statement: RapidStatement, word: str) -> None:
+    def _routine(self, statement: scan.RapidStatement, word: str) -> None:
         before, _, parameters = self._text(statement).partition("(")
         names = before.split()
         self.scope = names[-1].lower() if names else ""
@@ -227,7 +218,7 @@ class RapidWalk(Data):
             if match:
                 self.variables.declare(self.scope, match[1].lower(), "parameter").outside = True
 
-    def _compact(self, statement: RapidStatement) -> None:
+    def _compact(self, statement: scan.RapidStatement) -> None:
         """``IF condition instruction;``: the instruction runs on one of two ways."""
         self.course.branch(self.place, opens=True)
         match = _COMPACT.match(self.data, statement.body, statement.end)
@@ -243,7 +234,7 @@ class RapidWalk(Data):
             start, body = match.start(1), match.end(1)
             self.mention(statement.body, start, "")
             self._statement(
-                RapidStatement(match[1].decode("latin-1").lower(), start, body, statement.end)
+                scan.RapidStatement(match[1].decode("latin-1").lower(), start, body, statement.end)
             )
         self.place += 1
         self.course.join(self.place)
@@ -307,10 +298,10 @@ class RapidWalk(Data):
         """Returns the points a target argument may mean; one of no numbers if none is known."""
         kind = "jointtarget" if move.axes else "robtarget"
         pattern, code = LITERAL[kind]
-        match = fills(pattern, self.data, start, end)
+        match = scan.fills(pattern, self.data, start, end)
         if match:
             return [self.add_point(start, self.table.add(*match.span(), code), code)]
-        text = clean(self.data[start:end])
+        text = scan.clean(self.data[start:end])
         named = _REFERENCE.match(text)
         if named:
             variable = self.variables.find(self.scope, named[1].lower())
