@@ -9,7 +9,7 @@ from robotrue.app.compensation_request import CompensateRequest
 from robotrue.app.context import Context
 from robotrue.app.force_options import read_force_options
 from robotrue.app.job_outputs import job_outputs
-from robotrue.app.registered import open_arm, provenance_used
+from robotrue.app.registered import open_model, provenance_used
 from robotrue.app.reporting import place_in_file
 from robotrue.calibration.lineage import identity_of
 from robotrue.calibration.model import ErrorModel
@@ -77,7 +77,7 @@ def open_ground(request: CompensateRequest, context: Context) -> Ground:
         )
     steps = StepRule(max_mm=request.max_step_mm, allow=request.allow_steps)
     ground, registered = _ground_files(request, context)
-    cell, model = open_arm(ground, registered)
+    cell, model = open_model(ground, registered)
     frame = None if cell.part is None else cell.part.frame(request.part)
     if frame is not None:
         cell = replace(cell, T_base_frame=frame.T_base_part)

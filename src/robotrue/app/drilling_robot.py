@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.app.number_options import parse_numbers
-from robotrue.app.registered import open_arm
+from robotrue.app.registered import open_model
 from robotrue.calibration.model import ErrorModel
 from robotrue.core.arrays import Array
 from robotrue.core.rotations import abc_from_matrix, matrix_from_abc
@@ -151,7 +151,7 @@ def carrying_robot(path: Path, foot_abc_deg: str) -> tuple[ErrorModel, Load, Arr
     Raises:
         ConfigurationError: A cell instead of a calibrated model, or no three angles.
     """
-    cell, robot = open_arm(path)
+    cell, robot = open_model(path)
     if robot is None:
         raise ConfigurationError(
             "a cell, not a calibrated model.", source=path, hint="pass a model of `calibrate`."

@@ -18,7 +18,7 @@ from robotrue.errors import ArchiveError, ConfigurationError, ModelMismatchError
 from robotrue.store.model_file import ZIP, read_model
 
 
-def open_arm(path: Path, registered: Path | None = None) -> tuple[Cell, ErrorModel | None]:
+def open_model(path: Path, registered: Path | None = None) -> tuple[Cell, ErrorModel | None]:
     """Returns the cell and the model of the arm, of one identity; None is the nominal arm.
 
     Args:

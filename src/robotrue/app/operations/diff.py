@@ -104,7 +104,7 @@ def run(request: DiffRequest, context: Context) -> ProgramDifference:
     import numpy as np
 
     from robotrue.app.force_options import read_force_options
-    from robotrue.app.registered import open_arm, provenance_used
+    from robotrue.app.registered import open_model, provenance_used
     from robotrue.compensation.difference import compare_jobs
     from robotrue.compensation.stance import start_joints
     from robotrue.core.csv_text import csv_text
@@ -115,7 +115,7 @@ def run(request: DiffRequest, context: Context) -> ProgramDifference:
     home = np.empty(0)
     if request.model is not None:
         place = None if request.cell is None else context.cell_file(request.cell)
-        cell, model = open_arm(context.model_file(request.model), place)
+        cell, model = open_model(context.model_file(request.model), place)
         force = read_force_options(cell, request.wrench, request.force, request.cutter)
         home = start_joints(cell.robot, cell.controller.start, request.start)
         origin = provenance_used(cell, model)

@@ -67,7 +67,7 @@ def run(request: DrillAdjustRequest, context: Context) -> PlainResult:
         ConfigurationError: Values that are not of their form, or do not belong together.
         ImplausibleDataError: Readings, a force or a tilt that the model does not cover.
     """
-    from robotrue.app.registered import open_arm, provenance_used
+    from robotrue.app.registered import open_model, provenance_used
     from robotrue.drilling.adjust import move_document, surface_document, targets_document
     from robotrue.drilling.drill_defaults import MODEL
     from robotrue.drilling.model_archive import read_model
@@ -90,7 +90,7 @@ def run(request: DrillAdjustRequest, context: Context) -> PlainResult:
         if not move.rotation_known:
             made["notes"].append("the robot's model knows no rotation error: nominal axis.")
         text = robot_fragment(request.language, move.T_base_tool) if request.language else ""
-        origins.append(provenance_used(*open_arm(request.robot)))
+        origins.append(provenance_used(*open_model(request.robot)))
     document = {**surface_document(found), **made}
     return PlainResult(
         values={**document, **({"program": text} if text else {})},

@@ -135,7 +135,7 @@ def run(request: RegisterRequest, context: Context) -> Registered:
     """
     from dataclasses import replace
 
-    from robotrue.app.registered import open_arm
+    from robotrue.app.registered import open_model
     from robotrue.app.registered_cell_file import model_file_of, registered_cell, relative_name
     from robotrue.app.registration_view import write_frames
     from robotrue.calibration.nominal import NominalModel
@@ -147,7 +147,7 @@ def run(request: RegisterRequest, context: Context) -> Registered:
     output, source = context.output(request.output), context.cell_file(request.cell)
     refined_path = request.model_out or output.with_name(f"{output.stem}_model.robotrue")
     _check_request(request, source, refined_path)
-    cell, model = open_arm(source)
+    cell, model = open_model(source)
     file = read_points(request.points)
     found = register(
         NominalModel(robot=cell.robot) if model is None else model,

@@ -114,7 +114,7 @@ def run(request: RegisterRoundsRequest, context: Context) -> AdjustedInRounds:
     """
     import numpy as np
 
-    from robotrue.app.registered import open_arm
+    from robotrue.app.registered import open_model
     from robotrue.app.registered_cell_file import model_file_of, registered_cell, relative_name
     from robotrue.app.registration_view import write_frames
     from robotrue.calibration.nominal import NominalModel
@@ -129,7 +129,7 @@ def run(request: RegisterRoundsRequest, context: Context) -> AdjustedInRounds:
     output, source = context.output(request.output), context.cell_file(request.cell)
     for form in request.frame_format:
         controller_frame(np.eye(4), form, number=request.frame_number)  # refuses before any work
-    cell, model = open_arm(source)
+    cell, model = open_model(source)
     files = [read_points(path) for path in request.rounds]
     for path, file in zip(request.rounds, files, strict=True):
         if len(file.parts) > 1:

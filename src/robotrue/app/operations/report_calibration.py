@@ -66,13 +66,13 @@ def draft_certificate(
     Raises:
         ObservabilityError: No poses, and a model that keeps no joint range.
     """
-    from robotrue.app.registered import open_arm
+    from robotrue.app.registered import open_model
     from robotrue.report.certificate import certificate_content
     from robotrue.report.certificate_facts import certificate_facts, origin_of
 
     model, path = context.model(request.model).model, context.model_file(request.model)
     place = None if request.cell is None else context.registration_file(request.cell)
-    cell, _ = open_arm(path, place)
+    cell, _ = open_model(path, place)
     check = context.measurements(cell, request.test, request.mapping) if request.test else None
     context.step("judging", 1, 4)
     tests = [each for each in request.test if isinstance(each, Path)]

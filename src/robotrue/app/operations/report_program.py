@@ -78,7 +78,7 @@ def draft_program(
         ModelMismatchError: Programs that do not belong together, or no target to judge.
     """
     from robotrue.app.force_options import read_force_options
-    from robotrue.app.registered import open_arm, provenance_used
+    from robotrue.app.registered import open_model, provenance_used
     from robotrue.compensation.difference import compare_jobs
     from robotrue.compensation.stance import start_joints
     from robotrue.report.labels import fact
@@ -90,7 +90,7 @@ def draft_program(
     (before, *_) = context.program_files([request.before])
     (after, *_) = context.program_files([request.after], folder="after")
     context.step("judging", 1, 4)
-    cell, model = open_arm(path, registered)
+    cell, model = open_model(path, registered)
     if model is None:
         raise ConfigurationError(
             "the nominal arm predicts no errors.",
