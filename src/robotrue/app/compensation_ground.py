@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from robotrue.app.compensation_request import CompensateRequest
@@ -155,7 +156,7 @@ def open_programs(
         ground.programs,
         ground.table,
         several=request.dask is not None or request.workers not in (None, 1),
-        why_whole=_why_whole(request, ground),
+        why_whole=partial(_why_whole, request, ground),
         note=lambda text: context.note(place_in_file(first, text)),
     )
     names = [file.name for file in files]

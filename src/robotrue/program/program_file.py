@@ -137,7 +137,7 @@ def open_job(
     frames: FrameTable,
     *,
     several: bool,
-    why_whole: str,
+    why_whole: Callable[[], str],
     note: Callable[[str], None],
 ) -> tuple[ProgramFile, ...]:
     """Returns the files of a job in its order.
@@ -146,7 +146,7 @@ def open_job(
         paths: As for :func:`~robotrue.program.formats.read_job`.
         frames: What they name but do not hold.
         several: Workers are asked for, so that even a short program is cut.
-        why_whole: What asks for whole programs; empty if nothing does.
+        why_whole: Returns what asks for whole programs; empty if nothing does. Asked of long ones.
         note: Told why a long program is held whole.
 
     Raises:
@@ -156,7 +156,8 @@ def open_job(
     if len(paths) == 1 and not paths[0].is_dir():
         size = find_longest(paths[0])[0].stat().st_size
         if size >= LONG or several:
-            files = Whole(why=why_whole) if why_whole else outline_job(paths[0], frames)
+            why = why_whole()
+            files = Whole(why=why) if why else outline_job(paths[0], frames)
             if not isinstance(files, Whole):
                 return files
             note(_require_memory(paths[0], size, files))

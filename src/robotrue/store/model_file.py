@@ -19,7 +19,7 @@ from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
 from robotrue.cell.cell_text import portable_text
 from robotrue.cell.config import parse_cell
-from robotrue.core.archive import Archive, archive_reader, read_archive, write_archive
+from robotrue.core.archive import Archive, archive_from, archive_reader, write_archive
 from robotrue.core.files import read_bytes
 from robotrue.errors import ArchiveError
 from robotrue.measurement.tracker import TrackerSpecification
@@ -67,13 +67,14 @@ def read_model(path: str | Path) -> ModelFile:
         ArchiveError: Not a model file, damaged, without a cell, or from a newer robotrue.
         FormatError: The file cannot be read.
     """
-    if not read_bytes(path).startswith(ZIP):
+    data = read_bytes(path)
+    if not data.startswith(ZIP):
         raise ArchiveError(
             "not a model file.",
             source=path,
             hint="a model file is what `robotrue calibrate ... -o` writes.",
         )
-    archive = read_archive(path)
+    archive = archive_from(data, source=path)
     model = open_model(archive)
     stated = archive.document.get("cell")
     if not isinstance(stated, Mapping):
