@@ -127,11 +127,12 @@ def _tell_each(sentences: Iterable[str], notes: Iterable[str], context: Context)
 
 def _join_files(rewritten: Sequence[Rewritten]) -> Steps:
     """Returns the steps of a job; programs that are held may be one text, as those of KRL are."""
+    if len(rewritten) == 1:
+        return rewritten[0].steps
     held = [made.held for made in rewritten if made.held is not None]
-    if len(held) < 2:
-        return join_steps(made.steps for made in rewritten)
+    seen = [(program, result.status, result.shift) for program, result in held]
     cut = [made.steps for made in rewritten if made.held is None]
-    return join_steps([job_steps([(p, result.status, result.shift) for p, result in held]), *cut])
+    return join_steps([job_steps(seen), *cut] if seen else cut)
 
 
 def _require_steps(
