@@ -107,7 +107,19 @@ def fill(lab: Lab) -> None:
     _drilling(lab)
     _dynamics(lab)
     _streams(lab)
+    _circles(lab)
     lab("steps.csv").write_text(lab.mark + "slot,step_mm\n1,0.68\n2,0.71\n3,0.73\n4,0.69\n")
+
+
+def _circles(lab: Lab) -> None:
+    """Points of a hole and of a turned reflector, and of a dry run."""
+    turn = np.arange(12) * np.pi / 6.0
+    circle = [f"{10.0 * np.cos(t):.9f},{10.0 * np.sin(t):.9f}" for t in turn]
+    head = lab.mark + "x_mm,y_mm,z_mm\n"
+    lab("wall.csv").write_text(head + "".join(f"{xy},{z}\n" for z in (0, -4) for xy in circle))
+    lab("turned.csv").write_text(head + "".join(f"{xy},250\n" for xy in circle))
+    for name in ("dry_points.csv", "dry_before.csv"):
+        lab(name).write_text(lab.mark + "point,x_mm,y_mm,z_mm\n1,0,0,0\n2,5,0,0\n3,9,0,0\n")
 
 
 def _touches(lab: Lab) -> None:
@@ -307,6 +319,13 @@ CASES: Final[Mapping[str, Case]] = {
     "report registration": Case(
         lambda f: (f("placed.toml"), "-o", f("reg.html")), made=("reg.html",)
     ),
+    "dry-run-plan": Case(
+        lambda f: (f("part.src"), "--model", f("m.rtm"), "--points", 3, "-o", f("dry.csv")),
+        files=("dry.csv",),
+    ),
+    "dry-run": Case(lambda f: (f("dry_points.csv"), f("dry_before.csv"))),
+    "hole": Case(lambda f: (f("wall.csv"), "--diameter-mm", 20)),
+    "spindle-axis": Case(lambda f: (f("turned.csv"),)),
     "slot-test": Case(lambda f: (f("steps.csv"),)),
     "drill fit": Case(
         lambda f: (f("foot.toml"), f("campaign.csv"), "-o", f("d.rtm"), "--kind", "patent")

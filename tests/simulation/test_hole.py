@@ -10,6 +10,7 @@ from robotrue.core.units import MM, UM
 from robotrue.errors import ConfigurationError, FormatError
 from robotrue.program.formats import dialect
 from robotrue.program.program import FrameTable, Motion
+from robotrue.program.target_poses import target_poses
 from robotrue.simulation.flange_hole import (
     SIDE,
     SLOT,
@@ -28,7 +29,6 @@ from robotrue.simulation.milling import (
     dry_run,
     feed_directions,
     mill_hole,
-    target_poses,
 )
 from robotrue.simulation.presets import deng2022
 

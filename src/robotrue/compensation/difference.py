@@ -23,12 +23,12 @@ from robotrue.compensation.result import mean_and_max
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.columns import Column, Columns
-from robotrue.core.poses import pose
 from robotrue.core.rotations import rotation_vector_from_matrix
 from robotrue.core.units import DEG, UM
 from robotrue.errors import ModelMismatchError
 from robotrue.program.formats import read_job
 from robotrue.program.program import FrameTable, Program, Reason
+from robotrue.program.target_poses import target_poses
 from robotrue.robot.statics import NO_LOAD, Load
 
 STILL_POSITION: Final = 1e-9
@@ -118,7 +118,7 @@ def difference(
         ModelMismatchError: The programs have another number of targets, or other motions.
     """
     _require_alike(first, second)
-    T_first, T_second = _in_base(first), _in_base(second)
+    T_first, T_second = target_poses(first), target_poses(second)
     shift = T_second[:, :3, 3] - T_first[:, :3, 3]
     turned = np.full((len(first), 3), np.nan)
     posed = np.asarray(np.isfinite(T_first + T_second).all(axis=(1, 2)))
@@ -163,16 +163,6 @@ def _require_alike(first: Program, second: Program) -> None:
             f"motion in line {second.line[other[0]]} of {second.name}.",
             hint="compare a program with what robotrue made of it.",
         )
-
-
-def _in_base(program: Program) -> Array:
-    """(n, 4, 4) tool in base; NaN where the target has no pose or no known frame."""
-    frame = program.frame
-    known = (frame >= 0) & (frame < len(program.T_base_frame))
-    out = np.full((len(program), 4, 4), np.nan)
-    T_frame_tool = pose(program.rotation[known], program.position[known])
-    out[known] = program.T_base_frame[frame[known]] @ T_frame_tool
-    return out
 
 
 def _changes(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -13,6 +13,9 @@ from robotrue.core.arrays import Array, IntArray, frozen
 from robotrue.core.columns import Column, Columns
 from robotrue.core.units import MM
 from robotrue.errors import FormatError, ImplausibleDataError, MissingExtraError, ShapeError
+
+if TYPE_CHECKING:
+    from trimesh import Trimesh
 
 _SLIVER: Final = 1e-12
 """Area over longest edge squared below which a triangle has no normal."""
@@ -141,18 +144,23 @@ def _on_triangle(points: Array, corners: Array) -> Array:
     return np.where(inside[:, None], points - height * normal, best)
 
 
-def read_mesh(path: str | Path, *, unit: float = MM) -> TriangleMesh:
-    """Returns the mesh in a file (STL, PLY, OBJ, ...).
+def read_scan(path: str | Path, *, unit: float = MM) -> Array:
+    """Returns the points (n, 3) m of a scan, each once; open surfaces are welcome.
 
     Args:
-        path: The file.
-        unit: m per unit of the file; STL does not say, millimetres are usual.
+        path: Its triangles (STL, PLY, OBJ, ...).
+        unit: m per unit of the file.
 
     Raises:
         MissingExtraError: trimesh is not installed.
         FormatError: The file is missing, or not a mesh trimesh can read.
-        ImplausibleDataError: Holes or faces turned inside out: no outside can be told.
     """
+    _, vertices, faces = _load_triangles(path, unit)
+    return np.asarray(np.unique(vertices[np.unique(faces)], axis=0))
+
+
+def _load_triangles(path: str | Path, unit: float) -> tuple[Trimesh, Array, IntArray]:
+    """What a file holds, its vertices (n, 3) m and faces (m, 3)."""
     try:
         import trimesh
     except ImportError as error:
@@ -177,6 +185,22 @@ def read_mesh(path: str | Path, *, unit: float = MM) -> TriangleMesh:
             source=path,
             hint="export the part as STL, with its faces.",
         )
+    return loaded, vertices, faces
+
+
+def read_mesh(path: str | Path, *, unit: float = MM) -> TriangleMesh:
+    """Returns the mesh in a file (STL, PLY, OBJ, ...).
+
+    Args:
+        path: The file.
+        unit: m per unit of the file; STL does not say, millimetres are usual.
+
+    Raises:
+        MissingExtraError: trimesh is not installed.
+        FormatError: The file is missing, or not a mesh trimesh can read.
+        ImplausibleDataError: Holes or faces turned inside out: no outside can be told.
+    """
+    loaded, vertices, faces = _load_triangles(path, unit)
     if not (loaded.is_watertight and loaded.is_winding_consistent):
         raise ImplausibleDataError(
             f"the mesh of {len(faces)} triangles has {_fault(vertices, faces)}.",

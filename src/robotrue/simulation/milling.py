@@ -13,6 +13,7 @@ from robotrue.core.rotations import matrix_from_rotation_vector, rotation_vector
 from robotrue.core.units import MM
 from robotrue.errors import FormatError, ReachError
 from robotrue.program.program import Motion, Program
+from robotrue.program.target_poses import target_poses
 from robotrue.robot.inverse import inverse_path
 from robotrue.simulation.flange_hole import (
     EndMillPass,
@@ -26,12 +27,6 @@ from robotrue.simulation.presets import VirtualCell
 from robotrue.simulation.virtual_robot import actual_pose
 from robotrue.simulation.virtual_tracker import SECONDS_PER_POSE, measure, observe
 from robotrue.validation.hole_contour import HoleResult, evaluate_hole
-
-
-def target_poses(program: Program) -> Array:
-    """Returns T_base_tool (n, 4, 4) of every target; NaN for axis targets."""
-    out: Array = program.T_base_frame[program.frame] @ pose(program.rotation, program.position)
-    return out
 
 
 def commanded_path(program: Program, rows: BoolArray, step: float) -> Array:

@@ -15,7 +15,8 @@ import numpy as np
 
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.columns import Column, Columns
-from robotrue.errors import ConvergenceError, ShapeError
+from robotrue.core.units import MM
+from robotrue.errors import ConvergenceError, ImplausibleDataError, ShapeError
 
 _STEPS: Final = 50
 _TOLERANCE: Final = 1e-11  # m, and slope
@@ -63,6 +64,16 @@ class HoleResult(Columns):
         """Length of the position error, m."""
         return float(np.linalg.norm(self.position_error))
 
+    @property
+    def diameter(self) -> float:
+        """Of the fitted cylinder, m."""
+        return 2.0 * self.cylinder.radius
+
+    @property
+    def roundness(self) -> float:
+        """Largest less smallest distance from the fitted axis, m (least squares, ISO 12181)."""
+        return float(np.ptp(self.form))
+
 
 def fit_cylinder(points: Array) -> HoleCylinder:
     """Returns the cylinder of least squared radial distance, axis within 45 deg of z.
@@ -81,13 +92,12 @@ def fit_cylinder(points: Array) -> HoleCylinder:
     points = frozen(points, (None, 3), "points")
     if len(points) < 6:
         raise ShapeError(f"{len(points)} points on the wall, expected at least 6.")
-    x, y, z = points.T
+    x, y, _ = points.T
     flat = np.column_stack([2.0 * x, 2.0 * y, np.ones(len(x))])
     first = np.linalg.lstsq(flat, x * x + y * y, rcond=None)[0]
     values = np.array([first[0], first[1], 0.0, 0.0, 0.0])
     values[4] = np.sqrt(max(first[2] + first[0] ** 2 + first[1] ** 2, 1e-12))
-    free = 5 if np.ptp(z) > _TALL * values[4] else 3
-    columns = [0, 1, 4, 2, 3][:free]
+    columns = _free_columns(points, float(values[4]))
     for _ in range(_STEPS):
         residual, jacobian = _radial(points, values)
         step = np.linalg.lstsq(jacobian[:, columns], -residual, rcond=None)[0]
@@ -99,6 +109,70 @@ def fit_cylinder(points: Array) -> HoleCylinder:
         f"{np.abs(step).max():.3g} m after {_STEPS} steps.",
         hint="check that the points are in part coordinates, z along the hole.",
     )
+
+
+OTHER_SIZE: Final = 0.2
+"""Share of the nominal radius by which another hole, or another unit, is off."""
+WIDEST_GAP: Final = np.radians(240.0)
+"""Of the turn without points, beyond which centre and radius trade against each other."""
+
+
+def require_turn(points: Array, centre: Array, *, source: str) -> None:
+    """Passes if points (n, 3) m stand around enough of the hole about ``centre`` (2,) m.
+
+    Raises:
+        ImplausibleDataError: They lie on less than a third of the turn.
+    """
+    angle = np.sort(np.arctan2(points[:, 1] - centre[1], points[:, 0] - centre[0]))
+    gap = float(np.diff(angle, append=angle[0] + 2.0 * np.pi).max())
+    if gap > WIDEST_GAP:
+        raise ImplausibleDataError(
+            f"the points lie on {360.0 - np.degrees(gap):.0f} deg of the turn, at least 120 deg "
+            "are needed: centre and diameter trade against each other.",
+            source=source,
+            hint="probe the wall all around; --centre-mm is the centre in the points' frame.",
+        )
+
+
+def require_size(result: HoleResult, radius: float, *, source: str) -> None:
+    """Passes if a hole is of about its nominal radius (m).
+
+    Raises:
+        ImplausibleDataError: A diameter that is off by more than a fifth.
+    """
+    if abs(result.cylinder.radius - radius) > OTHER_SIZE * radius:
+        raise ImplausibleDataError(
+            f"the points are of a hole of {result.diameter / MM:.3f} mm, nominal are "
+            f"{2.0 * radius / MM:g} mm.",
+            source=source,
+            hint="x_mm, y_mm, z_mm in mm (not inches or metres), and --diameter-mm of this hole.",
+        )
+
+
+def hole_uncertainty(points: Array, result: HoleResult, probe_sigma: float) -> tuple[Array, float]:
+    """Returns the standard deviation of the position (2,) m and of the diameter, m.
+
+    Each point counts with the deviation of one probed point or with the form of this hole about the
+    cylinder, whichever is larger, independent of the others.
+
+    Args:
+        points: (n, 3) m, that were fitted.
+        result: Of them.
+        probe_sigma: m, standard deviation of one point along the wall's normal.
+    """
+    fitted = result.cylinder
+    values = np.array([*fitted.centre, *fitted.slope, fitted.radius])
+    columns = _free_columns(points, fitted.radius)
+    jacobian = _radial(points, values)[1][:, columns]
+    freedom = max(len(points) - len(columns), 1)
+    scatter = max(float(np.sqrt(np.sum(result.form**2) / freedom)), probe_sigma)
+    sigma = scatter * np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
+    return sigma[:2], 2.0 * float(sigma[2])
+
+
+def _free_columns(points: Array, radius: float) -> list[int]:
+    """Of the derivative: centre, radius and, where the points are tall enough, the slopes."""
+    return [0, 1, 4, 2, 3] if np.ptp(points[:, 2]) > _TALL * radius else [0, 1, 4]
 
 
 def axis_distance(cylinder: HoleCylinder, points: Array) -> Array:
