@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 from mark_cases import Lab
 from mark_cases import fill as fill_lab
+from record_cases import HEADER, joint_rows
 from web_shop import Client, Shop, fill, write_files
 
 from robotrue.app.job_files import job_fields
@@ -20,7 +21,9 @@ from robotrue.app.registry import job_operations, listings, operation_of, why_no
 from robotrue.app.request import InputFile, Item, Output, fields_of
 from robotrue.core.provenance import Provenance
 from robotrue.drilling.drill_defaults import CAMPAIGN
-from robotrue.store import documents, items, jobs
+from robotrue.online.record_frames import Kind
+from robotrue.online.record_writer import RecordWriter
+from robotrue.store import cells, documents, items, jobs
 from robotrue.store.jobs_claim import claim
 from robotrue.store.jobs_work import attempt
 from robotrue.store.nouns import DOCUMENT
@@ -223,6 +226,32 @@ def test_a_cell_may_be_that_of_a_model(here: Any, own: Shop, fitted: str, lab: L
     shown = here.get("/tools/map").text
     assert own.cell.id in shown
     assert fitted in shown
+
+
+def test_a_cell_of_the_workspace_is_read_as_a_file(here: Any, own: Shop, lab: Lab) -> None:
+    arm = cells.add(own.workspace, lab("arm.toml"), name="Mill")
+    windows = send(here, "windows.csv", lab("windows.csv").read_bytes())
+    done = do(here, own, "dynamics_fit", windows=windows, cell=arm.id)
+    assert done.result is not None, done.error
+    record = items.get(own.workspace, DOCUMENT, done.result["document"]["id"])
+    assert arm.id in {link.to.id for link in record.links}
+    assert "dynamics_fit.robotrue" in page_of(here, done)
+
+
+def test_files_of_a_record_are_read_as_one_folder(here: Any, own: Shop, tmp_path: Path) -> None:
+    for _ in range(2):  # a segment each
+        writer = RecordWriter(tmp_path / "record", HEADER)
+        writer.put(Kind.JOINTS, joint_rows(0, 100))
+        writer.close()
+    segments = sorted(each for each in (tmp_path / "record").iterdir() if each.stat().st_size)
+    assert len(segments) == 2
+    sent = [send(here, each.name, each.read_bytes()) for each in segments]
+    done = do(here, own, "record_info", folder=sent)
+    assert done.state == "done", done.error
+    assert all(each.name in page_of(here, done) for each in segments)
+    assert "<h2>record folder" in page_of(here, done)
+    lone = do(here, own, "record_info", folder=send(here, "lone.csv", "a,b\n"))
+    assert lone.state == "failed"
 
 
 def test_what_one_job_wrote_is_read_by_the_next(here: Any, own: Shop, lab: Lab) -> None:

@@ -171,7 +171,7 @@ def hide_folder(folder: Path) -> Iterator[None]:
 
 def without_folder(text: str, folder: Path) -> str:
     """Returns a text without the folder of a job in front of the names of its files."""
-    inside = rf"{re.escape(str(folder))}(?:/{RESULTS}|/{INPUTS}(?:/\w+)?(?:/\d+)?)?(?:/|\b)"
+    inside = rf"{re.escape(str(folder))}(?:/(?:{RESULTS}|{INPUTS}(?:/\w+(?:/\d+)?)?)(?=/))?/?"
     return re.sub(inside, "", text)
 
 
