@@ -21,8 +21,10 @@ from robotrue.validation.registration_defaults import (
 )
 
 if TYPE_CHECKING:
+    from robotrue.calibration.model import ErrorModel
     from robotrue.cell.cell import Cell
     from robotrue.core.arrays import Array
+    from robotrue.measurement.probing_set import ProbingSet
     from robotrue.validation.blank import BlankCheck
 
 
@@ -65,19 +67,10 @@ def run(request: BlankCheckRequest, context: Context) -> PlainResult:
         ImplausibleDataError: Exchanged faces, or wrong units.
         ModelMismatchError: Joints of another robot.
     """
-    from dataclasses import replace
-
     from robotrue.app.operations.register import UNITS
     from robotrue.app.registered import open_model
-    from robotrue.calibration.nominal import NominalModel
-    from robotrue.core.mesh import read_mesh
     from robotrue.core.provenance import merge
     from robotrue.measurement.formats.part_points import read_points
-    from robotrue.planning.information import settings_of
-    from robotrue.validation.blank import check_blank
-    from robotrue.validation.part_registration import check_rows
-    from robotrue.validation.registration_frame import RegistrationSettings, tips
-    from robotrue.validation.touch_checks import check_units, naming
 
     source = context.cell_file(request.cell)
     cell, model = open_model(source)
@@ -92,8 +85,37 @@ def run(request: BlankCheckRequest, context: Context) -> PlainResult:
             source=source,
             hint="robotrue register CELL|MODEL POINTS -o CELL_OUT.",
         )
-    arm = NominalModel(robot=cell.robot) if model is None else model
     touches = read_points(request.blank).touches
+    check = _check(request, cell, model, touches)
+    if request.output is not None:
+        output = context.output(request.output)
+        _write_shifted(cell, source, check.shift, output)
+        context.wrote("cell with the part shifted", output)
+    return PlainResult(
+        values=_document(check),
+        shown=_blocks(check),
+        provenance=merge(
+            [touches.provenance, *([] if cell.part is None else [cell.part.provenance])]
+        ),
+    )
+
+
+def _check(
+    request: BlankCheckRequest, cell: Cell, model: ErrorModel | None, touches: ProbingSet
+) -> BlankCheck:
+    """The part in its blank, in the frame it will be cut in."""
+    from dataclasses import replace
+
+    from robotrue.app.operations.register import UNITS
+    from robotrue.calibration.nominal import NominalModel
+    from robotrue.core.mesh import read_mesh
+    from robotrue.planning.information import settings_of
+    from robotrue.validation.blank import check_blank
+    from robotrue.validation.part_registration import check_rows
+    from robotrue.validation.registration_frame import RegistrationSettings, tips
+    from robotrue.validation.touch_checks import check_units, naming
+
+    arm = NominalModel(robot=cell.robot) if model is None else model
     touches = replace(touches, radius=request.probe_radius_mm * MM)
     settings = RegistrationSettings(
         touch=request.touch_sigma_mm * MM,
@@ -107,7 +129,7 @@ def run(request: BlankCheckRequest, context: Context) -> PlainResult:
     with naming(touches):
         at = tips(arm, touches.joints, settings) if touches.has_joints else touches.position
         check_units(touches, at)
-        check = check_blank(
+        return check_blank(
             read_mesh(request.mesh, unit=UNITS[request.mesh_unit]),
             touches,
             at,
@@ -115,17 +137,6 @@ def run(request: BlankCheckRequest, context: Context) -> PlainResult:
             sigma=settings.touch,
             required=request.leave_mm * MM,
         )
-    if request.output is not None:
-        output = context.output(request.output)
-        _write_shifted(cell, source, check.shift, output)
-        context.wrote("cell with the part shifted", output)
-    return PlainResult(
-        values=_document(check),
-        shown=_blocks(check),
-        provenance=merge(
-            [touches.provenance, *([] if cell.part is None else [cell.part.provenance])]
-        ),
-    )
 
 
 def _write_shifted(cell: Cell, source: Path, shift: Array, output: Path) -> None:

@@ -24,9 +24,11 @@ from robotrue.errors import ConfigurationError
 from robotrue.validation.registration_defaults import FRAME_NUMBER, METHOD, TOUCH_MM
 
 if TYPE_CHECKING:
+    from robotrue.cell.cell import Cell
     from robotrue.cell.registration.rounds import RoundsResult
     from robotrue.program.controller_frames import ControllerFrame
     from robotrue.validation.registered_part import RegisteredPart
+    from robotrue.validation.registration_frame import RegistrationSettings
 
 
 class RegisterRoundsRequest(Request):
@@ -120,10 +122,8 @@ def run(request: RegisterRoundsRequest, context: Context) -> AdjustedInRounds:
     from robotrue.calibration.nominal import NominalModel
     from robotrue.core.files import write_atomic
     from robotrue.measurement.formats.part_points import read_points
-    from robotrue.planning.information import settings_of
     from robotrue.planning.machined_files import rough_frames
     from robotrue.program.controller_frames import controller_frame
-    from robotrue.validation.registration_frame import RegistrationSettings
     from robotrue.validation.registration_rounds import register_in_rounds
 
     output, source = context.output(request.output), context.cell_file(request.cell)
@@ -138,25 +138,13 @@ def run(request: RegisterRoundsRequest, context: Context) -> AdjustedInRounds:
                 source=path,
                 hint="one part, or one side, at a time.",
             )
-    tool, tolerance = (
-        None if size is None else size * MM
-        for size in (request.tool_sigma_mm, request.tolerance_mm)
-    )
     name = files[0].parts[0]
     found, rounds = register_in_rounds(
         NominalModel(robot=cell.robot) if model is None else model,
         [file.touches for file in files],
         rough_frames(cell, request.frame, (name,))[0],
         name=name,
-        settings=RegistrationSettings(
-            touch=request.touch_sigma_mm * MM,
-            tool_sigma=tool,
-            tolerance=tolerance,
-            method=request.method,
-            fit="frame",
-            T_flange_tool=cell.robot.T_flange_tool,
-            arm=settings_of(cell),
-        ),
+        settings=_settings(request, cell),
     )
     used = model_file_of(cell, source)
     table = found.table(
@@ -172,6 +160,25 @@ def run(request: RegisterRoundsRequest, context: Context) -> AdjustedInRounds:
         frames=write_frames(found.frames, request.frame_format, request.frame_number),
         output=output,
         provenance=found.provenance,
+    )
+
+
+def _settings(request: RegisterRoundsRequest, cell: Cell) -> RegistrationSettings:
+    from robotrue.planning.information import settings_of
+    from robotrue.validation.registration_frame import RegistrationSettings
+
+    tool, tolerance = (
+        None if size is None else size * MM
+        for size in (request.tool_sigma_mm, request.tolerance_mm)
+    )
+    return RegistrationSettings(
+        touch=request.touch_sigma_mm * MM,
+        tool_sigma=tool,
+        tolerance=tolerance,
+        method=request.method,
+        fit="frame",
+        T_flange_tool=cell.robot.T_flange_tool,
+        arm=settings_of(cell),
     )
 
 
