@@ -191,3 +191,35 @@ def test_records_that_hold_no_single_pass(lab, tmp_path):
     made.write_table(tmp_path / "gap.csv", names, gap)
     refused(ImplausibleDataError, "the tool leaves the cut at 5.000 s", tmp_path / "gap.csv",
             *arguments[1:])  # fmt: skip
+
+
+def test_predict_adds_what_was_learned(lab, tmp_path):
+    from window_cases import planted, stated_arm
+
+    from robotrue.core.archive import write_archive
+    from robotrue.dynamics.paper_regression import fit_paper
+
+    folder, _ = lab
+    model = fit_paper(planted(passes=(0, 1), each=24), stated_arm())
+    write_archive(tmp_path / "jin.robotrue", model.to_archive())
+    pushed = made.force_on_tool() + made.DRIFT * made.force_time()[:, None]
+    rows = np.column_stack([made.force_time(), pushed])
+    made.write_table(tmp_path / "base.csv", ("t_s", "fx_N", "fy_N", "fz_N"), rows)
+    arguments = [
+        "dynamics", "predict", "--frf", folder / "frf.csv", "--force", tmp_path / "base.csv",
+        "--between", "lines", "-o", tmp_path / "e.csv", "--deviation", tmp_path / "jin.robotrue",
+        "--spindle-rpm", 3000, "--joints", folder / "joints.csv", "--json",
+    ]  # fmt: skip
+    result = CliRunner().invoke(app, [str(each) for each in arguments])
+    assert result.exit_code == 0, (result.output, result.exception)
+    learned = json.loads(result.stdout)["learned"]
+    assert len(learned["start_s"]) == 14
+    found = np.genfromtxt(tmp_path / "e.csv", delimiter=",", names=True)
+    inside = slice(6 * 2000, 7 * 2000)
+    np.testing.assert_allclose(
+        found["e_um"][inside], -found["ey_um"][inside] + learned["deviation_um"][6], rtol=1e-6
+    )
+    assert np.isnan(found["e_um"][-1])
+    short = [str(each) for each in arguments if each not in ("--spindle-rpm", 3000)]
+    failed = CliRunner().invoke(app, short)
+    assert "needs the joints of the record and the speed" in str(failed.exception)

@@ -83,6 +83,11 @@ def test_what_it_has_not_seen_is_marked(model, windows):
     assert (model.predict(windows).standing == WindowTrust.INSIDE).all()
 
 
+def test_mean_force_may_count_either_way(model, windows):
+    other = replace(windows, force_mean=-windows.force_mean)
+    np.testing.assert_array_equal(model.predict(other).error, model.predict(windows).error)
+
+
 def test_tables_add_up(model, windows):
     tables = paper_tables(model)
     assert tables.features.shape == (60, 8)

@@ -10,7 +10,7 @@ Kept as the baseline; :mod:`robotrue.dynamics.deviation` is what robotrue uses.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -103,8 +103,9 @@ class PaperModel(Columns):
         Raises:
             ModelMismatchError: Windows of another arm.
         """
-        columns = paper_columns(windows)
         outside = physics_terms(self.arm, windows).outside
+        windows = self._as_learned(windows)
+        columns = paper_columns(windows)
         deviation = _deviation_of(self.components, self.machine, self.windows, windows)
         far = ~self._is_like_known(columns)
         sd = np.where(far, np.hypot(self.held_out, _scale(self.windows)), self.held_out)
@@ -117,6 +118,17 @@ class PaperModel(Columns):
             physics=np.where(outside, np.nan, 0.0),
             standing=np.where(outside, WindowTrust.INVALID, standing).astype(np.int64),
         )
+
+    def _as_learned(self, windows: WindowSet) -> WindowSet:
+        """Windows whose mean force counts the way it did in training.
+
+        The paper prints it negative where the error is positive, others along the error.
+        """
+        own, asked = (
+            float(((each.force @ self.arm.direction) * each.force_mean).sum())
+            for each in (self.windows, windows)
+        )
+        return replace(windows, force_mean=-windows.force_mean) if own * asked < 0.0 else windows
 
     def _is_like_known(self, columns: Array) -> BoolArray:
         """Whether a window (n,) is near one learned from, in all columns, not the kept ones."""

@@ -18,7 +18,9 @@ from robotrue.core.units import UM
 from robotrue.errors import ConfigurationError
 
 if TYPE_CHECKING:
+    from robotrue.app.learned_along import LearnedAlong
     from robotrue.core.arrays import Array
+    from robotrue.dynamics.force import ForceRecord
     from robotrue.dynamics.interpolation import ResponseCurve
     from robotrue.dynamics.predict import DeflectionPrediction
 
@@ -38,6 +40,14 @@ class DynamicsPredictRequest(Request):
         float | None,
         Option(help="Zeros behind the record; default: twice as long as it rings."),
     ] = None
+    deviation: Annotated[
+        Path | None, InputFile(help="Of `dynamics fit`: add what it learned, window by window.")
+    ] = None
+    joints: Annotated[
+        Path | None,
+        InputFile(help="For --deviation: t_s and j1_deg.. (model) or a1_deg.. (displayed)."),
+    ] = None
+    spindle_rpm: Annotated[float | None, Option(help="For --deviation.")] = None
     report: Annotated[
         Path | None, Output(help="Also draw force, error and response (PNG, SVG or PDF).")
     ] = None
@@ -68,8 +78,16 @@ def run(request: DynamicsPredictRequest, context: Context) -> PlainResult:
 
         drawn = context.output(request.report)
         write_atomic(drawn, prediction_figure(curve, found, drawn.suffix))
-    origin = merge([frf.provenance, record.provenance])
-    table = table_bytes(*prediction_columns(found))
+    names, columns = prediction_columns(found)
+    learned, origins = None, [frf.provenance, record.provenance]
+    if request.deviation is not None:
+        learned = _learn(request, curve, record)
+        names, columns = [*names, "e_um", "sd_um"], learned.beside(columns)
+        origins.append(learned.provenance)
+    elif request.joints is not None or request.spindle_rpm is not None:
+        raise ConfigurationError("--joints and --spindle-rpm go with --deviation.")
+    origin = merge(origins)
+    table = table_bytes(names, columns)
     write_atomic(output, mark_line(origin).encode() + table)
     remarks = (*odd, *found.remarks)
     for remark in remarks:
@@ -77,7 +95,27 @@ def run(request: DynamicsPredictRequest, context: Context) -> PlainResult:
     for reason in found.invalid:
         context.inform(f"NOT VALID: {reason}")
     values = _document(curve, found, output) | {"notes": list(remarks)}
-    return PlainResult(values=values, shown=(_facts(values),), provenance=origin)
+    shown = [_facts(values)]
+    if learned is not None:
+        values |= {"learned": learned.document()}
+        shown.append(learned.facts())
+    return PlainResult(values=values, shown=tuple(shown), provenance=origin)
+
+
+def _learn(
+    request: DynamicsPredictRequest, curve: ResponseCurve, record: ForceRecord
+) -> LearnedAlong:
+    """What a deviation says of the windows of a record."""
+    from robotrue.app.learned_along import learned_along
+    from robotrue.dynamics.deviation_file import read_learned_deviation
+
+    if request.deviation is None or request.joints is None or request.spindle_rpm is None:
+        raise ConfigurationError(
+            "--deviation needs the joints of the record and the speed of the spindle.",
+            hint="--joints FILE --spindle-rpm N",
+        )
+    model = read_learned_deviation(request.deviation)
+    return learned_along(model, curve, record, request.joints, request.spindle_rpm / 60.0)
 
 
 def _document(curve: ResponseCurve, found: DeflectionPrediction, output: Path) -> dict[str, object]:

@@ -1,0 +1,103 @@
+"""What has to vary in a pass for the eigenvalues of Jin et al. 2022, Table 2. All SIMULATED.
+
+    python benchmarks/paper_eigenvalues.py [ARMS]
+
+Ninety-three windows along the printed line; peak and mean force across the feed come from
+the cutting model of :mod:`robotrue.dynamics.milling_force`, window by window, with what
+varies stated in each row. The joints are those of the line, the same in all rows. Seconds.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array
+from robotrue.core.units import DEG, MM, UM
+from robotrue.dynamics.components import components_of
+from robotrue.dynamics.cutter import CutterEngagement, EndMill
+from robotrue.dynamics.milling_force import milling_force
+from robotrue.simulation.milling_arm import FEED, WINDOWS, pass_joints, window_edges
+from robotrue.simulation.milling_cut import COEFFICIENTS, DEPTH, RUNOUT, SPINDLE, TEETH, slow
+from robotrue_reproductions.jin2022.jin_tables import EIGENVALUES
+
+PRINTED_CORRELATION: Final = -0.157
+"""Of peak and mean, from tables 2 and 3."""
+WIDTH: Final = 6 * MM
+SAMPLES: Final = 360
+"""Of a turn of the spindle."""
+STEPS: Final = {"width": 0.02 * WIDTH, "runout": 0.25 * RUNOUT, "depth": 0.02 * DEPTH}
+"""For the slopes of peak and mean force."""
+CASES: Final[Mapping[str, Mapping[str, float]]] = {
+    "as simulated: depth, material, wear": {},
+    "and width by 3 %": {"width": 0.03},
+    "and width by 10 %": {"width": 0.10},
+    "and runout by 1 um": {"runout": 1 * UM},
+    "and the sensor's zero by 0.1 N": {"zero": 0.1},
+    "and the sensor's zero by 0.3 N": {"zero": 0.3},
+    "width by 10 % and zero by 0.3 N": {"width": 0.10, "zero": 0.3},
+    "width by 10 %, no wear, no slow waves": {"width": 0.10, "material": 0.03, "slow": 0.0},
+}
+"""One standard deviation of a window, each drawn anew; nothing of it depends on the place."""
+
+
+def peak_and_mean(runout: float, angle: float, depth: float, width: float) -> Array:
+    """Returns largest size and mean (2,) N of the force across the feed over a turn."""
+    cutter = EndMill(
+        kind="flat", diameter=16 * MM, teeth=TEETH, helix=30 * DEG, runout=runout,
+        runout_angle=angle,
+    )  # fmt: skip
+    cut = CutterEngagement(
+        mode="up", depth=depth, width=width, feed_per_tooth=FEED / (SPINDLE * TEETH),
+        spindle=SPINDLE,
+    )  # fmt: skip
+    turn = 2.0 * np.pi * np.arange(SAMPLES) / SAMPLES
+    force = milling_force(cutter, cut, COEFFICIENTS, turn, slices=4)[:, 1]
+    return np.array([np.abs(force).max(), -force.mean()])
+
+
+def eigenvalues(seed: int, varied: Mapping[str, float]) -> tuple[Array, Array]:
+    """Returns the eigenvalues (8,); correlation and standard deviations of peak and mean (3,)."""
+    rng = np.random.default_rng([seed, 7])
+    edges = window_edges()
+    joints = pass_joints(0.5 * (edges[1:] + edges[:-1]))
+    angle, runout = rng.uniform(0.0, 2.0 * np.pi), RUNOUT * np.exp(0.15 * rng.standard_normal())
+    own = peak_and_mean(runout, angle, DEPTH, WIDTH)
+    slope = {
+        "width": (peak_and_mean(runout, angle, DEPTH, WIDTH + STEPS["width"]) - own) / 0.02,
+        "runout": (peak_and_mean(runout + STEPS["runout"], angle, DEPTH, WIDTH) - own)
+        / STEPS["runout"],
+        "depth": (peak_and_mean(runout, angle, DEPTH + STEPS["depth"], WIDTH) - own) / 0.02,
+    }
+    progress = np.linspace(0.0, 1.0, WINDOWS)
+    waves, way = varied.get("slow", 1.0), varied.get("material", 0.01)
+    factor = 1.0 + waves * (0.03 * slow(progress, rng) + 0.04 * progress)
+    factor += way * rng.standard_normal(WINDOWS)
+    force = own + (0.04 * waves * slow(progress, rng))[:, None] * slope["depth"]
+    for name in ("width", "runout"):
+        drawn = rng.standard_normal(WINDOWS)
+        force = force + (varied.get(name, 0.0) * drawn)[:, None] * slope[name]
+    force = force * factor[:, None]
+    force[:, 1] += varied.get("zero", 0.0) * rng.standard_normal(WINDOWS)
+    found = components_of(np.column_stack([joints, force]))
+    return found.eigenvalues, np.array([np.corrcoef(force.T)[0, 1], *force.std(axis=0)])
+
+
+def main(arguments: list[str]) -> None:
+    arms = int(arguments[0]) if arguments else 20
+    print(f"SIMULATED, median of {arms} arms")
+    print(f"{'':46s}      1      2      3      4      r     sd peak, mean N")
+    for name, varied in CASES.items():
+        rows = [eigenvalues(seed, varied) for seed in range(1, arms + 1)]
+        middle = np.median([values[:4] for values, _ in rows], axis=0)
+        joined = np.median([r for _, r in rows], axis=0)
+        print(f"{name:46s}" + "".join(f"{v:7.3f}" for v in [*middle, *joined]))
+    printed = [*EIGENVALUES[:4], PRINTED_CORRELATION]
+    print(f"{'printed':46s}" + "".join(f"{v:7.3f}" for v in printed))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
