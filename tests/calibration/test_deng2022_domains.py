@@ -12,11 +12,11 @@ from robotrue.calibration.deng2022.domains import (
     turned_features,
 )
 from robotrue.calibration.deng2022.sampling import (
-    RULES,
     hierarchical_sample,
     target_counts,
     target_images,
 )
+from robotrue.calibration.deng2022.sampling_rules import RULES
 from robotrue.core.regions import CylinderRegion, corners, points_at
 from robotrue.core.units import DEG
 from robotrue.errors import ConfigurationError, ObservabilityError

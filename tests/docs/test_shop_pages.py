@@ -14,6 +14,7 @@ PAGES = (
     "tool-point-from-the-table",
     "from-cam-to-program",
     "test-with-slots",
+    "transfer-between-regions",
 )
 
 

@@ -96,8 +96,8 @@ def paper_contestants(
         robot,
         known,
         target,
-        source_region=_cylinder("--source-region", request.source_region),
-        target_region=_cylinder("--target-region", request.target_region),
+        source_region=parse_cylinder("--source-region", request.source_region),
+        target_region=parse_cylinder("--target-region", request.target_region),
         sub_spaces=request.sub_spaces,
     )
     count = len(domains.sub_spaces)
@@ -119,7 +119,12 @@ def stated_readings(request: PaperOptions) -> DengReadings:
     )
 
 
-def _cylinder(option: str, text: str | None) -> CylinderRegion | None:
+def parse_cylinder(option: str, text: str | None) -> CylinderRegion | None:
+    """Returns the cylinder sector of an option; None where it was not stated.
+
+    Raises:
+        ConfigurationError: A box, or no region.
+    """
     if text is None:
         return None
     region = parse_region(option, text)

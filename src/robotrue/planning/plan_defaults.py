@@ -26,3 +26,14 @@ ROUGH_MM: Final = 20.0
 """How far a part may stand from where it is said to stand roughly."""
 STOCK_MM: Final = 1.0
 """What a roughing pass leaves along the tool axis."""
+
+PlanMethod: TypeAlias = Literal["information", "hierarchical"]
+INFORMATION: Final[PlanMethod] = "information"
+"""Poses that say most; the other samples a source completely and its images in sub-spaces."""
+SUB_SPACES: Final = 5
+"""Of the paper's target domain (Tables 6 and 7 of Deng et al. 2022), as those below."""
+SOURCE_GRID: Final = "3,7,6"
+TURNS_DEG: Final = "-15..15/15,-10..10/5,-10..10/2.5"
+TARGET_POSES: Final = 80
+TOOL_ABC_DEG: Final = "0,180,0"
+"""The measured point's z axis points down."""

@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 import numpy as np
 
 from robotrue.calibration.deng2022.domains import Domains, divide_target
 from robotrue.calibration.deng2022.sampling import (
-    TargetRule,
-    hierarchical_sample,
     target_counts,
     target_images,
 )
+from robotrue.calibration.deng2022.sampling_rules import TargetRule
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.regions import CylinderRegion, points_at
-from robotrue.core.units import DEG, MM
-from robotrue.errors import ReachError
-from robotrue.robot.inverse import inverse_batch
+from robotrue.core.units import DEG
+from robotrue.planning.hierarchical_plan import reach_poses, sample_reachable
 from robotrue.robot.model import RobotModel
 from robotrue.simulation.plans import (
     POSTURE,
@@ -42,7 +41,6 @@ ANGLE_STEP: Final = 5.0 * DEG
 SUB_SPACES: Final = 5
 """Of 10 deg, 5 deg apart: the only ones in [-30, 40] deg with the 126 grid points of the source."""
 TARGETS: Final = 80
-_REDRAWS: Final = 50
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,33 +124,19 @@ def _sample(
     attitude: Attitude,
     angles: Array,
 ) -> tuple[Array, Array]:
-    """The complete positions of Table 6 in a region and an attitude for each.
-
-    An attitude that cannot be taken, here or turned by one of the angles, is drawn anew: with a
-    fixed attitude a few corners of the workspace allow only some.
-    """
+    """The complete positions of Table 6 in a region and an attitude for each."""
     count = round((region.angle[1] - region.angle[0]) / ANGLE_STEP) + 1
-    place, turn = hierarchical_sample(region, (count, *PER_ANGLE), STEPS, rng)
-    for _ in range(_REDRAWS):
-        lost = np.zeros(len(place), dtype=bool)
-        for angle in angles:
-            there = place + np.array([angle, 0.0, 0.0])
-            joints = inverse_batch(robot, poses_at(there, turn, attitude), near=POSTURE)
-            lost |= ~np.isfinite(joints).all(axis=1)
-        if not lost.any():
-            break
-        turn[lost] = np.stack([rng.choice(steps, int(lost.sum())) for steps in STEPS], axis=1)
-    return place, turn
+    return sample_reachable(
+        robot,
+        region,
+        (count, *PER_ANGLE),
+        STEPS,
+        rng,
+        make=partial(poses_at, attitude=attitude),
+        near=POSTURE,
+        angles=angles,
+    )
 
 
 def _joints(robot: RobotModel, poses: Array) -> Array:
-    joints = inverse_batch(robot, poses, near=POSTURE)
-    lost = np.flatnonzero(~np.isfinite(joints).all(axis=1))
-    if len(lost):
-        x, y, z = poses[lost[0], :3, 3] / MM
-        raise ReachError(
-            f"{len(lost)} of {len(poses)} poses of the plan are out of reach, the first at "
-            f"({x:.1f}, {y:.1f}, {z:.1f}) mm.",
-            hint="use the KR160 preset and its reflector.",
-        )
-    return joints
+    return reach_poses(robot, poses, POSTURE)

@@ -12,14 +12,31 @@ from pydantic import Field
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Note, Table
-from robotrue.app.request import ALL, Item, Option, Output, Reference, Request
+from robotrue.app.request import ALL, ON_COMMAND_LINE, Item, Option, Output, Reference, Request
 from robotrue.app.request_fields import SavedPage, table_output
+from robotrue.calibration.deng2022.readings import AttitudeReading, DengReadings
+from robotrue.calibration.deng2022.sampling_rules import TARGET_RULE, TargetRule
 from robotrue.core.provenance import Provenance, marked_document
 from robotrue.core.units import MM
-from robotrue.planning.plan_defaults import CANDIDATES, CRITERION, POSES, SEED, Criterion
+from robotrue.errors import ConfigurationError
+from robotrue.planning.plan_defaults import (
+    CANDIDATES,
+    CRITERION,
+    INFORMATION,
+    POSES,
+    SEED,
+    SOURCE_GRID,
+    SUB_SPACES,
+    TARGET_POSES,
+    TOOL_ABC_DEG,
+    TURNS_DEG,
+    Criterion,
+    PlanMethod,
+)
 from robotrue.program.measuring_defaults import TRIGGER_OUTPUT
 
 if TYPE_CHECKING:
+    from robotrue.app.hierarchy import PlannedHierarchy
     from robotrue.app.workspace_context import WorkspaceContext
     from robotrue.calibration.model import ErrorModel
     from robotrue.cell.cell import Cell
@@ -108,6 +125,60 @@ class PlanRequest(Request):
         Option(advanced=True, offered=(1, 8192), help="Digital output that triggers the tracker."),
     ] = TRIGGER_OUTPUT
     report: SavedPage = None
+    method: Annotated[
+        PlanMethod,
+        Option(
+            shells=ON_COMMAND_LINE,
+            help="information (poses that say most) or hierarchical (source grid and its images).",
+        ),
+    ] = INFORMATION
+    source_region: Annotated[
+        str | None,
+        Option(shells=ON_COMMAND_LINE, help="hierarchical: region sampled completely."),
+    ] = None
+    target_region: Annotated[
+        str | None, Option(shells=ON_COMMAND_LINE, help="hierarchical: region of the sub-spaces.")
+    ] = None
+    sub_spaces: Annotated[
+        int, Option(shells=ON_COMMAND_LINE, least=1, help="hierarchical: parts of the target.")
+    ] = SUB_SPACES
+    grid: Annotated[
+        str, Option(shells=ON_COMMAND_LINE, help="hierarchical: values of angle, radius, height.")
+    ] = SOURCE_GRID
+    turns_deg: Annotated[
+        str,
+        Option(shells=ON_COMMAND_LINE, help="hierarchical: LOW..HIGH/STEP or one number, thrice."),
+    ] = TURNS_DEG
+    target_poses: Annotated[
+        int, Option(shells=ON_COMMAND_LINE, least=1, help="hierarchical: in all sub-spaces.")
+    ] = TARGET_POSES
+    further: Annotated[
+        float,
+        Field(ge=0.0),
+        Option(shells=ON_COMMAND_LINE, help="hierarchical: share more in the furthest sub-space."),
+    ] = 0.0
+    target_rule: Annotated[
+        TargetRule,
+        Option(
+            shells=ON_COMMAND_LINE,
+            help="hierarchical: random, boundary, corners or space-filling target poses.",
+        ),
+    ] = TARGET_RULE
+    attitude: Annotated[
+        AttitudeReading,
+        Option(shells=ON_COMMAND_LINE, help="hierarchical: turning (with joint 1) or fixed."),
+    ] = DengReadings().attitude
+    tool_abc_deg: Annotated[
+        str,
+        Option(
+            shells=ON_COMMAND_LINE,
+            help="hierarchical: KUKA A,B,C of the measured point in base, at angle 0.",
+        ),
+    ] = TOOL_ABC_DEG
+    posture_deg: Annotated[
+        str | None,
+        Option(shells=ON_COMMAND_LINE, help="hierarchical: model joints of the branch wanted."),
+    ] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -154,7 +225,7 @@ class Planned:
         )
 
 
-def run(request: PlanRequest, context: Context) -> Planned:
+def run(request: PlanRequest, context: Context) -> Planned | PlannedHierarchy:
     """Chooses the poses and writes them.
 
     Raises:
@@ -167,6 +238,10 @@ def run(request: PlanRequest, context: Context) -> Planned:
     from robotrue.core.files import write_atomic
     from robotrue.planning.plan_sheets import measuring_krl, plan_sheet
 
+    if request.method != INFORMATION:
+        from robotrue.app.hierarchy import write_hierarchy
+
+        return write_hierarchy(request, context.cell(request.cell), context)
     model = None if request.model is None else context.model(request.model).model
     cell = context.cell(request.cell)
     plan = _choose_poses(request, context, cell, model)
@@ -198,7 +273,6 @@ def _choose_poses(
 ) -> PosePlan:
     """The poses, chosen by what the request says."""
     from robotrue.core.units import UM
-    from robotrue.errors import ConfigurationError
     from robotrue.planning.pose_plan import PlanSettings, plan_poses
     from robotrue.planning.work_area import parse_region, program_postures
 
@@ -239,7 +313,6 @@ def _payload(text: str) -> Load:
     import numpy as np
 
     from robotrue.core.number_list import parse_number_list
-    from robotrue.errors import ConfigurationError
     from robotrue.robot.statics import Load
 
     numbers = parse_number_list(text)
@@ -253,13 +326,18 @@ def _payload(text: str) -> Load:
 
 
 def save(
-    request: PlanRequest, result: Planned, into: Transaction, context: WorkspaceContext
+    request: PlanRequest,
+    result: Planned | PlannedHierarchy,
+    into: Transaction,
+    context: WorkspaceContext,
 ) -> Mapping[str, object]:
     """Leaves a document ``plan`` with its files, linked to what it was made for."""
     from robotrue.planning.plan_sheets import plan_document
     from robotrue.store.nouns import CELL, MODEL, PROGRAM
     from robotrue.store.records import Link
 
+    if not isinstance(result, Planned):
+        raise ConfigurationError("a hierarchical plan is made on the command line.")
     cell = context.record(CELL, request.cell)
     links = [Link(role="cell", to=cell.ref)]
     if request.model is not None:

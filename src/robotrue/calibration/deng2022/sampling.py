@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final, Literal, TypeAlias, get_args
 
 import numpy as np
 
 from robotrue.calibration.deng2022.domains import LEVER, Domains
+from robotrue.calibration.deng2022.sampling_rules import RULES, TARGET_RULE, TargetRule
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.regions import CylinderRegion, corners, grid_coordinates
 from robotrue.errors import ConfigurationError
-
-TargetRule: TypeAlias = Literal["random", "boundary", "corners", "space-filling"]
-"""Rule 3 and what may stand in its place, see :func:`target_images`."""
-RULES: Final[tuple[TargetRule, ...]] = get_args(TargetRule)
 
 
 def hierarchical_sample(
@@ -75,7 +71,7 @@ def target_images(
     counts: IntArray,
     rng: np.random.Generator,
     *,
-    rule: TargetRule = "random",
+    rule: TargetRule = TARGET_RULE,
     errors: Array | None = None,
 ) -> list[IntArray]:
     """Returns, for each sub-space, the source rows whose turned poses are to be measured there.
