@@ -33,7 +33,7 @@ class SupportVectors(Columns):
         weights: (s,) dual coefficients.
         intercept: Added to the sum over vectors.
         penalty: C.
-        gamma: Of the kernel exp(-gamma |a - b|^2).
+        gamma: Of the kernel ``exp(-gamma |a - b|^2)``.
         tube: epsilon.
     """
 
