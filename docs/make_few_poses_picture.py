@@ -35,7 +35,7 @@ PAPER: Final = (
     (378, 0.151, "GPR, 378"),
 )
 """Poses, mean mm and name, Table 8 of the paper: measured on one arm."""
-PAPER_SIMULATED: Final = {"S2A": (206, 0.147)}
+PAPER_SIMULATED: Final = {"S2A": (206, 0.138)}
 """Poses and median mm of Tr-GPR, `robotrue reproduce deng2022`, 20 arms."""
 
 
