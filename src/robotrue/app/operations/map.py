@@ -16,6 +16,7 @@ from robotrue.app.request_fields import AT_TARGET
 from robotrue.core.provenance import Provenance, mark_line, mark_title
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
+from robotrue.planning.plan_defaults import TOOL_ABC_DEG
 from robotrue.validation.map_defaults import ATTITUDE, SECTORS
 
 if TYPE_CHECKING:
@@ -59,7 +60,7 @@ class MapRequest(Request):
     ] = ATTITUDE
     tool_abc_deg: Annotated[
         str, Option(help="KUKA A,B,C of the point in base; for turning at angle 0.")
-    ] = "0,180,0"
+    ] = TOOL_ABC_DEG
     posture_deg: Annotated[
         str | None, Option(help="Model joints of the branch wanted; default: as trained.")
     ] = None
