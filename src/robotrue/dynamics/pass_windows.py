@@ -123,7 +123,7 @@ def even_windows(stages: PassStages, records: PassRecords, length: float) -> Arr
     """
     turns = max(round(length * records.spindle), 0)
     step = turns / records.spindle
-    begin, end = _covered(stages, records)
+    begin, end = _find_steady_span(stages, records)
     count = int(np.floor((end - begin) / step + _ROUND)) if turns else 0
     if count < 1:
         raise ObservabilityError(
@@ -136,7 +136,7 @@ def even_windows(stages: PassStages, records: PassRecords, length: float) -> Arr
     return np.column_stack([start, start + step])
 
 
-def _covered(stages: PassStages, records: PassRecords) -> tuple[float, float]:
+def _find_steady_span(stages: PassStages, records: PassRecords) -> tuple[float, float]:
     """Begin and end of the steady stage, as far as joints and laser go."""
     times = [records.joints.time] + ([] if records.laser is None else [records.laser.time])
     begin = max(stages.steady, *(float(time[0]) for time in times))
@@ -179,14 +179,14 @@ def cut_windows(records: PassRecords, edges: Array, curve: ResponseCurve) -> Win
         force_peak=np.array([peaks_per_turn(push[row], turn).mean() for row in rows]),
         force_mean=np.array([(force.force[row] @ direction).mean() for row in rows]),
         predicted=np.array([peaks_per_turn(bent[row], turn).mean() for row in rows]),
-        measured=_measured(records, edges),
+        measured=_measure_error(records, edges),
         span=edges,
         source=force.source,
         provenance=records.provenance,
     )
 
 
-def _measured(records: PassRecords, edges: Array) -> Array:
+def _measure_error(records: PassRecords, edges: Array) -> Array:
     """Measured error (k,) m: peak of each turn of cut less dry run, averaged over turns."""
     laser, dry = records.laser, records.dry
     if laser is None:

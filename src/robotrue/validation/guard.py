@@ -116,7 +116,7 @@ def select_guarded(
     trials = replace(trials, rule=_rule(rows, len(folds)))
     selection = decide(trials)
     if requested and requested != selection.winner:
-        doubts = (_preferred(selection.winner, requested, trials), *doubts)
+        doubts = (_tell_preference(selection.winner, requested, trials), *doubts)
         selection = _use_requested(selection, requested)
         transfers = {requested: transfers[requested], **transfers}
     verdict = _verdict(selection, trials, tuple(transfers), tuple(alone), target, reach, doubts)
@@ -124,7 +124,7 @@ def select_guarded(
     return _with_verdict(model, verdict, {"selection": selection.summary()})
 
 
-def _preferred(winner: str, requested: str, trials: Trials) -> str:
+def _tell_preference(winner: str, requested: str, trials: Trials) -> str:
     """The sentence that another candidate holds better than the one requested."""
     scored = trials.scored
     if requested not in scored:
