@@ -234,8 +234,9 @@ def test_several_reflectors_show_the_last_axis():
         data,
         **{
             name: np.concatenate([getattr(data, name)] * 2)
-            for name in data.__dataclass_fields__
-            if name not in ("frame", "group_names", "sources", "provenance", "position", "target")
+            for name, each in data.__dataclass_fields__.items()
+            if each.init
+            and name not in ("frame", "group_names", "sources", "provenance", "position", "target")
         },
         position=np.concatenate([data.position, second]),
         target=np.repeat([0, 1], 40),

@@ -33,8 +33,8 @@ def problem(kind):
         data = type(moved)(
             **{
                 name: getattr(moved, name)
-                for name in moved.__dataclass_fields__
-                if name != "target"
+                for name, each in moved.__dataclass_fields__.items()
+                if each.init and name != "target"
             },
             target=np.repeat([0, 1], 8),
         )

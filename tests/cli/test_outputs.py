@@ -27,8 +27,8 @@ OWN = {  # refused by the command itself, in its own tests
     ("report program", "-o"),
     ("report registration", "-o"),
 }
-FOLDERS = {("demo", "--out"), ("reproduce", "-o"), ("workspace show", "-o"),
-           ("simulate drill", "--write")}  # fmt: skip
+FOLDERS = {("demo", "--out"), ("reproduce", "-o"), ("reproduce", "--data"),
+           ("workspace show", "-o"), ("simulate drill", "--write")}  # fmt: skip
 
 
 def written() -> Iterator[tuple[str, str]]:

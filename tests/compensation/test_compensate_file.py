@@ -241,7 +241,7 @@ def test_a_wrong_guess_is_found_out(source: Path, monkeypatch: pytest.MonkeyPatc
 
     def nowhere(job, file, read, start):
         wrong = start.copy()
-        wrong.get("near")[:] += [np.pi, 0.0, 0.0, 2.0 * np.pi, 0.0, -2.0 * np.pi]
+        wrong.record["near"][0][:] += [np.pi, 0.0, 0.0, 2.0 * np.pi, 0.0, -2.0 * np.pi]
         return wrong
 
     monkeypatch.setattr(module, "_guess_state", nowhere)
