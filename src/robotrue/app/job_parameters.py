@@ -37,46 +37,32 @@ from robotrue.app.request import (
 from robotrue.app.request_errors import in_job, refusal
 from robotrue.errors import ConfigurationError
 
-ItemParameter = Annotated[
-    str | ItemVersion,
-    WithJsonSchema(
+
+def _item_schema(*more: str) -> WithJsonSchema:
+    """The schema of a text, or of an item with its version and further texts."""
+    text = {"type": "string", "maxLength": 200}
+    return WithJsonSchema(
         {
             "anyOf": [
-                {"type": "string", "maxLength": 200},
+                text,
                 {
                     "type": "object",
                     "properties": {
-                        "id": {"type": "string", "maxLength": 200},
+                        "id": text,
                         "version": {"type": ["integer", "null"]},
+                        **dict.fromkeys(more, text),
                     },
                     "required": ["id"],
                     "additionalProperties": False,
                 },
             ]
         }
-    ),
-]
+    )
+
+
+ItemParameter = Annotated[str | ItemVersion, _item_schema()]
 """An item by its id, the beginning of it, its name, or id and version."""
-FileParameter = Annotated[
-    str | FileItem,
-    WithJsonSchema(
-        {
-            "anyOf": [
-                {"type": "string", "maxLength": 200},
-                {
-                    "type": "object",
-                    "properties": {
-                        "id": {"type": "string", "maxLength": 200},
-                        "version": {"type": ["integer", "null"]},
-                        "file": {"type": "string", "maxLength": 200},
-                    },
-                    "required": ["id"],
-                    "additionalProperties": False,
-                },
-            ]
-        }
-    ),
-]
+FileParameter = Annotated[str | FileItem, _item_schema("file")]
 """A file of an item of the workspace; over HTTP also ``{"upload": ID}``, which is kept as one."""
 ResultName = Annotated[str, Field(max_length=200)]
 
