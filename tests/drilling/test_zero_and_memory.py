@@ -12,13 +12,13 @@ from typer.testing import CliRunner
 
 from robotrue.cli.main import app
 from robotrue.core.units import DEG, UM
-from robotrue.drilling.campaign_csv import ProductionRecord, read_production
+from robotrue.drilling.campaign_csv import ProductionRecord, read_production, write_campaign
 from robotrue.drilling.evaluate import evaluate_test
 from robotrue.drilling.foot_file import FootSetup, read_foot
-from robotrue.drilling.foot_model import estimate_tilt, fit_model
+from robotrue.drilling.foot_model import estimate_tilt, fit_model, use_zero
 from robotrue.drilling.foot_zero import read_zero, with_zero
 from robotrue.drilling.head import Head
-from robotrue.drilling.model_archive import write_model
+from robotrue.drilling.model_archive import read_model, write_model
 from robotrue.drilling.production import refine_model
 from robotrue.drilling.refinement_choice import check_references, choose_memory
 from robotrue.errors import (
@@ -72,10 +72,11 @@ def test_the_zero_is_the_mean_of_seats_and_their_scatter(zeros: np.ndarray, tmp_
     np.testing.assert_allclose(out["zero_mm"], means.mean(axis=0) / 1000.0, rtol=0, atol=1e-9)
     sigma = means.std(axis=0, ddof=1) / np.sqrt(8)
     np.testing.assert_allclose(out["zero_sigma_um"], sigma, rtol=1e-9)
-    # three sensors at 120 deg on 60 mm, written out: a from the y, b from the x of each sensor
+    # three sensors at 120 deg on 60 mm, written out: a from the y, b from the x of each sensor, of
+    # each seat, and Student's t of 7 degrees of freedom
     x, y = 60.0 * np.array([0.0, -(0.75**0.5), 0.75**0.5]), 60.0 * np.array([1.0, -0.5, -0.5])
-    weight = sigma / 1000.0 / (1.5 * 60.0**2)
-    hand = np.degrees([np.linalg.norm(y * weight), np.linalg.norm(x * weight)])
+    tilts = means / 1000.0 @ np.stack([y, x], axis=-1) / (1.5 * 60.0**2)
+    hand = np.degrees(tilts.std(axis=0, ddof=1) / np.sqrt(8) * np.sqrt(7 / 5))
     np.testing.assert_allclose(out["tilt_sigma_deg"], hand, rtol=1e-9)
     text = (tmp_path / "new.toml").read_text()
     assert "# the foot of cell 4" in text
@@ -84,6 +85,65 @@ def test_the_zero_is_the_mean_of_seats_and_their_scatter(zeros: np.ndarray, tmp_
     assert setup.zero_sigma is not None
     np.testing.assert_allclose(setup.zero / UM, means.mean(axis=0), rtol=0, atol=1e-5)
     np.testing.assert_allclose(setup.zero_sigma / UM, sigma, rtol=1e-5)
+    assert setup.taken_zero is not None
+    np.testing.assert_allclose(setup.taken_zero.tilt_sigma / DEG, hand, rtol=0, atol=1e-6)
+
+
+def test_a_zero_taken_since_widens_the_stated_deviation_and_references_narrow_it(
+    zeros: np.ndarray, tmp_path: Path
+) -> None:
+    foot, first, second = (tmp_path / name for name in ("foot.toml", "a.toml", "b.toml"))
+    call("zero", foot, tmp_path / "zero.csv", "-o", first)
+    lines = (tmp_path / "zero.csv").read_text().splitlines()
+    (tmp_path / "again.csv").write_text("\n".join(lines[:21]) + "\n")  # five seats
+    call("zero", foot, tmp_path / "again.csv", "-o", second)
+    machine, model = drilling_machine(3), tmp_path / "m.robotrue"
+    campaign = random_campaign(machine, 60, np.random.default_rng(3))
+    write_campaign(tmp_path / "campaign.csv", campaign)
+    call("fit", first, tmp_path / "campaign.csv", "-o", model, "--kind", "interactions")
+    clamp = ("--reading", "0.1,0,0.05", "--force", "500", "--z", "0")
+    plain, same, other = (
+        call("adjust", model, *clamp, *beside)
+        for beside in ((), ("--foot", first), ("--foot", second))
+    )
+    assert same["a_sigma_deg"] == plain["a_sigma_deg"]  # the campaign has learned its error
+    zero_sigma = np.hypot(
+        *(read_foot(path).taken_zero.tilt_sigma / DEG for path in (first, second))  # type: ignore[union-attr]
+    )
+    hand = np.hypot([plain["a_sigma_deg"], plain["b_sigma_deg"]], zero_sigma)
+    np.testing.assert_allclose([other["a_sigma_deg"], other["b_sigma_deg"]], hand, rtol=1e-6)
+    assert f"{zero_sigma[0]:.4f} deg in a" in " ".join(map(str, other["notes"]))  # type: ignore[call-overload]
+    # sixty references measured with the new zero: the model now knows it, and says no more
+    holes = random_campaign(machine, 60, np.random.default_rng(4), held_out=True)
+    moved = use_zero(read_model(model), read_foot(second).taken_zero)
+    moved_zero = holes.clamps.readings + np.array([8.0, 0.0, 0.0]) * UM
+    shifted = replace(holes, clamps=replace(holes.clamps, readings=moved_zero))
+    record = ProductionRecord(
+        clamps=shifted.clamps,
+        left=holes.tilt - estimate_tilt(moved, shifted.clamps).tilt,
+        hole=tuple(map(str, range(60))),
+        source="",
+        provenance=holes.provenance,
+    )
+    after = refine_model(moved, record, truth="gauge", reference=GAUGE).model
+    assert after.new_zero is None
+    assert use_zero(after, read_foot(second).taken_zero).new_zero is None
+    write_model(tmp_path / "after.robotrue", after)
+    refined_model = call("adjust", tmp_path / "after.robotrue", *clamp, "--foot", second)
+    assert refined_model["a_sigma_deg"] < other["a_sigma_deg"]  # type: ignore[operator]
+    assert refined_model["notes"] == []
+
+
+def test_a_foot_file_of_sensors_alone_is_read_as_independent_ones(tmp_path: Path) -> None:
+    text = FOOT.replace("count_um = 1.0", "count_um = 1.0\nzero_sigma_um = [3.0, 3.0, 3.0]")
+    (tmp_path / "foot.toml").write_text(text)
+    zero = read_foot(tmp_path / "foot.toml").taken_zero
+    assert zero is not None
+    hand = np.degrees(3e-3 * np.sqrt(2.0 / 3.0) / 60.0)
+    np.testing.assert_allclose(zero.tilt_sigma / DEG, [hand, hand], rtol=1e-9)
+    (tmp_path / "foot.toml").write_text(text.replace("[3.0, 3.0, 3.0]", "[3.0, 3.0, 3.0, 3.0]"))
+    with pytest.raises(RobotrueError, match="4 values of zero_sigma_um for 3 sensors"):
+        read_foot(tmp_path / "foot.toml")
 
 
 def test_adjust_takes_raw_readings_with_the_new_zero(zeros: np.ndarray, tmp_path: Path) -> None:
@@ -122,6 +182,16 @@ def test_a_zero_of_few_seats_or_with_a_row_far_off_is_refused(
     with pytest.raises(ImplausibleDataError, match=r"sensor 2 reads 9\.4770 mm") as caught:
         read_zero(few, setup)
     assert caught.value.line == 8
+    # a seat that lies askew, and five seats of which four lie close by chance
+    lines[7] = (tmp_path / "zero.csv").read_text().splitlines()[7]
+    askew = [f"1,{10231 + k},10077,{10002 - k}" if x.startswith("1,") else x
+             for k, x in enumerate(lines)]  # fmt: skip
+    few.write_text("\n".join(askew) + "\n")
+    with pytest.raises(ImplausibleDataError, match="off the mean of the other seats"):
+        read_zero(few, setup)
+    close = "".join(f"{10000 + v},9977,10102\n" for v in (0, 1, -2, 2, 25))
+    few.write_text("raw1_counts,raw2_counts,raw3_counts\n" + close)
+    assert read_zero(few, setup).rows == 5
     found = read_zero(tmp_path / "zero.csv", setup)
     in_mm = with_zero(FOOT, replace(found, counts=False), setup)
     assert "zero_mm" in in_mm

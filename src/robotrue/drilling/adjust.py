@@ -152,7 +152,24 @@ def _notes(model: NormalModel, clamps: Clamps) -> tuple[str, ...]:
         notes.append(
             f"height is {height / MM:g} mm, the campaign covers {low / MM:g} to {high / MM:g} mm."
         )
-    return (*notes, *_position_notes(model, clamps))
+    return (*notes, *_zero_notes(model), *_position_notes(model, clamps))
+
+
+def _zero_notes(model: NormalModel) -> list[str]:
+    """A zero taken since the campaign, whose error no campaign has learned."""
+    if model.new_zero is None:
+        return []
+    a, b = (model.zero_sigma / DEG).tolist()
+    said = "the zero is not that of the campaign"
+    if not a or not b:
+        return [
+            f"{said}, and the foot file does not state how well it repeats: the stated deviation "
+            "leaves it out. Try: `drill zero` with 5 seats or more."
+        ]
+    return [
+        f"{said}: it leaves {a:.4f} deg in a and {b:.4f} deg in b "
+        "uncertain, which the stated deviation includes."
+    ]
 
 
 def _position_notes(model: NormalModel, clamps: Clamps) -> list[str]:

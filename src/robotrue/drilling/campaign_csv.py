@@ -23,7 +23,7 @@ from robotrue.drilling.campaign import Campaign, Clamps
 from robotrue.drilling.campaign_checks import check_campaign
 from robotrue.drilling.campaign_plan import CampaignPlan
 from robotrue.drilling.foot_file import FootSetup, read_foot
-from robotrue.drilling.foot_model import NormalModel
+from robotrue.drilling.foot_model import NormalModel, use_zero
 from robotrue.drilling.head import AxisOrder
 from robotrue.errors import ConfigurationError, FormatError, ModelMismatchError
 from robotrue.measurement.formats.sheet import Sheet, column_key, write_columns
@@ -229,8 +229,8 @@ def setup_of(model: NormalModel, path: Path, foot: Path | None) -> FootSetup:
 
 def read_test(
     model: NormalModel, path: Path, rows: Path, foot: Path | None
-) -> tuple[Campaign, str]:
-    """Returns checked clamps to evaluate a model on, and the SHA-256 of their file.
+) -> tuple[NormalModel, Campaign, str]:
+    """Returns a model for the zero of a test, its checked clamps, and the SHA-256 of their file.
 
     Args:
         model: To be evaluated.
@@ -238,9 +238,10 @@ def read_test(
         rows: The clamps.
         foot: As in :func:`setup_of`.
     """
-    test, digest = read_campaign(rows, setup_of(model, path, foot), model.head.order)
+    setup = setup_of(model, path, foot)
+    test, digest = read_campaign(rows, setup, model.head.order)
     check_campaign(model.foot, test)
-    return test, digest
+    return use_zero(model, setup.taken_zero), test, digest
 
 
 def _read_clamps(sheet: Sheet, setup: FootSetup, beside: tuple[str, ...]) -> Clamps:

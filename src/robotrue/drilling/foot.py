@@ -154,6 +154,19 @@ class Foot(Columns):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class TakenZero(Columns):
+    """A zero that readings are less, as its foot file states it.
+
+    Attributes:
+        readings: (k,) m, on the calibration tool.
+        tilt_sigma: (2,) rad, what it leaves uncertain of every tilt a, b; 0 where not stated.
+    """
+
+    readings: Annotated[Array, Column("k", unit="m")]
+    tilt_sigma: Annotated[Array, Column("2", unit="rad")]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class FootPlane:
     """The plane under the foot, n of them.
 

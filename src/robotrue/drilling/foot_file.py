@@ -10,6 +10,7 @@
     count_um = 1.0                    # where readings are counts
     zero_counts = [10231, 9977, 10102] # or zero_mm: on the mandrel, if readings are not less it
     zero_sigma_um = [0.5, 0.4, 0.5]   # of that zero, as `drill zero` writes it
+    zero_tilt_sigma_deg = [0.001, 0.001] # what it leaves uncertain of a and b, likewise
 
     [head]
     order = "AB"                      # the first carries the second
@@ -30,7 +31,7 @@ from robotrue.cell.schema_faults import configuration_error, line_of_key
 from robotrue.core.arrays import Array
 from robotrue.core.files import read_toml
 from robotrue.core.units import DEG, MM, UM
-from robotrue.drilling.foot import FLAT, MAX_TILT_DEG, READING_SIGMA_UM, Foot, Skin
+from robotrue.drilling.foot import FLAT, MAX_TILT_DEG, READING_SIGMA_UM, Foot, Skin, TakenZero
 from robotrue.drilling.head import AXIS_ORDER, AxisOrder, Head
 from robotrue.errors import ConfigurationError, ShapeError
 
@@ -54,6 +55,7 @@ class FootTable(_Table):
     zero_mm: Numbers | None = None
     zero_counts: Numbers | None = None
     zero_sigma_um: Annotated[list[Above0], Field(min_length=3)] | None = None
+    zero_tilt_sigma_deg: Annotated[list[Above0], Field(min_length=2, max_length=2)] | None = None
 
 
 class SkinTable(_Table):
@@ -91,6 +93,8 @@ class FootSetup:
         zero: (k,) m, readings on the mandrel; None where readings are given less it.
         zero_in_counts: Whether the file states that zero in counts.
         zero_sigma: (k,) m, standard deviation of the zero; None where it is not stated.
+        zero_tilt_sigma: (2,) rad, what the zero leaves uncertain of every tilt a, b; None where
+            it is not stated.
         source: The file.
     """
 
@@ -101,6 +105,21 @@ class FootSetup:
     source: str
     zero_in_counts: bool = False
     zero_sigma: Array | None = None
+    zero_tilt_sigma: Array | None = None
+
+    @property
+    def taken_zero(self) -> TakenZero | None:
+        """The zero with what it leaves uncertain of a tilt; None without a zero.
+
+        A file that states the deviation of each sensor alone is read as independent sensors.
+        """
+        if self.zero is None:
+            return None
+        sigma = self.zero_tilt_sigma
+        if sigma is None:
+            each = np.zeros(len(self.zero)) if self.zero_sigma is None else self.zero_sigma
+            sigma = np.sqrt(np.linalg.pinv(self.foot.design)[:2] ** 2 @ each**2)[::-1]
+        return TakenZero(readings=self.zero, tilt_sigma=sigma)
 
 
 def read_foot(path: str | Path) -> FootSetup:
@@ -129,6 +148,10 @@ def _setup(file: FootFile, path: str | Path) -> FootSetup:
     radius = np.array(table.radius_mm, dtype=np.float64) * MM
     if radius.ndim and len(radius) != k:
         raise ConfigurationError(f"{len(radius)} radii for {k} angles.")
+    if table.zero_sigma_um is not None and len(table.zero_sigma_um) != k:
+        raise ConfigurationError(
+            f"{len(table.zero_sigma_um)} values of zero_sigma_um for {k} sensors."
+        )
     head = file.head
     foot = Foot(
         radius=np.broadcast_to(radius, (k,)),
@@ -152,6 +175,9 @@ def _setup(file: FootFile, path: str | Path) -> FootSetup:
         source=str(path),
         zero_in_counts=table.zero_counts is not None,
         zero_sigma=None if table.zero_sigma_um is None else np.array(table.zero_sigma_um) * UM,
+        zero_tilt_sigma=None
+        if table.zero_tilt_sigma_deg is None
+        else np.array(table.zero_tilt_sigma_deg) * DEG,
     )
 
 

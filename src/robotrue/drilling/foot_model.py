@@ -26,13 +26,15 @@ from robotrue.drilling.correction_trials import (
     try_all,
 )
 from robotrue.drilling.drill_defaults import CORRECTS, Corrects, Kind, Position
-from robotrue.drilling.foot import Foot
+from robotrue.drilling.foot import Foot, TakenZero
 from robotrue.drilling.head import Head
-from robotrue.drilling.refinement import Refinement, Watch
+from robotrue.drilling.refinement import Refinement, Watch, forget_constants
 from robotrue.errors import ConfigurationError, ObservabilityError
 
 SMALLEST: Final = 1e-3 * DEG
 """Deviation of a production record below which none is believed."""
+SAME_ZERO: Final = 1e-9
+"""m by which the same zero may differ where a file states it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,6 +100,8 @@ class NormalModel:
         version: Counts refinements and freezes.
         frozen: What it was frozen as; None while it may be refined.
         provenance: Of its campaign, of references in production, of the test it was frozen on.
+        zero: That the readings it learned from are less; None where their foot file has none.
+        new_zero: That the readings are less now, if it was taken since; not part of its file.
     """
 
     foot: Foot
@@ -114,6 +118,42 @@ class NormalModel:
     version: int = 1
     frozen: Frozen | None = None
     provenance: Provenance = MEASURED
+    zero: TakenZero | None = None
+    new_zero: TakenZero | None = None
+
+    @property
+    def zero_sigma(self) -> Array:
+        """(2,) rad, what a zero taken since leaves uncertain of every tilt a, b.
+
+        The error of the zero it learned with is in what it learned: only another zero counts, and
+        then both do.
+        """
+        if self.new_zero is None:
+            return np.zeros(2)
+        before = np.zeros(2) if self.zero is None else self.zero.tilt_sigma
+        return np.asarray(np.hypot(before, self.new_zero.tilt_sigma))
+
+
+def use_zero(model: NormalModel, zero: TakenZero | None) -> NormalModel:
+    """Returns a model for readings that are less this zero; None: the zero it learned with.
+
+    Where the model does not know its own zero, one without a deviation is taken for the same.
+    """
+    if zero is None:
+        return replace(model, new_zero=None)
+    same = not zero.tilt_sigma.any()
+    if model.zero is not None:
+        same = np.allclose(zero.readings, model.zero.readings, rtol=0.0, atol=SAME_ZERO)
+    return replace(model, new_zero=None if same else zero)
+
+
+def absorb_zero(model: NormalModel) -> NormalModel:
+    """Returns a model whose refinement learns what a zero taken since has changed."""
+    if model.new_zero is None:
+        return model
+    sigma = float(np.sqrt(np.mean(model.zero_sigma**2)))
+    widened = forget_constants(model.refinement, shift=sigma)
+    return replace(model, refinement=widened, zero=model.new_zero, new_zero=None)
 
 
 def estimate_tilt(model: NormalModel, clamps: Clamps) -> CorrectedReadings:
@@ -134,7 +174,9 @@ def with_refinement(model: NormalModel, found: CorrectedReadings) -> CorrectedRe
     return replace(
         found,
         tilt=found.tilt + added,
-        covariance=model.stretch * found.covariance + doubt[:, None, None] * np.eye(2),
+        covariance=model.stretch * found.covariance
+        + doubt[:, None, None] * np.eye(2)
+        + np.diag(model.zero_sigma**2),
     )
 
 
@@ -147,6 +189,7 @@ def fit_model(
     inputs: tuple[Position, ...] = (),
     corrects: Corrects = CORRECTS,
     digest: str = "",
+    zero: TakenZero | None = None,
     step: Step = lambda what, done, of: None,
 ) -> tuple[NormalModel, tuple[Trial, ...]]:
     """Returns the model learned from a campaign, and how every correction did where it was chosen.
@@ -159,6 +202,7 @@ def fit_model(
         inputs: Machine positions among the causes.
         corrects: Readings, or the targets of A and B.
         digest: SHA-256 of the campaign's file.
+        zero: That its readings are less, where it is known.
         step: Hears which correction is on trial, how many were and of how many.
 
     Raises:
@@ -187,6 +231,7 @@ def fit_model(
         campaign=digest,
         refinement=Refinement(sigma=max(trial.mean, SMALLEST)),
         provenance=campaign.provenance,
+        zero=zero,
     )
     return model, trials
 

@@ -8,15 +8,17 @@ from typing import Annotated, Final
 
 import numpy as np
 import tomlkit
+from scipy.special import stdtrit
 
-from robotrue.core.arrays import Array
+from robotrue.core.arrays import Array, IntArray
 from robotrue.core.columns import Column, Columns
 from robotrue.core.provenance import Provenance
-from robotrue.core.units import MM, UM
+from robotrue.core.units import DEG, MM, UM
 from robotrue.drilling.campaign_csv import FORMS
 from robotrue.drilling.foot import plane_under
 from robotrue.drilling.foot_file import FootSetup
 from robotrue.errors import ConfigurationError, ImplausibleDataError, ObservabilityError
+from robotrue.measurement.formats.sheet import Sheet
 from robotrue.measurement.formats.sheet_file import read_sheet
 
 SEAT: Final = "seat"
@@ -24,7 +26,9 @@ SEAT: Final = "seat"
 FEWEST: Final = 5
 """Rows, or seats, from which a deviation is told."""
 OUTLYING: Final = 6.0
-"""Robust deviations beyond which a row is no reading of the tool at rest."""
+"""Robust deviations off its seat beyond which a row is no reading of the tool at rest."""
+FALSE_ALARM: Final = 1e-3
+"""Share of sound files of which a seat is refused; few seats do not know their deviation."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,7 +39,8 @@ class FootZero(Columns):
         zero: (k,) m.
         sigma: (k,) m, standard deviation of that mean, from repetition alone.
         scatter: (k,) m, of one reading about the mean of its seat.
-        tilt_sigma: (2,) rad, what the zero leaves uncertain of every tilt a, b.
+        tilt_sigma: (2,) rad, what the zero leaves uncertain of every tilt a, b: of the tilt of
+            each seat, because a tool that sits askew moves all sensors together.
         counts: Whether the file states counts.
         rows: How many were averaged.
         seats: How often the tool was put on; 0 where the file does not say.
@@ -91,32 +96,69 @@ def read_zero(path: str | Path, setup: FootSetup) -> FootZero:
             source=sheet.source,
             hint="put the tool on again, read, and name each time in the column seat.",
         )
-    off = np.abs(raw - np.median(raw, axis=0))
-    limit = OUTLYING * np.maximum(1.4826 * np.median(off, axis=0), setup.foot.reading_sigma)
-    if (far := np.argwhere(off > limit)).size:
-        row, k = far[0].tolist()
-        raise ImplausibleDataError(
-            f"sensor {k + 1} reads {raw[row, k] / MM:.4f} mm, {off[row, k] / UM:.1f} um off its "
-            f"median; the others are within {limit[k] / UM:.1f} um.",
-            source=sheet.source,
-            line=sheet.lines[row],
-            hint="clean the tool, put it on again and replace the row.",
-        )
+    _refuse_outliers(raw, groups, setup, sheet)
     means = np.array([raw[groups == g].mean(axis=0) for g in range(seats)])
     sigma = np.std(means, axis=0, ddof=1) / np.sqrt(seats)
     within = raw - means[groups] if len(raw) > seats else raw - raw.mean(axis=0)
     freedom = len(raw) - (seats if len(raw) > seats else 1)
-    slopes = np.linalg.pinv(setup.foot.design)[:2]
     return FootZero(
         zero=means.mean(axis=0),
         sigma=sigma,
         scatter=np.sqrt(np.sum(within**2, axis=0) / freedom),
-        tilt_sigma=np.sqrt(slopes**2 @ sigma**2)[::-1],
+        tilt_sigma=_tilt_sigma(setup, means),
         counts=counts,
         rows=len(raw),
         seats=0 if seat is None else seats,
         provenance=sheet.provenance,
     )
+
+
+def _refuse_outliers(raw: Array, groups: IntArray, setup: FootSetup, sheet: Sheet) -> None:
+    """Refuses a row far off its seat, then a seat far off the others.
+
+    Raises:
+        ImplausibleDataError: Such a row, with its line.
+    """
+    seats = int(groups.max()) + 1
+    middle = np.array([np.median(raw[groups == g], axis=0) for g in range(seats)])
+    off, floor = np.abs(raw - middle[groups]), setup.foot.reading_sigma
+    limit = OUTLYING * np.maximum(1.4826 * np.median(off, axis=0), floor)
+    limit, where = np.broadcast_to(limit, off.shape), "the median of its seat"
+    if not (off > limit).any():
+        off, limit = _seats_off(middle, floor)
+        off, limit, where = off[groups], limit[groups], "the mean of the other seats"
+    far = np.argwhere(off > limit)
+    if not len(far):
+        return
+    row, k = far[0].tolist()
+    raise ImplausibleDataError(
+        f"sensor {k + 1} reads {raw[row, k] / MM:.4f} mm, {off[row, k] / UM:.1f} um off {where}; "
+        f"{limit[row, k] / UM:.1f} um are allowed.",
+        source=sheet.source,
+        line=sheet.lines[row],
+        hint="clean the tool, put it on again and replace the row.",
+    )
+
+
+def _seats_off(middle: Array, floor: float) -> tuple[Array, Array]:
+    """(n, k) m each seat off the mean of the others, and how much is allowed by Student's t."""
+    count, sensors = middle.shape
+    others = [np.delete(middle, g, axis=0) for g in range(count)]
+    spread = np.array([np.std(rows, axis=0, ddof=1) for rows in others])
+    off = np.abs(middle - np.array([rows.mean(axis=0) for rows in others]))
+    quantile = float(stdtrit(count - 2.0, 1.0 - FALSE_ALARM / (2.0 * count * sensors)))
+    return off, quantile * np.maximum(spread, floor) * np.sqrt(count / (count - 1.0))
+
+
+def _tilt_sigma(setup: FootSetup, means: Array) -> Array:
+    """(2,) rad of the mean of the seats' tilts, by Student's t: few seats do not know their own.
+
+    The variance of t with n - 1 degrees of freedom is (n - 1) / (n - 3).
+    """
+    seats = len(means)
+    slopes = means @ np.linalg.pinv(setup.foot.design)[:2].T
+    few = (seats - 1.0) / (seats - 3.0)
+    return np.asarray(np.std(slopes, axis=0, ddof=1)[::-1] * np.sqrt(few / seats))
 
 
 def zero_residual(found: FootZero, setup: FootSetup) -> float:
@@ -134,10 +176,12 @@ def with_zero(text: str, found: FootZero, setup: FootSetup) -> str:
     """
     document = tomlkit.parse(text)
     foot = document["foot"]
-    for key in ("zero_mm", "zero_counts", "zero_sigma_um"):
+    for key in ("zero_mm", "zero_counts", "zero_sigma_um", "zero_tilt_sigma_deg"):
         if key in foot:
             del foot[key]
     size, name = (setup.count or UM, "zero_counts") if found.counts else (MM, "zero_mm")
     foot[name] = np.round(found.zero / size, 6).tolist()
     foot["zero_sigma_um"] = np.round(np.maximum(found.sigma / UM, 1e-6), 6).tolist()
+    tilt_sigma = np.round(np.maximum(found.tilt_sigma / DEG, 1e-6), 6)
+    foot["zero_tilt_sigma_deg"] = tilt_sigma.tolist()
     return tomlkit.dumps(document)

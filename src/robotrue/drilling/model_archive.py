@@ -15,7 +15,7 @@ from robotrue.core.provenance import provenance_from
 from robotrue.drilling.campaign import Conditions
 from robotrue.drilling.correction import ReadingCorrection
 from robotrue.drilling.drill_defaults import CORRECTS, Corrects, Kind, Position
-from robotrue.drilling.foot import Foot, Skin
+from robotrue.drilling.foot import Foot, Skin, TakenZero
 from robotrue.drilling.foot_model import Envelope, Frozen, NormalModel
 from robotrue.drilling.head import Head
 from robotrue.drilling.physics import PhysicsCorrection
@@ -91,6 +91,8 @@ def to_archive(model: NormalModel) -> Archive:
         "height": model.envelope.height,
         "positions": model.envelope.positions,
     }
+    if model.zero is not None:
+        arrays |= {"zero": model.zero.readings, "zero_tilt_sigma": model.zero.tilt_sigma}
     for name, state in (("refinement", model.refinement), ("monitor", model.monitor)):
         document[name] |= {key: getattr(state, key) for key in _NUMBERS[name]}
         arrays |= {f"{name}_{key}": getattr(state, key) for key in _ARRAYS[name]}
@@ -131,7 +133,18 @@ def from_archive(archive: Archive) -> NormalModel:
         version=int(d["version"]),
         frozen=None if d["frozen"] is None else Frozen(**d["frozen"]),
         provenance=provenance_from(d.get("provenance"), before=d["refinement"]["truths"]),
+        zero=_read_zero(archive),
     )
+
+
+def _read_zero(archive: Archive) -> TakenZero | None:
+    """The zero of the campaign; models written before have none."""
+    if "zero" not in archive.arrays:
+        return None
+    sigma = archive.array("zero_tilt_sigma")
+    if (sigma < 0.0).any():
+        raise ArchiveError("a deviation of the zero below 0.")
+    return TakenZero(readings=archive.array("zero"), tilt_sigma=sigma)
 
 
 def _check_document(d: Mapping[str, Any]) -> None:

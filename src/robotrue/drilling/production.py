@@ -13,7 +13,7 @@ from robotrue.drilling.campaign import Campaign
 from robotrue.drilling.campaign_csv import ProductionRecord
 from robotrue.drilling.correction import CorrectedReadings, correct_readings
 from robotrue.drilling.evaluate import evaluate_test
-from robotrue.drilling.foot_model import Frozen, NormalModel, with_refinement
+from robotrue.drilling.foot_model import Frozen, NormalModel, absorb_zero, with_refinement
 from robotrue.drilling.refinement import (
     Remaining,
     Watch,
@@ -68,6 +68,7 @@ def update_model(
     if state.alarm:
         return _restart_after_alarm(model, state, score, shift, record, reference)
     if model.frozen is None:
+        model = absorb_zero(model)
         refinement = update_refinement(model.refinement, record, reference=reference)
         model = replace(model, refinement=refinement, version=model.version + 1)
     return RecordUpdate(
@@ -90,6 +91,7 @@ def _restart_after_alarm(
 ) -> RecordUpdate:
     a, b = (shift / DEG).tolist()
     was = "" if model.frozen is None else f"version {model.frozen.version} is thawed; "
+    model = absorb_zero(model)
     fresh = Watch(spread=state.spread, allowance=state.allowance, limit=state.limit)
     changed = replace(
         model,
@@ -152,8 +154,10 @@ def refine_model(
     if before.frozen is None:
         c = plain.conditions
         causes = np.stack([c.a, c.b, c.force], axis=-1)
-        memory = choose_memory(before.refinement, causes, holes.left, reference=reference)
-        model = replace(before, refinement=memory.start or before.refinement)
+        start = absorb_zero(before)
+        memory = choose_memory(start.refinement, causes, holes.left, reference=reference)
+        if memory.start is not None:
+            model = replace(start, refinement=memory.start)
     alarms = []
     for i, name in enumerate(holes.hole):
         found = with_refinement(model, plain.take(slice(i, i + 1)))
@@ -166,7 +170,13 @@ def refine_model(
         if step.alarm:
             alarms.append(step)
     if memory is not None and memory.start is None and not alarms:
-        model = replace(model, refinement=before.refinement, version=before.version)
+        model = replace(
+            model,
+            refinement=before.refinement,
+            version=before.version,
+            zero=before.zero,
+            new_zero=before.new_zero,
+        )
     return BatchRefinement(model=model, alarms=tuple(alarms), memory=memory, expected=deviation)
 
 

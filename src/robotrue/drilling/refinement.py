@@ -148,10 +148,15 @@ def update_refinement(state: Refinement, record: Remaining, *, reference: float)
     )
 
 
-def forget_constants(state: Refinement) -> Refinement:
-    """Returns the state with its constants unknown again: after an alarm of a shifted zero."""
+def forget_constants(state: Refinement, *, shift: float = SHIFT) -> Refinement:
+    """Returns the state with its constants less known: after an alarm, or with another zero.
+
+    Args:
+        state: Before it.
+        shift: rad, standard deviation of what the constants may have changed by.
+    """
     covariance = np.array(state.covariance)
-    covariance[0, 0] += (SHIFT / state.sigma) ** 2
+    covariance[0, 0] += (shift / state.sigma) ** 2
     return replace(state, covariance=covariance)
 
 

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from robotrue.core.arrays import Array
     from robotrue.drilling.adjust import HoleAdjustment
+    from robotrue.drilling.foot_file import FootSetup
     from robotrue.drilling.foot_model import NormalModel
     from robotrue.drilling.robot_adjust import RobotMove
 
@@ -109,10 +110,14 @@ def _adjustment(request: DrillAdjustRequest, model: NormalModel, path: Path) -> 
     from robotrue.app.number_options import parse_numbers
     from robotrue.drilling.adjust import adjustment
     from robotrue.drilling.campaign import Clamps
+    from robotrue.drilling.campaign_csv import setup_of
+    from robotrue.drilling.foot_model import use_zero
 
+    setup = setup_of(model, path, request.foot)
+    model = use_zero(model, setup.taken_zero)
     at = None if request.robot is not None else request.at
     clamps = Clamps(
-        readings=_readings(request, model, path)[None],
+        readings=_readings(request, setup)[None],
         force=np.array([request.force]),
         height=np.array([request.z * MM]),
         approach=(request.approach,),
@@ -123,23 +128,22 @@ def _adjustment(request: DrillAdjustRequest, model: NormalModel, path: Path) -> 
     return adjustment(model, clamps, axes)
 
 
-def _readings(request: DrillAdjustRequest, model: NormalModel, path: Path) -> Array:
+def _readings(request: DrillAdjustRequest, setup: FootSetup) -> Array:
     """(k,) m, less their zero.
 
     Raises:
         ConfigurationError: Not one of --reading and --raw, or --raw without a foot file's zero.
     """
     from robotrue.app.number_options import parse_numbers
-    from robotrue.drilling.campaign_csv import FORMS, readings_less_zero, setup_of
+    from robotrue.drilling.campaign_csv import FORMS, readings_less_zero
 
-    sensors = len(model.foot.radius)
+    sensors = len(setup.foot.radius)
     if (request.reading is None) == (request.raw is None):
         raise ConfigurationError(
             "give the readings once.", hint="--reading d1,d2,d3, or --raw with --foot FOOT."
         )
     if request.raw is None:
         return parse_numbers("--reading", request.reading or "", sensors, form="d1,d2,d3") * MM
-    setup = setup_of(model, path, request.foot)
     form = FORMS[1] if not setup.zero_in_counts else FORMS[2]
     raw = parse_numbers("--raw", request.raw, sensors, form="raw1,raw2,raw3")
     readings: Array = readings_less_zero(raw[None], form, setup)[0]

@@ -31,8 +31,7 @@ def run(request: DrillEvaluateRequest, context: Context) -> PlainResult:
     from robotrue.drilling.model_archive import read_model
 
     (path,) = context.document_files(request.model, MODEL)
-    model = read_model(path)
-    data, _ = read_test(model, path, request.test, request.foot)
+    model, data, _ = read_test(read_model(path), path, request.test, request.foot)
     result = evaluate_test(model, data)
     left = (
         ("uncorrected", result.uncorrected),

@@ -200,6 +200,7 @@ def run(request: DrillFitRequest, context: Context) -> FootLearned:
         inputs=used,
         corrects=request.corrects,
         digest=digest,
+        zero=setup.taken_zero,
         step=context.step,
     )
     output = context.output(request.output)

@@ -61,12 +61,14 @@ def run(request: DrillRefineRequest, context: Context) -> PlainResult:
     """
     from robotrue.drilling.campaign_csv import read_campaign, read_production, setup_of
     from robotrue.drilling.drill_defaults import MODEL
+    from robotrue.drilling.foot_model import use_zero
     from robotrue.drilling.model_archive import read_model, write_model
     from robotrue.drilling.production import freeze_model
 
     (path,) = context.document_files(request.model, MODEL)
-    before = model = read_model(path)
-    setup = setup_of(model, path, request.foot)
+    before = read_model(path)
+    setup = setup_of(before, path, request.foot)
+    before = model = use_zero(before, setup.taken_zero)
     alarms: list[dict[str, object]] = []
     holes, memory = 0, None
     if request.records is not None:

@@ -108,10 +108,9 @@ def run(request: DrillReportRequest, context: Context) -> DrillJudged:
     speech, output = language(request.lang), context.output(request.output)
     check_reports([output], input_paths(request))
     (path,) = context.document_files(request.model, MODEL)
-    model = read_model(path)
     rows, beside = campaign_parts(context.document_files(request.campaign, CAMPAIGN))
     context.step("judging", 0, 1)
-    data, digest = read_test(model, path, rows, request.foot or beside)
+    model, data, digest = read_test(read_model(path), path, rows, request.foot or beside)
     if digest == model.campaign and isinstance(request.campaign, ItemVersion):
         raise ConfigurationError(
             "the test is the campaign the model was learned from.",

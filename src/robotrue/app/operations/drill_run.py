@@ -117,6 +117,7 @@ def run(request: DrillRunRequest, context: Context) -> DrillServed:
     from robotrue.app.drilling_service import serve_desk
     from robotrue.drilling.campaign_csv import setup_of
     from robotrue.drilling.drill_defaults import MODEL
+    from robotrue.drilling.foot_model import use_zero
     from robotrue.drilling.hole_session import HoleSession
     from robotrue.drilling.journal import Journal
     from robotrue.drilling.model_archive import read_model
@@ -131,6 +132,7 @@ def run(request: DrillRunRequest, context: Context) -> DrillServed:
             hint="fit the campaign with --inputs none.",
         )
     setup = setup_of(model, path, request.foot)
+    model = use_zero(model, setup.taken_zero)
     with Journal(request.journal) as kept:
         model, said = _replay(request, model, kept, path)
         session = HoleSession(
