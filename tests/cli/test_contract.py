@@ -80,7 +80,7 @@ def test_validate_json(cli, work: Path) -> None:
 def test_validate_table_and_report(cli, work: Path) -> None:
     got = cli("validate", work / "model.rtm", work / "test.csv", "--report", work / "r.html")
     assert got.code == 0
-    for row in ("before", "base and tool corrected", "after"):
+    for row in ("base and tool as stated", "before: base and tool corrected", "after"):
         assert any(line.strip().startswith(row) for line in got.out.splitlines())
     assert (work / "r.html").read_text(encoding="utf-8").startswith("<!")
     assert "95 % region" in got.err

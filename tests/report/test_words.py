@@ -85,6 +85,9 @@ def test_an_unknown_language_key_or_value_is_refused():
         "gear6: add poses spread further over the joint ranges and tool orientations",
         "not seen by the data: compliance1: no torque about axis 1 in these poses (gravity does "
         "not load a vertical axis); measure some poses under a known horizontal force.",
+        "not seen by the data: gear5, a3 ~ a4, 3 more combinations (adds 0.012 mm to predictions "
+        "inside the region of the poses): add poses spread further over the joint ranges and tool "
+        "orientations.",
         "compliance4 - 1.94 compliance5: measure some poses under a known horizontal force; until "
         "then the stated stiffness stands",
         "3 of 80 rows carry no weight (row 7 first): their residual has a chance below one in a "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from robotrue.calibration.lineage import provenance_of
@@ -11,6 +12,7 @@ from robotrue.core.provenance import Provenance, merge
 from robotrue.report.calibration_report import calibration_content
 from robotrue.report.content import Fact
 from robotrue.report.page import report_html
+from robotrue.report.warning_groups import group_unseen, without_unseen
 from robotrue.validation.contest import Selection
 from robotrue.validation.report import ValidationReport
 
@@ -41,12 +43,12 @@ def write_page(
     sources = summary.sources
     origin = merge([provenance_of(model), measured])
     content = calibration_content(
-        result,
+        replace(result, doubts=without_unseen(model, result.doubts)),
         title=title,
         simulated=origin.simulated,
         subtitle=f"{result.robot}, method {summary.method or 'unknown'}",
         selection=selection,
-        unseen=[f"{d.name}: {d.cure}" for d in summary.unseen if d.cure],
+        unseen=group_unseen(model),
         provenance=[
             Fact(name="training data", value=summary.data_sha256 or "not recorded"),
             *(Fact(name="measured", value=source) for source in sources),

@@ -91,7 +91,7 @@ def _model_result(path: Path, stored: ModelFile) -> PlainResult:
     )
     return PlainResult(
         values=model_document(stored),
-        shown=(facts, *_error_tables(stored.model), *map(Note, remarks(summary))),
+        shown=(facts, *_error_tables(stored.model), *map(Note, remarks(stored.model))),
         provenance=provenance_of(stored.model),
     )
 

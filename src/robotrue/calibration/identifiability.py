@@ -98,9 +98,13 @@ class Identifiability:
         """Unseen directions that predictions do depend on."""
         return tuple(d for d in self.unseen if not d.harmless)
 
-    def document(self) -> list[dict[str, str | bool]]:
-        """Returns the unseen directions as JSON values."""
-        return [{"name": d.name, "cure": d.cure, "harmless": d.harmless} for d in self.unseen]
+    def document(self) -> list[dict[str, object]]:
+        """Returns the unseen directions as JSON values; terms where predictions depend on them."""
+        return [
+            {"name": d.name, "cure": d.cure, "harmless": d.harmless}
+            | ({} if d.harmless else {"terms": dict(d.terms)})
+            for d in self.unseen
+        ]
 
 
 def visibility(sd_ratio: float) -> str:

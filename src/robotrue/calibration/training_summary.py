@@ -19,11 +19,13 @@ class Unseen:
         name: Of the combination.
         cure: What would show it; empty if nobody knows.
         harmless: No position of the measured point depends on it.
+        terms: Parameter and coefficient, SI; empty where harmless or not recorded.
     """
 
     name: str
     cure: str
     harmless: bool
+    terms: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -135,6 +137,7 @@ class TrainingSummary(Mapping[str, Any]):
                 name=str(entry["name"]),
                 cure=str(entry.get("cure", "")),
                 harmless=bool(entry.get("harmless", False)),
+                terms={str(k): float(v) for k, v in entry.get("terms", {}).items()},
             )
             for entry in self.document.get("unseen", ())
         )

@@ -106,7 +106,9 @@ def _verdict(
         text = t(key, p95=after.p95 / MM, tolerance=tolerance / MM)
     elif doubts:
         tone = "caution"
-    detail = t("cal.detail", n=after.n, mean=before.mean / MM)
+    aligned = report.before_aligned
+    key, size = ("cal.detail", before) if aligned is None else ("cal.detail_aligned", aligned)
+    detail = t(key, n=after.n, mean=size.mean / MM)
     if doubts:
         detail += " " + t("cal.doubts" if doubts > 1 else "cal.doubt", n=doubts)
     return Conclusion(text=text, tone=tone, detail=detail)
@@ -114,7 +116,7 @@ def _verdict(
 
 def _tiles(report: ValidationReport, t: ReportTexts) -> tuple[KeyFigure, ...]:
     inside = report.coverage
-    before, after = report.before, report.after
+    before, after = report.before_aligned or report.before, report.after
     shown = (
         ("cal.mean_error", after.mean, before.mean, t("cal.poses", n=after.n)),
         ("cal.p95", after.p95, before.p95, ""),

@@ -9,6 +9,7 @@ import numpy as np
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.training_summary import TrainingSummary
 from robotrue.core.units import DEG, MM
+from robotrue.report.warning_groups import group_warnings
 from robotrue.robot.model import UNITS, parameter_names
 
 SHOP: Final = {"m": ("mm", MM), "rad": ("deg", DEG), "1": ("ppm", 1e-6)}
@@ -103,10 +104,11 @@ VERDICTS: Final = {
 }
 
 
-def remarks(summary: TrainingSummary) -> list[str]:
-    """Returns the doubts, and one sentence for all combinations nobody needs to know apart."""
-    found = [f"doubt: {line}" for line in summary.warnings]
-    return found + harmless_remark(summary)
+def remarks(model: ErrorModel) -> list[str]:
+    """Returns the warnings by cure, and one sentence for all combinations nobody needs apart."""
+    summary = model.training_summary()
+    warnings = [f"doubt: {line}" for line in group_warnings(model, summary.warnings)]
+    return warnings + harmless_remark(summary)
 
 
 def harmless_remark(summary: TrainingSummary) -> list[str]:

@@ -77,7 +77,7 @@ class Calibrated:
         yield Facts(
             title=f"calibration of {self.model.robot.name}", rows=tuple(result_facts(summary))
         )
-        for line in remarks(summary):
+        for line in remarks(self.model):
             yield Note(line)
 
 

@@ -195,7 +195,7 @@ class Transferred:
             title=f"transfer to {self.model.robot.name}",
             rows=(("used", verdict.winner), *result_facts(summary)),
         )
-        for line in remarks(summary):
+        for line in remarks(self.model):
             yield Note(line)
 
 

@@ -59,15 +59,16 @@ class Validated:
 
     def blocks(self) -> Iterable[Block]:
         """Returns the statistics before and after, and the coverage."""
-        before, aligned, after = (
+        raw, aligned, after = (
             self.report.before, self.report.before_aligned, self.report.after,
         )  # fmt: skip
+        stated = _row("base and tool as stated", raw)
         yield Table(
             title=f"{self.poses} pose{'' if self.poses == 1 else 's'}, {self.report.robot}",
             columns=("", "mean mm", "p95 mm", "max mm", "std mm"),
             rows=(
-                _row("before", before),
-                *([] if aligned is None else [_row("base and tool corrected", aligned)]),
+                stated,
+                *([] if aligned is None else [_row("before: base and tool corrected", aligned)]),
                 _row("after", after),
             ),
         )
@@ -88,6 +89,7 @@ def run(request: ValidateRequest, context: Context) -> Validated:
     from robotrue.app.calibration_page import write_page
     from robotrue.calibration.lineage import provenance_of
     from robotrue.report.model_view import harmless_remark
+    from robotrue.report.warning_groups import group_warnings
     from robotrue.validation.validate import validate
 
     context.step("reading", 0, STEPS)
@@ -95,7 +97,7 @@ def run(request: ValidateRequest, context: Context) -> Validated:
     rows = context.measurements(stored.cell, request.measurements, request.mapping)
     context.step("predicting", 1, STEPS)
     result = validate(stored.model, rows, payload=stored.cell.payload)
-    for warning in result.doubts:
+    for warning in group_warnings(stored.model, result.doubts):
         context.note(warning)
     for line in harmless_remark(stored.model.training_summary()):
         context.inform(line)

@@ -10,6 +10,7 @@ from robotrue.calibration.model import ErrorModel
 from robotrue.core.provenance import merge
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.report.model_view import drive_errors, list_geometric_errors, stiffness
+from robotrue.report.warning_groups import group_warnings
 from robotrue.store import items, measurements, models
 from robotrue.store.nouns import MODEL
 from robotrue.store.workspace import Workspace
@@ -32,7 +33,7 @@ def show_model(workspace: Workspace, model_id: str, version: int) -> bytes:
             "held_out_m": summary.held_out_mean,
             "rms_m": summary.rms,
             "noise_m": summary.white_sd,
-            "doubts": list(summary.warnings),
+            "doubts": group_warnings(model, summary.warnings),
             "unseen": [
                 {"name": unseen.name, "cure": unseen.cure}
                 for unseen in summary.unseen

@@ -1,0 +1,131 @@
+"""Warnings of a model for a reader: one line per cure, with what it costs a prediction."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Final
+
+import numpy as np
+
+from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.training_summary import Unseen
+from robotrue.core.arrays import Array
+from robotrue.core.units import MM
+from robotrue.robot.forward import parameter_jacobian, walk
+from robotrue.robot.model import parameter_names
+
+PREFIX: Final = "not seen by the data: "
+"""How a fit begins a warning about a combination of parameters."""
+NAMED: Final = 2
+"""Combinations a grouped warning names; it counts the others."""
+REGION: Final = "inside the region of the poses"
+POSES: Final = 64
+"""Postures drawn inside the joint ranges of a model to learn what a warning costs there."""
+
+
+def group_warnings(model: ErrorModel, warnings: Sequence[str]) -> list[str]:
+    """Returns the warnings of a model with those of one cure in one line, in their order.
+
+    Args:
+        model: Its summary says which combinations of parameters are not determined.
+        warnings: Sentences, as the summary or a validation lists them.
+    """
+    unseen = {f"{PREFIX}{each.name}: {each.cure}.": each for each in _list_harmful(model)}
+    by_cure = _group_by_cure(unseen[line] for line in warnings if line in unseen)
+    lines: list[str] = []
+    for line in warnings:
+        if line not in unseen:
+            lines.append(line)
+            continue
+        group = by_cure.pop(unseen[line].cure, [])
+        if group:
+            lines.append(f"{PREFIX}{_describe_group(model, group)}.")
+    return lines
+
+
+def group_unseen(model: ErrorModel) -> list[str]:
+    """Returns one line per cure for all combinations that the data could not determine."""
+    summary = model.training_summary()
+    harmful = _group_by_cure(_list_harmful(model))
+    harmless = _group_by_cure(each for each in summary.unseen if each.harmless and each.cure)
+    return [
+        *(_describe_group(model, group) for group in harmful.values()),
+        *(f"{_name_group(group)}: {cure}" for cure, group in harmless.items()),
+    ]
+
+
+def without_unseen(model: ErrorModel, warnings: Iterable[str]) -> tuple[str, ...]:
+    """Returns the warnings that are not about undetermined combinations of parameters."""
+    unseen = {f"{PREFIX}{each.name}: {each.cure}." for each in _list_harmful(model)}
+    return tuple(line for line in warnings if line not in unseen)
+
+
+def _list_harmful(model: ErrorModel) -> list[Unseen]:
+    return [u for u in model.training_summary().unseen if u.cure and not u.harmless]
+
+
+def _group_by_cure(unseen: Iterable[Unseen]) -> dict[str, list[Unseen]]:
+    groups: dict[str, list[Unseen]] = {}
+    for each in unseen:
+        groups.setdefault(each.cure, []).append(each)
+    return groups
+
+
+def _name_group(group: Sequence[Unseen]) -> str:
+    names = sorted((each.name for each in group), key=len)
+    more = len(names) - NAMED
+    shown = ", ".join(names[:NAMED] if more > 1 else names)
+    return f"{shown}, {more} more combinations" if more > 1 else shown
+
+
+def _describe_group(model: ErrorModel, group: Sequence[Unseen]) -> str:
+    cost = region_cost(model, [each.terms for each in group])
+    stated = "" if cost is None else f" (adds {cost / MM:.3f} mm to predictions {REGION})"
+    return f"{_name_group(group)}{stated}: {group[0].cure}"
+
+
+def region_cost(model: ErrorModel, directions: Sequence[Mapping[str, float]]) -> float | None:
+    """Returns the sd in m (3-D, rms) that directions add to predictions inside the region.
+
+    Args:
+        model: Its belief and its joint ranges.
+        directions: Parameter name to coefficient, SI; any scale.
+
+    Returns:
+        None where the model has no belief, no joint range or no such parameter.
+    """
+    belief, joint_range = model.belief(), model.training_summary().joint_range
+    if belief is None or joint_range is None or not all(directions):
+        return None
+    count = len(belief.robot.errors)
+    root = belief.root[:, :count]
+    free = np.flatnonzero((root**2).sum(axis=0) > 0.0)
+    place = {name: i for i, name in enumerate(np.array(parameter_names(model.robot.dof))[free])}
+    if not all(name in place for terms in directions for name in terms):
+        return None
+    columns = np.zeros((len(free), len(directions)))
+    for k, terms in enumerate(directions):
+        for name, value in terms.items():
+            columns[place[name], k] = value
+    spread = _spread_along(root[:, free], columns)
+    low, high = joint_range
+    rng = np.random.default_rng(0)
+    joints = low + (high - low) * rng.random((POSES, len(low)))
+    state = walk(belief.actual, joints)
+    jacobian = parameter_jacobian(belief.actual, state, joints)[:, :3, free]
+    moved = jacobian @ spread
+    return float(np.sqrt((moved**2).sum(axis=(1, 2)).mean()))
+
+
+def _spread_along(root: Array, columns: Array) -> Array:
+    """Root (p, k) of the covariance of a belief along some directions, the others held.
+
+    A direction that only the prior holds has the same precision in both: D (D' C^-1 D)^-1 D'.
+    """
+    sd = np.sqrt((root**2).sum(axis=0))
+    _, s, vt = np.linalg.svd(root / sd, full_matrices=False)
+    kept = s > 1e-9 * s[0]
+    white = (vt[kept] @ (columns / sd[:, None])) / s[kept][:, None]
+    scale = np.linalg.pinv(white)  # white' white = D' C^-1 D
+    turn, size, _ = np.linalg.svd(scale, full_matrices=False)
+    return np.asarray(columns @ turn * size)
