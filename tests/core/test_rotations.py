@@ -20,12 +20,6 @@ def test_abc_is_scipys_intrinsic_zyx(abc: tuple[float, float, float]) -> None:
     np.testing.assert_allclose(ours, Rotation.from_euler("ZYX", abc).as_matrix(), atol=1e-14)
 
 
-@given(st.tuples(angle, angle, angle))
-def test_intrinsic_xyz_is_scipys(angles: tuple[float, float, float]) -> None:
-    ours = ro.matrix_from_intrinsic_xyz(np.array(angles))
-    np.testing.assert_allclose(ours, Rotation.from_euler("XYZ", angles).as_matrix(), atol=1e-14)
-
-
 @given(st.tuples(angle, angle, angle), st.tuples(angle, angle, angle))
 def test_abc_round_trip_with_and_without_a_neighbour(
     abc: tuple[float, float, float], near: tuple[float, float, float]

@@ -21,7 +21,8 @@ from robotrue.core.files import read_bytes
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import FormatError
 from robotrue.measurement.formats.mapping import read_mapping
-from robotrue.measurement.formats.measured_files import read_measurements
+from robotrue.measurement.formats.measured_files import open_sheet
+from robotrue.measurement.formats.table import read_table
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.program.formats import detect, read_job
 from robotrue.program.formats.apt import looks_like_apt
@@ -70,8 +71,9 @@ def describe_file(path: Path, mapping: Path | None) -> PlainResult:
         document |= {} if known is None else _program_identity(known)
         origin = None if known is None else known.provenance
     else:
-        rows = _measurements(path, mapping)
+        rows, remarks = _measurements(path, mapping)
         document, origin = measurement_document(rows), rows.provenance
+        document |= {"notes": remarks} if remarks else {}
     return PlainResult(values=document, shown=_facts(path, document), provenance=origin)
 
 
@@ -299,9 +301,11 @@ def _is_program(path: Path, data: bytes) -> bool:
     return True
 
 
-def _measurements(path: Path, mapping: Path | None) -> MeasurementSet:
+def _measurements(path: Path, mapping: Path | None) -> tuple[MeasurementSet, list[str]]:
+    """The rows, and remarks; axes of a controller stay as they are: no robot is known here."""
     try:
-        return read_measurements(path, mapping=None if mapping is None else read_mapping(mapping))
+        sheet, layout = open_sheet(path, None if mapping is None else read_mapping(mapping))
+        rows = read_table(sheet, layout, relation=np.asarray)
     except FormatError as cause:
         if mapping is not None or path.suffix.lower() in (*WORKBOOKS, *TABLES):
             raise
@@ -311,6 +315,10 @@ def _measurements(path: Path, mapping: Path | None) -> MeasurementSet:
             line=cause.line,
             hint="robotrue inspect takes model files, cell.toml, KRL programs and measurements.",
         ) from cause
+    remarks = list(sheet.remarks)
+    if layout.axes == "controller":
+        remarks.append("joint ranges are those of the controller's axes")
+    return rows, remarks
 
 
 def _facts(path: Path, document: dict[str, Any]) -> tuple[Block, ...]:

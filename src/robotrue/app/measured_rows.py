@@ -13,10 +13,12 @@ from robotrue.cell.cell import Cell, tracker_covariance
 from robotrue.core.arrays import Array
 from robotrue.errors import ModelMismatchError
 from robotrue.measurement.formats.mapping import ColumnMapping, read_mapping
-from robotrue.measurement.formats.measured_files import read_measurements
+from robotrue.measurement.formats.measured_files import open_sheet
+from robotrue.measurement.formats.table import read_table
 from robotrue.measurement.measurement_set import MeasurementSet, concatenate
 from robotrue.measurement.plausibility import FEWEST_POSES, check_plausible
 from robotrue.measurement.tracker import point_covariance
+from robotrue.robot.configuration import axis_relation
 from robotrue.robot.forward import forward
 
 
@@ -105,20 +107,21 @@ def read_rows(
         FormatError: A file that cannot be read.
     """
     layout = read_mapping(mapping) if isinstance(mapping, Path) else mapping
-    rows = read_measurements(
-        path,
-        mapping=layout,
+    sheet, layout = open_sheet(path, layout)
+    for remark in sheet.remarks:
+        reporter.report(note(remark))
+    own_frame = cell.frame == "base" and layout.frame == "tracker"
+    instrument = partial(tracker_covariance, cell)
+    if own_frame:
+        reporter.report(
+            note(f"positions of {path.name} are in the frame of its tracker, not in the base")
+        )
+        # The cell's tracker position is one in the base and says nothing here: the origin is.
+        instrument = partial(point_covariance, cell.tracker, tracker=np.zeros(3))
+    return read_table(
+        sheet,
+        layout,
         frame="tracker" if cell.frame == "tracker" else None,
-        instrument=partial(tracker_covariance, cell),
-    )
-    if rows.frame == cell.frame:
-        return rows
-    reporter.report(
-        note(f"positions of {path.name} are in the frame of its tracker, not in the base")
-    )
-    # The cell's tracker position is one in the base and says nothing here: the origin is.
-    return read_measurements(
-        path,
-        mapping=layout,
-        instrument=partial(point_covariance, cell.tracker, tracker=np.zeros(3)),
+        instrument=instrument,
+        relation=axis_relation(cell.measured_robot),
     )

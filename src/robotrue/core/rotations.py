@@ -83,13 +83,6 @@ def wrap(angle: Array) -> Array:
     return (np.asarray(angle) + np.pi) % (2.0 * np.pi) - np.pi
 
 
-def matrix_from_intrinsic_xyz(angles: Array) -> Array:
-    """Returns R = Rx(rx) Ry(ry) Rz(rz), shape (..., 3, 3); angles (..., 3) rad in that order."""
-    angles = np.asarray(angles, dtype=np.float64)
-    # Rx(a) Ry(b) Rz(c) is the transpose of Rz(-c) Ry(-b) Rx(-a).
-    return np.swapaxes(matrix_from_abc(-angles[..., ::-1]), -1, -2)
-
-
 def matrix_from_quat_wxyz(quat_wxyz: Array) -> Array:
     """Returns the rotation matrix of a quaternion [w, x, y, z], shape (..., 3, 3).
 

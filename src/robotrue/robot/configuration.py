@@ -11,6 +11,7 @@ checked on a controller: compare one taught point before trusting them.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Final
 
 import numpy as np
@@ -50,6 +51,11 @@ _LIMIT_SLACK: Final = 1e-9
 def controller_axes(robot: RobotModel, joints: Array) -> Array:
     """Returns the axis values the controller displays (..., 6) rad from q (..., 6) rad."""
     return _counting(robot).to_controller(np.asarray(joints, dtype=np.float64))
+
+
+def axis_relation(robot: RobotModel) -> Callable[[Array], Array]:
+    """Returns what takes the controller's axes (..., n) rad to joints q (..., n) rad."""
+    return _counting(robot).to_model
 
 
 def _counting(robot: RobotModel) -> Configuration:

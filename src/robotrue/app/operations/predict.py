@@ -82,10 +82,12 @@ def run(request: PredictRequest, context: Context) -> Predictions:
     from robotrue.errors import ModelMismatchError
     from robotrue.measurement.formats.mapping import read_mapping
     from robotrue.measurement.formats.measured_files import read_queries
+    from robotrue.robot.configuration import axis_relation
 
     stored = context.model(request.model)
     layout = None if request.mapping is None else read_mapping(request.mapping)
-    queries = read_queries(request.queries, mapping=layout)
+    relation = axis_relation(stored.model.robot)
+    queries = read_queries(request.queries, mapping=layout, relation=relation)
     if queries.joints.shape[1] != stored.model.robot.dof:
         raise ModelMismatchError(
             f"{queries.joints.shape[1]} joint columns, {stored.model.robot.name} has "

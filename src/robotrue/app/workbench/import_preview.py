@@ -98,6 +98,8 @@ def _guess(sheet: Sheet) -> dict[str, object]:
             axes.setdefault(axis[1].lower(), name)
             if axis[2]:
                 units["position_unit"] = axis[2].lower().replace("µ", "u")
+    if any(name.strip()[:1] in "Aa" for name in joints.values()):  # A1 to A6: as a pendant shows
+        units["axes"] = "controller"
     return {
         "joints": [joints.get(k, "") for k in range(1, max(joints, default=6) + 1)],
         "position": [axes.get(k, "") for k in "xyz"],

@@ -16,20 +16,27 @@ from typing import Any, Final, Literal, TypeAlias, get_args
 from robotrue.core.files import read_toml
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ConfigurationError
+from robotrue.measurement.formats.sheet import HEADER_LINES
 from robotrue.measurement.measurement_set import MeasurementFrame
 
 AngleUnit: TypeAlias = Literal["deg", "rad"]
-LengthUnit: TypeAlias = Literal["mm", "m", "um"]
-RotationForm: TypeAlias = Literal["rz_ry_rx", "rx_ry_rz", "rotation_vector", "wxyz", "xyzw"]
+LengthUnit: TypeAlias = Literal["mm", "m", "um", "inch"]
+AxisSense: TypeAlias = Literal["model", "controller"]
+"""Whether columns of joints hold those of the robot model, or the axes the controller shows."""
+RotationForm: TypeAlias = Literal[
+    "rz_ry_rx", "wpr", "rpy", "abc", "rx_ry_rz", "oat", "rotation_vector", "wxyz", "xyzw"
+]
 """How three (or four) printed numbers make a matrix.
 
-``rz_ry_rx``: columns rx, ry, rz and R = Rz(rz) Ry(ry) Rx(rx) (KUKA's C, B, A);
-``rx_ry_rz``: columns rx, ry, rz and R = Rx(rx) Ry(ry) Rz(rz) (intrinsic XYZ, Leica T-Mac);
-``rotation_vector``: Universal Robots; ``wxyz``, ``xyzw``: unit quaternions.
+``rz_ry_rx``: columns rx, ry, rz and R = Rz(rz) Ry(ry) Rx(rx); the same are ``wpr`` (Fanuc's W, P,
+R) and ``rpy`` (roll, pitch, yaw); ``abc``: KUKA's columns A, B, C and R = Rz(A) Ry(B) Rx(C);
+``rx_ry_rz``: columns rx, ry, rz and R = Rx(rx) Ry(ry) Rz(rz) (intrinsic XYZ: Leica T-Mac, Staubli);
+``oat``: Kawasaki's O, A, T and R = Rz(O) Ry(A) Rz(T); ``rotation_vector``: Universal Robots;
+``wxyz``, ``xyzw``: unit quaternions, scalar first (ABB) or last (Leica, ROS).
 """
 
 ANGLE: Final[Mapping[str, float]] = {"deg": DEG, "rad": 1.0}
-LENGTH: Final[Mapping[str, float]] = {"mm": MM, "m": 1.0, "um": UM}
+LENGTH: Final[Mapping[str, float]] = {"mm": MM, "m": 1.0, "um": UM, "inch": 25.4 * MM}
 GROUPS: Final = (
     "joints",
     "position",
@@ -78,6 +85,8 @@ class ColumnMapping:
         station: One column, number of the instrument set-up.
         set_name: One column, name of the set (campaign, block) a row belongs to.
         joints_unit: Unit of ``joints``.
+        axes: ``"controller"``: the columns of ``joints`` hold the axes the controller shows, and
+            the robot says how they count; ``joints_sign`` and ``joints_offset`` are then empty.
         joints_sign: +1 or -1 per joint; empty is +1.
         joints_offset: Per joint, in the file's unit; empty is 0.
         position_unit: Unit of ``position``, its deviations and ``payload_com``.
@@ -85,15 +94,20 @@ class ColumnMapping:
         position_offset: In the file's unit.
         rotation_unit: Unit of ``rotation`` and ``rotation_std``.
         rotation_form: How the numbers make a matrix.
+        rotation_inverse: The file has the inverse: the frame as seen from the target (conjugate
+            quaternions).
+        factors: By group: its columns are multiplied by it, before all else (U95 to sigma: 0.5).
         frame: Frame of position and rotation if the caller does not say.
         constants: Columns the file does not have, with one value for all rows.
         optional: Groups that may be absent as a whole.
+        ignore: Columns to pass over although their names look as if they belonged here.
         ignore_other: Columns nobody asked for are passed over; otherwise they are an error.
         delimiter: Between cells, None finds out; ``" "`` is any run of blanks.
         decimal: ``"."`` or ``","``, None finds out.
         encoding: None finds out.
         skip_lines: Lines before the header.
         header: False names the columns "1", "2", ...
+        header_lines: Lines of the header; their words above each other make one name.
         worksheet: Sheet of a workbook; None is the only one with values.
     """
 
@@ -115,6 +129,7 @@ class ColumnMapping:
     station: tuple[str, ...] = ()
     set_name: tuple[str, ...] = ()
     joints_unit: AngleUnit = "deg"
+    axes: AxisSense = "model"
     joints_sign: tuple[float, ...] = ()
     joints_offset: tuple[float, ...] = ()
     position_unit: LengthUnit = "mm"
@@ -122,15 +137,19 @@ class ColumnMapping:
     position_offset: tuple[float, ...] = (0.0, 0.0, 0.0)
     rotation_unit: AngleUnit = "deg"
     rotation_form: RotationForm = "rz_ry_rx"
+    rotation_inverse: bool = False
+    factors: Mapping[str, float] = field(default_factory=dict)
     frame: MeasurementFrame = "base"
     constants: Mapping[str, float] = field(default_factory=dict)
     optional: tuple[str, ...] = ()
+    ignore: tuple[str, ...] = ()
     ignore_other: bool = True
     delimiter: str | None = None
     decimal: str | None = None
     encoding: str | None = None
     skip_lines: int = 0
     header: bool = True
+    header_lines: int = HEADER_LINES
     worksheet: str | None = None
 
     def __post_init__(self) -> None:
@@ -140,6 +159,7 @@ class ColumnMapping:
             ConfigurationError: A group of the wrong length, an unknown unit or group name.
         """
         object.__setattr__(self, "constants", MappingProxyType(dict(self.constants)))
+        object.__setattr__(self, "factors", MappingProxyType(dict(self.factors)))
         dof = len(self.joints)
         if dof == 0:
             raise ConfigurationError(f"mapping {self.name!r} names no joint columns.")
@@ -155,11 +175,18 @@ class ColumnMapping:
         for group in ("position_sign", "position_offset"):
             if len(getattr(self, group)) != 3:
                 raise ConfigurationError(f"mapping {self.name!r}: {group} needs 3 values.")
+        if self.axes == "controller" and (self.joints_sign or self.joints_offset):
+            raise ConfigurationError(
+                f"mapping {self.name!r}: joints_sign or joints_offset beside axes = "
+                '"controller", which is the robot\'s own relation.',
+                hint="state one of the two.",
+            )
         self._check_words()
 
     def _check_words(self) -> None:
         for name, words in (
             ("joints_unit", get_args(AngleUnit)),
+            ("axes", get_args(AxisSense)),
             ("rotation_unit", get_args(AngleUnit)),
             ("position_unit", get_args(LengthUnit)),
             ("rotation_form", get_args(RotationForm)),
@@ -174,6 +201,12 @@ class ColumnMapping:
         for group in self.optional:
             if group not in GROUPS:
                 raise ConfigurationError(f"mapping {self.name!r}: no group {group!r} to leave out.")
+        for group, factor in self.factors.items():
+            if group not in GROUPS or not isinstance(factor, int | float) or not factor:
+                raise ConfigurationError(
+                    f"mapping {self.name!r}: factor {factor!r} of {group!r}, expected a number "
+                    f"for one of {', '.join(GROUPS)}."
+                )
 
     def count(self, group: str) -> int:
         """Returns how many columns a group has where it is there."""
@@ -219,6 +252,9 @@ def build_mapping(stated: Mapping[str, object], source: Path | None = None) -> C
             source=source,
         )
     values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in stated.items()}
+    for group in (*GROUPS, "optional", "ignore"):  # one column needs no list
+        if isinstance(values.get(group), str):
+            values[group] = (values[group],)
     try:
         return ColumnMapping(**values)
     except TypeError as cause:

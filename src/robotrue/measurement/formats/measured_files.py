@@ -13,11 +13,12 @@ from robotrue.core.arrays import Array, IntArray
 from robotrue.core.columns import Column, Columns
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.formats.canonical import canonical_mapping, joints_in
+from robotrue.measurement.formats.mapped_sheet import MappedSheet
 from robotrue.measurement.formats.mapping import ColumnMapping, read_layouts
 from robotrue.measurement.formats.sheet import Sheet, column_key
 from robotrue.measurement.formats.sheet_file import read_sheet
 from robotrue.measurement.formats.table import (
-    MappedSheet,
+    AxisRelation,
     approach_columns,
     joint_columns,
     payload_column,
@@ -50,10 +51,16 @@ class QueryTable(Columns):
         return len(self.joints)
 
 
-def read_queries(path: str | Path, *, mapping: ColumnMapping | str | None = None) -> QueryTable:
+def read_queries(
+    path: str | Path,
+    *,
+    mapping: ColumnMapping | str | None = None,
+    relation: AxisRelation | None = None,
+) -> QueryTable:
     """Returns the queries in a file: canonical columns, of which only the joints are needed.
 
     A measurement file of any known layout will do as well; its positions are not looked at.
+    ``relation`` takes the controller's axes to joints, for a mapping of such axes.
 
     Raises:
         FormatError: The file is not what its mapping says, with line and column.
@@ -61,7 +68,7 @@ def read_queries(path: str | Path, *, mapping: ColumnMapping | str | None = None
     sheet, chosen = open_sheet(path, mapping, positions=False)
     columns = MappedSheet(sheet, chosen)
     return QueryTable(
-        joints=joint_columns(columns),
+        joints=joint_columns(columns, relation),
         wrench=wrench_columns(columns),
         approach=approach_columns(columns),
         payload_mass=payload_column(columns),
@@ -76,6 +83,7 @@ def read_measurements(
     frame: MeasurementFrame | None = None,
     instrument: Instrument | None = None,
     ignore: Sequence[str] = (),
+    relation: AxisRelation | None = None,
 ) -> MeasurementSet:
     """Returns the measurements of a CSV, TSV, TXT or workbook file.
 
@@ -86,13 +94,15 @@ def read_measurements(
         frame: Frame of the positions; None takes the mapping's (canonical: base).
         instrument: Covariance of a point where the file has no standard deviations.
         ignore: Columns to pass over in a canonical file.
+        relation: Takes the controller's axes to joints, for a mapping of such axes:
+            ``robot.controller.to_model``.
 
     Raises:
         FormatError: The file is not what its mapping says, with line and column.
         ConfigurationError: No layout of that name.
     """
     sheet, chosen = open_sheet(path, mapping, ignore=ignore)
-    return read_table(sheet, chosen, frame=frame, instrument=instrument)
+    return read_table(sheet, chosen, frame=frame, instrument=instrument, relation=relation)
 
 
 def open_sheet(
@@ -123,6 +133,7 @@ def open_sheet(
             encoding=mapping.encoding,
             skip_lines=mapping.skip_lines,
             header=mapping.header,
+            header_lines=mapping.header_lines,
             worksheet=mapping.worksheet,
         )
         return sheet, mapping

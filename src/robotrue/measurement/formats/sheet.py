@@ -11,6 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
@@ -19,6 +20,9 @@ from robotrue.core.csv_text import csv_text
 from robotrue.core.files import write_atomic
 from robotrue.core.provenance import Provenance, mark_line
 from robotrue.errors import FormatError
+
+HEADER_LINES: Final = 1
+"""Lines of a header, unless somebody states more."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,6 +38,8 @@ class Sheet:
         header_line: That of the header; None without one.
         decimal: Decimal mark of the numbers, ``"."`` or ``","``.
         provenance: The file, and whether a comment line in it says that it was simulated.
+        units: Of the columns, as a row below the header states them; empty without such a row.
+        remarks: What a user should know of how the rows were read, one sentence each.
     """
 
     source: str
@@ -44,6 +50,8 @@ class Sheet:
     header_line: int | None
     decimal: str
     provenance: Provenance
+    units: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
     _index: Mapping[str, int] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:

@@ -6,6 +6,7 @@ import csv
 import io
 import re
 import zipfile
+from dataclasses import replace
 from datetime import date, datetime, time, timedelta
 from pathlib import Path
 from typing import Final
@@ -14,12 +15,21 @@ from robotrue.core.csv_text import as_written
 from robotrue.core.files import read_bytes, sha256
 from robotrue.core.provenance import file_provenance, provenance_of_lines
 from robotrue.errors import FormatError
-from robotrue.measurement.formats.sheet import Sheet, column_key
+from robotrue.measurement.formats.sheet import HEADER_LINES, Sheet
+from robotrue.measurement.formats.sheet_header import (
+    NumberedRow,
+    check_header,
+    check_widths,
+    is_number,
+    join_header_lines,
+    read_units,
+)
 
 WORKBOOKS: Final = (".xlsx", ".xlsm", ".xlsb", ".xls", ".ods")
 BLANKS: Final = " "
 """The delimiter that means "any run of blanks"."""
-_COMMENT: Final = "#"
+_COMMENTS: Final = ("#", "//", "%")
+"""Marks of a comment line; a semicolon is one, too, where it does not separate numbers."""
 _DECIMAL_COMMA: Final = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 _DECIMAL_POINT: Final = re.compile(r"[+-]?\d*\.\d+(?:[eE][+-]?\d+)?")
 
@@ -32,12 +42,13 @@ def read_sheet(
     encoding: str | None = None,
     skip_lines: int = 0,
     header: bool = True,
+    header_lines: int = HEADER_LINES,
     worksheet: str | None = None,
 ) -> Sheet:
     """Returns a CSV, TSV, TXT or workbook file as columns of text.
 
-    What is ``None`` is found out from the file. Lines that start with ``#`` and lines without any
-    value are passed over.
+    What is ``None`` is found out from the file. Lines that start with ``#``, ``//``, ``%`` or ``;``
+    and lines without any value are passed over; a row of units below the header is none of numbers.
 
     Args:
         path: The file; workbooks are recognised by their suffix.
@@ -46,6 +57,7 @@ def read_sheet(
         encoding: Python's name of it.
         skip_lines: Lines before the header.
         header: The first line names the columns; otherwise they are called "1", "2", ...
+        header_lines: Lines of the header; their words above each other make one name.
         worksheet: Name of the sheet of a workbook.
 
     Raises:
@@ -55,7 +67,7 @@ def read_sheet(
     if not data.strip():
         raise FormatError("the file is empty.", source=path, hint="export it again.")
     if Path(path).suffix.lower() in WORKBOOKS:
-        every = _workbook_rows(path, data, worksheet)
+        every = _workbook_rows(path, data, worksheet)[skip_lines:]
         comments = [row[0] for _, row in every if _is_comment(row)]
         rows = [(line, row) for line, row in every if not _is_comment(row)]
     elif data.startswith(b"PK\3\4"):
@@ -66,30 +78,52 @@ def read_sheet(
         )
     else:
         text = _decode(path, data, encoding, skip_lines)
-        comments = [line for line in text.splitlines() if line.lstrip().startswith(_COMMENT)]
+        comments = [line for line in text.splitlines() if line.lstrip().startswith(_COMMENTS)]
         rows = _text_rows(path, text, delimiter, skip_lines)
     rows = [(line, row) for line, row in rows if any(row)]
     if not rows:
         raise FormatError("no rows with values.", source=path, hint="export it again.")
-    if header:
-        names, body = _header(path, *rows[0], rows[1:]), rows[1:]
+    digest = sha256(data)
+    stated = provenance_of_lines(comments)
+    sheet = build_sheet(path, rows, digest, header_lines if header else 0, decimal)
+    return replace(sheet, provenance=file_provenance(Path(path).name, digest, stated))
+
+
+def build_sheet(
+    path: str | Path,
+    rows: list[NumberedRow],
+    digest: str,
+    header_lines: int,
+    decimal: str | None = None,
+) -> Sheet:
+    """Returns rows of cells as a sheet; without header lines columns are called "1", "2", ...
+
+    Raises:
+        FormatError: Duplicate names, rows of unequal length, a header and no rows.
+    """
+    units: tuple[str, ...] = ()
+    if header_lines:
+        first, body = join_header_lines(rows[:header_lines]), rows[header_lines:]
+        if body and (units := read_units(body[0][1])):
+            body = body[1:]
+        names = check_header(path, first, body)
     else:
         names, body = tuple(str(i + 1) for i in range(len(rows[0][1]))), rows
     if not body:
         raise FormatError(
             "a header and no rows.", source=path, line=rows[0][0], hint="export it again."
         )
-    cells = _rectangle(path, names, body)
-    digest = sha256(data)
+    cells = check_widths(path, names, body)
     return Sheet(
         source=str(path),
         digest=digest,
         header=names,
         cells=cells,
         lines=tuple(line for line, _ in body),
-        header_line=rows[0][0] if header else None,
+        header_line=first[0] if header_lines else None,
         decimal=decimal or _sniff_decimal(cells),
-        provenance=file_provenance(Path(path).name, digest, provenance_of_lines(comments)),
+        provenance=file_provenance(Path(path).name, digest),
+        units=units,
     )
 
 
@@ -153,16 +187,18 @@ def _line_end(data: bytes, lines: int) -> int:
 
 def _text_rows(
     path: str | Path, text: str, delimiter: str | None, skip_lines: int
-) -> list[tuple[int, tuple[str, ...]]]:
+) -> list[NumberedRow]:
     lines = io.StringIO(text, newline=None).read().split("\n")
     numbered = [
         (i + 1, line)
         for i, line in enumerate(lines)
-        if i >= skip_lines and line.strip() and not line.lstrip().startswith(_COMMENT)
+        if i >= skip_lines and line.strip() and not line.lstrip().startswith(_COMMENTS)
     ]
-    if not numbered:
+    plain = [line for _, line in numbered if not line.lstrip().startswith(";")]
+    if not plain:
         return []
-    mark = delimiter or _sniff_delimiter(numbered[0][1])
+    mark = delimiter or _sniff_delimiter(plain[0])
+    numbered = [(i, line) for i, line in numbered if not _is_remark(line, mark, plain[0])]
     if mark == BLANKS:
         return [(number, tuple(line.split())) for number, line in numbered]
     out = []
@@ -180,6 +216,14 @@ def _text_rows(
     return out
 
 
+def _is_remark(line: str, mark: str, header: str) -> bool:
+    """Whether a line begins with a semicolon and is no row of the table, nor of its header."""
+    if not line.lstrip().startswith(";"):
+        return False
+    as_long = line.count(mark) == header.count(mark)
+    return mark != ";" or not (as_long or any(is_number(cell) for cell in line.split(";")))
+
+
 def _sniff_delimiter(line: str) -> str:
     for mark in (";", "\t", ",", "|"):
         if mark in line:
@@ -195,69 +239,12 @@ def _sniff_decimal(cells: tuple[tuple[str, ...], ...]) -> str:
     return "," if commas > points else "."
 
 
-def _header(
-    path: str | Path, line: int, row: tuple[str, ...], body: list[tuple[int, tuple[str, ...]]]
-) -> tuple[str, ...]:
-    # An instrument that ends every line with a delimiter makes a last column without a name.
-    if row[-1] == "" and not any(
-        len(cells) >= len(row) and cells[len(row) - 1] for _, cells in body
-    ):
-        row = row[:-1]
-    if all(_is_number(cell) for cell in row):
-        raise FormatError(
-            f"the first line holds numbers ({row[0]}, ...), expected column names.",
-            source=path,
-            line=line,
-            hint="add a header line, or use a mapping with header=False.",
-        )
-    seen: dict[str, int] = {}
-    for i, name in enumerate(row):
-        if not name:
-            raise FormatError(f"column {i + 1} has no name.", source=path, line=line)
-        if column_key(name) in seen:
-            raise FormatError(
-                f"column {name!r} appears twice: columns {seen[column_key(name)]} and {i + 1}.",
-                source=path,
-                line=line,
-                hint="rename or remove one of them.",
-            )
-        seen[column_key(name)] = i + 1
-    return row
-
-
-def _rectangle(
-    path: str | Path, names: tuple[str, ...], body: list[tuple[int, tuple[str, ...]]]
-) -> tuple[tuple[str, ...], ...]:
-    width = len(names)
-    out = []
-    for line, row in body:
-        if len(row) > width and not any(row[width:]):
-            row = row[:width]
-        if len(row) != width:
-            last = line == body[-1][0] and len(row) < width
-            raise FormatError(
-                f"{len(row)} columns, expected {width}"
-                + (": the file ends in the middle of its last line." if last else "."),
-                source=path,
-                line=line,
-                hint="copy or export the file again." if last else "look for a missing delimiter.",
-            )
-        out.append(row)
-    return tuple(out)
-
-
 def _is_comment(row: tuple[str, ...]) -> bool:
     """Whether a row of a workbook is a comment line of a text file that was saved as one."""
-    return bool(row) and row[0].startswith(_COMMENT) and not any(row[1:])
+    return bool(row) and row[0].startswith((*_COMMENTS, ";")) and not any(row[1:])
 
 
-def _is_number(cell: str) -> bool:
-    return bool(re.fullmatch(r"[+-]?(?:\d++(?:[.,]\d++)?|[.,]\d++)(?:[eE][+-]?\d+)?", cell))
-
-
-def _workbook_rows(
-    path: str | Path, data: bytes, worksheet: str | None
-) -> list[tuple[int, tuple[str, ...]]]:
+def _workbook_rows(path: str | Path, data: bytes, worksheet: str | None) -> list[NumberedRow]:
     import python_calamine  # here, so that text files do not pay for it
 
     try:

@@ -17,7 +17,8 @@ from robotrue.web.uploads import find_upload
 PAGE_ROWS: Final = 100
 UNITS: Final[Mapping[str, tuple[str, ...]]] = {
     "joints_unit": ("deg", "rad"),
-    "position_unit": ("mm", "m", "um"),
+    "axes": ("model", "controller"),
+    "position_unit": ("mm", "m", "um", "inch"),
     "frame": ("base", "tracker"),
 }
 AXES: Final = ("x", "y", "z")
@@ -127,7 +128,9 @@ def _read_mapping(query: Mapping[str, str]) -> dict[str, Any] | None:
     if not joints or len(position) != len(AXES):
         return None
     units = {name: query[name] for name, known in UNITS.items() if query.get(name) in known}
-    return {"joints": joints, "position": position, "ignore_other": True, **units}
+    ignored = [query["ignore"]] if query.get("ignore") else []
+    stated = {"joints": joints, "position": position, "ignore": ignored, "ignore_other": True}
+    return stated | units
 
 
 PAGE: Final = Screen(
