@@ -11,7 +11,7 @@ from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.campaign import Clamps
 from robotrue.drilling.correction import CorrectedReadings
-from robotrue.drilling.drill_defaults import Position
+from robotrue.drilling.drill_defaults import LIMIT_DEG, Position
 from robotrue.drilling.foot_model import NormalModel, estimate_tilt
 from robotrue.drilling.head import HeadMove, normal_from_tilt, squaring_move
 from robotrue.errors import ImplausibleDataError
@@ -19,7 +19,9 @@ from robotrue.errors import ImplausibleDataError
 MARGIN: Final = 0.1
 """Share of the campaign's range by which force and tilt may lie outside it."""
 SURE: Final = 5.0
-"""Deviations of the plane's residual beyond which a sensor is at fault."""
+"""Deviations of the plane's residual or height beyond which a sensor is at fault."""
+HARD_DEG: Final = 1.0
+"""Tilt that one faulty sensor may cause, at which no move is given."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,6 +59,7 @@ def adjustment(model: NormalModel, clamps: Clamps, axes: Array) -> HoleAdjustmen
     _refuse_force(model, clamps)
     found = estimate_tilt(model, clamps)
     _refuse_plane(model, found)
+    _refuse_height(model, found)
     move, uncorrected = (
         squaring_move(model.head, axes, normal_from_tilt(model.head.order, tilt[0]))
         for tilt in (found.tilt, found.seen)
@@ -66,7 +69,7 @@ def adjustment(model: NormalModel, clamps: Clamps, axes: Array) -> HoleAdjustmen
         covariance=found.covariance[0],
         move=move,
         theoretical=uncorrected.axes,
-        notes=_notes(model, clamps),
+        notes=_notes(model, clamps, found),
     )
 
 
@@ -138,7 +141,32 @@ def _refuse_plane(model: NormalModel, found: CorrectedReadings) -> None:
         )
 
 
-def _notes(model: NormalModel, clamps: Clamps) -> tuple[str, ...]:
+def _refuse_height(model: NormalModel, found: CorrectedReadings) -> None:
+    """Three sensors lie on a plane always: that one is wrong shows in the height of the plane."""
+    off, tilt = _height_off(model, found)
+    if tilt > HARD_DEG * DEG:
+        raise ImplausibleDataError(
+            f"the plane of the readings is {off / MM:+.4f} mm off where the campaign found it: one "
+            f"sensor may be {abs(off) * len(model.foot.radius) / MM:.3f} mm off, which tilts the "
+            f"normal by {tilt / DEG:.2f} deg.",
+            hint="a sensor that is disturbed or wired the other way round, an edge under it, or a "
+            "zero of another foot: look at the foot, then `drill zero`.",
+        )
+
+
+def _height_off(model: NormalModel, found: CorrectedReadings) -> tuple[float, float]:
+    """Height (m) off the campaign's, and the tilt (rad) if one sensor alone is the cause.
+
+    Both are 0 within what the campaign's own heights vary by.
+    """
+    off = float(found.height[0])
+    noise = float(np.maximum(model.correction.noise, model.foot.reading_sigma).max())
+    if not abs(off) > SURE * noise:
+        return 0.0, 0.0
+    return off, 2.0 * abs(off) / float(np.mean(model.foot.radius))
+
+
+def _notes(model: NormalModel, clamps: Clamps, found: CorrectedReadings) -> tuple[str, ...]:
     notes = []
     known = model.envelope.approach
     if clamps.approach[0] not in known:
@@ -151,6 +179,12 @@ def _notes(model: NormalModel, clamps: Clamps) -> tuple[str, ...]:
     if not low <= height <= high:
         notes.append(
             f"height is {height / MM:g} mm, the campaign covers {low / MM:g} to {high / MM:g} mm."
+        )
+    off, tilt = _height_off(model, found)
+    if tilt > LIMIT_DEG * DEG:
+        notes.append(
+            f"the plane of the readings is {off / MM:+.4f} mm off where the campaign found it: if "
+            f"one sensor has shifted, the normal is {tilt / DEG:.2f} deg off. Try: `drill zero`."
         )
     return (*notes, *_zero_notes(model), *_position_notes(model, clamps))
 

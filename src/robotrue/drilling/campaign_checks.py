@@ -8,11 +8,11 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array
-from robotrue.core.units import MM
+from robotrue.core.units import DEG, MM
 from robotrue.drilling.campaign import Campaign
 from robotrue.drilling.correction_trials import usable_positions
 from robotrue.drilling.foot import Foot, readings
-from robotrue.drilling.head import normal_from_tilt
+from robotrue.drilling.head import Head, normal_from_tilt, rotation
 from robotrue.errors import ImplausibleDataError, ObservabilityError
 
 FEWEST: Final = 8
@@ -23,6 +23,12 @@ BETTER: Final = 0.5
 """Share of the error another order of sensors must leave to be the likely one."""
 SLOPE: Final = (0.8, 1.25)
 """What a sensor may show per metre of travel; outside it is in another unit."""
+TURNING: Final = 0.1 * DEG
+"""rad, spread of the normals of one plane below which no sense is doubted."""
+BETTER_SENSE: Final = 0.3
+"""Share of that spread another sense must leave to be the likely one."""
+NEIGHBOUR: Final = 4
+"""Planes of a campaign with as many clamps more are told apart."""
 SHUFFLED: Final = 6
 """Most sensors whose orders are all tried."""
 ONE_FORCE: Final = 1.0
@@ -59,6 +65,7 @@ def check_campaign(foot: Foot, campaign: Campaign) -> None:
     _check_stuck(campaign, measured, travel)
     _check_slopes(campaign, measured, expected)
     _check_order(foot, campaign, measured, expected)
+    _check_each(campaign, measured, expected)
     _check_force(campaign)
 
 
@@ -112,6 +119,64 @@ def _check_slopes(campaign: Campaign, measured: Array, expected: Array) -> None:
         hint="check the unit of the readings, radius_mm of the foot, and that a_deg and b_deg are "
         "degrees.",
     )
+
+
+def _check_each(campaign: Campaign, measured: Array, expected: Array) -> None:
+    """One slope per sensor: a mirrored one, or one of another unit, among sound ones."""
+    own, wanted = (values - values.mean(axis=0) for values in (measured, expected))
+    slopes = np.sum(own * wanted, axis=0) / np.sum(wanted**2, axis=0)
+    wrong = np.flatnonzero((slopes < SLOPE[0]) | (slopes > SLOPE[1]))
+    if not len(wrong):
+        return
+    k = int(wrong[0])
+    mirrored = SLOPE[0] <= -slopes[k] <= SLOPE[1]
+    raise ImplausibleDataError(
+        f"sensor {k + 1} travels {slopes[k]:.3f} times as far as the tilts say, "
+        f"{SLOPE[0]:g} to {SLOPE[1]:g} are possible"
+        f"{': it is mounted or wired the other way round' if mirrored else ''}.",
+        source=campaign.source or None,
+        hint="a reading grows where the surface is farther from the foot: turn the sign of its "
+        "column."
+        if mirrored
+        else "check the unit and the seat of this sensor, and its radius_mm.",
+    )
+
+
+def check_head(head: Head, campaign: Campaign) -> None:
+    """Checks the sense of A and B where a campaign records them.
+
+    Clamps on one calibration plane see one normal in the frame of the machine: with a wrong sense
+    the plane seems to turn with the head.
+
+    Raises:
+        ImplausibleDataError: Another sense makes the normals of a plane agree.
+    """
+    axes = campaign.clamps.axes
+    if len(campaign) < FEWEST or not np.isfinite(axes).all() or np.ptp(axes, axis=0).max() == 0.0:
+        return
+    stated = _normal_spread(head, campaign, head.sense)
+    others = [(a, b) for a in (1.0, -1.0) for b in (1.0, -1.0) if (a, b) != tuple(head.sense)]
+    spread, sense = min((_normal_spread(head, campaign, other), other) for other in others)
+    if stated < TURNING or spread > BETTER_SENSE * stated:
+        return
+    wrong = [name for name, was, now in zip("AB", head.sense, sense, strict=True) if was != now]
+    raise ImplausibleDataError(
+        f"the calibration plane seems to turn with the head: neighbouring normals are "
+        f"{stated / DEG:.3f} deg apart with sense {[int(v) for v in head.sense]}, "
+        f"{spread / DEG:.3f} deg with {[int(v) for v in sense]}: {' and '.join(wrong)} count the "
+        "other way round.",
+        source=campaign.source or None,
+        hint=f"[head] sense = {[int(v) for v in sense]} in the foot file, or the sign of "
+        f"{', '.join(f'axis_{name}_deg' for name in wrong)}.",
+    )
+
+
+def _normal_spread(head: Head, campaign: Campaign, sense: tuple[float, float]) -> float:
+    """Median angle (rad) from each normal in the machine's frame to its fourth neighbour."""
+    turned = rotation(head.order, campaign.clamps.axes * np.asarray(sense))
+    normals = np.einsum("nij,nj->ni", turned, campaign.normal)
+    apart = np.linalg.norm(normals[:, None] - normals[None], axis=-1)
+    return float(np.median(np.sort(apart, axis=1)[:, NEIGHBOUR]))
 
 
 def _check_order(foot: Foot, campaign: Campaign, measured: Array, expected: Array) -> None:

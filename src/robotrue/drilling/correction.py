@@ -8,7 +8,7 @@ from typing import Annotated, Final, Protocol
 import numpy as np
 
 from robotrue.core.arrays import Array
-from robotrue.core.columns import Column, Columns
+from robotrue.core.columns import EMPTY, Column, Columns
 from robotrue.drilling.campaign import (
     Campaign,
     Clamps,
@@ -115,6 +115,7 @@ class CorrectedReadings(Columns):
         residual: (n, k) m, corrected readings less those of a plane; zero with three sensors.
         conditions: The causes.
         seen: (n, 2) rad, tilt of the readings as they are.
+        height: (n,) m of the corrected plane; NaN of targets, whose readings are not corrected.
     """
 
     tilt: Annotated[Array, Column("n 2", unit="rad")]
@@ -122,6 +123,7 @@ class CorrectedReadings(Columns):
     residual: Annotated[Array, Column("n k", unit="m")]
     conditions: Annotated[Conditions, Column("n")]
     seen: Annotated[Array, Column("n 2", unit="rad")]
+    height: Annotated[Array, Column("n", unit="m", nan=True, fill=np.nan)] = EMPTY
 
 
 def correct_readings(
@@ -148,6 +150,7 @@ def correct_readings(
         residual=plane.residual,
         conditions=c,
         seen=tilt_from_normal(order, seen.normal),
+        height=plane.height,
     )
 
 

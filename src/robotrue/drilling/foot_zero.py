@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import permutations
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -27,6 +28,10 @@ FEWEST: Final = 5
 """Rows, or seats, from which a deviation is told."""
 OUTLYING: Final = 6.0
 """Robust deviations off its seat beyond which a row is no reading of the tool at rest."""
+EXCHANGED: Final = 0.1
+"""Share of the move from the old zero that another order of the columns leaves if it is right."""
+SHUFFLED: Final = 6
+"""Most sensors whose orders are all tried."""
 FALSE_ALARM: Final = 1e-3
 """Share of sound files of which a seat is refused; few seats do not know their deviation."""
 
@@ -164,6 +169,32 @@ def _tilt_sigma(setup: FootSetup, means: Array) -> Array:
 def zero_residual(found: FootZero, setup: FootSetup) -> float:
     """Returns the largest deviation (m) of the zero from a plane; 0 with three sensors."""
     return float(np.abs(plane_under(setup.foot, found.zero).residual).max())
+
+
+def check_exchange(found: FootZero, setup: FootSetup) -> None:
+    """Checks that the new zero is not the old one with columns exchanged.
+
+    Raises:
+        ImplausibleDataError: Another order of the columns brings it back to the old one.
+    """
+    if setup.zero is None or len(found.zero) > SHUFFLED:
+        return
+    off, order = min(
+        (float(np.abs(found.zero[list(p)] - setup.zero).max()), p)
+        for p in permutations(range(len(found.zero)))
+    )
+    stated = float(np.abs(found.zero - setup.zero).max())
+    repeats = float(np.maximum(found.scatter, setup.foot.reading_sigma).max())
+    if off > EXCHANGED * stated or stated < OUTLYING * repeats:
+        return
+    moved = ", ".join(f"column {p + 1} is sensor {k + 1}" for k, p in enumerate(order) if p != k)
+    raise ImplausibleDataError(
+        f"the zero moved by {stated / MM:.4f} mm, by {off / MM:.4f} mm if {moved}: sensors are "
+        "exchanged.",
+        source=setup.source,
+        hint="exchange the columns, or the cables; without the old zero in the foot file the new "
+        "one is taken as it is.",
+    )
 
 
 def with_zero(text: str, found: FootZero, setup: FootSetup) -> str:

@@ -7,18 +7,30 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
+import numpy as np
+
 from robotrue.core.arrays import Array
+from robotrue.core.columns import concat
 from robotrue.core.provenance import MEASURED, Provenance, merge
+from robotrue.core.units import DEG
 from robotrue.drilling.adjust import HoleAdjustment, adjustment
 from robotrue.drilling.campaign import Clamps
+from robotrue.drilling.campaign_csv import ProductionRecord
 from robotrue.drilling.clamp_watch import ClampSettings, ClampWatch, FootSample, Seen
+from robotrue.drilling.correction import CorrectedReadings
 from robotrue.drilling.foot_model import NormalModel, estimate_tilt
 from robotrue.drilling.production import RecordUpdate, record_of, update_model
-from robotrue.errors import ConfigurationError, RobotrueError
+from robotrue.drilling.reference_causes import find_cause
+from robotrue.drilling.refinement_choice import IMPOSSIBLE
+from robotrue.errors import ConfigurationError, ImplausibleDataError, RobotrueError
 
 SIMULATED: Final = Provenance(simulated=True, instrument="drilling head")
 KEPT: Final = 10_000
 """Holes kept for a reference that measures them later."""
+FAR: Final = 0.5 * DEG
+"""rad below which a reference is learned, however sure the model is: a zero may have shifted."""
+FAR_KEPT: Final = 12
+"""Refused references kept to find their common cause."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,6 +103,7 @@ class HoleSession:
         self._waiting = OrderedDict(waiting or {})
         self._count = count
         self._machine = MEASURED
+        self._far: OrderedDict[str, tuple[Clamps, Array]] = OrderedDict()
 
     @property
     def provenance(self) -> Provenance:
@@ -158,6 +171,7 @@ class HoleSession:
 
         Raises:
             ConfigurationError: A hole that was not moved for here, or no outside reference.
+            ImplausibleDataError: So far off that it is no residual of this move; not learned.
         """
         drilled = self._waiting.get(hole)
         if drilled is None:
@@ -166,11 +180,41 @@ class HoleSession:
                 hint="the name of the hole as it was answered with a move; each reference once.",
             )
         found = estimate_tilt(self.model, drilled.clamps)
+        self._refuse_far(hole, drilled, left, found)
         record = record_of(hole, found, left, truth, self._machine, moved=drilled.tilt)
         step = update_model(self.model, found, record, reference=self._reference)
         self.model = step.model
         del self._waiting[hole]
         return step
+
+    def _refuse_far(
+        self, hole: str, drilled: MovedHole, left: Array, found: CorrectedReadings
+    ) -> None:
+        """Refuses a reference far beyond model and reference; names the cause of several."""
+        expected = float(np.sqrt(np.trace(found.covariance[0]) / 2.0 + self._reference**2))
+        off = float(np.hypot(*left))
+        if off <= max(IMPOSSIBLE * expected, FAR):
+            return
+        self._far[hole] = (drilled.clamps, left)
+        while len(self._far) > FAR_KEPT:
+            self._far.popitem(last=False)
+        said = (
+            f"the reference of hole {hole} is {off / DEG:.3f} deg, {expected / DEG:.4f} deg are "
+            "expected of model and reference: it is not learned"
+        )
+        hint = "left_a_deg, left_b_deg in degrees, true normal less spindle axis, after the move."
+        clamps, lefts = zip(*self._far.values(), strict=True)
+        record = ProductionRecord(
+            clamps=concat(clamps),
+            left=np.array(lefts),
+            hole=tuple(self._far),
+            source="",
+            provenance=self._machine,
+        )
+        if (cause := find_cause(self.model, record)) is not None:
+            said += f"; {cause.rms / DEG:.4f} deg over {len(self._far)} holes if {cause.said}"
+            hint = cause.hint
+        raise ImplausibleDataError(f"{said}.", hint=hint)
 
     def _adjust(self, clamps: Clamps, axes: Array) -> tuple[HoleAdjustment | None, str]:
         try:

@@ -18,6 +18,7 @@ import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG
+from robotrue.drilling.reference_causes import ReferenceCause
 from robotrue.drilling.refinement import Refinement, terms_of_cause
 from robotrue.errors import ImplausibleDataError
 
@@ -116,13 +117,16 @@ def _predict_each(state: Refinement, causes: Array, tilt: Array, reference: floa
     return np.asarray(np.einsum("ip,ipk->ik", x, np.linalg.solve(information, seen)))
 
 
-def check_references(residual_tilt: Array, deviation: Array, source: str) -> str:
+def check_references(
+    residual_tilt: Array, deviation: Array, source: str, cause: ReferenceCause | None = None
+) -> str:
     """Returns a warning of references far larger than the model expects, or "".
 
     Args:
         residual_tilt: (n, 2) rad.
         deviation: (n, 2) rad, expected of model and reference.
         source: File of the references.
+        cause: What would explain them, if anything does.
 
     Raises:
         ImplausibleDataError: So large that they are no residuals of this model in degrees.
@@ -136,6 +140,9 @@ def check_references(residual_tilt: Array, deviation: Array, source: str) -> str
         "left_a_deg and left_b_deg in degrees (not mrad or arc minutes), true normal less spindle "
         "axis, of holes that MODEL moved; after a collision `drill zero`."
     )
+    if cause is not None:
+        said += f"; {cause.rms / DEG:.4f} deg if {cause.said}"
+        hint = cause.hint
     if stated > IMPOSSIBLE * expected:
         raise ImplausibleDataError(f"{said}.", source=source, hint=hint)
     return f"{said}. Try: {hint}" if stated > LARGE * expected else ""

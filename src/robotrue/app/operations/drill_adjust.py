@@ -211,8 +211,8 @@ def _notes(found: HoleAdjustment) -> list[str]:
     if np.isfinite(found.move.shift).all():
         return list(found.notes)
     return [
-        *found.notes,
         "X, Y and Z are not known: the foot file of the fit had no [head] with pivot_to_tip_mm.",
+        *found.notes,
     ]
 
 

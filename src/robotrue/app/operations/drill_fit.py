@@ -163,7 +163,7 @@ def run(request: DrillFitRequest, context: Context) -> FootLearned:
     """
     import numpy as np
 
-    from robotrue.drilling.campaign_checks import campaign_warnings, check_campaign
+    from robotrue.drilling.campaign_checks import campaign_warnings, check_campaign, check_head
     from robotrue.drilling.campaign_csv import read_campaign
     from robotrue.drilling.correction_trials import resolve_inputs
     from robotrue.drilling.drill_defaults import CAMPAIGN, campaign_parts
@@ -188,6 +188,7 @@ def run(request: DrillFitRequest, context: Context) -> FootLearned:
         )
     data, digest = read_campaign(rows, setup, head.order)
     check_campaign(setup.foot, data)
+    check_head(head, data)
     for warning in campaign_warnings(setup.foot, data):
         context.note(warning)
     wanted = None if request.kind == "auto" else request.kind

@@ -109,10 +109,12 @@ def _refine(
 ) -> tuple[NormalModel, list[dict[str, object]], MemoryChoice | None]:
     """The model after holes that it moved all of, the alarms of its watch, the memory chosen."""
     from robotrue.drilling.production import refine_model
+    from robotrue.drilling.reference_causes import find_cause
     from robotrue.drilling.refinement_choice import check_references
 
     found = refine_model(before, holes, truth=request.truth, reference=request.sigma_deg * DEG)
-    if warning := check_references(holes.left, found.expected, holes.source):
+    cause = find_cause(before, holes)
+    if warning := check_references(holes.left, found.expected, holes.source, cause):
         context.note(warning)
     alarms = []
     for step in found.alarms:

@@ -41,10 +41,16 @@ def run(request: DrillZeroRequest, context: Context) -> PlainResult:
     """Writes a foot file with the mean readings on the calibration tool as its zero."""
     from robotrue.core.files import write_atomic
     from robotrue.drilling.foot_file import read_foot
-    from robotrue.drilling.foot_zero import read_zero, with_zero, zero_residual
+    from robotrue.drilling.foot_zero import (
+        check_exchange,
+        read_zero,
+        with_zero,
+        zero_residual,
+    )
 
     setup = read_foot(request.foot)
     found = read_zero(request.readings, setup)
+    check_exchange(found, setup)
     output = context.output(request.output)
     text = with_zero(request.foot.read_text(encoding="utf-8"), found, setup)
     write_atomic(output, text.encode())
