@@ -10,6 +10,7 @@ PAGES = (
     "tool-point-from-the-table",
     "from-cam-to-program",
     "test-with-slots",
+    "join-joints-and-points",
     "transfer-between-regions",
 )
 

@@ -11,8 +11,11 @@ from robotrue.app.reporting import Notes
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
 from robotrue.core.files import read_bytes
-from robotrue.errors import ConfigurationError
+from robotrue.errors import ConfigurationError, FormatError
+from robotrue.measurement.formats.column_names import guess_columns
+from robotrue.measurement.formats.joint_literals import read_joint_literals
 from robotrue.measurement.formats.mapping import ColumnMapping, build_mapping
+from robotrue.measurement.formats.sheet_file import read_sheet
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.measurement.plausibility import FEWEST_POSES
 from robotrue.store import cells, items, measurements, models
@@ -56,7 +59,8 @@ def import_measurements(
         mapping: Fields of a column mapping; None: the layout is found.
     """
     record = items.get(workspace, CELL, cell_id)
-    rows, remarks = read_sets(cell_of(workspace, record), paths, column_mapping(mapping))
+    points, layout = column_mapping(paths, mapping)
+    rows, remarks = read_sets(cell_of(workspace, record), points, layout)
     return measurements.add(
         workspace,
         rows,
@@ -92,13 +96,41 @@ def import_check_poses(
     )
 
 
-def column_mapping(fields: Mapping[str, object] | None) -> ColumnMapping | None:
-    """Returns a column mapping from its fields, or None.
+def column_mapping(
+    paths: Sequence[Path], fields: Mapping[str, object] | None
+) -> tuple[list[Path], ColumnMapping | None]:
+    """Returns the files of points, and a column mapping from its fields, or None.
+
+    With ``joint_list`` among the fields one of two files is the joint list, whichever says so.
 
     Raises:
-        ConfigurationError: An unknown field or a value it cannot take.
+        ConfigurationError: An unknown field or a value it cannot take, a joint list and no points.
     """
-    return None if fields is None else build_mapping({"name": "as chosen", **fields})
+    if fields is None:
+        return list(paths), None
+    joined = fields.get("joint_list")
+    if not isinstance(joined, Mapping):
+        return list(paths), build_mapping({"name": "as chosen", **fields})
+    if len(paths) != 2:
+        raise ConfigurationError(
+            f"{len(paths)} files, expected a list of points and a joint list.",
+            hint="drop the two together.",
+        )
+    points, joints = sorted(paths, key=is_joint_list)
+    stated = {**fields, "joint_list": {**joined, "file": str(joints)}}
+    return [points], build_mapping({"name": "as chosen", **stated})
+
+
+def is_joint_list(path: Path) -> bool:
+    """Returns whether a file holds joints and no points."""
+    try:
+        if read_joint_literals(path) is not None:
+            return True
+        header = read_sheet(path).header
+    except FormatError:
+        return False
+    joints, axes = guess_columns(header)
+    return len(joints) > 1 and len(axes) < 3
 
 
 def cell_of(workspace: Workspace, record: CellRecord) -> Cell:

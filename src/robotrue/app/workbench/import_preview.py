@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
 from robotrue.app.workbench.arm_body import answer
-from robotrue.app.workbench.file_imports import cell_of, column_mapping, read_sets
+from robotrue.app.workbench.file_imports import cell_of, column_mapping, is_joint_list, read_sets
 from robotrue.cell.cell import Cell
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError, FormatError, RobotrueError
+from robotrue.measurement.formats.column_names import guess_columns, guess_units
+from robotrue.measurement.formats.joined_sheet import read_joint_list
+from robotrue.measurement.formats.joint_list import JointList
 from robotrue.measurement.formats.mapping import ColumnMapping
 from robotrue.measurement.formats.measured_files import open_sheet
-from robotrue.measurement.formats.sheet import Sheet
 from robotrue.measurement.formats.sheet_file import read_sheet
 from robotrue.store import items
 from robotrue.store.nouns import CELL
@@ -24,45 +25,64 @@ from robotrue.store.workspace import Workspace
 
 SHOWN: Final = 8
 """Rows of the preview."""
-JOINT: Final = re.compile(
-    r"(?:j|a|q|axis|joint|theta)[ _]*([1-9])(?:[ _]*\[?(deg|rad|°)\]?)?", re.IGNORECASE
-)
-AXIS: Final = re.compile(r"(?:.*[ _])?([xyz])(?:[ _]*\[?(mm|m|um|µm)\]?)?", re.IGNORECASE)
 
 
 def preview_file(
-    workspace: Workspace, path: Path, cell_id: str, mapping: Mapping[str, object] | None
+    workspace: Workspace, paths: Sequence[Path], cell_id: str, mapping: Mapping[str, object] | None
 ) -> bytes:
     """Returns the columns of a file, how they would be read, and what is wrong with that.
 
     Args:
         workspace: Of the cell.
-        path: The file.
+        paths: The file; or a list of points and a joint list.
         cell_id: It was measured in.
         mapping: Fields of a column mapping; None: the layout is found, or guessed.
     """
-    layout, fault = column_mapping(mapping), None
+    mapping, lists = _join_two(paths, mapping)
+    points, layout = column_mapping(paths if lists else paths[:1], mapping)
+    fault, layout_name = None, ""
     try:
-        sheet, found = open_sheet(path, layout)
+        sheet, found = open_sheet(points[0], layout)
         layout_name = "" if layout is not None else found.name
     except FormatError as error:
         if layout is not None:
             fault = _describe_error(error)
-        sheet, layout_name = read_sheet(path), ""
+        sheet = read_sheet(points[0])
+    header = sheet.header if fault is None else tuple(dict.fromkeys((*sheet.header, *lists)))
     document: dict[str, object] = {
-        "columns": list(sheet.header),
+        "columns": list(header),
         "rows": [list(row) for row in sheet.cells[:SHOWN]],
+        "shown_columns": list(sheet.header),
         "count": len(sheet.cells),
         "layout": layout_name,
-        "guess": _guess(sheet),
+        "guess": _guess(header),
         "fault": fault,
+        "joint_list": None if mapping is None else mapping.get("joint_list"),
     }
-    if layout is not None or layout_name:
+    if (layout is not None and layout.position) or layout_name:
         cell = cell_of(workspace, items.get(workspace, CELL, cell_id))
-        document |= _read(cell, path, layout)
+        document |= _read(cell, points[0], layout)
     if document["fault"]:  # what was found by itself does not fit: let the user say
         document["layout"] = ""
     return answer(document)
+
+
+def _join_two(
+    paths: Sequence[Path], mapping: Mapping[str, object] | None
+) -> tuple[Mapping[str, object] | None, tuple[str, ...]]:
+    """The mapping, by default of a joint list in its order, and the columns of the joint list."""
+    if len(paths) != 2 or not any(map(is_joint_list, paths)):
+        return mapping, ()
+    points, joints = sorted(paths, key=is_joint_list)
+    sheet, _ = read_joint_list(JointList(file=joints))
+    if mapping is None:
+        _, axes = guess_columns(read_sheet(points).header)
+        names, _ = guess_columns(sheet.header)
+        position = [axes[k] for k in "xyz"] if len(axes) == 3 else []
+        guessed = {"joints": [names[k] for k in sorted(names)], **guess_units(sheet.header)}
+        by = {"by": "order"}
+        mapping = {"position": position, "joint_list": by, **guessed} if position else None
+    return mapping, sheet.header
 
 
 def _read(cell: Cell, path: Path, layout: ColumnMapping | None) -> dict[str, object]:
@@ -84,26 +104,13 @@ def _read(cell: Cell, path: Path, layout: ColumnMapping | None) -> dict[str, obj
     }
 
 
-def _guess(sheet: Sheet) -> dict[str, object]:
+def _guess(header: Sequence[str]) -> dict[str, object]:
     """Columns whose names say what they hold; what they do not say is left open."""
-    joints: dict[int, str] = {}
-    axes: dict[str, str] = {}
-    units: dict[str, str] = {}
-    for name in sheet.header:
-        if joint := JOINT.fullmatch(name.strip()):
-            joints.setdefault(int(joint[1]), name)
-            if joint[2]:
-                units["joints_unit"] = "rad" if joint[2].lower() == "rad" else "deg"
-        elif axis := AXIS.fullmatch(name.strip()):
-            axes.setdefault(axis[1].lower(), name)
-            if axis[2]:
-                units["position_unit"] = axis[2].lower().replace("µ", "u")
-    if any(name.strip()[:1] in "Aa" for name in joints.values()):  # A1 to A6: as a pendant shows
-        units["axes"] = "controller"
+    joints, axes = guess_columns(header)
     return {
         "joints": [joints.get(k, "") for k in range(1, max(joints, default=6) + 1)],
         "position": [axes.get(k, "") for k in "xyz"],
-        **units,
+        **guess_units(header),
     }
 
 

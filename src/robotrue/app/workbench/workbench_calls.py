@@ -91,11 +91,13 @@ def import_drilling(folder: str, paths: Sequence[Path], name: str) -> DocumentRe
     return _ask(answer, folder, paths, name)
 
 
-def preview_file(folder: str, path: Path, cell: str, mapping: Mapping[str, object] | None) -> bytes:
+def preview_file(
+    folder: str, paths: Sequence[Path], cell: str, mapping: Mapping[str, object] | None
+) -> bytes:
     """Returns the columns of a file, how they would be read, and what is wrong with that."""
     from robotrue.app.workbench.import_preview import preview_file as answer
 
-    return _ask(answer, folder, path, cell, mapping)
+    return _ask(answer, folder, paths, cell, mapping)
 
 
 def show_model(folder: str, model: str, version: int) -> bytes:

@@ -53,6 +53,8 @@ class MappedSheet:
 
     def _refuse_further_joint(self) -> None:
         """Raises for a column that is numbered as the next joint: an arm of one more joint."""
+        if not self.mapping.joints:
+            return
         last = _NUMBERED.fullmatch(column_key(self.mapping.joints[-1]))
         if last is None or not self.mapping.header:
             return

@@ -16,6 +16,7 @@ from typing import Any, Final, Literal, TypeAlias, get_args
 from robotrue.core.files import read_toml
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ConfigurationError
+from robotrue.measurement.formats.joint_list import JointList, build_joint_list
 from robotrue.measurement.formats.sheet import HEADER_LINES
 from robotrue.measurement.measurement_set import MeasurementFrame
 
@@ -109,6 +110,8 @@ class ColumnMapping:
         header: False names the columns "1", "2", ...
         header_lines: Lines of the header; their words above each other make one name.
         worksheet: Sheet of a workbook; None is the only one with values.
+        joint_list: Second file that holds the joints; ``joints`` may then be empty: they are found
+            by their names there.
     """
 
     name: str
@@ -151,6 +154,7 @@ class ColumnMapping:
     header: bool = True
     header_lines: int = HEADER_LINES
     worksheet: str | None = None
+    joint_list: JointList | None = None
 
     def __post_init__(self) -> None:
         """Checks how many columns each group names, and every unit.
@@ -161,7 +165,7 @@ class ColumnMapping:
         object.__setattr__(self, "constants", MappingProxyType(dict(self.constants)))
         object.__setattr__(self, "factors", MappingProxyType(dict(self.factors)))
         dof = len(self.joints)
-        if dof == 0:
+        if dof == 0 and self.joint_list is None:
             raise ConfigurationError(f"mapping {self.name!r} names no joint columns.")
         for group in GROUPS:
             have, count = len(getattr(self, group)), self.count(group)
@@ -251,6 +255,13 @@ def build_mapping(stated: Mapping[str, object], source: Path | None = None) -> C
             f"unknown key {unknown[0]!r} in a column mapping; known are {', '.join(known)}.",
             source=source,
         )
+    stated = {key: value for key, value in stated.items() if key != "joint_list"} | (
+        {"joint_list": build_joint_list(stated["joint_list"], source)}
+        if stated.get("joint_list") is not None
+        else {}
+    )
+    if "joint_list" in stated:
+        stated = {"joints": ()} | stated
     values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in stated.items()}
     for group in (*GROUPS, "optional", "ignore"):  # one column needs no list
         if isinstance(values.get(group), str):

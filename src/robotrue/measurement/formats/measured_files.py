@@ -12,9 +12,11 @@ import numpy as np
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.columns import Column, Columns
 from robotrue.errors import ConfigurationError
-from robotrue.measurement.formats.canonical import canonical_mapping, joints_in
+from robotrue.measurement.formats.canonical import canonical_mapping, joint_names, joints_in
+from robotrue.measurement.formats.joined_sheet import join_sheets, read_joint_list
+from robotrue.measurement.formats.joint_literals import AXES
 from robotrue.measurement.formats.mapped_sheet import MappedSheet
-from robotrue.measurement.formats.mapping import ColumnMapping, read_layouts
+from robotrue.measurement.formats.mapping import AngleUnit, ColumnMapping, read_layouts
 from robotrue.measurement.formats.sheet import Sheet, column_key
 from robotrue.measurement.formats.sheet_file import read_sheet
 from robotrue.measurement.formats.table import (
@@ -136,9 +138,32 @@ def open_sheet(
             header_lines=mapping.header_lines,
             worksheet=mapping.worksheet,
         )
-        return sheet, mapping
+        if mapping.joint_list is None:
+            return sheet, mapping
+        joints, radians = read_joint_list(mapping.joint_list)
+        joined = join_sheets(joints, sheet, mapping.joint_list)
+        return joined, _name_joints(mapping, joints, joined, radians)
     sheet = read_sheet(path)
     return _detect_mapping(sheet, mapping, positions, ignore)
+
+
+def _name_joints(
+    mapping: ColumnMapping, joints: Sheet, joined: Sheet, radians: bool
+) -> ColumnMapping:
+    """The mapping with the joint columns of a joint list, where it names none itself.
+
+    Raises:
+        FormatError: The list calls them neither j1_deg ... nor A1 ... A6.
+    """
+    if mapping.joints:
+        return mapping
+    dof = joints_in(joints.header)
+    if dof:
+        return replace(mapping, joints=joint_names(dof))
+    if not all(map(joined.has, AXES)):
+        raise joints.lacking_columns(AXES, "name its joint columns: joints = [...] in the mapping.")
+    unit: AngleUnit = "rad" if radians else mapping.joints_unit
+    return replace(mapping, joints=AXES, axes="controller", joints_unit=unit)
 
 
 def _detect_mapping(

@@ -6,7 +6,7 @@ import asyncio
 import functools
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import Annotated, TypeAlias, TypeVar
 
 from fastapi import APIRouter
 from pydantic import BaseModel, Field
@@ -17,6 +17,7 @@ from robotrue.web.page_context import ServerContext
 from robotrue.web.uploads import find_upload, forget
 
 R = TypeVar("R")
+MappingField: TypeAlias = str | float | bool | list[str | float] | None
 UploadId = Annotated[str, Field(pattern="^[0-9a-f]{32}$")]
 
 
@@ -41,7 +42,7 @@ class Measured(FromFiles):
     """
 
     cell: Annotated[str, Field(max_length=40)]
-    mapping: dict[str, str | float | bool | list[str | float] | None] | None = None
+    mapping: dict[str, MappingField | dict[str, MappingField]] | None = None
 
 
 def router(server: ServerContext) -> APIRouter:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import Any, Final
 
 from robotrue.app.workbench import workbench_calls as calls
@@ -21,6 +22,9 @@ UNITS: Final[Mapping[str, tuple[str, ...]]] = {
     "position_unit": ("mm", "m", "um", "inch"),
     "frame": ("base", "tracker"),
 }
+RULES: Final = ("order", "name", "time")
+"""How the rows of a joint list find their points."""
+JOIN_COLUMNS: Final = ("joint_column", "point_column")
 AXES: Final = ("x", "y", "z")
 LENGTHS: Final = {f"position_{axis}": f"{axis} mm" for axis in AXES}
 
@@ -71,9 +75,10 @@ async def _rows(context: PageContext) -> str:
 
 
 async def _preview(context: PageContext) -> str:
-    path = find_upload(context.workspace, _key(context))
+    paths = [find_upload(context.workspace, key) for key in _keys(context)]
     cells = await context.items(CELL, ItemQuery(limit=50))
-    return context.render("measurement_preview.html", name=path.name, cells=cells)
+    name = ", ".join(path.name for path in paths)
+    return context.render("measurement_preview.html", name=name, cells=cells)
 
 
 async def _columns(context: PageContext) -> str:
@@ -81,12 +86,15 @@ async def _columns(context: PageContext) -> str:
 
     What was chosen stands in the address.
     """
-    say, path = context.say, find_upload(context.workspace, _key(context))
+    say, keys = context.say, _keys(context)
+    paths = [find_upload(context.workspace, key) for key in keys]
     cells = await context.items(CELL, ItemQuery(limit=50))
     cell = _cell(context, cells)
     mapping = _read_mapping(context.query)
     found = json.loads(
-        await context.server.workers.ask(calls.preview_file, context.folder, path, cell.id, mapping)
+        await context.server.workers.ask(
+            calls.preview_file, context.folder, paths, cell.id, mapping
+        )
     )
     wrong = found["fault"]
     fault = ""
@@ -94,6 +102,10 @@ async def _columns(context: PageContext) -> str:
         place = f"{say('measurements.line')} {wrong['line']}: " if wrong.get("line") else ""
         kind, title = kind_words(wrong["kind"]), say("preview.refused")
         fault = fault_card(say, kind, place + wrong["message"], wrong["hint"], title=title)
+    joint_list = found["joint_list"]
+    if joint_list is not None and mapping is None:
+        mapping = {**found["guess"], "joint_list": joint_list}
+    used = keys if joint_list is not None else keys[:1]
     guess = mapping or found["guess"]
     columns = [(f"j{k + 1}", name) for k, name in enumerate(guess["joints"])]
     return context.render(
@@ -102,10 +114,12 @@ async def _columns(context: PageContext) -> str:
         fault=fault,
         ready="poses" in found and not wrong,
         known=found["layout"] and mapping is None,
-        key=_key(context),
+        key=",".join(keys),
         cells=cells,
         cell=cell,
-        body={"uploads": [_key(context)], "cell": cell.id, "mapping": mapping},
+        body={"uploads": used, "cell": cell.id, "mapping": mapping},
+        joint_list=joint_list,
+        rules=RULES,
         guess=guess,
         columns=[*columns, *zip(AXES, guess["position"], strict=True)],
         units=UNITS,
@@ -113,8 +127,9 @@ async def _columns(context: PageContext) -> str:
     )
 
 
-def _key(context: PageContext) -> str:
-    return context.query["upload"].partition(",")[0]
+def _keys(context: PageContext) -> list[str]:
+    """Ids of the file, or of a list of points and a joint list."""
+    return context.query["upload"].split(",")[:2]
 
 
 def _cell(context: PageContext, cells: tuple[CellRecord, ...]) -> CellRecord:
@@ -129,7 +144,14 @@ def _read_mapping(query: Mapping[str, str]) -> dict[str, Any] | None:
         return None
     units = {name: query[name] for name, known in UNITS.items() if query.get(name) in known}
     ignored = [query["ignore"]] if query.get("ignore") else []
-    stated = {"joints": joints, "position": position, "ignore": ignored, "ignore_other": True}
+    stated: dict[str, Any] = {"joints": joints, "position": position, "ignore": ignored}
+    stated["ignore_other"] = True
+    if query.get("by") in RULES:
+        joint_list: dict[str, Any] = {"by": query["by"]}
+        joint_list |= {name: query[name] for name in JOIN_COLUMNS if query.get(name)}
+        with suppress(KeyError, ValueError):
+            joint_list["tolerance_s"] = float(query["tolerance_s"])
+        stated["joint_list"] = joint_list
     return stated | units
 
 
