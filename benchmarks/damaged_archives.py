@@ -93,7 +93,7 @@ def samples() -> dict[str, bytes]:
             robot=robot, stiffness=np.full(dof, 1e6), direction=np.array([0.0, 1.0, 0.0])
         ),
         settings=DeviationSettings(), windows=windows,
-        theta=np.log([1e-5, 0.3, 1e-5, 0.1, 1e-5]),
+        theta=np.log([1e-5, 0.3, 1e-5, 0.1, 1e-5, 0.5]),
         row=StaticCompliance(value=np.full(3, 1e-7), sd=np.full(3, 1e-8)),
     )  # fmt: skip
     components = components_of(np.column_stack([windows.joints, random.normal(size=(16, 2))]))

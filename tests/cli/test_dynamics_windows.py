@@ -49,8 +49,11 @@ def refused(kind, text, *arguments):
 
 @pytest.mark.parametrize(
     ("suffix", "carried"),
-    [(".csv", "base"), (".tdms", "spindle"), (".mat", "spindle"), (".mat", "tool")],
-)
+    [
+        (".csv", "base"), (".tdms", "spindle"), (".mat", "spindle"), (".mat", "tool"),
+        (".uff", "spindle"),
+    ],
+)  # fmt: skip
 def test_windows_are_those_made_by_hand(tmp_path, suffix, carried):
     arguments = made.write_pass(tmp_path, suffix, carried)
     result = call(*arguments, "--json")
@@ -64,6 +67,7 @@ def test_windows_are_those_made_by_hand(tmp_path, suffix, carried):
     np.testing.assert_allclose(document["stages_s"]["exit"], [made.LEAVING, made.END], atol=1e-6)
     np.testing.assert_allclose(windows.span[0], [1.1, 2.1], atol=1e-6)
     assert document["dry_run"]
+    assert windows.zero_taken.all()
 
 
 def test_a_second_pass_stands_behind_the_first(lab):
@@ -74,6 +78,8 @@ def test_a_second_pass_stands_behind_the_first(lab):
     again[again.index(folder / "windows.csv")] = second
     assert call(*again).exit_code == 0
     assert read_windows(second).pass_names == ("1", "2")
+    assert call(*again, "--keep-zero").exit_code == 0
+    np.testing.assert_array_equal(read_windows(second).zero_taken, np.arange(24) < 12)
     again[-1] = "1"
     refused(ConfigurationError, "a pass '1' is in", *again)
 

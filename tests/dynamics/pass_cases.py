@@ -127,7 +127,7 @@ def joint_rows():
 
 
 def write_table(path, names, table):
-    """A table of named columns as CSV, TDMS or MAT, by the suffix of the path."""
+    """A table of named columns as CSV, TDMS, MAT or UFF, by the suffix of the path."""
     path = Path(path)
     if path.suffix == ".csv":
         rows = [list(names), *([repr(float(v)) for v in row] for row in np.asarray(table))]
@@ -136,6 +136,11 @@ def write_table(path, names, table):
         from scipy.io import savemat
 
         savemat(path, dict(zip(names, np.asarray(table).T, strict=True)))
+    elif path.suffix == ".uff":
+        columns = np.asarray(table).T
+        step = float(round((columns[0][-1] - columns[0][0]) / (len(columns[0]) - 1), 9))
+        sets = zip(names[1:], columns[1:], strict=True)
+        path.write_text("".join(uff_set(*one, columns[0][0], step) for one in sets))
     else:
         from nptdms import ChannelObject, TdmsWriter
 
@@ -146,6 +151,29 @@ def write_table(path, names, table):
                     for name, column in zip(names, np.asarray(table).T, strict=True)
                 ]
             )
+
+
+def uff_set(name, values, start, step, *, kind=None, direction=None, unit=None, uneven=None):
+    """A time history as dataset 58 prints it: double, ASCII. A force is told by its type alone."""
+    force = len(name) == 4 and name.endswith("_N")
+    kind = (13 if force else 1) if kind is None else kind
+    direction = ("xyz".index(name[1]) + 1 if force else 0) if direction is None else direction
+    unit = ("N" if force else "") if unit is None else unit
+    title = f"channel {direction}" if force else name
+    values = np.asarray(values, dtype=float)
+    head = [
+        "    -1", "    58", title, "NONE", "23-Nov-26 12:00:00", "NONE", "NONE",
+        f"{1:5d}{0:10d}{1:5d}{0:10d} {'NONE':10s}{1:10d}{direction:4d} {'NONE':10s}{0:10d}{0:4d}",
+        f"{4:10d}{len(values):10d}{int(uneven is None):10d}{start:13.5E}{step:13.5E}{0.0:13.5E}",
+    ]  # fmt: skip
+    for type_, label in ((17, "s"), (kind, unit), (0, "NONE"), (0, "NONE")):
+        head.append(f"{type_:10d}{0:5d}{0:5d}{0:5d} {'NONE':20s} {label:20s}")
+    if uneven is None:
+        cells = [f"{v:20.12E}" for v in values]
+        rows = ["".join(cells[k : k + 4]) for k in range(0, len(cells), 4)]
+    else:
+        rows = [f"{t:13.5E}{v:20.12E}" for t, v in zip(uneven, values, strict=True)]
+    return "\n".join([*head, *rows, "    -1", ""])
 
 
 def _unit(name):

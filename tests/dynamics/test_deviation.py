@@ -16,7 +16,7 @@ from robotrue.dynamics.deviation import (
     deviation_from_archive,
     fit_deviation,
 )
-from robotrue.dynamics.deviation_kernel import CENTRE, WindowRows, covariance, variance
+from robotrue.dynamics.deviation_kernel import CENTRE, DRIFT, WindowRows, covariance, variance
 from robotrue.dynamics.deviation_physics import (
     CompliantArm,
     compliance_of,
@@ -38,6 +38,9 @@ from robotrue.errors import (
     ModelMismatchError,
     ObservabilityError,
 )
+
+ROW = np.array([-0.3, -2.0, 0.0]) * UM
+"""What the planted prediction contains of a standing force."""
 
 
 @pytest.fixture(scope="module")
@@ -103,7 +106,8 @@ def test_model_opens_again_with_the_same_numbers(model, tmp_path):
 def test_model_of_the_first_schema_opens(model, tmp_path):
     """Written before there was a static row: no such arrays, schema 1."""
     new = replace(model, row=None).to_archive()
-    assert new.schema == 3
+    assert new.schema == 4
+    new = replace(new, arrays={**new.arrays, "theta": new.arrays["theta"][:5]}, schema=3)
     arrays = {name: v for name, v in new.arrays.items() if name not in ("row", "row_sd")}
     path = tmp_path / "first.robotrue"
     path.write_bytes(archive_bytes(replace(new, schema=1, arrays=arrays)))
@@ -113,12 +117,15 @@ def test_model_of_the_first_schema_opens(model, tmp_path):
     document = {**new.document, "settings": settings}
     older = deviation_from_archive(replace(new, schema=2, document=document))
     assert older.settings.force_drift == 0.0
+    assert older.sizes["drift_N"] < 1e-6
+    assert deviation_from_archive(new).sizes["drift_N"] == pytest.approx(DRIFT)
     windows = planted(passes=(1, 3), each=20, seed=4)
-    found, asked = again.predict(windows), replace(model, row=None).predict(windows)
+    theta = np.append(model.theta[:5], np.log(DRIFT))
+    found, asked = again.predict(windows), replace(model, row=None, theta=theta).predict(windows)
     np.testing.assert_array_equal(found.error, asked.error)
     np.testing.assert_array_equal(found.sd, asked.sd)
-    with pytest.raises(ArchiveError, match="this robotrue reads 1 to 3"):
-        deviation_from_archive(replace(new, schema=4))
+    with pytest.raises(ArchiveError, match="this robotrue reads 1 to 4"):
+        deviation_from_archive(replace(new, schema=5))
 
 
 def test_variance_is_the_diagonal_of_the_covariance():
@@ -129,11 +136,60 @@ def test_variance_is_the_diagonal_of_the_covariance():
         place=rng.normal(size=(7, 3)),
         member=np.array([0, 0, 0, 1, 1, 2, 2]),
         way=np.linspace(0.0, 1.0, 7),
-        drift=rng.normal(size=(7, 6)) * 1e-6,
+        zero=rng.normal(size=(7, 6)) * 1e-6,
+        lever=rng.normal(size=(7, 3)) * 1e-6,
     )
     prior = np.array([0.1, 1.0, 2.0])
     full = covariance(rows, rows, CENTRE, prior)
     np.testing.assert_allclose(np.diag(full), variance(rows, CENTRE, prior), rtol=1e-9)
+
+
+def drifted(windows, size, seed):
+    """Windows whose dynamometer drifts by ``size`` N along each pass, not seen by the error."""
+    rng, part = np.random.default_rng(seed), windows.pass_index
+    way = np.concatenate([np.linspace(0.0, 1.0, (part == k).sum()) for k in np.unique(part)])
+    moved = size * rng.normal(size=(part.max() + 1, 3))[part] * way[:, None]
+    return replace(
+        windows,
+        force=windows.force + moved,
+        force_mean=windows.force_mean + moved[:, 1],
+        predicted=windows.predicted + moved @ ROW,
+    )
+
+
+def test_drift_of_the_zero_is_learned_and_widens_the_band_of_a_new_pass():
+    shape = {"passes": (0, 1, 2, 3), "each": 30, "noise": 0.05 * UM}
+    row = static_compliance(ROW)
+    steady = fit_deviation(planted(**shape), stated_arm(), row=row)
+    moving = fit_deviation(drifted(planted(**shape), 1.5, 3), stated_arm(), row=row)
+    assert moving.sizes["drift_N"] > 1.5 * steady.sizes["drift_N"]
+    new = drifted(planted(passes=(4,), each=30, seed=9), 1.5, 8)
+    wide, narrow = moving.predict(new), steady.predict(new)
+    assert wide.sd[-1] > 1.3 * narrow.sd[-1]
+    assert wide.sd[-1] > 1.2 * wide.sd[0]
+    share = (np.abs(wide.error - new.measured) < 1.96 * wide.sd).mean()
+    assert share > 0.85
+
+
+def test_a_zero_that_was_taken_off_narrows_the_band():
+    kept = planted(passes=(0, 1), each=30)
+    taken = replace(kept, zero_taken=np.ones(len(kept), dtype=bool))
+    model = fit_deviation(taken, stated_arm())
+    assert model.sizes["drift_N"] == pytest.approx(DRIFT)  # nothing to learn it from
+    again = deviation_from_archive(model.to_archive())
+    np.testing.assert_array_equal(again.windows.zero_taken, taken.zero_taken)
+    new = planted(passes=(3,), each=30, seed=9)
+    loose, tight = model.predict(new), again.predict(replace(new, zero_taken=~new.zero_taken))
+    assert (tight.sd[1:] < loose.sd[1:]).all()
+    assert tight.sd[-1] < 0.9 * loose.sd[-1]
+
+
+def test_covariance_of_a_prediction_holds_its_standard_deviations(model):
+    windows = planted(passes=(1, 3), each=20, seed=4)
+    found = model.predict_covariance(windows)
+    np.testing.assert_allclose(np.sqrt(np.diag(found)), model.predict(windows).sd, rtol=1e-9)
+    near = found[20, 21] / np.sqrt(found[20, 20] * found[21, 21])
+    assert 0.3 < near < 1.0
 
 
 def test_terms_add_up_to_the_static_deflection():
@@ -236,11 +292,18 @@ def test_windows_are_read_as_written(tmp_path):
     windows = planted(passes=(0, 1), each=5)
     measured = windows.measured.copy()
     measured[3] = np.nan
-    windows = replace(windows, measured=measured)
+    taken = np.array(windows.passes) == "p1"
+    windows = replace(windows, measured=measured, zero_taken=taken)
     path = tmp_path / "w.csv"
     write_windows(path, windows)
     again = read_windows(path)
     assert again.passes == windows.passes
+    np.testing.assert_array_equal(again.zero_taken, taken)
+    (tmp_path / "odd.csv").write_text(path.read_text().replace(",yes", ",perhaps", 1))
+    with pytest.raises(
+        FormatError, match=r"odd\.csv:7: zero_taken is 'perhaps', expected yes or no"
+    ):
+        read_windows(tmp_path / "odd.csv")
     for name in ("joints", "force", "force_peak", "force_mean", "predicted", "measured"):
         np.testing.assert_allclose(getattr(again, name), getattr(windows, name), rtol=1e-11)
     text = path.read_text()
@@ -255,10 +318,6 @@ def test_windows_are_read_as_written(tmp_path):
     path.write_text("\n".join(lines))
     with pytest.raises(FormatError, match=r"w\.csv:3: fy_mean_N is nan"):
         read_windows(path)
-
-
-ROW = np.array([-0.3, -2.0, 0.0]) * UM
-"""What the planted prediction contains of a standing force."""
 
 
 def test_known_static_row_settles_what_one_pass_cannot():

@@ -53,7 +53,8 @@ def read_pass_joints(path: Path, robot: RobotModel, shift: float) -> tuple[PassJ
     """Returns the joints of a record and where it comes from.
 
     Args:
-        path: CSV, TDMS or MAT with ``j1_deg..`` (as the model counts) or ``a1_deg..`` (displayed).
+        path: CSV, TDMS, MAT or UFF with ``j1_deg..`` (as the model counts) or ``a1_deg..``
+            (displayed).
         robot: The arm with its tool.
         shift: s, added to its times.
 
@@ -108,7 +109,7 @@ def read_pass_force(
     """Returns the force on the tool in base axes, its zero taken off, and the stages of the pass.
 
     Args:
-        path: CSV, TDMS or MAT.
+        path: CSV, TDMS, MAT or UFF.
         sensor: How the dynamometer is mounted.
         joints: Of the pass.
         spindle: Turns per second.

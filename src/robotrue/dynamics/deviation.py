@@ -25,6 +25,7 @@ from robotrue.core.arrays import Array, IntArray
 from robotrue.core.columns import Column, Columns
 from robotrue.core.units import UM
 from robotrue.dynamics.deviation_kernel import (
+    DRIFT,
     NAMES,
     WindowRows,
     covariance,
@@ -33,6 +34,7 @@ from robotrue.dynamics.deviation_kernel import (
     pose_covariance,
     solve_windows,
     variance,
+    with_drift,
 )
 from robotrue.dynamics.deviation_physics import (
     CompliantArm,
@@ -54,7 +56,7 @@ from robotrue.dynamics.windows import WindowSet, check_for_fit, force_range
 from robotrue.errors import ConfigurationError
 
 KIND: Final = "dynamic-deviation"
-SCHEMA: Final = 3
+SCHEMA: Final = 4
 NEAR: Final = 0.5
 """Correlation with the nearest window learned from, below which a pose is one nobody has seen."""
 WIDER: Final = 5.0
@@ -72,7 +74,8 @@ class DeviationSettings:
         gain: Of c.
         force_zero: N, of the dynamometer's zero where a pass begins, each axis.
         force_drift: N, of how far the zero has moved by the end of a pass, in proportion to the
-            way, each axis.
+            way, each axis: what is expected before the passes are looked at, to a factor of 1.6.
+        zero_left: N, of both where the zero was read before and behind the cut and taken off.
     """
 
     compliance: float = 0.20
@@ -80,7 +83,8 @@ class DeviationSettings:
     offset: float = 3.0 * UM
     gain: float = 0.2
     force_zero: float = 0.05
-    force_drift: float = 0.45
+    force_drift: float = DRIFT
+    zero_left: float = 0.05
 
     def __post_init__(self) -> None:
         """Checks signs."""
@@ -97,7 +101,7 @@ class DeviationModel(Columns):
         arm: The compliant arm as stated.
         settings: Priors.
         windows: Learned from.
-        theta: (5,) logarithms, see ``deviation_kernel.NAMES``.
+        theta: (6,) logarithms, see ``deviation_kernel.NAMES``.
         row: Static row of the response behind e_w, as far as the windows bear it out; or None.
         factors: (q,) posterior mean, computed: alpha per joint, g, b, c.
         factors_sd: (q,) their posterior standard deviations.
@@ -155,22 +159,11 @@ class DeviationModel(Columns):
         Raises:
             ModelMismatchError: Windows of another arm.
         """
-        terms = physics_terms(self.arm, windows)
-        names = {name: k for k, name in enumerate(self.windows.pass_names)}
-        for name in windows.pass_names:
-            names.setdefault(name, len(names))
+        new, cross, standing = self._relate(windows)
         mean, spread = _priors(self.arm, self.settings, self.row)
-        gain_at = float(self.windows.predicted.mean())
-        old, known = self._old, self._known
-        new = _rows(self.settings, windows, terms, names, gain_at, old)
-        prior = spread**2
-        cross = covariance(new, old, self.theta, prior)
-        standing = self._standing(windows, terms, new, old)
-        far = standing != WindowTrust.INSIDE
-        cross[far] -= pose_covariance(new, old, self.theta)[far]
-        deviation = new.basis @ mean + cross @ known.alpha[:, 0]
-        half = known.whiten_rows(cross.T)
-        left = variance(new, self.theta, prior) - np.einsum("ij,ij->j", half, half)
+        deviation = new.basis @ mean + cross @ self._known.alpha[:, 0]
+        half = self._known.whiten_rows(cross.T)
+        left = variance(new, self.theta, spread**2) - np.einsum("ij,ij->j", half, half)
         sd = np.sqrt(np.maximum(left, 0.0) + np.exp(2.0 * self.theta[4]))
         invalid = standing == WindowTrust.INVALID
         deviation[invalid] = sd[invalid] = np.nan
@@ -181,6 +174,34 @@ class DeviationModel(Columns):
             physics=np.where(invalid, np.nan, new.basis @ self.factors),
             standing=standing,
         )
+
+    def predict_covariance(self, windows: WindowSet) -> Array:
+        """Returns the covariance (n, n) m^2 of the measurements of windows about the prediction.
+
+        Raises:
+            ModelMismatchError: Windows of another arm.
+        """
+        new, cross, _ = self._relate(windows)
+        prior = _priors(self.arm, self.settings, self.row)[1] ** 2
+        half = self._known.whiten_rows(cross.T)
+        out = covariance(new, new, self.theta, prior) - half.T @ half
+        out.flat[:: len(out) + 1] += np.exp(2.0 * self.theta[4])
+        return out
+
+    def _relate(self, windows: WindowSet) -> tuple[WindowRows, Array, IntArray]:
+        """Rows of windows, their covariance with those learned from, and how far to trust each."""
+        terms = physics_terms(self.arm, windows)
+        names = {name: k for k, name in enumerate(self.windows.pass_names)}
+        for name in windows.pass_names:
+            names.setdefault(name, len(names))
+        spread = _priors(self.arm, self.settings, self.row)[1]
+        gain_at = float(self.windows.predicted.mean())
+        new = _rows(self.settings, windows, terms, names, gain_at, self._old)
+        cross = covariance(new, self._old, self.theta, spread**2)
+        standing = self._standing(windows, terms, new, self._old)
+        far = standing != WindowTrust.INSIDE
+        cross[far] -= pose_covariance(new, self._old, self.theta)[far]
+        return new, cross, standing
 
     def _standing(
         self, windows: WindowSet, terms: PhysicsTerms, new: WindowRows, old: WindowRows
@@ -240,7 +261,8 @@ def fit_deviation(
     trials = []
     for trusted in (None,) if row is None else (row, row.wider(WIDER)):
         mean, spread = _priors(arm, settings, trusted)
-        theta = learn_sizes(rows, windows.deviation - rows.basis @ mean, spread**2)
+        values = windows.deviation - rows.basis @ mean
+        theta = learn_sizes(rows, values, spread**2, settings.force_drift)
         trials.append(
             DeviationModel(arm=arm, settings=settings, windows=windows, theta=theta, row=trusted)
         )
@@ -255,14 +277,14 @@ def deviation_from_archive(archive: Archive) -> DeviationModel:
         ArchiveError: Another kind, damaged, or written by a newer robotrue.
     """
     archive.expect(KIND, SCHEMA, hint="a deviation model is what `robotrue dynamics fit` writes.")
+    # Until schema 2 the zero was taken to stay where it was, until 3 to drift as far as settings.
+    settings = DeviationSettings(**({"force_drift": 0.0} | archive.document["settings"]))
+    theta = archive.array("theta")
     return DeviationModel(
         arm=arm_from(archive),
-        settings=DeviationSettings(
-            # Until schema 2 the zero was taken to stay where it was.
-            **({"force_drift": 0.0} | archive.document["settings"])
-        ),
+        settings=settings,
         windows=windows_from(archive),
-        theta=archive.array("theta"),
+        theta=theta if archive.schema > 3 else with_drift(theta, settings.force_drift),
         row=StaticCompliance(value=archive.array("row"), sd=archive.array("row_sd"))
         if "row" in archive.arrays
         else None,
@@ -302,16 +324,18 @@ def _rows(
     centred = (windows.predicted - gain_at)[:, None]
     member = np.array([names[name] for name in windows.passes], dtype=np.int64)
     way = part_of_pass(terms.place, member, known)
+    taken = windows.zero_taken[:, None]
     return WindowRows(
         basis=np.concatenate([terms.by_joint, -windows.force, one, centred], axis=1),
         joints=windows.joints,
         place=terms.place,
         member=member,
         way=way,
-        drift=np.column_stack(
+        zero=np.column_stack(
             [
-                terms.compliance * settings.force_zero,
-                terms.compliance * settings.force_drift * way[:, None],
+                terms.compliance * np.where(taken, settings.zero_left, settings.force_zero),
+                terms.compliance * np.where(taken, settings.zero_left, 0.0) * way[:, None],
             ]
         ),
+        lever=np.where(taken, 0.0, terms.compliance * way[:, None]),
     )

@@ -9,8 +9,11 @@
         + w^2                                          from window to window
 
 t is the part of its pass at which a window lies: the zero is set where a pass begins, and drifts.
-Neighbouring windows share their error; taking it as white makes the factors of a single pass look
-known when they are not, and carries them wrongly to other poses.
+Each pass has a constant and a slope of its own, drawn with deviations d and r N. How far the
+dynamometer drifts (r) is learned from the passes; where its zero was read before and behind the cut
+and taken off, what is left of both is known and small. Neighbouring windows share their error;
+taking it as white makes the factors of a single pass look known when they are not, and carries them
+wrongly to other poses.
 """
 
 from __future__ import annotations
@@ -26,13 +29,17 @@ from robotrue.core.arrays import Array, IntArray
 from robotrue.core.columns import Column, Columns
 from robotrue.core.units import MM, UM
 
-NAMES: Final = ("pose_m", "pose_length_rad", "pass_m", "pass_length_m", "white_m")
-"""a1, l1, a2, l2, w."""
-CENTRE: Final = np.log([0.5 * UM, 0.3, 1.0 * UM, 30 * MM, 0.5 * UM])
-SPREAD: Final = np.array([1.0, 0.7, 1.0, 1.0, 1.0])
-"""Weak log-normal prior of the five."""
+NAMES: Final = ("pose_m", "pose_length_rad", "pass_m", "pass_length_m", "white_m", "drift_N")
+"""a1, l1, a2, l2, w, r."""
+DRIFT: Final = 0.45
+"""N, median of the prior of r."""
+CENTRE: Final = np.log([0.5 * UM, 0.3, 1.0 * UM, 30 * MM, 0.5 * UM, DRIFT])
+SPREAD: Final = np.array([1.0, 0.7, 1.0, 1.0, 1.0, 0.5])
+"""Weak log-normal prior of the six."""
 SEARCHED: Final = 250
-"""Windows that the five are learned from, at most."""
+"""Windows that the six are learned from, at most."""
+_NO_DRIFT: Final = 1e-9
+"""N; less is none."""
 BOUNDS: Final = np.log(
     [
         [0.01 * UM, 50 * UM],
@@ -40,6 +47,7 @@ BOUNDS: Final = np.log(
         [0.01 * UM, 50 * UM],
         [2 * MM, 1.0],
         [0.02 * UM, 50 * UM],
+        [0.02, 10.0],
     ]
 )
 
@@ -54,7 +62,8 @@ class WindowRows(Columns):
         place: (n, 3) m.
         member: (n,) number of the pass.
         way: (n,) t, from 0 where the pass began to 1 where it ended.
-        drift: (n, 6) m, C times the unsureness d of the dynamometer's zero, and C times t r.
+        zero: (n, 6) m, C d, and C t r where the zero was taken off and r is known.
+        lever: (n, 3) m/N, C t where the zero drifts as far as it likes.
     """
 
     basis: Annotated[Array, Column("n q")]
@@ -62,7 +71,8 @@ class WindowRows(Columns):
     place: Annotated[Array, Column("n 3", unit="m")]
     member: Annotated[IntArray, Column("n")]
     way: Annotated[Array, Column("n")]
-    drift: Annotated[Array, Column("n 6", unit="m")]
+    zero: Annotated[Array, Column("n 6", unit="m")]
+    lever: Annotated[Array, Column("n 3", unit="m/N")]
 
 
 def part_of_pass(place: Array, member: IntArray, known: WindowRows | None) -> Array:
@@ -103,7 +113,7 @@ def covariance(one: WindowRows, two: WindowRows, theta: Array, prior: Array) -> 
     Args:
         one: n windows.
         two: m windows.
-        theta: (5,) logarithms of :data:`NAMES`.
+        theta: (6,) logarithms of :data:`NAMES`.
         prior: (q,) variance of each factor.
     """
     same = one.member[:, None] == two.member
@@ -111,13 +121,15 @@ def covariance(one: WindowRows, two: WindowRows, theta: Array, prior: Array) -> 
         2.0 * theta[2] - 0.5 * _squared_distance(one.place, two.place) / np.exp(2.0 * theta[3])
     )
     out = (one.basis * prior) @ two.basis.T + pose_covariance(one, two, theta)
-    out += same * (along + one.drift @ two.drift.T)
+    drifted = np.exp(2.0 * theta[5]) * (one.lever @ two.lever.T)
+    out += same * (along + one.zero @ two.zero.T + drifted)
     return np.asarray(out)
 
 
 def variance(rows: WindowRows, theta: Array, prior: Array) -> Array:
     """Returns the diagonal of :func:`covariance` of windows with themselves (n,)."""
-    drift = np.einsum("ij,ij->i", rows.drift, rows.drift)
+    drift = np.einsum("ij,ij->i", rows.zero, rows.zero)
+    drift += np.exp(2.0 * theta[5]) * np.einsum("ij,ij->i", rows.lever, rows.lever)
     level = np.exp(2.0 * theta[0]) + np.exp(2.0 * theta[2])
     return np.asarray(rows.basis**2 @ prior + drift + level)
 
@@ -133,10 +145,16 @@ def solve_windows(rows: WindowRows, values: Array, theta: Array, prior: Array) -
     return solve(total, values[:, None], np.zeros((len(values), 0)))
 
 
-def learn_sizes(rows: WindowRows, values: Array, prior: Array) -> Array:
-    """Returns theta (5,) of largest evidence under the weak prior.
+def learn_sizes(rows: WindowRows, values: Array, prior: Array, drift: float) -> Array:
+    """Returns theta (6,) of largest evidence under the weak prior.
 
     Of many windows every second, third, ... is looked at, so that the search stays short.
+
+    Args:
+        rows: Learned from.
+        values: (n,) m, their deviation less its prior mean.
+        prior: (q,) variance of each factor.
+        drift: N, median of the prior of how far a zero drifts; 0 where it stays.
 
     Raises:
         ObservabilityError: Windows that coincide and carry no noise.
@@ -145,18 +163,22 @@ def learn_sizes(rows: WindowRows, values: Array, prior: Array) -> Array:
     rows, values = rows.take(slice(None, None, stride)), values[::stride]
     fixed = (rows.basis * prior) @ rows.basis.T
     same = rows.member[:, None] == rows.member
-    fixed += same * (rows.drift @ rows.drift.T)
+    fixed += same * (rows.zero @ rows.zero.T)
+    lever = same * (rows.lever @ rows.lever.T)
     turn, way = (
         _squared_distance(rows.joints, rows.joints),
         _squared_distance(rows.place, rows.place),
     )
     nothing = np.zeros((len(values), 0))
 
+    centre = with_drift(CENTRE[:5], drift)
+
     def log_posterior(theta: Array) -> tuple[float, Array]:
-        a1, l1, a2, l2, white = np.exp(2.0 * theta)
+        a1, l1, a2, l2, white, slope = np.exp(2.0 * theta)
         pose = a1 * np.exp(-0.5 * turn / l1)
         along = same * (a2 * np.exp(-0.5 * way / l2))
-        total = fixed + pose + along
+        drifted = slope * lever
+        total = fixed + pose + along + drifted
         total.flat[:: len(total) + 1] += white
         found = solve(total, values[:, None], nothing)
         weight = found.sensitivity()
@@ -167,13 +189,21 @@ def learn_sizes(rows: WindowRows, values: Array, prior: Array) -> Array:
                 np.vdot(weight, along),
                 0.5 * np.vdot(weight, along * way) / l2,
                 white * np.trace(weight),
+                np.vdot(weight, drifted),
             ]
         )
-        off = (theta - CENTRE) / SPREAD
+        off = (theta - centre) / SPREAD
         return found.log_evidence - 0.5 * float(off @ off), gradient - off / SPREAD
 
     held = np.full(len(CENTRE), np.nan)
-    return search_theta(log_posterior, CENTRE, BOUNDS, held)
+    if drift <= _NO_DRIFT or not rows.lever.any():
+        held[5] = centre[5]
+    return search_theta(log_posterior, centre, BOUNDS, held)
+
+
+def with_drift(theta: Array, drift: float) -> Array:
+    """Returns theta (6,) of one (5,) without the drift (N) of the zero."""
+    return np.append(theta, np.log(max(drift, _NO_DRIFT)))
 
 
 def _squared_distance(one: Array, two: Array) -> Array:

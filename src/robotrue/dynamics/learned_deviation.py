@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Annotated, Final, Protocol
 
+import numpy as np
+
 from robotrue.calibration.archive import robot_from
 from robotrue.core.archive import Archive
 from robotrue.core.arrays import Array, IntArray
@@ -95,6 +97,7 @@ def windows_document(windows: WindowSet) -> dict[str, object]:
     """Returns the JSON values of windows that an archive keeps beside :func:`windows_arrays`."""
     return {
         "passes": list(windows.passes),
+        "zero_taken": windows.zero_taken.tolist(),
         "source": windows.source,
         "provenance": windows.provenance.to_document(),
     }
@@ -114,6 +117,7 @@ def windows_from(archive: Archive) -> WindowSet:
     document = archive.document
     return WindowSet(
         passes=tuple(document["passes"]),
+        zero_taken=np.array(document.get("zero_taken", []), dtype=bool),
         source=str(document["source"]),
         measured=archive.array("measured", finite=False),
         provenance=provenance_from(document.get("provenance"), before=[document["source"]]),

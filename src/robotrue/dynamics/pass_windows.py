@@ -73,6 +73,7 @@ class PassRecords:
         dry: The dry run, or None: the laser then shows the error alone.
         spindle: Turns per second.
         direction: (3,) unit vector in base along which the error counts positive.
+        zero_taken: The zero of the dynamometer was taken off, see ``WindowSet.zero_taken``.
         provenance: Of all files.
     """
 
@@ -83,6 +84,7 @@ class PassRecords:
     dry: DryRun | None
     spindle: float
     direction: Array
+    zero_taken: bool = False
     provenance: Provenance = MEASURED
 
 
@@ -181,6 +183,7 @@ def cut_windows(records: PassRecords, edges: Array, curve: ResponseCurve) -> Win
         predicted=np.array([peaks_per_turn(bent[row], turn).mean() for row in rows]),
         measured=_measure_error(records, edges),
         span=edges,
+        zero_taken=np.full(len(edges), records.zero_taken),
         source=force.source,
         provenance=records.provenance,
     )

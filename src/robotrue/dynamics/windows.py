@@ -55,6 +55,8 @@ class WindowSet(Columns):
         predicted: (n,) m, error by frequency response and force (eq. 1 of the paper).
         measured: (n,) m; NaN where nobody measured.
         span: (n, 2) s, start and end in the record of the pass; NaN where nothing states them.
+        zero_taken: (n,) the zero of the dynamometer was read before and behind the cut and the line
+            between taken off; what is left of it is small. Where nobody says so it drifts.
         source: File or experiment.
         provenance: Simulated or measured, and the files.
     """
@@ -67,6 +69,7 @@ class WindowSet(Columns):
     predicted: Annotated[Array, Column("n", unit="m")]
     measured: Annotated[Array, Column("n", unit="m", nan=True)]
     span: Annotated[Array, Column("n 2", unit="s", nan=True, fill=np.nan)] = EMPTY
+    zero_taken: Annotated[BoolArray, Column("n", fill=False)] = EMPTY
     source: str = ""
     provenance: Provenance = MEASURED
 

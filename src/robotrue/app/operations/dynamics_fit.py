@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Final, Literal, TypeAlias
 
 from robotrue.app.context import Context
 from robotrue.app.dynamics_fields import DIRECTION, Direction, PredictedWith, WindowsFile
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from robotrue.dynamics.windows import WindowSet
 
     _Fitted: TypeAlias = tuple[
-        LearnedDeviation, Mapping[str, Any], tuple[Facts, *tuple[Block, ...]]
+        LearnedDeviation, Mapping[str, object], tuple[Facts, *tuple[Block, ...]]
     ]
 
 
@@ -101,7 +101,7 @@ def _fit_compliance(
     from robotrue.dynamics.deviation import fit_deviation
 
     model = fit_deviation(windows, arm, row=read_static_row(request.frf, arm, context))
-    values, dof = _document(model), arm.robot.dof
+    values, sizes, dof = _document(model), _sizes(model), arm.robot.dof
     factors = zip(model.factors[:dof], model.factors_sd[:dof], strict=True)
     facts = Facts(
         title="",
@@ -110,18 +110,30 @@ def _fit_compliance(
                 (f"compliance of joint {i + 1} over stated", f"{factor:.2f} +- {sd:.2f}")
                 for i, (factor, sd) in enumerate(factors)
             ),
-            *((name, f"{value:.3g}") for name, value in values["sizes"].items()),
+            *((name, f"{size:.3g}") for name, size in sizes.items() if size is not None),
         ),
     )
-    return model, values, (facts,)
+    return model, {**values, "sizes": sizes}, (facts,)
 
 
-def _document(model: DeviationModel) -> dict[str, Any]:
+def _sizes(model: DeviationModel) -> dict[str, float | None]:
+    """What the windows share, in the units of its names; no drift where every zero was taken."""
+    sizes = model.sizes
+    return {
+        "pose_um": sizes["pose_m"] / UM,
+        "pose_length_rad": sizes["pose_length_rad"],
+        "pass_um": sizes["pass_m"] / UM,
+        "pass_length_mm": sizes["pass_length_m"] / MM,
+        "white_um": sizes["white_m"] / UM,
+        "drift_N": None if model.windows.zero_taken.all() else sizes["drift_N"],
+    }
+
+
+def _document(model: DeviationModel) -> dict[str, object]:
     import numpy as np
 
     dof = model.arm.robot.dof
     g, b, c = model.factors[dof : dof + 3], model.factors[dof + 3], model.factors[dof + 4]
-    sizes = model.sizes
     fitted = model.predict(model.windows)
     rest = (fitted.error - model.windows.measured) / UM
     return {
@@ -130,13 +142,6 @@ def _document(model: DeviationModel) -> dict[str, Any]:
         "static_of_prediction_um_per_N": (g / UM).tolist(),
         "offset_um": b / UM,
         "gain_of_prediction": 1.0 + c,
-        "sizes": {
-            "pose_um": sizes["pose_m"] / UM,
-            "pose_length_rad": sizes["pose_length_rad"],
-            "pass_um": sizes["pass_m"] / UM,
-            "pass_length_mm": sizes["pass_length_m"] / MM,
-            "white_um": sizes["white_m"] / UM,
-        },
         "training_rmse_um": float(np.sqrt((rest**2).mean())),
     }
 

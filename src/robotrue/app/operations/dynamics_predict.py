@@ -32,7 +32,7 @@ class DynamicsPredictRequest(Request):
         Path,
         InputFile(help="Frequency response of the tool: CSV, UFF58 (.uff, .unv) or MAT."),
     ]
-    force: Annotated[Path, InputFile(help="Recorded force on the tool: CSV, TDMS or MAT.")]
+    force: Annotated[Path, InputFile(help="Recorded force on the tool: CSV, TDMS, MAT, UFF.")]
     output: Annotated[Path, table_output("CSV of the error to write.")]
     static_um_per_n: StaticTest = None
     between: Between = BETWEEN

@@ -30,7 +30,9 @@ class DynamicsWindowsRequest(Request):
 
     force: Annotated[
         Path,
-        InputFile(argument="FORCE", help="Force of the pass: CSV (t_s,fx_N,fy_N,fz_N), TDMS, MAT."),
+        InputFile(
+            argument="FORCE", help="Force of the pass: CSV (t_s,fx_N,fy_N,fz_N), TDMS, MAT, UFF."
+        ),
     ]
     cell: Annotated[Path, InputFile(help="cell.toml with arm and tool.")]
     joints: Annotated[
@@ -158,6 +160,7 @@ def _read_records(
         dry=dry,
         spindle=spindle,
         direction=parse_direction(request.direction),
+        zero_taken=not request.keep_zero,
         provenance=merge(origins),
     )
     check_clocks(records)

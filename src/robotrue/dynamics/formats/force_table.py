@@ -1,15 +1,16 @@
-"""Force records as CSV, TDMS (through npTDMS, extra ``dynamics``) or MAT.
+"""Force records as CSV, MAT, TDMS or UFF (through npTDMS and pyuff, extra ``dynamics``).
 
 CSV: ``t_s,fx_N,fy_N,fz_N``, in any order; other columns are refused. MAT: ``fx_N, fy_N, fz_N`` with
 ``t_s`` or ``rate_Hz``. TDMS: three channels of one group called ``fx, fy, fz`` (or ``Fx [N]``:
 letters only count), each with its unit as property ``unit_string`` (N or kN), in brackets or as
-``fx_N``, and its clock as ``wf_increment`` or in a channel ``t_s`` beside them.
+``fx_N``, and its clock as ``wf_increment`` or in a channel ``t_s`` beside them. UFF: dataset 58
+over time, see :mod:`robotrue.dynamics.formats.uff_signals`.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from pathlib import Path
 from typing import Final
 
@@ -29,9 +30,11 @@ from robotrue.dynamics.formats.column_table import (
     table_bytes,
 )
 from robotrue.dynamics.formats.tdms_channels import TdmsChannel, read_tdms_groups
+from robotrue.dynamics.formats.uff_sets import UFF_SUFFIXES
+from robotrue.dynamics.formats.uff_signals import check_one_clock, read_force_histories
 from robotrue.errors import FormatError, ImplausibleDataError
 
-FORCE_SUFFIXES: Final = (".csv", ".txt", ".tdms", ".mat")
+FORCE_SUFFIXES: Final = (".csv", ".txt", ".tdms", ".mat", *UFF_SUFFIXES)
 COLUMNS: Final = ("t_s", "fx_N", "fy_N", "fz_N")
 _BARE: Final = re.compile(r"(t|time|f[xyz])([ _(\[].*)?", re.IGNORECASE)
 _UNITS: Final = {"n": 1.0, "newton": 1.0, "newtons": 1.0, "kn": 1e3}
@@ -39,17 +42,18 @@ _CHANNEL: Final = re.compile(r"\s*f[ _]?([xyz])\s*(?:[\[(_ ]\s*(\w+)\s*[\])]?)?\
 
 
 def read_force(path: str | Path) -> tuple[ForceRecord, tuple[str, ...]]:
-    """Returns the force record of a CSV, TDMS or MAT file, and what is odd but harmless.
+    """Returns the force record of a CSV, TDMS, MAT or UFF file, and what is odd but harmless.
 
     Raises:
         FormatError: Unreadable, of an unknown suffix, a column, channel or variable that is
             missing, without its unit or not known, a sample that is no finite number; with its
             line where there are lines.
         ImplausibleDataError: An uneven clock or a sensor that cannot be right.
-        MissingExtraError: TDMS without npTDMS.
+        MissingExtraError: TDMS without npTDMS, UFF without pyuff.
     """
     suffix = check_suffix(path, FORCE_SUFFIXES)
-    return {".tdms": _read_tdms, ".mat": _read_mat}.get(suffix, _read_csv)(path)
+    readers = {".tdms": _read_tdms, ".mat": _read_mat} | dict.fromkeys(UFF_SUFFIXES, _read_uff)
+    return readers.get(suffix, _read_csv)(path)
 
 
 def write_force_csv(path: str | Path, record: ForceRecord) -> None:
@@ -110,13 +114,7 @@ def _read_mat(path: str | Path) -> tuple[ForceRecord, tuple[str, ...]]:
 
 def _read_tdms(path: str | Path) -> tuple[ForceRecord, tuple[str, ...]]:
     channels = _tdms_channels(path)
-    missing = [f"f{axis}" for axis in "xyz" if axis not in channels]
-    if missing:
-        raise FormatError(
-            f"no channel {', '.join(missing)}.",
-            source=path,
-            hint="name the three channels fx, fy and fz.",
-        )
+    _check_axes(channels, path, hint="name the three channels fx, fy and fz.")
     times = channels.pop("t", None)
     clocks = {axis: _channel_clock(channel, times, path) for axis, channel in channels.items()}
     if len(set(clocks.values())) > 1:
@@ -132,6 +130,21 @@ def _read_tdms(path: str | Path) -> tuple[ForceRecord, tuple[str, ...]]:
         )
     start, step = clocks["x"]
     return _build_record(path, np.column_stack(columns), (start, 1.0 / step))
+
+
+def _read_uff(path: str | Path) -> tuple[ForceRecord, tuple[str, ...]]:
+    histories, provenance = read_force_histories(path)
+    _check_axes(histories, path, hint="give the three channels the directions 1, 2 and 3.")
+    clock = even_rate(check_one_clock(histories, path), path)
+    force = np.column_stack([histories[axis].values for axis in "xyz"])
+    return _build_record(path, force, clock, provenance)
+
+
+def _check_axes(found: Container[str], path: str | Path, hint: str) -> None:
+    """Passes if there is a channel along each axis."""
+    missing = [f"f{axis}" for axis in "xyz" if axis not in found]
+    if missing:
+        raise FormatError(f"no channel {', '.join(missing)}.", source=path, hint=hint)
 
 
 def _tdms_channels(path: str | Path) -> dict[str, TdmsChannel]:

@@ -30,11 +30,12 @@ from robotrue.dynamics.formats.column_table import (
     read_mat,
     table_bytes,
 )
+from robotrue.dynamics.formats.uff_sets import UFF_SUFFIXES
 from robotrue.dynamics.frf import AXES, ComplexArray, FrequencyResponse
 from robotrue.dynamics.frf_checks import AxisPairCurves, assemble_response
 from robotrue.errors import FormatError
 
-FRF_SUFFIXES: Final = (".csv", ".txt", ".uff", ".unv", ".uf", ".mat")
+FRF_SUFFIXES: Final = (".csv", ".txt", *UFF_SUFFIXES, ".mat")
 UNITS: Final = {
     "m_per_N": ("receptance", 1.0),
     "mm_per_N": ("receptance", MM),

@@ -1,8 +1,9 @@
-"""Recorded signals with their times: CSV, TDMS or MAT, units in the names.
+"""Recorded signals with their times: CSV, TDMS, MAT or UFF, units in the names.
 
 Columns of a CSV, channels of a TDMS file or variables of a MAT file are called alike: ``t_s`` and
 e.g. ``j1_deg`` .. ``j6_deg`` or ``d_um``. Others beside them are left alone. Channels of a TDMS
-file may state their clock as ``wf_increment`` instead of ``t_s``, as variables may as ``rate_Hz``.
+file may state their clock as ``wf_increment`` instead of ``t_s``, as variables may as ``rate_Hz``;
+time histories of a universal file have one each, see :mod:`robotrue.dynamics.formats.uff_signals`.
 """
 
 from __future__ import annotations
@@ -25,9 +26,11 @@ from robotrue.dynamics.formats.column_table import (
     read_mat,
 )
 from robotrue.dynamics.formats.tdms_channels import read_tdms_groups
+from robotrue.dynamics.formats.uff_sets import UFF_SUFFIXES
+from robotrue.dynamics.formats.uff_signals import check_one_clock, read_named_histories
 from robotrue.errors import FormatError, ImplausibleDataError
 
-SIGNAL_SUFFIXES: Final = (".csv", ".txt", ".tdms", ".mat")
+SIGNAL_SUFFIXES: Final = (".csv", ".txt", ".tdms", ".mat", *UFF_SUFFIXES)
 TIME: Final = "t_s"
 
 
@@ -57,17 +60,18 @@ def read_signals(path: str | Path, choices: Sequence[Sequence[str]]) -> Signals:
     """Returns the first of several sets of signals that a file holds whole.
 
     Args:
-        path: CSV, TDMS or MAT.
+        path: CSV, TDMS, MAT or UFF.
         choices: Names of the signals of each set.
 
     Raises:
         FormatError: Unreadable, of an unknown suffix, without any of the sets or a clock, a sample
             that is no finite number; with its line where there are lines.
-        ImplausibleDataError: Times that do not rise.
-        MissingExtraError: TDMS without npTDMS.
+        ImplausibleDataError: Times that do not rise, or clocks that differ.
+        MissingExtraError: TDMS without npTDMS, UFF without pyuff.
     """
     suffix = check_suffix(path, SIGNAL_SUFFIXES)
-    read = {".tdms": _read_tdms, ".mat": _read_mat}.get(suffix, _read_csv)
+    readers = {".tdms": _read_tdms, ".mat": _read_mat} | dict.fromkeys(UFF_SUFFIXES, _read_uff)
+    read = readers.get(suffix, _read_csv)
     signals = read(path, choices)
     falls = np.flatnonzero(np.diff(signals.time) <= 0.0)
     if len(signals) < 2 or falls.size:
@@ -151,4 +155,17 @@ def _read_tdms(path: str | Path, choices: Sequence[Sequence[str]]) -> Signals:
         values=np.column_stack(columns),
         source=str(path),
         provenance=read_provenance(path),
+    )
+
+
+def _read_uff(path: str | Path, choices: Sequence[Sequence[str]]) -> Signals:
+    histories, provenance = read_named_histories(path)
+    names = _choose(path, list(histories), choices)
+    chosen = {name: histories[name] for name in names}
+    return Signals(
+        time=check_one_clock(chosen, path),
+        names=tuple(names),
+        values=np.column_stack([history.values for history in chosen.values()]),
+        source=str(path),
+        provenance=provenance,
     )

@@ -8,35 +8,41 @@ with neither is refused.
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final, NamedTuple, TypeAlias
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.core.files import read_bytes, write_atomic
-from robotrue.core.provenance import mark_line, merge, provenance_of_lines, read_provenance
-from robotrue.core.units import MM, STANDARD_GRAVITY, UM
+from robotrue.core.provenance import mark_line
+from robotrue.core.units import MM, STANDARD_GRAVITY
+from robotrue.dynamics.formats.uff_sets import (
+    FORCE_TYPES,
+    FORCE_UNITS,
+    LENGTH_UNITS,
+    UffSet,
+    import_pyuff,
+    read_direction,
+    read_sets,
+    sets_origin,
+    unit_of,
+    units_of_file,
+)
 from robotrue.dynamics.frf import AXES, ComplexArray, FrequencyResponse
 from robotrue.dynamics.frf_checks import AxisPairCurves, assemble_response
-from robotrue.errors import FormatError, MissingExtraError
+from robotrue.errors import FormatError
 
 _FORM: Final = {8: "receptance", 11: "mobility", 12: "accelerance"}
-_FORCE: Final = (9, 13)
 _RESPONSE, _COHERENCE = 4, 6
 _MOTION_UNITS: Final = {
-    "receptance": {"m": 1.0, "mm": MM, "um": UM, "µm": UM, "μm": UM},
+    "receptance": LENGTH_UNITS,
     "mobility": {"m/s": 1.0, "mm/s": MM},
     "accelerance": {"m/s2": 1.0, "m/s^2": 1.0, "m/s²": 1.0, "mm/s2": MM, "mm/s^2": MM}
     | dict.fromkeys(("g", "gn"), STANDARD_GRAVITY),
 }
 _ID: Final = 80
 """Characters of an identification line."""
-_FORCE_UNITS: Final = {"n": 1.0, "kn": 1e3, "mn": 1e-3}
-_Set: TypeAlias = dict[str, str | float | Array | ComplexArray]
-"""A data set by the names of pyuff, which has no types."""
 
 
 class _Curve(NamedTuple):
@@ -58,8 +64,8 @@ def read_uff(path: str | Path) -> FrequencyResponse:
         ImplausibleDataError: Numbers that cannot be what the file says they are.
         MissingExtraError: pyuff is not installed.
     """
-    sets = _read_sets(path)
-    units = _system_of_units(sets)
+    sets = read_sets(path)
+    units = units_of_file(sets)
     curves = [
         _read_curve(one, number, path, units)
         for number, one in enumerate(sets, 1)
@@ -91,8 +97,7 @@ def read_uff(path: str | Path) -> FrequencyResponse:
         raise FormatError(f"curves of {' and '.join(forms)}.", source=path)
     coherence = {c.pair: c.values.real for c in curves if not c.form and c.pair in response}
     pairs = AxisPairCurves(form=forms[0], response=response, coherence=coherence)
-    stated = provenance_of_lines(f"# {one.get('id5', '')}" for one in sets)
-    origin = merge([read_provenance(path), stated])
+    origin = sets_origin(path, sets)
     return assemble_response(curves[0].lines, pairs, source=str(path), provenance=origin)
 
 
@@ -105,7 +110,7 @@ def write_uff(path: str | Path, frf: FrequencyResponse) -> None:
     """
     import tempfile
 
-    pyuff = _pyuff()
+    pyuff = import_pyuff()
     with tempfile.TemporaryDirectory() as folder:
         # pyuff writes by path and appends; the file is put in its place when it is complete.
         beside = Path(folder) / "response.uff"
@@ -118,7 +123,7 @@ def write_uff(path: str | Path, frf: FrequencyResponse) -> None:
         write_atomic(path, read_bytes(beside))
 
 
-def _set(frf: FrequencyResponse, pair: str, values: ComplexArray | Array, kind: int) -> _Set:
+def _set(frf: FrequencyResponse, pair: str, values: ComplexArray | Array, kind: int) -> UffSet:
     """What pyuff does not fill in by itself."""
     step = np.diff(frf.frequency)
     is_response = kind == _RESPONSE
@@ -143,58 +148,13 @@ def _set(frf: FrequencyResponse, pair: str, values: ComplexArray | Array, kind: 
     }
 
 
-def _pyuff() -> Any:  # it has no types
-    try:
-        import pyuff
-    except ImportError as cause:
-        raise MissingExtraError(
-            "universal files need pyuff.", hint="pip install 'robotrue[dynamics]'"
-        ) from cause
-    return pyuff
-
-
-def _read_sets(path: str | Path) -> list[_Set]:
-    pyuff = _pyuff()
-    data = read_bytes(path)
-    if b"    -1" not in data[:400]:
-        raise FormatError(
-            "not a universal file: no delimiter -1 at its beginning.", source=path, hint="UFF58."
-        )
-    if sum(line.rstrip() == b"    -1" for line in data.split(b"\n")) % 2:
-        # pyuff would leave the last set out without a word.
-        raise FormatError(
-            "the file ends in the middle of its last set.", source=path, hint="export it again."
-        )
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            file = pyuff.UFF(str(path))
-            found = file.read_sets()
-    except Exception as cause:  # pyuff raises whatever its parsing meets
-        raise FormatError(
-            f"cannot be read as a universal file ({type(cause).__name__}: {cause}).",
-            source=path,
-            hint="export it again, as ASCII.",
-        ) from cause
-    return [found] if isinstance(found, dict) else list(found)
-
-
 def _read_curve(
-    one: _Set, number: int, path: str | Path, units: tuple[float | None, float | None]
+    one: UffSet, number: int, path: str | Path, units: tuple[float | None, float | None]
 ) -> _Curve:
     """The curve of a set; ``units`` are length and force of the file in m and N, if stated."""
-    axes, sign = "", 1.0
-    for what in ("rsp_dir", "ref_dir"):
-        direction = int(one[what])
-        if abs(direction) not in (1, 2, 3):
-            raise FormatError(
-                f"set {number}: direction {direction} of the "
-                f"{'response' if what == 'rsp_dir' else 'reference'}, expected 1 to 3 or -1 to -3.",
-                source=path,
-                hint="give the channel its direction before exporting.",
-            )
-        axes += AXES[abs(direction) - 1]
-        sign *= float(np.sign(direction))
+    response, one_sign = read_direction(one, "rsp_dir", number, path)
+    reference, other_sign = read_direction(one, "ref_dir", number, path)
+    axes, sign = response + reference, one_sign * other_sign
     lines = np.asarray(one["x"], dtype=np.float64)
     values = np.asarray(one["data"], dtype=np.complex128)
     if not np.isfinite(values).all():
@@ -209,11 +169,11 @@ def _read_curve(
 
 
 def _form_and_scale(
-    one: _Set, number: int, path: str | Path, length: float | None, force: float | None
+    one: UffSet, number: int, path: str | Path, length: float | None, force: float | None
 ) -> tuple[str, float]:
     """Form of the curve and the factor to its SI unit."""
     kinds = (int(one["ordinate_spec_data_type"]), int(one["orddenom_spec_data_type"]))
-    if kinds[0] not in _FORM or kinds[1] not in _FORCE:
+    if kinds[0] not in _FORM or kinds[1] not in FORCE_TYPES:
         raise FormatError(
             f"set {number} is of data type {kinds[0]} over {kinds[1]}, expected 8, 11 or 12 over a "
             "force (13).",
@@ -221,8 +181,8 @@ def _form_and_scale(
             hint="export it with the types of its channels.",
         )
     form = _FORM[kinds[0]]
-    above = _unit(one, "ordinate_axis_units_lab", _MOTION_UNITS[form])
-    below = _unit(one, "orddenom_axis_units_lab", _FORCE_UNITS)
+    above = unit_of(one, "ordinate_axis_units_lab", _MOTION_UNITS[form])
+    below = unit_of(one, "orddenom_axis_units_lab", FORCE_UNITS)
     above = length if above is None else above
     below = force if below is None else below
     if above is None or below is None:
@@ -233,18 +193,3 @@ def _form_and_scale(
             hint="export with units, or as CSV with G??_re_m_per_s2_per_N.",
         )
     return form, above / below
-
-
-def _unit(one: _Set, key: str, known: Mapping[str, float]) -> float | None:
-    label = str(one.get(key) or "").strip()
-    if label in known:
-        return known[label]
-    return known.get(label.lower().replace(" ", ""))
-
-
-def _system_of_units(sets: list[_Set]) -> tuple[float | None, float | None]:
-    """Length and force of the file in m and N (dataset 164 gives SI over file), or None."""
-    for one in sets:
-        if int(one.get("type", 0)) == 164:
-            return 1.0 / float(one["length"]), 1.0 / float(one["force"])
-    return None, None

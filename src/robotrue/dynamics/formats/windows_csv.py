@@ -4,7 +4,8 @@
 
 Forces act on the tool, in base axes. ``measured_um`` may be blank or missing where nobody measured.
 ``start_s,end_s`` beside them say where in the record of its pass a window lies; windows of a pass
-that share time are refused.
+that share time are refused. ``zero_taken`` is yes where the zero of the dynamometer was read before
+and behind the cut and taken off, no or blank where nobody did.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array
+from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.units import DEG, UM
 from robotrue.dynamics.windows import WindowSet, first_overlap
 from robotrue.measurement.formats.sheet import Sheet, number_columns, write_columns
@@ -24,6 +25,8 @@ from robotrue.measurement.formats.sheet_file import read_sheet
 FORCES: Final = ("fx_mean_N", "fy_mean_N", "fz_mean_N", "f_peak_N", "f_mean_N")
 ERRORS: Final = ("predicted_um", "measured_um")
 SPAN: Final = ("start_s", "end_s")
+ZERO_TAKEN: Final = "zero_taken"
+_YES, _NO = "yes", "no"
 
 
 def read_windows(path: str | Path) -> WindowSet:
@@ -58,6 +61,7 @@ def read_windows(path: str | Path) -> WindowSet:
         predicted=sheet.numbers(ERRORS[:1])[:, 0] * UM,
         measured=measured,
         span=_read_span(sheet),
+        zero_taken=_read_zero_taken(sheet),
         source=str(path),
         provenance=sheet.provenance,
     )
@@ -88,6 +92,21 @@ def _read_span(sheet: Sheet) -> Array:
         if rows:
             out[rows] = _checked_span(sheet, rows)
     return out
+
+
+def _read_zero_taken(sheet: Sheet) -> BoolArray:
+    """Whether the zero was taken off (n,)."""
+    if not sheet.has(ZERO_TAKEN):
+        return np.zeros(len(sheet), dtype=bool)
+    cells = [cell.lower() for cell in sheet.column(ZERO_TAKEN)]
+    for row, cell in enumerate(cells):
+        if cell not in (_YES, _NO, ""):
+            raise sheet.fault(
+                f"{ZERO_TAKEN} is {cell!r}, expected {_YES} or {_NO}.",
+                "yes only where the zero was read in the air before and behind the cut.",
+                row=row,
+            )
+    return np.array([cell == _YES for cell in cells], dtype=bool)
 
 
 def _checked_span(sheet: Sheet, rows: Sequence[int]) -> Array:
@@ -129,4 +148,6 @@ def write_windows(path: str | Path, windows: WindowSet) -> None:
     numbers = number_columns([*joints, *FORCES, *ERRORS], values)
     if np.isfinite(windows.span).any():
         numbers |= number_columns(SPAN, windows.span)
+    if windows.zero_taken.any():
+        numbers[ZERO_TAKEN] = [_YES if taken else _NO for taken in windows.zero_taken.tolist()]
     write_columns(path, {"pass": windows.passes, **numbers}, windows.provenance)
