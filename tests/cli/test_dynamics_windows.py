@@ -112,7 +112,7 @@ def test_windows_that_overlap(lab):
     assert result.exception.line == 4
     edges.write_text("start_s,end_s\n2,3\n3,4\n4,5\n")
     assert call(*arguments, "--edges", edges).exit_code == 0
-    text = (folder / "windows.csv").read_text().replace(",4.0,5.0\n", ",3.5,4.5\n")
+    text = (folder / "windows.csv").read_text().replace(",4.0,5.0,", ",3.5,4.5,")
     (folder / "shared.csv").write_text(text)
     with pytest.raises(FormatError, match="windows that overlap"):
         read_windows(folder / "shared.csv")
