@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from planted_arm import PAYLOAD, arm, planted, postures, ripple_shift
 
-from robotrue.calibration.design import HeldOutRows, temper_factor
 from robotrue.calibration.evidence import PriorGroup, held_scales, learn, posterior, sums_of
+from robotrue.calibration.held_out_blocks import HeldOutRows, widen
 from robotrue.calibration.learned import LearnedParts, fit_learned
 from robotrue.calibration.methods import FitSettings, fit
 from robotrue.calibration.model import Query
@@ -117,18 +117,39 @@ def test_students_factor_falls_to_one():
     assert student_factor(30.0) == pytest.approx(3.0 * 2.922277 / 7.814728, rel=1e-5)  # F table
 
 
-def test_the_factor_of_the_blocks_counts_more_with_more_rows():
-    def found(rows: int) -> HeldOutRows:
-        none = np.zeros((rows, 3, 3))
-        error = np.zeros((rows, 3))
-        return HeldOutRows(error=error, learned=none, white=none, instrument=none, inflation=3.0)
+def held_out(rows: int, *, spread: float = 1.0, instrument: float = 0.0) -> HeldOutRows:
+    """Rows whose misfit is ``spread`` times the sd stated, beside that of the instrument."""
+    rng = np.random.default_rng(rows)
+    error = spread * rng.standard_normal((rows, 3)) + instrument * rng.standard_normal((rows, 3))
+    none, one = np.zeros((rows, 3, 3)), np.tile(np.eye(3), (rows, 1, 1))
+    return HeldOutRows(error=error, learned=none, white=one, instrument=instrument**2 * one)
 
-    # Held at the fewest degrees.
-    assert temper_factor(found(5), 1.0).inflation == temper_factor(found(5), 6.0).inflation
-    factors = [temper_factor(found(n), 3.0 * n).inflation for n in (5, 20, 60, 200, 10_000)]
-    assert (np.diff(factors[1:]) > 0.0).all()
-    assert factors[-1] == pytest.approx(3.0, rel=0.01)
-    assert 1.0 < factors[1] < 1.6
+
+def factor_of(found: HeldOutRows, freedom: float) -> float:
+    return widen(found, np.ones(len(found.error), dtype=bool), freedom).inflation
+
+
+def test_the_factor_is_that_of_the_misfit_with_many_rows():
+    assert factor_of(held_out(4000, spread=2.0), 4000.0) == pytest.approx(4.0, rel=0.05)
+    assert factor_of(held_out(4000, spread=0.7), 4000.0) == pytest.approx(0.49, rel=0.05)
+    assert factor_of(held_out(4000, spread=2.0, instrument=3.0), 4e3) == pytest.approx(4.0, rel=0.2)
+
+
+def test_few_rows_widen_by_students_law():
+    calm = factor_of(held_out(20, spread=0.3), 12.0)
+    assert calm == pytest.approx((24.0 / 80.0 * student_factor(12.0)) ** (300 / 320), rel=0.15)
+    assert factor_of(held_out(20), 1.0) == factor_of(held_out(20), 8.0)  # the fewest degrees
+    assert factor_of(held_out(20), 9.0) > factor_of(held_out(20), 30.0)
+
+
+def test_one_row_far_off_does_not_make_the_width_of_the_others():
+    found = held_out(60)
+    error = found.error.copy()
+    error[7] = [0.0, 0.0, 100.0]
+    far = replace(found, error=error)
+    assert factor_of(far, 50.0) < 1.4 * factor_of(found, 50.0)
+    counted = np.arange(60) != 7
+    assert widen(far, counted, 50.0).inflation < factor_of(far, 50.0)
 
 
 def law_arm(rng):

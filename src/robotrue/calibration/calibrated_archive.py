@@ -50,6 +50,7 @@ def read_rigid_flexible(archive: Archive) -> CalibratedModel:
         T_tracker_base=dict(zip(stations, T_tracker_base, strict=True)),
         reflectors={int(k): _reflector(archive, int(k)) for k in document.get("reflectors", ())},
         summary=dict(document["summary"]),
+        inflation=_read_inflation(document.get("inflation", 1.0)),
     )
 
 
@@ -74,9 +75,6 @@ def read_learned(archive: Archive) -> CalibratedModel:
             },
         )
     )
-    inflation = float(document["inflation"])
-    if not 0.0 < inflation < 1e6:
-        raise ArchiveError("the factor on the covariance of the learned error is damaged.")
     restored = _restore_terms(archive, physics.robot)
     values = np.concatenate([part for _, part in restored])
     columns = archive.array("columns")
@@ -103,7 +101,7 @@ def read_learned(archive: Archive) -> CalibratedModel:
         values=values,
         columns=columns,
         root=archive.array("root"),
-        inflation=inflation,
+        inflation=_read_inflation(document["inflation"]),
     )
 
 
@@ -123,6 +121,14 @@ def _restore_terms(archive: Archive, robot: RobotModel) -> list[tuple[Term, Arra
         own = {k.removeprefix(start): a for k, a in archive.arrays.items() if k.startswith(start)}
         restored.append(term_of(name).restore(robot, document, own))
     return restored
+
+
+def _read_inflation(stated: object) -> float:
+    """The factor on a covariance."""
+    inflation = float(str(stated))
+    if not 0.0 < inflation < 1e6:
+        raise ArchiveError("the factor on the covariance of the learned error is damaged.")
+    return inflation
 
 
 def _reflector(archive: Archive, number: int) -> Reflector:

@@ -281,6 +281,7 @@ class CalibratedModel(Columns):
             "white": self.white,
             "stations": stations,
             **({"reflectors": reflectors} if reflectors else {}),
+            **({"inflation": self.inflation} if self.root is None and self.inflation != 1 else {}),
         }
         arrays = {
             **robot_arrays(self.robot),

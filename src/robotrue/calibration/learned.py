@@ -17,10 +17,16 @@ from typing import Final
 import numpy as np
 
 from robotrue.calibration.calibrated_model import CalibratedModel
-from robotrue.calibration.design import Design, HeldOutRows, predict_held_out, temper_factor
+from robotrue.calibration.design import Design
 from robotrue.calibration.estimate import Estimate, estimate
 from robotrue.calibration.estimator import NOISE_FLOOR
-from robotrue.calibration.evidence import Sums, Weights, learn
+from robotrue.calibration.evidence import Sums, Weights, learn, posterior
+from robotrue.calibration.held_out_blocks import (
+    HeldOutRows,
+    count_freedom,
+    predict_held_out,
+    widen,
+)
 from robotrue.calibration.learned_assembly import LinearFit, assemble_model, day_shift
 from robotrue.calibration.observations import (
     observations_of,
@@ -67,8 +73,6 @@ MANY_ROWS: Final = 200
 """Rows from which the ladder begins at its second rung, and each band has a scale of its own."""
 FEWEST_SMOOTH: Final = 60
 """Rows below which nobody can tell a smooth residual from the rest; it is not tried."""
-HALF: Final = 0.5
-"""Weights of a group that the data determine from which its scale is taken for learned."""
 LONG_CAMPAIGN: Final = 1000
 """Rows of a campaign so long that half of a day's shift is seen within it."""
 LADDER_STEPS: Final = 8
@@ -120,7 +124,7 @@ def fit_learned(
     notes: dict[str, object] = {"smooth": "not tried"}
     if parts.smooth and len(measurements) >= FEWEST_SMOOTH:
         at, found, notes = _with_smooth(at, found, measurements, settings)
-    found = temper_factor(found, _freedom(at))
+    found = widen_covariance(at, found)
     return assemble_model(physical, at, found, settings, {"method": method, **notes})
 
 
@@ -284,14 +288,27 @@ def _predict_blocks(at: LinearFit, settings: FitSettings) -> HeldOutRows:
     )
 
 
-def _freedom(at: LinearFit) -> float:
-    """Returns the numbers measured beyond those that weights, and scales the data moved, took."""
-    moved = [
-        g.learned and seen > HALF
-        for g, seen in zip(at.weights.groups, at.weights.determined, strict=True)
-    ]
-    measured = sum(s.count for s in at.sums)
-    return float(measured - at.weights.determined.sum() - sum(moved))
+def widen_covariance(at: LinearFit, found: HeldOutRows) -> HeldOutRows:
+    """Returns the held-out rows with the factor that the covariance of the fit gets."""
+    physical = int(at.design.active[: len(at.design.free)].sum())
+    freedom = count_freedom(at.sums, at.weights, physical)
+    return widen(found, at.design.weights > 0.0, freedom)
+
+
+def hold_out_physical(
+    physical: Estimate, measurements: MeasurementSet, settings: FitSettings
+) -> HeldOutRows:
+    """Returns the rows predicted by the physical model from the other blocks, and its width."""
+    parts = LearnedParts(ripple=False, smooth=False)
+    design = first_design(physical, measurements, settings, parts)
+    weights = np.zeros(len(measurements))
+    for observation, u in zip(design.observations, physical.posterior.weights, strict=True):
+        weights[observation.rows] = u
+    design = replace(design, weights=weights)
+    sums = design.sums()
+    fit = posterior(sums, design.groups({}), np.ones(len(sums)))
+    at = LinearFit(design=design, sums=sums, weights=fit)
+    return widen_covariance(at, _predict_blocks(at, replace(settings, campaign_shift=0.0)))
 
 
 def _within(rows: int) -> float:

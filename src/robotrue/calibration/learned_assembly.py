@@ -8,14 +8,16 @@ which no row of one campaign can show.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
 from robotrue.calibration.belief import Belief
 from robotrue.calibration.calibrated_model import CalibratedModel, model_of
-from robotrue.calibration.design import Design, HeldOutRows
+from robotrue.calibration.design import Design
 from robotrue.calibration.estimate import Estimate
 from robotrue.calibration.evidence import Sums, Weights
+from robotrue.calibration.held_out_blocks import HeldOutRows
 from robotrue.calibration.lineage import describe_rows
 from robotrue.calibration.parameters import retract, station_as_base, target_as_tool
 from robotrue.calibration.settings import FitSettings
@@ -25,6 +27,9 @@ from robotrue.calibration.terms.term import Term
 from robotrue.calibration.training_summary import describe_parameters
 from robotrue.core.arrays import IntArray
 from robotrue.robot.model import parameter_names, parameter_slice
+
+LARGE_FACTOR: Final = 4.0
+"""Factor on the covariance from which a model warns of it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -149,11 +154,7 @@ def _summary(
         doubts.append("the approach direction of no row is known: backlash was not learned.")
     if at.design.smooth.size:
         doubts.append("the smooth residual is that of the measured point; other tools inherit it.")
-    if held_out.inflation > 4.0:
-        doubts.append(
-            f"held-out blocks are off by more than the model expects (variance times "
-            f"{held_out.inflation:.1f}): something drifts or is not modelled."
-        )
+    doubts += warn_of_width(held_out)
     return {
         **notes,
         **describe_rows(physical.measurements),
@@ -165,6 +166,23 @@ def _summary(
         "determined": dict(zip([g.name for g in fit.groups], fit.determined.tolist(), strict=True)),
         "white_sd_m": white,
         "evidence": fit.evidence,
+        **describe_width(held_out),
+    }
+
+
+def warn_of_width(held_out: HeldOutRows) -> list[str]:
+    """Returns the warning of a width that held-out blocks needed, if it is large."""
+    if held_out.inflation <= LARGE_FACTOR:
+        return []
+    return [
+        f"held-out blocks are off by more than the model expects (variance times "
+        f"{held_out.inflation:.1f}): something drifts or is not modelled."
+    ]
+
+
+def describe_width(held_out: HeldOutRows) -> dict[str, object]:
+    """Returns what a summary says of the rows held out and of the factor on the covariance."""
+    return {
         "held_out_blocks_mean_m": held_out.mean,
         "held_out_blocks_coverage_before": replace(held_out, inflation=1.0).coverage,
         "covariance_factor": held_out.inflation,

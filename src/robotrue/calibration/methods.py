@@ -10,7 +10,9 @@ import numpy as np
 
 from robotrue.calibration.calibrated_model import CalibratedModel, Reflector
 from robotrue.calibration.estimate import Estimate, estimate
-from robotrue.calibration.learned import LearnedParts, fit_learned
+from robotrue.calibration.held_out_blocks import HeldOutRows
+from robotrue.calibration.learned import LearnedParts, fit_learned, hold_out_physical
+from robotrue.calibration.learned_assembly import describe_width, warn_of_width
 from robotrue.calibration.lineage import describe_rows
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.parameters import station_as_base, target_as_tool
@@ -61,7 +63,8 @@ def fit_rigid_flexible(
     Raises:
         ConfigurationError: A method that is not ``nominal``, ``geometric`` or ``elastic``.
     """
-    return model_of(estimate(robot, measurements, settings, free_groups(method)), settings, method)
+    result = estimate(robot, measurements, settings, free_groups(method))
+    return model_of(result, hold_out_physical(result, measurements, settings), settings, method)
 
 
 METHODS: Final[dict[str, FitFunction]] = {
@@ -79,8 +82,10 @@ smooth residual, where it earns its place.
 """
 
 
-def model_of(result: Estimate, settings: FitSettings, method: str) -> CalibratedModel:
-    """Returns the error model of an estimate."""
+def model_of(
+    result: Estimate, held_out: HeldOutRows, settings: FitSettings, method: str
+) -> CalibratedModel:
+    """Returns the error model of an estimate, as wide as its held-out rows ask for."""
     layout, state = result.posterior.layout, result.posterior.state
     carry = np.eye(layout.size)[: layout.robot_size]
     gauge = station_as_base(layout, state)
@@ -100,11 +105,12 @@ def model_of(result: Estimate, settings: FitSettings, method: str) -> Calibrated
         white=float(np.sqrt(result.posterior.noise[0])),
         T_tracker_base=state.T_tracker_base,
         reflectors=reflectors,
-        summary=_summary(result, method),
+        summary=_summary(result, held_out, method),
+        inflation=held_out.inflation,
     )
 
 
-def _summary(result: Estimate, method: str) -> dict[str, object]:
+def _summary(result: Estimate, held_out: HeldOutRows, method: str) -> dict[str, object]:
     """JSON values; lengths of this block are SI like everything in an archive."""
     posterior, seen = result.posterior, result.identifiability
     classes = seen.classes
@@ -115,7 +121,7 @@ def _summary(result: Estimate, method: str) -> dict[str, object]:
         "numbers": posterior.numbers,
         "screened_rows": [int(i) for i in result.screened],
         "verdict": result.verdict.status,
-        "doubts": list(result.verdict.doubts),
+        "doubts": [*result.verdict.doubts, *warn_of_width(held_out)],
         "unseen": seen.document(),
         "parameters": describe_parameters(
             names, np.array(values), np.array(sd), [classes.get(name, "fixed") for name in names]
@@ -126,4 +132,5 @@ def _summary(result: Estimate, method: str) -> dict[str, object]:
         "chi2": posterior.chi2,
         "evidence": posterior.evidence,
         "iterations": posterior.iterations,
+        **describe_width(held_out),
     }

@@ -1,0 +1,203 @@
+"""How far off, and how sure, a linear model is on rows it did not see; the width that follows.
+
+Within the training rows alone: the rows are cut into contiguous blocks in the order they were
+measured; the scales, the noise and the weights are learned anew without each block, which is then
+predicted. What stays common to all blocks: linearisation, robust weights, and the lengths of the
+smooth part.
+
+The covariance gets one factor f from these predictions. A factor is a variance, and few rows know
+it poorly: with a prior of :data:`PRIOR_NUMBERS` numbers about one it is where
+
+    sum (r' C^-1 V C^-1 r - tr C^-1 V) + PRIOR_NUMBERS (1 / f - 1) = 0,    V = f (learned + white)
+
+with C = V + instrument, and the 95 % region is that of Student's law on as many degrees as there
+are rows left: the three numbers of a row share their cause, so a row counts once. With many rows
+the 95 % point of the rows themselves takes over, whatever law they follow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from robotrue.calibration.design import Design
+from robotrue.calibration.evidence import Sums, Weights, learn, spread
+from robotrue.calibration.robust import CUT, LEVEL, chi_point, student_factor
+from robotrue.core.arrays import Array, BoolArray
+
+BLOCKS: Final = 5
+"""As in validation: a contiguous fifth is held out at a time."""
+STEPS: Final = 6
+"""Of learning without a block, from the scales of all rows."""
+PRIOR_NUMBERS: Final = 20.0
+"""Numbers that the prior of the factor is worth."""
+QUANTILE_ROWS: Final = 300
+"""Rows at which the 95 % point of the rows and the variance of their misfit count alike."""
+MANY: Final = 200
+"""Rows from which their 95 % point may make a region smaller: ten of them make that point."""
+LEAST_FREEDOM: Final = 8.0
+"""Degrees below which Student's law says nothing sensible of three numbers."""
+LARGEST: Final = 100.0
+"""Largest factor on a covariance: ten times the standard deviation."""
+HALF: Final = 0.5
+"""Weights of a group that the data determine from which its scale is taken for learned."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeldOutRows:
+    """Rows predicted from the other blocks, base or tracker frame, in the rows' order.
+
+    Attributes:
+        error: (n, 3) m, measured minus predicted.
+        learned: (n, 3, 3) m^2, parameters and residual.
+        white: (n, 3, 3) m^2, repeatability and white noise.
+        instrument: (n, 3, 3) m^2.
+        inflation: Factor on ``learned + white``.
+    """
+
+    error: Array
+    learned: Array
+    white: Array
+    instrument: Array
+    inflation: float = 1.0
+
+    @property
+    def mean(self) -> float:
+        """Mean 3-D error, m."""
+        return float(np.linalg.norm(self.error, axis=1).mean())
+
+    @property
+    def coverage(self) -> float:
+        """Share of rows in their 95 % region."""
+        covariance = self.inflation * (self.learned + self.white) + self.instrument
+        solved = np.linalg.solve(covariance, self.error[:, :, None])[:, :, 0]
+        squared = (self.error * solved).sum(axis=1)
+        return float((squared <= chi_point(LEVEL, 3) ** 2).mean())
+
+
+def predict_held_out(
+    design: Design,
+    sums: Sequence[Sums],
+    fit: Weights,
+    uncarried: Array,
+    repeatability: float,
+    *,
+    shift: float = 0.0,
+) -> HeldOutRows:
+    """Returns every row predicted from the other blocks, with a factor of one.
+
+    Args:
+        design: The linear model.
+        sums: Of all rows.
+        fit: At the learned scales.
+        uncarried: (rows,) m^2, variance of the smooth residual that its centres do not carry.
+        repeatability: m, sd per axis, part of the rows' stated covariance.
+        shift: m, sd per axis by which blocks may stand apart for the time between them alone.
+    """
+    count = len(design.weights)
+    blocks = min(BLOCKS, max(2, count // 6))
+    fold = np.arange(count) * blocks // count
+    error, learned, white, instrument = (
+        np.zeros((count, 3)),
+        *np.zeros((3, count, 3, 3)),
+    )
+    for k in range(blocks):
+        chosen = fold == k
+        if all(s.few for s in sums):
+            others = design.sums(~chosen)
+        else:
+            others = [a.without(b) for a, b in zip(sums, design.sums(chosen), strict=True)]
+        weights = learn(others, fit.groups, fit.noise, steps=STEPS)
+        for item in design.rows(chosen):
+            lower, columns = item.lower[:, :3, :3], item.columns[:, :3]
+            back = np.swapaxes(lower, 1, 2)
+            off = item.values[:, :3] - columns @ weights.mean
+            known = item.instrument[:, :3, :3] - repeatability**2 * np.eye(3)
+            error[item.rows] = (lower @ off[:, :, None])[:, :, 0]
+            learned[item.rows] = lower @ spread(weights.root, columns) @ back
+            white[item.rows] = weights.noise[0] * lower @ back - known
+            instrument[item.rows] = known + shift**2 * np.eye(3)
+    learned += uncarried[:, None, None] * np.eye(3)
+    return HeldOutRows(error=error, learned=learned, white=white, instrument=instrument)
+
+
+def count_freedom(sums: Sequence[Sums], fit: Weights, physical: int) -> float:
+    """Returns the degrees of freedom that the width of a fit rests on.
+
+    The rows less a third of the physical parameters the data determine; or the numbers measured
+    beyond all that weights, and scales the data moved, took, where these are fewer.
+
+    Args:
+        sums: Of all rows.
+        fit: At the learned scales.
+        physical: Number of active physical parameters; they come first.
+    """
+    measured = float(sum(s.count for s in sums))
+    arm = sum(
+        seen
+        for group, seen in zip(fit.groups, fit.determined.tolist(), strict=True)
+        if group.columns[0] < physical
+    )
+    moved = sum(
+        group.learned and seen > HALF
+        for group, seen in zip(fit.groups, fit.determined.tolist(), strict=True)
+    )
+    return float(min((measured - arm) / 3.0, measured - fit.determined.sum() - moved))
+
+
+def widen(found: HeldOutRows, counted: BoolArray, freedom: float) -> HeldOutRows:
+    """Returns the same with the factor on the covariance; see the top of this file.
+
+    That all rows lie inside makes nothing narrower before there are :data:`MANY` of them: of twenty
+    that is expected.
+
+    Args:
+        found: From :func:`predict_held_out`.
+        counted: (n,) rows that are not screened out.
+        freedom: From :func:`count_freedom`.
+    """
+    rows = len(found.error)
+    share = rows / (rows + QUANTILE_ROWS)
+    law = float(np.log(student_factor(max(freedom, LEAST_FREEDOM))))
+    variance, quantile = np.log([_match_variance(found, counted), match_quantile(found)]).tolist()
+    if rows < MANY:
+        quantile = max(quantile, 0.0)
+    factor = float(np.exp((1.0 - share) * (variance + law) + share * quantile))
+    return replace(found, inflation=min(factor, LARGEST))
+
+
+def _match_variance(found: HeldOutRows, counted: BoolArray) -> float:
+    """The factor at which the misfit of the rows has the variance stated, one a priori."""
+    if not counted.any():
+        return 1.0
+    error, own = found.error[counted], (found.learned + found.white)[counted]
+    instrument, cut = found.instrument[counted], chi_point(CUT, 3) ** 2
+    low, high = -np.log(4.0), np.log(LARGEST)
+    for _ in range(30):
+        middle = 0.5 * (low + high)
+        factor = float(np.exp(middle))
+        covariance = factor * own + instrument
+        solved = np.linalg.solve(covariance, error[:, :, None])
+        squared = (error * solved[:, :, 0]).sum(axis=1)
+        # A row counts no more than one at the point beyond which rows are screened.
+        capped = np.minimum(1.0, cut / np.maximum(squared, 1e-300))
+        pull = (solved[:, :, 0] * (factor * own @ solved)[:, :, 0]).sum(axis=1) * capped
+        stated = np.trace(np.linalg.solve(covariance, factor * own), axis1=1, axis2=2)
+        slope = float((pull - stated).sum()) + PRIOR_NUMBERS * (1.0 / factor - 1.0)
+        low, high = (middle, high) if slope > 0.0 else (low, middle)
+    return float(np.exp(high))
+
+
+def match_quantile(found: HeldOutRows) -> float:
+    """Returns the factor with 95 % of the rows in their region, by bisection in its logarithm."""
+    low, high = -np.log(4.0), np.log(LARGEST)
+    for _ in range(30):
+        middle = 0.5 * (low + high)
+        if replace(found, inflation=float(np.exp(middle))).coverage < LEVEL:
+            low = middle
+        else:
+            high = middle
+    return float(np.exp(high))
