@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 import pytest
+from scipy.stats import multivariate_t
 from validation_fakes import SIGMA, FakeModel, arm, measured
 
 from robotrue.calibration.methods import METHODS
@@ -16,6 +17,7 @@ from robotrue.robot.model import parameter_slice
 from robotrue.validation.contest import paired_gain, selection_from_summary
 from robotrue.validation.selection import default_splits, fit_auto, select
 from robotrue.validation.splits import contiguous_blocks
+from robotrue.validation.stacking import stack_weights, student_scores
 
 
 def features(joints):
@@ -198,3 +200,30 @@ def test_nominal_gives_way_to_a_gain_within_the_noise():
     assert 0.0 < found.table[1].gain < found.table[1].noise
     assert found.winner == "geometric"
     assert select({"simple": fit_nothing, "rich": lambda rows: shift}, poses).winner == "simple"
+
+
+def test_few_poses_leave_an_average_of_what_they_do_not_exclude():
+    errors = arm().errors.copy()
+    errors[parameter_slice(6, "a")] = [0.5e-3, -0.4e-3, 0.3e-3, 0.0, 0.0, 0.0]
+    poses = measured(45, robot=arm().with_errors(errors), instrument=0.02e-3)
+    three = {name: METHODS[name] for name in ("nominal", "geometric", "elastic")}
+    model = fit_auto(arm(), poses, methods=three)
+    evidence = selection_from_summary(model.training_summary()["selection"])
+    assert set(evidence.weights) == {"geometric", "elastic"}
+    assert sum(evidence.weights.values()) == pytest.approx(1.0)
+    assert "their average by held-out density" in evidence.reason
+    assert model.training_summary()["method"] == evidence.winner == "geometric"
+
+
+def test_weights_go_to_the_candidate_that_says_more_and_leave_the_others_a_row():
+    sure = student_scores(np.zeros((50, 3)), np.tile(np.eye(3), (50, 1, 1)))
+    weights = stack_weights([sure, sure - 20.0])
+    np.testing.assert_allclose(weights, [50.5 / 51.0, 0.5 / 51.0], rtol=1e-6)
+    halves = np.where(np.arange(50) < 25, 0.0, -9.0)
+    np.testing.assert_allclose(stack_weights([halves, halves[::-1]]), [0.5, 0.5], atol=1e-6)
+
+
+def test_scores_are_the_density_of_students_law():
+    residuals, scale = np.array([[0.1, -0.2, 0.4]]), np.diag([1.0, 2.0, 0.5])
+    known = multivariate_t(shape=scale, df=8.0).logpdf(residuals[0])
+    assert student_scores(residuals, scale[None])[0] == pytest.approx(known)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
@@ -15,6 +15,7 @@ from robotrue.core.json_values import json_values
 from robotrue.core.units import MM
 from robotrue.errors import ArchiveError, ConvergenceError, ObservabilityError, RobotrueError
 from robotrue.validation.splits import Split
+from robotrue.validation.stacking import stack_weights
 
 BASELINE: Final = "nominal"
 """The method that assumes an arm without errors. No arm is: it gives way to any gain."""
@@ -63,6 +64,7 @@ class Selection:
         rule: How rows were held out and limited, one sentence.
         splits: Names of the splits used.
         table: Every candidate, simplest first.
+        weights: Share of each candidate in the model, where it is an average; else empty.
     """
 
     winner: str
@@ -70,6 +72,7 @@ class Selection:
     rule: str
     splits: tuple[str, ...]
     table: tuple[CandidateScore, ...]
+    weights: Mapping[str, float] = field(default_factory=dict)
 
     def summary(self) -> Mapping[str, Any]:
         """Returns JSON values for a model's training summary; lengths in m."""
@@ -77,6 +80,8 @@ class Selection:
         for row in document["table"]:
             if not row["unsettled"]:
                 del row["unsettled"]
+        if not self.weights:
+            del document["weights"]
         return document
 
 
@@ -107,11 +112,13 @@ class CandidateResults:
         error: (n,) m, length of measured minus predicted.
         inside: Share in the stated 95 % regions.
         log_density: Mean log predictive density.
+        scores: (n,) log density of each row under Student's law.
     """
 
     error: Array
     inside: float
     log_density: float
+    scores: Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -183,6 +190,29 @@ def decide(trials: Trials) -> Selection:
         splits=tuple(fold.name for fold in trials.folds),
         table=tuple(table),
     )
+
+
+def weigh(trials: Trials, selection: Selection) -> Selection:
+    """Returns the selection with the weights of an average over the candidates.
+
+    One that falls back to an earlier candidate adds nothing to it; one that could not be fitted has
+    no vote; :data:`BASELINE` has none unless it won.
+    """
+    names = [
+        name
+        for name in trials.scored
+        if not _find_twin(name, trials) and (name != BASELINE or name == selection.winner)
+    ]
+    if len(names) < 2:
+        return selection
+    weights = stack_weights([trials.scored[name].scores for name in names])
+    shares = dict(zip(names, weights.tolist(), strict=True))
+    said = ", ".join(f"{name} {share:.2f}" for name, share in shares.items())
+    reason = (
+        f"{selection.reason} With {len(trials.fold_of_row)} held-out poses none is excluded: the "
+        f"model is their average by held-out density ({said})."
+    )
+    return replace(selection, reason=reason, weights=shares)
 
 
 def _find_twin(name: str, trials: Trials) -> str:

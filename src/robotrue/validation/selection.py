@@ -5,6 +5,9 @@ held-out part. A richer one replaces the one chosen so far only if its mean held
 by more than the noise: the one-sided 95 % Student interval of the paired differences, taken over
 folds because rows of one fold share their fit and their place. ``nominal`` gives way to any gain.
 
+The choice is one of name. With fewer than :data:`AVERAGED_ROWS` rows the model is the average of
+the candidates by their held-out density: what was not excluded stays in its width.
+
 Cost is bounded by rule, not by luck: at most :data:`MOST_TRAIN` rows fit a fold and at most
 :data:`MOST_TEST` score it, evenly spaced; the winner is refitted on all rows.
 """
@@ -18,6 +21,8 @@ from typing import Final, TypeAlias, cast
 
 import numpy as np
 
+from robotrue.calibration.averaging import average_models
+from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.methods import METHODS
 from robotrue.calibration.methods import FitFunction as MethodFunction
 from robotrue.calibration.model import ErrorModel
@@ -35,6 +40,7 @@ from robotrue.validation.contest import (
     Selection,
     Trials,
     decide,
+    weigh,
 )
 from robotrue.validation.evaluation import evaluate
 from robotrue.validation.metrics import coverage, log_density
@@ -45,6 +51,7 @@ from robotrue.validation.splits import (
     random_folds,
     spatial_regions,
 )
+from robotrue.validation.stacking import student_scores
 
 FitFunction: TypeAlias = Callable[[MeasurementSet], ErrorModel]
 """Fits a model on the rows it is given."""
@@ -52,23 +59,28 @@ FitFunction: TypeAlias = Callable[[MeasurementSet], ErrorModel]
 MOST_TRAIN: Final = 1000
 MOST_TEST: Final = 500
 FEW_ROWS: Final = 40
-"""Below this every row is held out by itself: blocks would leave too little to fit on."""
+"""Below this rows are held out one by one or a few at a time: blocks leave too little to fit on."""
+FEW_FOLDS: Final = 12
+"""Most parts of so few rows."""
 REGION_ROWS: Final = 120
 """From here on regions of the workspace are held out too."""
 MANY_ROWS: Final = 3000
 """From here on fewer, larger parts are held out."""
+AVERAGED_ROWS: Final = 200
+"""Rows below which the model is an average: so few leave more than one candidate possible."""
 
 
 def default_splits(measurements: MeasurementSet) -> tuple[Split, ...]:
     """Returns the splits ``select`` uses when none are given.
 
-    Fewer than 40 rows: every row by itself. From 40: five blocks of rows. From 120: also three
-    regions of the workspace. From 3,000: three blocks and two regions, to save fits. Several sets:
-    also each set, when every one leaves at least 40 rows to fit on.
+    Fewer than 40 rows: every row by itself, or :data:`FEW_FOLDS` random parts. From 40: five blocks
+    of rows. From 120: also three regions of the workspace. From 3,000: three blocks and two
+    regions, to save fits. Several sets: also each set, when every one leaves at least 40 rows to
+    fit on.
     """
     n = len(measurements)
     if n < FEW_ROWS:
-        return random_folds(n, folds=n)
+        return random_folds(n, folds=min(n, FEW_FOLDS))
     many = n >= MANY_ROWS
     splits = contiguous_blocks(n, blocks=3 if many else 5)
     if n >= REGION_ROWS:
@@ -144,6 +156,7 @@ def hold_out(
                 error=error,
                 inside=coverage(residual, covariance).share,
                 log_density=float(log_density(residual, covariance).mean()),
+                scores=student_scores(residual, covariance),
             )
         except RobotrueError as cause:
             held[name] = cause
@@ -206,7 +219,9 @@ def fit_auto(
 ) -> ErrorModel:
     """Returns the model of the method that wins on held-out poses, fitted on all rows.
 
-    The evidence is in its training summary under ``"selection"``; read it back with
+    With fewer than :data:`AVERAGED_ROWS` rows it is the average over the methods by their held-out
+    density, under the winner's name. The evidence is in its training summary under
+    ``"selection"``; read it back with
     :func:`robotrue.validation.contest.selection_from_summary`.
 
     Args:
@@ -225,9 +240,10 @@ def fit_auto(
     candidates: dict[str, FitFunction] = {
         name: partial(_fit_rows, method, robot, used) for name, method in methods.items()
     }
-    selection = select(
+    trials = hold_out(
         candidates, measurements, splits=splits, payload=used.payload, progress=progress
     )
+    selection = decide(trials)
     failed = [score for score in selection.table if score.failure and score.name != BASELINE]
     unsettled = [score for score in failed if score.unsettled]
     if selection.winner == BASELINE and unsettled:
@@ -236,10 +252,37 @@ def fit_auto(
             f"{BASELINE} would be no result of the poses.",
             hint=f"check units, joint signs and the reflector; --method {BASELINE} if you want it.",
         )
-    model = with_summary(
-        candidates[selection.winner](measurements), {"selection": selection.summary()}
-    )
+    model = candidates[selection.winner](measurements)
+    if len(measurements) < AVERAGED_ROWS and isinstance(model, CalibratedModel):
+        selection = weigh(trials, selection)
+        model = _average(model, candidates, measurements, selection)
+    model = with_summary(model, {"selection": selection.summary()})
     return _with_failures(model, failed if selection.winner == BASELINE else unsettled)
+
+
+def _average(
+    model: CalibratedModel,
+    candidates: Mapping[str, FitFunction],
+    measurements: MeasurementSet,
+    selection: Selection,
+) -> ErrorModel:
+    """The average of the winner and the other candidates, all fitted on all rows."""
+    models, weights = [model], [selection.weights.get(selection.winner, 1.0)]
+    doubts: list[str] = []
+    for name, weight in selection.weights.items():
+        if name == selection.winner:
+            continue
+        try:
+            other = candidates[name](measurements)
+        except RobotrueError as cause:
+            doubts.append(f"{name} is left out of the average: {cause.message}")
+            continue
+        if isinstance(other, CalibratedModel):
+            models.append(other)
+            weights.append(weight)
+    average = average_models(models, np.array(weights))
+    stated = average.training_summary().warnings
+    return with_summary(average, {"doubts": [*doubts, *stated]}) if doubts else average
 
 
 def _with_failures(model: ErrorModel, failed: Sequence[CandidateScore]) -> ErrorModel:

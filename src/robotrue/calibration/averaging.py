@@ -1,0 +1,211 @@
+"""One model from several fits of the same rows: what none of them excludes stays in its width.
+
+With weights a_k over models of mean m_k and covariance f_k S_k the average has
+
+    mean  sum a_k m_k        covariance  sum a_k (f_k S_k + (m_k - mean)(m_k - mean)')
+
+the first two moments of their mixture (Yao, Vehtari, Simpson and Gelman 2018, "Using stacking to
+average Bayesian predictive distributions"). All models are linear in the same coefficients, so the
+average is one of them: mean and root over robot errors and terms. A term that a model does not have
+is zero in it, and certain. Nothing that uses an error model can tell it from a single fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robotrue.calibration.belief import Belief, with_harmonics, with_term
+from robotrue.calibration.calibrated_model import CalibratedModel, Reflector, model_of
+from robotrue.calibration.terms.smooth import SmoothResidual
+from robotrue.calibration.terms.term import Term
+from robotrue.calibration.training_summary import describe_parameters
+from robotrue.core.arrays import Array
+from robotrue.core.poses import inverse, pose
+from robotrue.core.rotations import matrix_from_rotation_vector, rotation_vector_from_matrix
+from robotrue.errors import ConfigurationError
+from robotrue.robot.model import parameter_slice
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Member:
+    """A model in the average.
+
+    Attributes:
+        model: The model.
+        weight: Its share.
+        belief: Over the terms of all models.
+        places: (r, 3) root over the place of each further reflector, beside that of the belief.
+    """
+
+    model: CalibratedModel
+    weight: float
+    belief: Belief
+    places: dict[int, Array]
+
+    @property
+    def scale(self) -> float:
+        """What its root is multiplied by in the root of the average."""
+        return float(np.sqrt(self.weight * self.model.inflation))
+
+
+def average_models(models: Sequence[CalibratedModel], weights: Array) -> CalibratedModel:
+    """Returns the average of models of the same rows.
+
+    Its summary is that of the first model, with parameters and noise of the average.
+
+    Args:
+        models: One or more; the others' tracker frames are counted from those of the first.
+        weights: (k,) positive; only their ratios count.
+
+    Raises:
+        ConfigurationError: Models of different tool points, or terms that cannot be averaged.
+    """
+    first = models[0]
+    if len(models) == 1:
+        return first
+    if any(not np.array_equal(m.robot.T_flange_tool, first.robot.T_flange_tool) for m in models):
+        raise ConfigurationError("models of different tool points cannot be averaged.")
+    share = np.asarray(weights, dtype=np.float64) / float(np.sum(weights))
+    members = _align_members(models, share)
+    shifts = {k: _station_shifts(models, k) for k in sorted(first.T_tracker_base)}
+    means = np.array([member.belief.mean for member in members])
+    if shifts:  # the base is where the first station says
+        base = parameter_slice(first.robot.dof, "base")
+        off = next(iter(shifts.values()))
+        means[:, base] += off - share @ off
+    mean = share @ means
+    apart = np.sqrt(share)[:, None] * (means - mean)
+    visit = sum(m.scale**2 * (m.model.white**2 + m.model.repeatability**2) for m in members)
+    average = replace(
+        members[0].belief,
+        mean=mean,
+        root=np.vstack([*(m.scale * m.belief.root for m in members), apart]),
+        white=float(np.sqrt(max(visit - first.repeatability**2, 0.0))),
+        inflation=1.0,
+        T_tracker_base={
+            k: first.T_tracker_base[k] @ _small_pose(share @ off) for k, off in shifts.items()
+        },
+        reflectors={k: _average_place(members, k) for k in sorted(first.reflectors)},
+    )
+    return _renew_parameters(average, members)
+
+
+def _align_members(models: Sequence[CalibratedModel], share: Array) -> list[_Member]:
+    """The models over the terms of all, in one order."""
+    beliefs = [model.belief() for model in models]
+    count = max(len(belief.ripple.cycles) for belief in beliefs)
+    beliefs = [with_harmonics(belief, count) for belief in beliefs]
+    smooth = _only_smooth(beliefs)
+    terms: dict[str, Term] = {}
+    for belief in beliefs:
+        for term in belief.terms:
+            known = terms.setdefault(term.name, term)
+            if not isinstance(term, SmoothResidual) and term.size != known.size:
+                raise ConfigurationError(f"models with different terms {term.name!r}: no average.")
+    if smooth is not None:
+        amplitude = sum(
+            a * belief.inflation * belief.smooth.amplitude**2
+            for a, belief in zip(share.tolist(), beliefs, strict=True)
+        )
+        terms[smooth.name] = replace(smooth, amplitude=float(np.sqrt(amplitude)))
+    members = []
+    for model, belief, weight in zip(models, beliefs, share.tolist(), strict=True):
+        if smooth is not None and not belief.smooth.size:
+            belief = with_term(belief, smooth, np.arange(0))
+        root, places = _add_places(model, belief.root)
+        aligned = _arrange(replace(belief, root=root), tuple(terms.values()))
+        members.append(_Member(model=model, weight=weight, belief=aligned, places=places))
+    return members
+
+
+def _only_smooth(beliefs: Sequence[Belief]) -> SmoothResidual | None:
+    """The smooth residual that some of the models have; it must be one and the same basis."""
+    found = [belief.smooth for belief in beliefs if belief.smooth.size]
+    if any(not np.array_equal(s.basis.centres, found[0].basis.centres) for s in found):
+        raise ConfigurationError("models with different smooth residuals cannot be averaged.")
+    return found[0] if found else None
+
+
+def _arrange(belief: Belief, terms: tuple[Term, ...]) -> Belief:
+    """The belief over other terms in another order; those it does not have are zero and certain."""
+    size = len(belief.errors)
+    whole = size + sum(term.size for term in terms)
+    mean, root = np.zeros(whole), np.zeros((len(belief.root), whole))
+    mean[:size], root[:, :size] = belief.errors, belief.root[:, :size]
+    start = size
+    for term in terms:
+        place = belief.place(term.name)
+        stop = start + place.stop - place.start
+        mean[start:stop], root[:, start:stop] = belief.mean[place], belief.root[:, place]
+        start += term.size
+    return replace(belief, terms=terms, mean=mean, root=root)
+
+
+def _station_shifts(models: Sequence[CalibratedModel], station: int) -> Array:
+    """Where each model's base is, (k, 6) m and rad, seen from that of the first."""
+    back = inverse(models[0].T_tracker_base[station])
+    moved = [back @ model.T_tracker_base[station] for model in models]
+    turns = rotation_vector_from_matrix(np.stack([T[:3, :3] for T in moved]))
+    return np.hstack([np.stack([T[:3, 3] for T in moved]), turns])
+
+
+def _small_pose(step: Array) -> Array:
+    return pose(matrix_from_rotation_vector(step[3:]), step[:3])
+
+
+def _add_places(model: CalibratedModel, root: Array) -> tuple[Array, dict[int, Array]]:
+    """A root of the arm with the places of the further reflectors beside it.
+
+    Where a model keeps covariances alone, a place is what the arm's other errors say of it, and an
+    independent remainder.
+    """
+    places: dict[int, Array] = {}
+    tool = parameter_slice(model.robot.dof, "tool")
+    for k in sorted(model.reflectors):
+        reflector = model.reflectors[k]
+        if reflector.root is not None:
+            places[k] = reflector.root
+            continue
+        whole = reflector.covariance
+        arm = np.setdiff1d(np.arange(len(whole)), np.r_[tool])
+        place = tool.start + np.arange(3)
+        gain = whole[np.ix_(place, arm)] @ np.linalg.pinv(whole[np.ix_(arm, arm)], hermitian=True)
+        left = whole[np.ix_(place, place)] - gain @ whole[np.ix_(arm, place)]
+        values, vectors = np.linalg.eigh(left)
+        own = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+        said = root[:, arm] @ gain.T
+        root = np.vstack([root, np.zeros((3, root.shape[1]))])
+        places = {n: np.vstack([p, np.zeros((3, 3))]) for n, p in places.items()}
+        places[k] = np.vstack([said, own])
+    return root, places
+
+
+def _average_place(members: Sequence[_Member], number: int) -> tuple[Array, Array]:
+    """Where a further reflector is, and the root over it along its own axes."""
+    stated: list[Reflector] = [m.model.reflectors[number] for m in members]
+    share = np.array([m.weight for m in members])
+    points = np.array([r.T_flange_tool[:3, 3] for r in stated])
+    T = stated[0].T_flange_tool.copy()
+    T[:3, 3] = share @ points
+    apart = np.sqrt(share)[:, None] * ((points - T[:3, 3]) @ T[:3, :3])
+    return T, np.vstack([*(m.scale * m.places[number] for m in members), apart])
+
+
+def _renew_parameters(average: Belief, members: Sequence[_Member]) -> CalibratedModel:
+    """The model of the average with the summary of its first member, what changed in it renewed."""
+    model = members[0].model
+    known = model.training_summary().parameters or {}
+    sd = np.sqrt(average.variance[: len(known)])
+    noise = sum(m.weight * m.model.white**2 for m in members)
+    parameters = describe_parameters(
+        known, average.errors[: len(known)], sd, [entry.kind for entry in known.values()]
+    )
+    summary = {
+        **model.summary,
+        "parameters": parameters,
+        "white_sd_m": float(np.sqrt(noise)),
+    }
+    return model_of(average, summary)

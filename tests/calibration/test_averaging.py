@@ -1,0 +1,88 @@
+"""The average of several fits is one error model: the moments of their mixture."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from planted_arm import PAYLOAD, arm, measure, planted, postures
+
+from robotrue.calibration.archive import open_model
+from robotrue.calibration.averaging import average_models
+from robotrue.calibration.methods import FitSettings, fit
+from robotrue.calibration.model import Query
+from robotrue.calibration.update import update_model
+from robotrue.core.poses import pose
+from robotrue.core.rotations import matrix_from_rotation_vector
+from robotrue.errors import ConfigurationError
+from robotrue.robot.forward import forward
+
+SETTINGS = FitSettings(payload=PAYLOAD, campaign_shift=0.0)
+WEIGHTS = np.array([0.5, 0.3, 0.2])
+STATION = pose(matrix_from_rotation_vector(np.array([0.1, -0.2, 2.5])), np.array([4.0, -3.0, 1.0]))
+
+
+def rows_of(frame: str):
+    rng = np.random.default_rng(5)
+    robot, station = arm(), STATION if frame == "tracker" else None
+    actual = planted(robot, rng, base=0.0 if frame == "tracker" else 1e-3)
+    return measure(actual, postures(robot, 30, rng), rng, T_tracker_base=station)
+
+
+@pytest.fixture(scope="module", params=["base", "tracker"])
+def fits(request):
+    rows = rows_of(request.param)
+    methods = ("ripple", "geometric", "elastic")
+    return rows, [fit(arm(), rows, method=method, settings=SETTINGS) for method in methods]
+
+
+def seen_points(model, joints):
+    """Predicted points and covariances in the frame of the measurements."""
+    found = model.predict(Query(joints=joints, load=PAYLOAD))
+    point = forward(model.robot, joints)[:, :3, 3] + found.error
+    if not model.T_tracker_base:
+        return point, found.covariance
+    T = model.T_tracker_base[0]
+    turn = T[:3, :3]
+    return point @ turn.T + T[:3, 3], turn @ found.covariance @ turn.T
+
+
+def test_mean_and_covariance_are_those_of_the_mixture(fits):
+    _, models = fits
+    joints = postures(arm(), 25, np.random.default_rng(6))
+    points, covariances = zip(*(seen_points(model, joints) for model in models), strict=True)
+    points = np.array(points)
+    mean = np.tensordot(WEIGHTS, points, axes=1)
+    apart = points - mean
+    mixed = np.einsum("k,knij->nij", WEIGHTS, np.array(covariances))
+    mixed += np.einsum("k,kni,knj->nij", WEIGHTS, apart, apart)
+    point, covariance = seen_points(average_models(models, 7.0 * WEIGHTS), joints)
+    np.testing.assert_allclose(point, mean, atol=2e-6)  # the arm is not quite linear
+    scale = np.trace(mixed, axis1=1, axis2=2)[:, None, None]
+    np.testing.assert_allclose(covariance / scale, mixed / scale, atol=0.03)
+
+
+def test_an_average_is_saved_updated_and_inverted_like_any_model(fits):
+    rows, models = fits
+    average = average_models(models, WEIGHTS)
+    query = Query(joints=postures(arm(), 5, np.random.default_rng(7)), load=PAYLOAD)
+    stated = average.predict(query)
+    again = open_model(average.to_archive()).predict(query)
+    np.testing.assert_array_equal(again.error, stated.error)
+    np.testing.assert_allclose(again.covariance, stated.covariance, rtol=1e-12)
+    assert average.mean_tables() is not None
+    after = update_model(average, rows, settings=SETTINGS).predict(query)
+    assert np.linalg.det(after.covariance).max() < np.linalg.det(stated.covariance).max()
+
+
+def test_an_average_of_one_is_that_model(fits):
+    _, models = fits
+    assert average_models(models[:1], np.ones(1)) is models[0]
+
+
+def test_arms_with_other_tools_have_no_average(fits):
+    _, (first, second, _) = fits
+    other = replace(second, robot=second.robot.with_tool(np.eye(4)))
+    with pytest.raises(ConfigurationError, match="tool points"):
+        average_models([first, other], np.ones(2))
