@@ -102,7 +102,10 @@ def test_items_of_a_job_are_pinned_to_a_version() -> None:
 @pytest.mark.parametrize(
     ("parameters", "message"),
     [
-        ({"shoe": 43}, "unknown parameter 'shoe'; known are cell, measurements, method, name"),
+        (
+            {"shoe": 43},
+            "unknown parameter 'shoe'; known are cell, mapping, measurements, method, name",
+        ),
         ({"measurements": ["a"]}, "the parameter 'cell' is missing: which cell?"),
         ({"cell": "a"}, "the parameter 'measurements' is missing: which measurement?"),
         ({"cell": "a", "measurements": []}, "is [], expected one measurement or more"),

@@ -7,6 +7,7 @@ from typing import Annotated, Final
 
 from robotrue.app.request import (
     IN_JOBS,
+    NOT_IN_FORMS,
     ON_COMMAND_LINE,
     InputFile,
     Item,
@@ -79,7 +80,10 @@ class CompensateRequest(Request):
     ] = None
     force: Annotated[
         Path | None,
-        InputFile(help="Process force along the path: TOML of rules, or CSV by line or path."),
+        InputFile(
+            shells=NOT_IN_FORMS,
+            help="Process force along the path: TOML of rules, or CSV by line or path.",
+        ),
     ] = None
     cutter: Annotated[
         str | None,
@@ -125,7 +129,7 @@ class CompensateRequest(Request):
         ),
     ] = None
     split_limit: Annotated[
-        int, Option(shells=ON_COMMAND_LINE, help="With --split: targets put in at most.")
+        int, Option(shells=NOT_IN_FORMS, help="With --split: targets put in at most.")
     ] = SPLIT_LIMIT
     deviation: Annotated[
         bool, Option(help="Report how far lines and arcs are off between their targets.")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, TypeAlias
 
-from robotrue.app.request import InputFile, Item, Option, Reference
+from robotrue.app.request import NOT_IN_FORMS, InputFile, Item, Option, Reference
 from robotrue.app.request_fields import model_output
 
 DrillModel: TypeAlias = Annotated[
@@ -15,7 +15,8 @@ ModelOutput: TypeAlias = Annotated[
     Path, model_output(saved_as="drill.robotrue", help="Model file to write.")
 ]
 ZeroFoot: TypeAlias = Annotated[
-    Path | None, InputFile(help="Foot file, where the readings are not less their zero.")
+    Path | None,
+    InputFile(shells=NOT_IN_FORMS, help="Foot file, where the readings are not less their zero."),
 ]
 ReferenceSigma: TypeAlias = Annotated[
     float, Option(help="Standard deviation of that reference in deg.")

@@ -12,6 +12,7 @@ from robotrue.app.outputs import FORMATS, require_suffix
 from robotrue.app.request import (
     JOB,
     InputFile,
+    Item,
     ItemVersion,
     Option,
     Output,
@@ -24,7 +25,7 @@ from robotrue.errors import ConfigurationError
 INPUT: Final = "input"
 """Kind of the documents that keep what came with a job."""
 BLOCKS: Final = "blocks"
-"""In the detail of a kept result: what its page shows."""
+"""In the detail of a kept result, and in the result of any other job: what its page shows."""
 VALUES: Final = "values"
 """Likewise: the name of the file of its JSON values."""
 LONGEST: Final = 120
@@ -81,6 +82,13 @@ def job_fields(operation: AnyOperation) -> tuple[RequestField, ...]:
         for field in fields
         if isinstance(field.entry, InputFile | Output)
         or (field.is_in(JOB) and not is_result_folder(field))
+    )
+
+
+def takes_files(field: RequestField) -> bool:
+    """Returns whether a job may be given a file for a field."""
+    return isinstance(field.entry, InputFile) or (
+        isinstance(field.entry, Item) and field.entry.sent
     )
 
 

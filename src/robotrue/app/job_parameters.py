@@ -64,6 +64,8 @@ ItemParameter = Annotated[str | ItemVersion, _item_schema()]
 """An item by its id, the beginning of it, its name, or id and version."""
 FileParameter = Annotated[str | FileItem, _item_schema("file")]
 """A file of an item of the workspace; over HTTP also ``{"upload": ID}``, which is kept as one."""
+SentParameter = Annotated[str | ItemVersion | FileItem, _item_schema("file")]
+"""An item, or a file as :data:`FileParameter`."""
 ResultName = Annotated[str, Field(max_length=200)]
 
 
@@ -109,9 +111,9 @@ def _parameter(field: RequestField) -> tuple[Any, Any]:
     elif isinstance(field.entry, InputFile):
         kind = FileParameter
     elif isinstance(field.entry, Item):
-        kind = ItemParameter
+        kind = SentParameter if field.entry.sent else ItemParameter
         if _is_listed(field):
-            kind |= Annotated[list[ItemParameter], Field(min_length=1, max_length=1)]
+            kind |= Annotated[list[kind], Field(min_length=1, max_length=1)]
     limits = [each for each in field.info.metadata if not isinstance(each, Option)]
     for limit in limits:
         kind = Annotated[kind, limit]
@@ -156,14 +158,17 @@ def stated_parameters(
     except ValidationError as error:
         raise _refusal(error, request, fields) from None
     place = NoPlaces() if places is None else places
-    values = _saved_values(fields, stated, model) if operation.save else {}
     if operation.save is None:
         values = _kept_values(request, model, place)
+    else:
+        values = _saved_values(fields, stated, model)
     for name, field in stated.items():
-        if not isinstance(field.entry, Output | InputFile):
+        if isinstance(field.entry, InputFile):
+            values |= _input_values(field, model, place)
+        elif not isinstance(field.entry, Output):
             value = getattr(model, name)
-            listed = value if isinstance(value, list) else [value]
-            values[name] = tuple(listed) if field.many else value
+            listed = _with_files(field, value if isinstance(value, list) else [value], place)
+            values[name] = tuple(listed) if field.many else listed[0]
     try:
         return Stated(
             request=request.model_validate(values),
@@ -187,7 +192,7 @@ def _saved_values(
 
 
 def _kept_values(request: type[Request], model: Naming, places: Places) -> dict[str, object]:
-    """The files of a job whose result is kept: what it reads, and what it writes under which name.
+    """The results of a job whose result is kept, each with where it is written.
 
     Raises:
         ConfigurationError: A name that cannot be, or two results of one name.
@@ -207,18 +212,29 @@ def _kept_values(request: type[Request], model: Naming, places: Places) -> dict[
             paths = tuple(places.result_file(name) for name in names)
             if field.many or paths:
                 values[field.name] = paths if field.many else paths[0]
-        elif isinstance(field.entry, InputFile):
-            stated = getattr(model, field.name)
-            listed = stated if isinstance(stated, list) else [] if stated is None else [stated]
-            if listed:
-                found = places.input_files(field, [file_item(each) for each in listed])
-                values[field.name] = found if field.many else found[0]
         elif is_result_folder(field) and field.default is not None:
             values[field.name] = places.result_file(Path(field.default).name)
     twice = sorted({name for name in written if written.count(name) > 1})
     if twice:
         raise ConfigurationError(f"two results of the name {twice[0]!r}.", hint="another name.")
     return values
+
+
+def _input_values(field: RequestField, model: Naming, places: Places) -> dict[str, object]:
+    """The files that a field reads; nothing where none is stated."""
+    stated = getattr(model, field.name)
+    listed = stated if isinstance(stated, list) else [] if stated is None else [stated]
+    if not listed:
+        return {}
+    found = places.input_files(field, [file_item(each) for each in listed])
+    return {field.name: found if field.many else found[0]}
+
+
+def _with_files(field: RequestField, values: list[object], places: Places) -> list[object]:
+    """The values of a field, the paths of files in place of what was sent along."""
+    sent = [each for each in values if isinstance(each, FileItem) and each.file]
+    paths = dict(zip(map(id, sent), places.input_files(field, sent), strict=True))
+    return [paths.get(id(each), each) for each in values]
 
 
 def is_list(field: RequestField) -> bool:

@@ -16,12 +16,11 @@ from robotrue.app.presentation import Block, Note, Table, Text
 from robotrue.app.request import (
     InputFile,
     Item,
-    ItemVersion,
-    Reference,
     Request,
     RequestField,
     fields_of,
 )
+from robotrue.app.workspace_context import WorkspaceContext
 from robotrue.core.files import read_bytes, sha256_of_file
 from robotrue.errors import ConfigurationError, RobotrueError
 from robotrue.store import items
@@ -33,19 +32,18 @@ from robotrue.store.records import ItemRecord, Link
 INPUTS: Final = "inputs"
 
 
-class JobPlaces:
-    """Where the files of a job lie.
+class JobInputs:
+    """Where the files lie that a job reads; results are written to its folder.
 
     Attributes:
         links: To the items that it rests on.
         subjects: Names of the files that are read, and behind them of the items.
     """
 
-    def __init__(self, context: KeptContext) -> None:
+    def __init__(self, context: WorkspaceContext) -> None:
         self.links: list[Link] = []
         self.subjects: list[str] = []
         self._context = context
-        self._results = context.results
 
     def input_files(self, field: RequestField, stated: Sequence[FileItem]) -> tuple[Path, ...]:
         """Returns copies of the files that a field reads, with what came beside them.
@@ -66,43 +64,7 @@ class JobPlaces:
 
     def result_file(self, name: str) -> Path:
         """Returns where a result is written."""
-        return self._results / name
-
-    def results(self) -> list[Path]:
-        """Returns the files that were written, and copies that they name; a folder is packed."""
-        for folder in [each for each in self._results.iterdir() if each.is_dir()]:
-            shutil.make_archive(str(folder), "zip", folder)
-            shutil.rmtree(folder)
-        copies = self._context.copies
-        found = sorted(self._results.iterdir())
-        written = [path for path in found if copies.get(path) != sha256_of_file(path)]
-        named = {text for path in written for text in _named_files(path)}
-        return [path for path in found if path in written or path.name in named]
-
-    def link_items(self, request: Request) -> None:
-        """Notes the items that a request refers to, and that they are there.
-
-        Raises:
-            ConfigurationError: One is not in the workspace, or deleted.
-        """
-        for field in fields_of(type(request)):
-            stated = getattr(request, field.name)
-            if isinstance(field.entry, Item) and stated is not None:
-                for each in stated if isinstance(stated, tuple) else (stated,):
-                    noun = self._noun(field.entry, each)
-                    self._context.nouns[each] = noun
-                    record = self._context.record(NOUNS[noun], each)
-                    self.links.append(Link(role=field.name, to=record.ref))
-                    self.subjects.append(record.name)
-
-    def _noun(self, entry: Item, reference: Reference) -> str:
-        """The noun of an item that is referred to; the usual one where there is none."""
-        if not isinstance(reference, ItemVersion):
-            return entry.noun
-        for noun in (entry.noun, *entry.also):
-            with suppress(ConfigurationError):
-                return items.resolve(self._context.work.workspace, reference.id, noun)[0]
-        return entry.noun
+        return self._context.output(Path(name))
 
     def _copy(self, stated: FileItem, folder: Path, *, several: bool) -> list[Path]:
         """Copies of the files of an item; those that are meant."""
@@ -125,6 +87,45 @@ class JobPlaces:
         for path in copies:
             _require_own_files(path)
         return meant if several else meant[:1]
+
+
+class JobPlaces(JobInputs):
+    """The files of a job whose result is kept: results lie in a folder of their own."""
+
+    def __init__(self, context: KeptContext) -> None:
+        super().__init__(context)
+        self._kept = context
+
+    def result_file(self, name: str) -> Path:
+        """Returns where a result is written."""
+        return self._kept.results / name
+
+    def results(self) -> list[Path]:
+        """Returns the files that were written, and copies that they name; a folder is packed."""
+        for folder in [each for each in self._kept.results.iterdir() if each.is_dir()]:
+            shutil.make_archive(str(folder), "zip", folder)
+            shutil.rmtree(folder)
+        copies = self._kept.copies
+        found = sorted(self._kept.results.iterdir())
+        written = [path for path in found if copies.get(path) != sha256_of_file(path)]
+        named = {text for path in written for text in _named_files(path)}
+        return [path for path in found if path in written or path.name in named]
+
+    def link_items(self, request: Request) -> None:
+        """Notes the items that a request refers to, and that they are there.
+
+        Raises:
+            ConfigurationError: One is not in the workspace, or deleted.
+        """
+        for field in fields_of(type(request)):
+            stated = getattr(request, field.name)
+            if isinstance(field.entry, Item) and stated is not None:
+                for each in stated if isinstance(stated, tuple) else (stated,):
+                    noun = self._kept.noun_of(each, (field.entry.noun, *field.entry.also))
+                    self._kept.nouns[each] = noun
+                    record = self._context.record(NOUNS[noun], each)
+                    self.links.append(Link(role=field.name, to=record.ref))
+                    self.subjects.append(record.name)
 
 
 def _require_own_files(path: Path) -> None:

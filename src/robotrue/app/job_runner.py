@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from robotrue.app.job_files import BLOCKS
 from robotrue.app.job_parameters import stated_parameters
-from robotrue.app.job_places import JobPlaces, hide_folder
+from robotrue.app.job_places import JobInputs, JobPlaces, hide_folder, plain_block
 from robotrue.app.kept_context import KeptContext
 from robotrue.app.kept_result import keep_result
 from robotrue.app.operation import AnyOperation
@@ -38,13 +39,16 @@ def _run(operation: AnyOperation, work: Work) -> Publish:
         found = operation.run(request, kept)
         return lambda into: keep_result(found, into, kept, places)
     context = WorkspaceContext(work, naming)
-    stated = stated_parameters(operation, work.parameters)
+    stated = stated_parameters(operation, work.parameters, JobInputs(context))
     result = operation.run(stated.request, context)
-    for block in result.blocks():
+    blocks = list(result.blocks())
+    for block in blocks:
         if isinstance(block, Note):
             context.inform(block.text)
+    tables = [plain_block(each, work.folder) for each in blocks if not isinstance(each, Note)]
 
     def publish(into: Transaction) -> Mapping[str, object]:
-        return save(stated.request, result, into, context)
+        saved = save(stated.request, result, into, context)
+        return {**saved, BLOCKS: tables} if tables else saved
 
     return publish

@@ -6,9 +6,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final
 
-from robotrue.app.job_files import INPUT, job_fields
+from robotrue.app.job_files import INPUT, job_fields, takes_files
 from robotrue.app.operation import AnyOperation
-from robotrue.app.request import InputFile
 from robotrue.core.files import sha256_of_file
 from robotrue.errors import ConfigurationError
 from robotrue.store import documents, items
@@ -35,7 +34,7 @@ def find_uploads(
     Raises:
         ConfigurationError: A parameter names one that is no file, or there is none of that id.
     """
-    files = {each.name for each in job_fields(operation) if isinstance(each.entry, InputFile)}
+    files = {each.name for each in job_fields(operation) if takes_files(each)}
     paths: dict[str, Path] = {}
     for name, value in parameters.items():
         for each in value if isinstance(value, list) else [value]:

@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from robotrue.app.reporting import Message, Reporter, note
+from robotrue.app.request import Reference
 from robotrue.cell.cell import Cell, tracker_covariance
 from robotrue.core.arrays import Array
-from robotrue.errors import ModelMismatchError
+from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.measurement.formats.mapping import ColumnMapping, read_mapping
 from robotrue.measurement.formats.measured_files import open_sheet
 from robotrue.measurement.formats.table import read_table
@@ -94,6 +95,20 @@ def join_rows(
         )
     )
     return whole
+
+
+def require_mapped(mapping: Path | None, references: Sequence[Reference]) -> None:
+    """Refuses a column mapping without a file that it could be of.
+
+    Raises:
+        ConfigurationError: All measurements are sets of a workspace, mapped when imported.
+    """
+    if mapping is not None and not any(isinstance(each, Path) for each in references):
+        raise ConfigurationError(
+            f"the column mapping {mapping.name} maps nothing: no measured file came with it, and "
+            "measurements of a workspace were mapped when they were imported.",
+            hint="send the measured files, or leave the mapping out.",
+        )
 
 
 def read_rows(

@@ -28,6 +28,8 @@ FORM: Final = "form"
 ALL: Final = frozenset({CLI, JOB, FORM})
 ON_COMMAND_LINE: Final = frozenset({CLI})
 IN_JOBS: Final = frozenset({JOB, FORM})
+NOT_IN_FORMS: Final = frozenset({CLI, JOB})
+"""Of the command and the job, and so of the generated page; not of a form made by hand."""
 
 
 class ItemVersion(BaseModel):
@@ -100,20 +102,22 @@ class Item(Option):
         also: Other nouns that it may refer to in a job whose result is kept as a document.
         listed: Jobs may state it as a list of one.
         single: Jobs state one, or a list of one, where the command line takes several.
+        sent: A job with a ``save`` of its own also takes a file in its place, as the command does.
     """
 
     noun: str
     also: tuple[str, ...] = ()
     listed: bool = False
     single: bool = False
+    sent: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InputFile(Option):
     """A file that is read and that no workspace has items of.
 
-    A job whose result is kept as a document is given it as a file of an item: what came with the
-    request is kept as a document.
+    A job is given it as a file of an item: what came with the request is kept as a document. A job
+    with a ``save`` of its own has it only where ``shells`` says so.
 
     Attributes:
         folder: A folder of files is read.

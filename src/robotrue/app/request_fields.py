@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Final, TypeAlias
 
-from robotrue.app.request import InputFile, Item, Option, Output, Reference
+from robotrue.app.request import NOT_IN_FORMS, InputFile, Item, Option, Output, Reference
 
 PAGE_FILE: Final = "report.html"
 MODEL_FILE: Final = "model.rtm"
@@ -45,9 +45,12 @@ SavedPage: TypeAlias = Annotated[
     ),
 ]
 """A page that jobs always write."""
-Columns: TypeAlias = Annotated[Path | None, InputFile(help="Column mapping (TOML).")]
+Columns: TypeAlias = Annotated[
+    Path | None, InputFile(shells=NOT_IN_FORMS, help="Column mapping (TOML).")
+]
 ForeignColumns: TypeAlias = Annotated[
-    Path | None, InputFile(help="Column mapping (TOML) for files of another layout.")
+    Path | None,
+    InputFile(shells=NOT_IN_FORMS, help="Column mapping (TOML) for files of another layout."),
 ]
 Page: TypeAlias = Annotated[
     Path | None,

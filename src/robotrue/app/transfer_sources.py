@@ -1,10 +1,11 @@
-"""Sources and target of a transfer on the command line, read from their files."""
+"""Sources and target of a transfer: files of a command, items and files of a job."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING, Final, Protocol
 
 from robotrue.app.context import Context
 from robotrue.app.request import Reference
@@ -16,23 +17,109 @@ from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.measurement.measurement_set import MeasurementSet, concatenate
 from robotrue.store.model_file import ZIP
 
+if TYPE_CHECKING:
+    from robotrue.app.workspace_context import WorkspaceContext
+    from robotrue.store.records import Ref
+    from robotrue.store.workspace import Transaction
+
+MEASUREMENT: Final = "measurement"
+MODEL: Final = "model"
+
+
+UPDATE: Final[Relation] = "campaign"
+"""How a model stands to poses that bring it up to date: the same arm, another time."""
+
+
+class KnownFields(Protocol):
+    """What of a request says what is known; attributes as in ``TransferRequest``."""
+
+    @property
+    def source(self) -> tuple[str, ...]:
+        """``NAME=FILE[,relation]`` of a command."""
+
+    @property
+    def model(self) -> Reference | None:
+        """To bring up to date."""
+
+    @property
+    def from_region(self) -> tuple[Reference, ...]:
+        """Known of another region."""
+
+    @property
+    def from_campaign(self) -> tuple[Reference, ...]:
+        """Known of another time."""
+
+    @property
+    def from_unit(self) -> tuple[Reference, ...]:
+        """Known of another arm."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StatedSource:
+class KnownSource:
     """A source as it was stated.
 
     Attributes:
         name: For messages and the summary.
-        path: Measurements or a model.
+        reference: Measurements or a model.
+        noun: Which of them an item is; of a file its content says so.
         relation: Of the source to the target.
     """
 
     name: str
-    path: Path
+    reference: Reference
+    noun: str
     relation: Relation
 
+    @property
+    def path(self) -> Path | None:
+        """Its file; None of an item of a workspace."""
+        return self.reference if isinstance(self.reference, Path) else None
 
-def parse_source(text: str) -> StatedSource:
+    @property
+    def is_model(self) -> bool:
+        """Whether it is a model, by its noun or by what begins its file."""
+        if self.path is None:
+            return self.noun == MODEL
+        workbook = self.path.suffix.lower().startswith(".xls")
+        return read_bytes(self.path).startswith(ZIP) and not workbook
+
+
+def known_sources(request: KnownFields, context: Context) -> list[KnownSource]:
+    """Returns what is known: the sources of a command, or the model and the items of a job.
+
+    Raises:
+        ConfigurationError: A source in another form, or an item that is not there.
+    """
+    from robotrue.app.workspace_context import require_workspace
+
+    sources = [parse_source(text) for text in request.source]
+    if request.model is not None:
+        sources.append(_source_of(request.model, MODEL, UPDATE, context))
+    stated: dict[Relation, tuple[Reference, ...]] = {
+        "region": request.from_region,
+        "campaign": request.from_campaign,
+        "unit": request.from_unit,
+    }
+    for relation, references in stated.items():
+        for each in references:
+            noun = require_workspace(context).noun_of(each, (MEASUREMENT, MODEL))
+            sources.append(_source_of(each, noun, relation, context))
+    return sources
+
+
+def _source_of(
+    reference: Reference, noun: str, relation: Relation, context: Context
+) -> KnownSource:
+    from robotrue.app.workspace_context import require_workspace
+    from robotrue.store.nouns import NOUNS
+
+    if isinstance(reference, Path):
+        return KnownSource(name=reference.stem, reference=reference, noun=noun, relation=relation)
+    name = require_workspace(context).record(NOUNS[noun], reference).name
+    return KnownSource(name=name, reference=reference, noun=noun, relation=relation)
+
+
+def parse_source(text: str) -> KnownSource:
     """Returns the source of ``NAME=FILE[,relation]``; the relation is ``campaign``.
 
     Raises:
@@ -53,21 +140,43 @@ def parse_source(text: str) -> StatedSource:
             hint="--source march=march.csv,campaign",
         )
     where = next(each for each in RELATIONS if each == relation)
-    return StatedSource(name=name, path=Path(file), relation=where)
+    return KnownSource(name=name, reference=Path(file), noun=MEASUREMENT, relation=where)
 
 
 def read_source(
-    cell: Cell, stated: StatedSource, mapping: Path | None, context: Context
+    cell: Cell, stated: KnownSource, mapping: Path | None, context: Context
 ) -> TransferSource:
-    """Returns what a file says: the model in it, or its rows."""
-    name, path, relation = stated.name, stated.path, stated.relation
-    workbook = path.suffix.lower().startswith(".xls")
-    if read_bytes(path).startswith(ZIP) and not workbook:
-        return TransferSource(model=context.model(path).model, relation=relation, name=name)
-    rows = context.unchecked_rows(cell, path, mapping)
+    """Returns what a source says: a model, or its rows."""
+    name, relation = stated.name, stated.relation
+    if stated.is_model:
+        model = context.model(stated.reference).model
+        return TransferSource(model=model, relation=relation, name=name)
+    rows = context.unchecked_rows(cell, stated.reference, mapping)
     poses = count(len(rows), "pose")
-    context.inform(f"source {name}: {poses} from {path.name}, relation {relation}")
+    file = context.name(stated.reference).rpartition("/")[2]
+    context.inform(f"source {name}: {poses} from {file}, relation {relation}")
     return TransferSource(measurements=rows, relation=relation, name=name)
+
+
+def keep_sources(
+    into: Transaction,
+    known: Sequence[KnownSource],
+    cell: Ref | None,
+    mapping: Path | None,
+    context: WorkspaceContext,
+) -> tuple[list[Ref], list[Ref]]:
+    """Returns the measurement sets and the models of sources; files that were sent become items."""
+    from robotrue.store import models, nouns
+
+    measured = [each.reference for each in known if not each.is_model]
+    parents = [
+        context.record(nouns.MODEL, each.reference).ref
+        if each.path is None
+        else models.add(into, each.path, name=each.name, cell=cell).ref
+        for each in known
+        if each.is_model
+    ]
+    return context.keep_measured(into, measured, cell, mapping), parents
 
 
 def read_target(

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
 from robotrue.app.context import Context, OpenedInputs
 from robotrue.app.job_naming import Naming
-from robotrue.app.measured_rows import join_rows
+from robotrue.app.measured_rows import join_rows, read_rows, require_mapped
 from robotrue.app.reporting import Message
 from robotrue.app.request import ItemVersion, Reference
 from robotrue.app.shell import Shell
+from robotrue.calibration.lineage import data_hash
 from robotrue.cell.cell import Cell
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.measurement_set import MeasurementSet
@@ -19,7 +21,7 @@ from robotrue.measurement.plausibility import FEWEST_POSES
 from robotrue.store import cells, documents, items, measurements, models, programs
 from robotrue.store.jobs_work import Work
 from robotrue.store.layout import copy_files
-from robotrue.store.model_file import ModelFile
+from robotrue.store.model_file import ModelFile, read_model
 from robotrue.store.nouns import (
     CELL,
     DOCUMENT,
@@ -31,7 +33,7 @@ from robotrue.store.nouns import (
     DocumentRecord,
     Noun,
 )
-from robotrue.store.records import ItemRecord, Link, Ref, provenance_of_record
+from robotrue.store.records import ItemQuery, ItemRecord, Link, Ref, provenance_of_record
 from robotrue.store.registrations import REGISTERED
 from robotrue.store.workspace import Transaction
 
@@ -50,6 +52,7 @@ class WorkspaceContext(OpenedInputs):
     def __init__(self, work: Work, naming: Naming) -> None:
         self.work, self.naming, self.shell = work, naming, Shell()
         self._records: dict[tuple[str, ItemVersion], ItemRecord] = {}
+        self._sent: dict[Path, MeasurementSet] = {}
 
     def step(self, text: str, done: int, of: int) -> None:
         """Notes how far the job is; raises when it was cancelled."""
@@ -96,14 +99,25 @@ class WorkspaceContext(OpenedInputs):
         """Returns the version of an item that is meant; None where none is."""
         return None if reference is None else self.record(noun, reference).ref
 
+    def noun_of(self, reference: Reference, nouns: Sequence[str]) -> str:
+        """Returns which of some nouns is referred to; the first where there is no such item."""
+        if isinstance(reference, ItemVersion):
+            for noun in nouns:
+                with suppress(ConfigurationError):
+                    return items.resolve(self.work.workspace, reference.id, noun)[0]
+        return nouns[0]
+
     def name(self, reference: Reference) -> str:
         """Returns the name of an item that was opened, else what was stated."""
+        if isinstance(reference, Path):
+            return reference.name
         opened = [r for (_, each), r in self._records.items() if each == reference]
-        stated = reference.id if isinstance(reference, ItemVersion) else str(reference)
-        return opened[0].name if opened else stated
+        return opened[0].name if opened else reference.id
 
     def model(self, reference: Reference) -> ModelFile:
-        """Returns a model of the workspace."""
+        """Returns a model of the workspace, or of a file that was sent along."""
+        if isinstance(reference, Path):
+            return read_model(reference)
         return models.model_of(self.work.workspace, self.record(MODEL, reference))
 
     def measurements(
@@ -114,17 +128,63 @@ class WorkspaceContext(OpenedInputs):
         *,
         minimum: int | None = None,
     ) -> MeasurementSet:
-        """Returns measurement sets as one; they were mapped when they were imported."""
-        rows = [self.unchecked_rows(cell, each) for each in references]
-        names = [each.name for each in self.records(MEASUREMENT, references)]
+        """Returns measurement sets as one; ``mapping`` is of those that were sent along.
+
+        Raises:
+            ConfigurationError: No measurements, or a mapping and nothing that it could map.
+        """
+        if not references:
+            raise ConfigurationError(
+                "no measurements were stated.", hint="choose a measurement set, or send a file."
+            )
+        require_mapped(mapping, references)
+        rows = [self.unchecked_rows(cell, each, mapping) for each in references]
+        names = [self.name(each) for each in references]
         least = FEWEST_POSES if minimum is None else minimum
         return join_rows(cell, rows, names, reporter=self, minimum=least)
 
     def unchecked_rows(
         self, cell: Cell, reference: Reference, mapping: Path | None = None
     ) -> MeasurementSet:
-        """Returns the rows of one measurement set as it stands."""
+        """Returns the rows of a set as it stands, or of a file that was sent along."""
+        if isinstance(reference, Path):
+            self._sent[reference] = read_rows(cell, reference, mapping, reporter=self)
+            return self._sent[reference]
         return measurements.rows_of(self.work.workspace, self.record(MEASUREMENT, reference))
+
+    def keep_measured(
+        self,
+        into: Transaction,
+        references: Sequence[Reference],
+        cell: Ref | None,
+        mapping: Path | None = None,
+    ) -> list[Ref]:
+        """Returns the measurement sets that are meant; a file that was sent becomes one.
+
+        Args:
+            into: The transaction that ends the job.
+            references: Read before with :meth:`measurements` or :meth:`unchecked_rows`.
+            cell: They were measured in.
+            mapping: Of the files that were sent.
+        """
+        return [
+            self._keep_rows(into, each, cell, mapping)
+            if isinstance(each, Path)
+            else self.record(MEASUREMENT, each).ref
+            for each in references
+        ]
+
+    def _keep_rows(
+        self, into: Transaction, path: Path, cell: Ref | None, mapping: Path | None
+    ) -> Ref:
+        """The set of the rows of a file: the one that is there where they came before."""
+        rows = self._sent[path]
+        same = ItemQuery(where={"data": data_hash(rows), "name": path.stem})
+        for each in items.search(into, MEASUREMENT, same).items:
+            if list(each.refs("cell")) == ([] if cell is None else [cell]):
+                return each.ref
+        raw = [path, *([] if mapping is None else [mapping])]
+        return measurements.add(into, rows, name=path.stem, raw=raw, cell=cell).ref
 
     def cell_file(self, reference: Reference) -> Path:
         """Returns where a cell.toml lies for this job, with the files it names."""
@@ -156,6 +216,8 @@ class WorkspaceContext(OpenedInputs):
 
     def document_files(self, reference: Reference, kind: str) -> tuple[Path, ...]:
         """Returns where the files of a document lie for this job."""
+        if isinstance(reference, Path):
+            return (reference,)
         record = self.document(reference, kind)
         return copy_files(self.work.workspace, record, self.folder(record.id))
 
@@ -169,6 +231,22 @@ class WorkspaceContext(OpenedInputs):
         if record.kind != kind:
             raise ConfigurationError(f"{record.name!r} is a {record.kind}, expected a {kind}.")
         return record
+
+    def keep_document(
+        self, into: Transaction, reference: Reference, kind: str, beside: Path | None = None
+    ) -> DocumentRecord:
+        """Returns the document that is meant; a file that was sent becomes one.
+
+        Args:
+            into: The transaction that ends the job.
+            reference: Item or file.
+            kind: Of the document.
+            beside: A further file that it comes with.
+        """
+        if not isinstance(reference, Path):
+            return self.document(reference, kind)
+        files = [*([] if beside is None else [beside]), reference]
+        return documents.add(into, kind, name=reference.stem, files=files)
 
     def folder(self, name: str) -> Path:
         """Returns a folder of this job."""

@@ -29,7 +29,9 @@ STOCK_MM: Final = 1.0
 
 PlanMethod: TypeAlias = Literal["information", "hierarchical"]
 INFORMATION: Final[PlanMethod] = "information"
-"""Poses that say most; the other samples a source completely and its images in sub-spaces."""
+"""Poses that say most."""
+HIERARCHICAL: Final[PlanMethod] = "hierarchical"
+"""Samples a source completely and its images in sub-spaces."""
 SUB_SPACES: Final = 5
 """Of the paper's target domain (Tables 6 and 7 of Deng et al. 2022), as those below."""
 SOURCE_GRID: Final = "3,7,6"

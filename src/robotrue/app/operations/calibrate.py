@@ -34,7 +34,7 @@ class CalibrateRequest(Request):
     cell: Annotated[Reference, Item(noun="cell", argument="CELL", help="cell.toml")]
     measurements: Annotated[
         tuple[Reference, ...],
-        Item(noun="measurement", argument="MEAS...", help="Measurements."),
+        Item(noun="measurement", argument="MEAS...", sent=True, help="Measurements."),
     ]
     output: ModelOutput
     method: Annotated[
@@ -161,7 +161,7 @@ def save(
     """Leaves a model with its page, linked to the cell and the poses."""
     from robotrue.app.workspace_context import ref_document
     from robotrue.store import models
-    from robotrue.store.nouns import CELL, MEASUREMENT
+    from robotrue.store.nouns import CELL
 
     cell = context.record(CELL, request.cell)
     made = models.add(
@@ -169,7 +169,7 @@ def save(
         result.output,
         name=context.naming.name or f"{cell.name}, {result.rows} poses",
         note=context.naming.note,
-        data=[each.ref for each in context.records(MEASUREMENT, request.measurements)],
+        data=context.keep_measured(into, request.measurements, cell.ref, request.mapping),
         cell=cell.ref,
         settings={"method": request.method},
         reports=[] if result.page is None else [result.page],

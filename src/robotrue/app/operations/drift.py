@@ -40,6 +40,7 @@ class DriftRequest(Request):
             noun="measurement",
             argument="POSES",
             listed=True,
+            sent=True,
             help="5 to 10 poses measured again.",
         ),
     ]
@@ -142,18 +143,20 @@ def save(
     """Leaves a drift check, linked to the model and the poses."""
     from robotrue.app.workspace_context import ref_document
     from robotrue.store import items
-    from robotrue.store.nouns import DRIFT_CHECK, MEASUREMENT, MODEL
+    from robotrue.store.nouns import DRIFT_CHECK, MODEL
     from robotrue.store.records import links_to
 
     model = context.record(MODEL, request.model)
-    data = context.record(MEASUREMENT, request.measurements)
+    cell = next(iter(model.refs("cell")), None)
+    data = context.keep_measured(into, [request.measurements], cell, request.mapping)
+    poses = context.name(request.measurements)
     document = marked_document(result.document(), result.provenance)
     made = items.add(
         into,
         DRIFT_CHECK,
-        name=context.naming.name or f"{model.name}: {data.name}",
+        name=context.naming.name or f"{model.name}: {poses}",
         note=context.naming.note,
-        links=links_to(model=model.ref, data=data.ref),
+        links=links_to(model=model.ref, data=data),
         poses=result.poses,
         statistic=result.check.chi2,
         p_value=result.check.p,

@@ -11,7 +11,15 @@ from robotrue.app.context import Context
 from robotrue.app.drill_fields import ModelOutput
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Note, Table
-from robotrue.app.request import ON_COMMAND_LINE, InputFile, Item, Option, Reference, Request
+from robotrue.app.request import (
+    NOT_IN_FORMS,
+    ON_COMMAND_LINE,
+    InputFile,
+    Item,
+    Option,
+    Reference,
+    Request,
+)
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG
 from robotrue.drilling.drill_defaults import CORRECTS, MACHINE_INPUTS, Corrects, Inputs, Kind
@@ -29,13 +37,19 @@ class DrillFitRequest(Request):
 
     foot: Annotated[
         Path | None,
-        InputFile(argument="FOOT", needed_in=ON_COMMAND_LINE, help="Foot file (TOML)."),
+        InputFile(
+            argument="FOOT",
+            shells=NOT_IN_FORMS,
+            needed_in=ON_COMMAND_LINE,
+            help="Foot file (TOML).",
+        ),
     ] = None
     campaign: Annotated[
         Reference,
         Item(
             noun="document",
             argument="CAMPAIGN",
+            sent=True,
             help="Clamps with known tilts (CSV or workbook).",
         ),
     ]
@@ -225,7 +239,7 @@ def save(
     from robotrue.drilling.drill_defaults import CAMPAIGN, MODEL
     from robotrue.store.records import Link
 
-    record = context.document(request.campaign, CAMPAIGN)
+    record = context.keep_document(into, request.campaign, CAMPAIGN, request.foot)
     numbers = {k: v for k, v in result.document().items() if k != "output"}
     detail = json_values({**numbers, "clamps": result.clamps})
     links = [Link(role="data", to=record.ref)]

@@ -15,7 +15,7 @@ from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Note
 from robotrue.app.reported import Language, check_reports
 from robotrue.app.request import (
-    ON_COMMAND_LINE,
+    NOT_IN_FORMS,
     Item,
     ItemVersion,
     Option,
@@ -42,7 +42,7 @@ class DrillReportRequest(Request):
     model: DrillModel
     campaign: Annotated[
         Reference,
-        Item(noun="document", argument="TEST", help="Clamps the fit has not seen."),
+        Item(noun="document", argument="TEST", sent=True, help="Clamps the fit has not seen."),
     ]
     output: Annotated[
         Path,
@@ -57,7 +57,7 @@ class DrillReportRequest(Request):
     ] = LIMIT_DEG
     simulated: Annotated[
         bool,
-        Option(help="Say on the page that the test is simulated.", shells=ON_COMMAND_LINE),
+        Option(help="Say on the page that the test is simulated.", shells=NOT_IN_FORMS),
     ] = False
     foot: ZeroFoot = None
     lang: Language = DEFAULT_LANG
@@ -144,7 +144,7 @@ def save(
     from robotrue.store.records import Link
 
     held = context.document(request.model, MODEL)
-    record = context.document(request.campaign, CAMPAIGN)
+    record = context.keep_document(into, request.campaign, CAMPAIGN, request.foot)
     tilts = result.result
     detail = {
         **evaluation_document(tilts),

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 from robotrue.app import workspace_fields as fields
 from robotrue.app.context import Context
+from robotrue.app.job_files import BLOCKS
 from robotrue.app.operation import Operation
 from robotrue.app.plain_result import PlainResult
 from robotrue.app.presentation import Facts
@@ -37,6 +38,7 @@ def run(request: JobsShowRequest, context: Context) -> PlainResult:
 
 
 def _facts(job: Job) -> tuple[tuple[str, str], ...]:
+    found = {n: v for n, v in (job.result or {}).items() if n != BLOCKS}
     error = {n: str(v) for n, v in (job.error or {}).items() if v and n != "trace"}
     return (
         ("id", job.id),
@@ -44,7 +46,7 @@ def _facts(job: Job) -> tuple[tuple[str, str], ...]:
         ("submitted", fields.time_text(job.submitted)),
         ("finished", fields.time_text(job.finished)),
         *fields.json_facts(job.parameters),
-        *fields.json_facts(job.result or {}, "result: "),
+        *fields.json_facts(found, "result: "),
         *((f"error: {name}", text) for name, text in error.items()),
         *(("remark", remark) for remark in job.remarks),
     )

@@ -12,7 +12,16 @@ from pydantic import Field
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Note, Table
-from robotrue.app.request import ALL, ON_COMMAND_LINE, Item, Option, Output, Reference, Request
+from robotrue.app.request import (
+    ALL,
+    NOT_IN_FORMS,
+    Item,
+    Option,
+    Output,
+    Reference,
+    Request,
+    fields_of,
+)
 from robotrue.app.request_fields import SavedPage, table_output
 from robotrue.calibration.deng2022.readings import AttitudeReading, DengReadings
 from robotrue.calibration.deng2022.sampling_rules import TARGET_RULE, TargetRule
@@ -22,6 +31,7 @@ from robotrue.errors import ConfigurationError
 from robotrue.planning.plan_defaults import (
     CANDIDATES,
     CRITERION,
+    HIERARCHICAL,
     INFORMATION,
     POSES,
     SEED,
@@ -44,6 +54,17 @@ if TYPE_CHECKING:
     from robotrue.robot.statics import Load
     from robotrue.store.workspace import Transaction
 
+OF_HIERARCHY: Final = (
+    "source_region", "target_region", "sub_spaces", "grid", "turns_deg", "target_poses",
+    "further", "target_rule", "attitude", "tool_abc_deg", "posture_deg",
+)  # fmt: skip
+OF_INFORMATION: Final = (
+    "poses", "region", "program", "within", "model", "payloads", "approach", "criterion",
+    "tolerance_um", "candidates", "krl", "trigger_output",
+)  # fmt: skip
+"""Fields of one method alone."""
+HIERARCHY: Final = "hierarchical plan"
+"""Kind of the documents with the poses of a source and of its sub-spaces."""
 SHOWN: Final = (4, 6, 8, 10, 15, 20, 25, 30, 40, 50, 60, 80, 100)
 """Numbers of poses in the printed table."""
 
@@ -128,56 +149,56 @@ class PlanRequest(Request):
     method: Annotated[
         PlanMethod,
         Option(
-            shells=ON_COMMAND_LINE,
+            shells=NOT_IN_FORMS,
             help="information (poses that say most) or hierarchical (source grid and its images).",
         ),
     ] = INFORMATION
     source_region: Annotated[
         str | None,
-        Option(shells=ON_COMMAND_LINE, help="hierarchical: region sampled completely."),
+        Option(shells=NOT_IN_FORMS, help="hierarchical: region sampled completely."),
     ] = None
     target_region: Annotated[
-        str | None, Option(shells=ON_COMMAND_LINE, help="hierarchical: region of the sub-spaces.")
+        str | None, Option(shells=NOT_IN_FORMS, help="hierarchical: region of the sub-spaces.")
     ] = None
     sub_spaces: Annotated[
-        int, Option(shells=ON_COMMAND_LINE, least=1, help="hierarchical: parts of the target.")
+        int, Option(shells=NOT_IN_FORMS, least=1, help="hierarchical: parts of the target.")
     ] = SUB_SPACES
     grid: Annotated[
-        str, Option(shells=ON_COMMAND_LINE, help="hierarchical: values of angle, radius, height.")
+        str, Option(shells=NOT_IN_FORMS, help="hierarchical: values of angle, radius, height.")
     ] = SOURCE_GRID
     turns_deg: Annotated[
         str,
-        Option(shells=ON_COMMAND_LINE, help="hierarchical: LOW..HIGH/STEP or one number, thrice."),
+        Option(shells=NOT_IN_FORMS, help="hierarchical: LOW..HIGH/STEP or one number, thrice."),
     ] = TURNS_DEG
     target_poses: Annotated[
-        int, Option(shells=ON_COMMAND_LINE, least=1, help="hierarchical: in all sub-spaces.")
+        int, Option(shells=NOT_IN_FORMS, least=1, help="hierarchical: in all sub-spaces.")
     ] = TARGET_POSES
     further: Annotated[
         float,
         Field(ge=0.0),
-        Option(shells=ON_COMMAND_LINE, help="hierarchical: share more in the furthest sub-space."),
+        Option(shells=NOT_IN_FORMS, help="hierarchical: share more in the furthest sub-space."),
     ] = 0.0
     target_rule: Annotated[
         TargetRule,
         Option(
-            shells=ON_COMMAND_LINE,
+            shells=NOT_IN_FORMS,
             help="hierarchical: random, boundary, corners or space-filling target poses.",
         ),
     ] = TARGET_RULE
     attitude: Annotated[
         AttitudeReading,
-        Option(shells=ON_COMMAND_LINE, help="hierarchical: turning (with joint 1) or fixed."),
+        Option(shells=NOT_IN_FORMS, help="hierarchical: turning (with joint 1) or fixed."),
     ] = DengReadings().attitude
     tool_abc_deg: Annotated[
         str,
         Option(
-            shells=ON_COMMAND_LINE,
+            shells=NOT_IN_FORMS,
             help="hierarchical: KUKA A,B,C of the measured point in base, at angle 0.",
         ),
     ] = TOOL_ABC_DEG
     posture_deg: Annotated[
         str | None,
-        Option(shells=ON_COMMAND_LINE, help="hierarchical: model joints of the branch wanted."),
+        Option(shells=NOT_IN_FORMS, help="hierarchical: model joints of the branch wanted."),
     ] = None
 
 
@@ -238,9 +259,12 @@ def run(request: PlanRequest, context: Context) -> Planned | PlannedHierarchy:
     from robotrue.core.files import write_atomic
     from robotrue.planning.plan_sheets import measuring_krl, plan_sheet
 
+    _refuse_other_method(request)
     if request.method != INFORMATION:
         from robotrue.app.hierarchy import write_hierarchy
 
+        if request.report is not None:
+            context.note("a hierarchical plan has no report page: its poses are in two tables.")
         return write_hierarchy(request, context.cell(request.cell), context)
     model = None if request.model is None else context.model(request.model).model
     cell = context.cell(request.cell)
@@ -266,6 +290,23 @@ def run(request: PlanRequest, context: Context) -> Planned | PlannedHierarchy:
         gain = f"the next pose would gain less than {request.tolerance_um:g} um"
         context.inform(f"stopped at {len(plan)}: {gain}")
     return Planned(plan=plan, files=tuple(files), provenance=origin)
+
+
+def _refuse_other_method(request: PlanRequest) -> None:
+    """Refuses options of the method that was not stated: they would do nothing.
+
+    Raises:
+        ConfigurationError: One of them is stated.
+    """
+    other = OF_HIERARCHY if request.method == INFORMATION else OF_INFORMATION
+    for field in fields_of(PlanRequest):
+        if field.name in other and getattr(request, field.name) != field.default:
+            method = HIERARCHICAL if request.method == INFORMATION else INFORMATION
+            raise ConfigurationError(
+                f"{field.option} is an option of --method {method}; the method is "
+                f"{request.method}.",
+                hint=f"--method {method}, or leave {field.option} out.",
+            )
 
 
 def _choose_poses(
@@ -336,10 +377,13 @@ def save(
     from robotrue.store.nouns import CELL, MODEL, PROGRAM
     from robotrue.store.records import Link
 
-    if not isinstance(result, Planned):
-        raise ConfigurationError("a hierarchical plan is made on the command line.")
     cell = context.record(CELL, request.cell)
     links = [Link(role="cell", to=cell.ref)]
+    if not isinstance(result, Planned):
+        numbers = marked_document(result.document(), result.provenance)
+        names = {"poses_csv": result.files[0].name, "target_csv": result.files[1].name}
+        detail = {**numbers, **names}
+        return context.leave_document(into, HIERARCHY, cell.name, result.files, links, detail)
     if request.model is not None:
         links.append(Link(role="model", to=context.record(MODEL, request.model).ref))
     if request.program is not None:

@@ -20,7 +20,7 @@ from robotrue.app.request import (
     Reference,
     Request,
 )
-from robotrue.app.request_fields import ForeignColumns, ModelOutput, Page
+from robotrue.app.request_fields import ForeignColumns, ModelOutput, SavedPage
 from robotrue.calibration.deng2022.readings import (
     BOOSTING,
     AttitudeReading,
@@ -33,10 +33,9 @@ from robotrue.errors import ConfigurationError, ModelMismatchError, Observabilit
 from robotrue.validation.drift_defaults import FEWEST
 
 if TYPE_CHECKING:
-    from robotrue.app.transfer_sources import StatedSource
+    from robotrue.app.transfer_sources import KnownSource
     from robotrue.app.workspace_context import WorkspaceContext
     from robotrue.calibration.model import ErrorModel
-    from robotrue.calibration.sources import TransferSource
     from robotrue.cell.cell import Cell
     from robotrue.measurement.measurement_set import MeasurementSet
     from robotrue.store.workspace import Transaction
@@ -47,8 +46,6 @@ if TYPE_CHECKING:
 
 REPEATS: Final = 5
 """Subsets of the target poses for each point of the curve."""
-UPDATE: Final = "campaign"
-"""How a model stands to poses that bring it up to date: the same arm, another time."""
 TransferMethod: TypeAlias = Literal["auto", "deng2022"]
 AUTO: Final[TransferMethod] = "auto"
 METHOD_OPTIONS: Final = (
@@ -59,8 +56,19 @@ USUAL: Final = DengReadings()
 """How the paper's equations are read unless stated otherwise."""
 
 
+def _known_from(relation: str) -> Item:
+    """What is known from one relation: the field of a job, with items and files."""
+    return Item(
+        noun="measurement",
+        also=("model",),
+        sent=True,
+        shells=IN_JOBS,
+        help=f"Measurements or models of {relation}.",
+    )
+
+
 class TransferRequest(Request):
-    """What is known, and of what: stated sources of a command, the model that a job updates."""
+    """What is known, and of what: a command states sources, a job items and files by relation."""
 
     cell: Annotated[
         Reference | None,
@@ -78,73 +86,53 @@ class TransferRequest(Request):
     output: ModelOutput
     measurements: Annotated[
         tuple[Reference, ...],
-        Item(
-            noun="measurement",
-            argument="[TARGET...]",
-            needed_in=IN_JOBS,
-            help="Target measurements.",
-        ),
+        Item(noun="measurement", argument="[TARGET...]", sent=True, help="Target measurements."),
     ] = ()
+    from_region: Annotated[
+        tuple[Reference, ...], _known_from("another region, the same arm and time")
+    ] = ()
+    from_campaign: Annotated[tuple[Reference, ...], _known_from("another time, the same arm")] = ()
+    from_unit: Annotated[tuple[Reference, ...], _known_from("another arm of the type")] = ()
     model: Annotated[
         Reference | None,
-        Item(noun="model", shells=IN_JOBS, needed_in=IN_JOBS, help="Model to bring up to date."),
+        Item(noun="model", shells=IN_JOBS, help="Model to bring up to date; it knows its cell."),
     ] = None
     mapping: ForeignColumns = None
-    report: Page = None
-    curve: Annotated[
-        bool,
-        Option(shells=ON_COMMAND_LINE, help="Also accuracy against the number of target poses."),
-    ] = False
+    report: SavedPage = None
+    curve: Annotated[bool, Option(help="Also accuracy against the number of target poses.")] = False
     method: Annotated[
         TransferMethod,
         Option(
-            shells=ON_COMMAND_LINE,
-            help="auto (the candidate that holds) or deng2022 (the paper's Tr-GPR, checked too).",
+            help="auto (the candidate that holds) or deng2022 (the paper's Tr-GPR, checked too)."
         ),
     ] = AUTO
     sub_spaces: Annotated[
         int | None,
         Option(
-            shells=ON_COMMAND_LINE,
             least=1,
             help="deng2022: parts of the target as wide as the source; default: all that fit.",
         ),
     ] = None
     source_region: Annotated[
         str | None,
-        Option(
-            shells=ON_COMMAND_LINE,
-            help="deng2022: angle_deg=A..B,radius_mm=..,height_mm=..; default: as measured.",
-        ),
+        Option(help="deng2022: angle_deg=A..B,radius_mm=..,height_mm=..; default: as measured."),
     ] = None
     target_region: Annotated[
-        str | None,
-        Option(shells=ON_COMMAND_LINE, help="deng2022: where it shall hold, like --source-region."),
+        str | None, Option(help="deng2022: where it shall hold, like --source-region.")
     ] = None
     attitude: Annotated[
         AttitudeReading,
-        Option(
-            shells=ON_COMMAND_LINE,
-            help="deng2022: turning (with the angle about joint 1) or fixed (in base).",
-        ),
+        Option(help="deng2022: turning (with the angle about joint 1) or fixed (in base)."),
     ] = USUAL.attitude
-    rounds: Annotated[
-        int,
-        Option(shells=ON_COMMAND_LINE, least=1, help="deng2022: boosting rounds, at most."),
-    ] = USUAL.rounds
+    rounds: Annotated[int, Option(least=1, help="deng2022: boosting rounds, at most.")] = (
+        USUAL.rounds
+    )
     boosting: Annotated[
-        Boosting,
-        Option(
-            shells=ON_COMMAND_LINE,
-            help="deng2022: corrected, or literal (eq. 19, 22 and 24 as printed).",
-        ),
+        Boosting, Option(help="deng2022: corrected, or literal (eq. 19, 22 and 24 as printed).")
     ] = BOOSTING
     reading: Annotated[
         tuple[str, ...],
-        Option(
-            shells=ON_COMMAND_LINE,
-            help="deng2022: NAME=VALUE, how an equation is read; may be repeated.",
-        ),
+        Option(help="deng2022: NAME=VALUE, how an equation is read; may be repeated."),
     ] = ()
 
 
@@ -158,6 +146,7 @@ class Transferred:
         verdict: Who won, and whether target poses said so.
         selection: What each candidate reached on held-out target poses; None without any.
         curve: Accuracy against the number of target poses, if asked for.
+        page: Report page that was written, if one was asked for.
         provenance: Of the model.
     """
 
@@ -166,6 +155,7 @@ class Transferred:
     verdict: GuardVerdict
     selection: Selection | None
     curve: LearningCurve | None
+    page: Path | None
     provenance: Provenance
 
     def document(self) -> Mapping[str, object]:
@@ -237,24 +227,27 @@ def run(request: TransferRequest, context: Context) -> Transferred:
     Raises:
         ObservabilityError: Nothing can be used.
     """
+    from robotrue.app.measured_rows import require_mapped
     from robotrue.app.transfer_method import paper_contestants
-    from robotrue.app.transfer_sources import parse_source, read_target
+    from robotrue.app.transfer_sources import known_sources, read_source, read_target
     from robotrue.calibration.lineage import provenance_of
     from robotrue.planning.information import settings_of
     from robotrue.store.model_file import write_model
     from robotrue.validation.guard import verdict_from_summary
     from robotrue.validation.guarded_transfer import contestants, select_transfer
 
-    stated = [parse_source(text) for text in request.source]
-    for written in (request.output, request.report) if stated else ():
+    known = known_sources(request, context)
+    for written in (request.output, request.report) if request.source else ():
         if written is not None:
-            check_output(written, [each.path for each in stated])
+            check_output(written, [each.path for each in known if each.path is not None])
+    require_mapped(request.mapping, [*(each.reference for each in known), *request.measurements])
     context.step("reading", 0, 1)
-    cell, sources = _read_known(request, stated, context)
+    cell = _read_cell(request, context)
+    sources = [read_source(cell, each, request.mapping, context) for each in known]
     target = (
         read_target(cell, request.measurements, request.mapping, context)
         if request.model is None
-        else context.measurements(cell, request.measurements, minimum=FEWEST)
+        else context.measurements(cell, request.measurements, request.mapping, minimum=FEWEST)
     )
     robot, settings = cell.measured_robot, settings_of(cell)
     if request.method == AUTO:
@@ -278,16 +271,18 @@ def run(request: TransferRequest, context: Context) -> Transferred:
     told = verdict_from_summary(model.training_summary())
     if told is None:
         raise ModelMismatchError("the model cannot carry the evidence of its contest.")
+    page = None if request.report is None else context.output(request.report)
     result = Transferred(
         model=model,
         output=output,
         verdict=told[0],
         selection=told[1],
         curve=curve,
+        page=page,
         provenance=provenance_of(model),
     )
-    if request.report is not None:
-        _write_page(context.output(request.report), request, stated, result, context)
+    if page is not None:
+        _write_page(page, request, known, result, context)
     return result
 
 
@@ -302,22 +297,16 @@ def _refuse_method_options(request: TransferRequest) -> None:
             )
 
 
-def _read_known(
-    request: TransferRequest, stated: Sequence[StatedSource], context: Context
-) -> tuple[Cell, list[TransferSource]]:
-    """The cell of the target, and what is known: stated sources, or the model to update."""
-    from robotrue.app.transfer_sources import read_source
-    from robotrue.calibration.sources import TransferSource
-
+def _read_cell(request: TransferRequest, context: Context) -> Cell:
+    """The cell of the target: the one that is stated, or that of the model to update."""
+    if request.cell is not None:
+        return context.cell(request.cell)
     if request.model is None:
-        if request.cell is None:
-            raise ConfigurationError("neither a cell nor a model is stated.")
-        cell = context.cell(request.cell)
-        return cell, [read_source(cell, each, request.mapping, context) for each in stated]
-    held = context.model(request.model)
-    cell = held.cell if request.cell is None else context.cell(request.cell)
-    name = context.name(request.model)
-    return cell, [TransferSource(model=held.model, relation=UPDATE, name=name)]
+        raise ConfigurationError(
+            "neither a cell nor a model is stated.",
+            hint="a cell with what is known of it, or a model to bring up to date.",
+        )
+    return context.model(request.model).cell
 
 
 def _curve(
@@ -336,7 +325,7 @@ def _curve(
 def _write_page(
     path: Path,
     request: TransferRequest,
-    stated: Sequence[StatedSource],
+    known: Sequence[KnownSource],
     result: Transferred,
     context: Context,
 ) -> None:
@@ -347,11 +336,15 @@ def _write_page(
     from robotrue.report.report_files import file_fact
     from robotrue.report.transfer_report import transfer_content
 
-    files = [
-        *((f"source {each.name}, {each.relation}", each.path) for each in stated),
-        *(("target", each) for each in request.measurements if isinstance(each, Path)),
+    inputs = [
+        *((f"source {each.name}, {each.relation}", each.reference) for each in known),
+        *(("target", each) for each in request.measurements),
     ]
-    sources = ", ".join(f"{each.name} ({each.relation})" for each in stated)
+    facts = [
+        Fact(name=what, value=file_fact(each) if isinstance(each, Path) else context.name(each))
+        for what, each in inputs
+    ]
+    sources = ", ".join(f"{each.name} ({each.relation})" for each in known)
     content = transfer_content(
         result.verdict,
         result.selection,
@@ -360,7 +353,7 @@ def _write_page(
         subtitle=f"{sources}; {count(result.verdict.target_rows, 'target pose')}",
         simulated=result.provenance.simulated,
         doubts=list(result.model.training_summary().warnings),
-        provenance=[Fact(name=what, value=file_fact(file)) for what, file in files],
+        provenance=facts,
     )
     write_atomic(path, report_html(content).encode())
     context.wrote("report", path)
@@ -369,25 +362,32 @@ def _write_page(
 def save(
     request: TransferRequest, result: Transferred, into: Transaction, context: WorkspaceContext
 ) -> Mapping[str, object]:
-    """Leaves a new model, child of the one it brings up to date, linked to the poses."""
+    """Leaves a model with its page, child of the models it started from, linked to the poses."""
+    from robotrue.app.transfer_sources import keep_sources, known_sources
     from robotrue.app.workspace_context import ref_document
     from robotrue.store import models
-    from robotrue.store.nouns import MEASUREMENT, MODEL
+    from robotrue.store.nouns import CELL, MODEL
     from robotrue.store.records import provenance_of_record
 
-    if request.model is None:
-        raise ConfigurationError("a job of transfer brings a model up to date: none is stated.")
-    record = context.record(MODEL, request.model)
-    cells = record.refs("cell")
+    known, cell = known_sources(request, context), context.ref(CELL, request.cell)
+    if request.model is not None:
+        record = context.record(MODEL, request.model)
+        cell, name = next(iter(record.refs("cell")), cell), f"{record.name}, updated"
+    else:
+        name = f"transfer to {result.model.robot.name}"
+    measured, parents = keep_sources(into, known, cell, request.mapping, context)
+    targets = context.keep_measured(into, request.measurements, cell, request.mapping)
+    relations = list(dict.fromkeys(each.relation for each in known))
     made = models.add(
         into,
         result.output,
-        name=context.naming.name or f"{record.name}, updated",
+        name=context.naming.name or name,
         note=context.naming.note,
-        data=[each.ref for each in context.records(MEASUREMENT, request.measurements)],
-        cell=cells[0] if cells else None,
-        parents=[record.ref],
-        settings={"relation": UPDATE},
+        data=list(dict.fromkeys([*targets, *measured])),
+        cell=cell,
+        parents=parents,
+        settings={"relation": ", ".join(relations), "method": request.method},
+        reports=[] if result.page is None else [result.page],
         job=context.work.job.id,
     )
     simulated = provenance_of_record(made).simulated

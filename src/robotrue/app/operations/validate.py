@@ -31,7 +31,7 @@ class ValidateRequest(Request):
     model: CalibratedModel
     measurements: Annotated[
         tuple[Reference, ...],
-        Item(noun="measurement", argument="MEAS...", help="Held-out poses."),
+        Item(noun="measurement", argument="MEAS...", sent=True, help="Held-out poses."),
     ]
     mapping: Columns = None
     report: SavedPage = None
@@ -115,12 +115,13 @@ def save(
     request: ValidateRequest, result: Validated, into: Transaction, context: WorkspaceContext
 ) -> Mapping[str, object]:
     """Leaves a document ``validation`` with its page, linked to the model and the poses."""
-    from robotrue.store.nouns import MEASUREMENT, MODEL
-    from robotrue.store.records import Link
+    from robotrue.store.nouns import MODEL
+    from robotrue.store.records import links_to
 
     model = context.record(MODEL, request.model)
-    data = context.records(MEASUREMENT, request.measurements)
-    links = [Link(role="model", to=model.ref), *(Link(role="data", to=each.ref) for each in data)]
+    cell = next(iter(model.refs("cell")), None)
+    data = context.keep_measured(into, request.measurements, cell, request.mapping)
+    links = list(links_to(model=model.ref, data=data))
     detail = marked_document(result.document(), result.provenance)
     files = [] if result.page is None else [result.page]
     return context.leave_document(into, "validation", model.name, files, links, detail)

@@ -6,14 +6,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from robotrue.app.job_files import BLOCKS, INPUT, job_fields
+from robotrue.app.job_files import BLOCKS, INPUT, job_fields, takes_files
 from robotrue.app.operation import AnyOperation
 from robotrue.app.registry import GROUPS, Listing, job_operations, listings, why_no_job
-from robotrue.app.request import InputFile, Item
+from robotrue.app.request import Item
 from robotrue.errors import ConfigurationError
 from robotrue.store import items, jobs
 from robotrue.store.nouns import DOCUMENT, NOUNS, DocumentRecord
-from robotrue.store.records import ItemQuery, ItemRecord, Ref
+from robotrue.store.records import ItemQuery, ItemRecord, Ref, provenance_of_record
 from robotrue.web.faults import fault_card
 from robotrue.web.page_context import PageContext, Screen
 from robotrue.web.pages.history_screen import PAGES_OF
@@ -127,7 +127,7 @@ async def _form(
             for each in records[DOCUMENT.name]
             if isinstance(each, DocumentRecord) and each.attachments and each.kind != INPUT
         ]
-    reads = any(isinstance(each.entry, InputFile) for each in fields)
+    reads = any(takes_files(each) for each in fields)
     return GeneratedForm(
         context=context,
         request=operation.request,
@@ -180,7 +180,8 @@ async def _show_run(context: PageContext, listing: Listing, id: str) -> str:
         place = f"{source}{line}: " if source else ""
         kind = kind_words(error["kind"])
         fault = fault_card(context.say, kind, place + error["message"], error.get("hint"))
-    made = [each for each in (job.result or {}).values() if isinstance(each, Mapping)]
+    result = job.result or {}
+    made = [each for each in result.values() if isinstance(each, Mapping)]
     left = [Ref(id=each["id"], version=each["version"]) for each in made if "version" in each]
     rests = [] if record is None else [each.to for each in record.links]
     shown = [
@@ -194,6 +195,10 @@ async def _show_run(context: PageContext, listing: Listing, id: str) -> str:
         title=listing.words,
         job=job,
         record=record,
+        blocks=result.get(BLOCKS, []) if record is None else record.detail[BLOCKS],
+        simulated=result.get("simulated") is True
+        if record is None
+        else provenance_of_record(record).simulated,
         jobs=running,
         fault=fault,
         remarks=record.detail["remarks"] if record else job.remarks,

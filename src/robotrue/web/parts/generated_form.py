@@ -15,7 +15,7 @@ from typing import Final
 from annotated_types import Gt, Lt
 from markupsafe import Markup
 
-from robotrue.app.job_files import job_fields, result_name
+from robotrue.app.job_files import job_fields, result_name, takes_files
 from robotrue.app.job_parameters import is_list
 from robotrue.app.operation import AnyOperation
 from robotrue.app.request import JOB, InputFile, Item, Output, RequestField
@@ -107,6 +107,10 @@ class GeneratedForm(RequestForm):
     def is_required(self, each: RequestField) -> bool:
         """Returns whether a job cannot do without a field."""
         return each.is_required(JOB) and not isinstance(each.entry, Output)
+
+    def takes_files(self, each: RequestField) -> bool:
+        """Returns whether a file may be sent in place of an item."""
+        return takes_files(each)
 
     def is_list(self, each: RequestField) -> bool:
         """Returns whether a field may have several values."""
