@@ -184,7 +184,8 @@ def test_two_campaigns_know_more_than_one(source, moved):
 
 def test_other_units_tell_the_type(source):
     """Three arms that share 0.5 mm in a link: the type's mean has it, nominal tables have not."""
-    robot, type_errors = arm(), np.zeros(54)
+    robot = arm()
+    type_errors = np.zeros(len(robot.errors))
     type_errors[robot.dof * 2 + 2] = 1.5e-3  # a3
     given, arms = [], []
     for seed in range(70, 73):

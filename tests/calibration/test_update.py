@@ -51,8 +51,9 @@ def test_block_by_block_is_all_at_once(parent, rows, query):
     for start in (90, 60, 105, 75):  # in another order, too
         model = update_model(model, rows.subset(np.arange(start, start + 15)), settings=PLAIN)
     parts = model.predict(query)
-    np.testing.assert_allclose(parts.error, whole.error, rtol=0, atol=2e-8)  # linearisation
-    np.testing.assert_allclose(parts.covariance, whole.covariance, rtol=1e-3, atol=1e-14)
+    # Weight times compliance: blocks are linearised at other products.
+    np.testing.assert_allclose(parts.error, whole.error, rtol=0, atol=1e-7)
+    np.testing.assert_allclose(parts.covariance, whole.covariance, rtol=1e-3, atol=1e-13)
 
 
 def test_close_to_the_full_refit(parent, rows, query):

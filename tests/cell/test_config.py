@@ -110,7 +110,6 @@ abc_deg = [180, 0, 0]
     # One sigma, isotropic, at 2 m: 10 um + 2 um/m.
     covariance = tracker_covariance(cell, np.array([[2.1, 0.0, 0.0]]))
     np.testing.assert_allclose(covariance[0], np.eye(3) * (14 * UM) ** 2, atol=1e-20)
-    assert cell.doubts == ()
 
 
 def test_target_defaults_to_the_tool_point(tmp_path: Path) -> None:
@@ -128,11 +127,6 @@ def test_one_stated_sigma_is_not_added_to(tmp_path: Path) -> None:
     cell = read_cell(written(tmp_path, UR5 + "[tracker]\nsigma_um = 20\n"))
     covariance = tracker_covariance(cell, np.array([[9.0, 0.0, 0.0]]))
     np.testing.assert_allclose(covariance[0], np.eye(3) * (20 * UM) ** 2)
-
-
-def test_missing_masses_are_a_doubt(tmp_path: Path) -> None:
-    (doubt,) = read_cell(written(tmp_path, DH)).doubts
-    assert doubt.startswith("No link masses are given")
 
 
 def test_urdf_beside_the_cell_file(tmp_path: Path) -> None:

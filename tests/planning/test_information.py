@@ -143,7 +143,7 @@ def test_a_model_of_another_arm_is_refused() -> None:
         joint_map=np.eye(5),
         link_mass=np.zeros(5),
         link_com=np.zeros((5, 3)),
-        errors=np.zeros(47),
+        errors=np.empty(0),
         controller=None,
     )
     with pytest.raises(ModelMismatchError, match="the model is of KUKA KR160 R1570 with 6 joints"):

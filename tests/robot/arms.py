@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from robotrue.core.poses import pose_from_xyz_abc
-from robotrue.robot.model import RobotModel, parameter_slice
+from robotrue.robot.model import RobotModel, moment_slice, parameter_slice
 from robotrue.robot.presets import preset, preset_names
 
 SEVEN = ("Franka Panda", "KUKA LBR iiwa 14 R820")
@@ -19,8 +19,14 @@ def random_joints(robot, count, seed):
 
 
 def random_errors(robot, seed, compliance=0.0):
-    errors = np.random.default_rng(seed).normal(size=7 * robot.dof + 12) * 1e-3
-    errors[parameter_slice(robot.dof, "compliance")] *= compliance
+    """Errors of a millimetre and a milliradian; arms that give way have moments of some kg m."""
+    rng = np.random.default_rng(seed)
+    drawn = rng.normal(size=7 * robot.dof + 12) * 1e-3
+    drawn[parameter_slice(robot.dof, "compliance")] *= compliance
+    errors = np.zeros(len(robot.errors))
+    moments = moment_slice(robot.dof)
+    errors[np.r_[: moments.start, moments.stop : len(errors)]] = drawn
+    errors[moments] = 10.0 * rng.normal(size=2 * robot.dof) * bool(compliance)
     return errors
 
 

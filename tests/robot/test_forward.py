@@ -10,8 +10,8 @@ from robotrue.robot.forward import (
     parameter_jacobian,
     walk,
 )
-from robotrue.robot.model import parameter_names
-from robotrue.robot.statics import Load, deflect_arm
+from robotrue.robot.model import parameter_names, parameter_slice
+from robotrue.robot.statics import Load, deflect_arm, weight_torque
 
 from .arms import TOOL, arm, random_errors, random_joints
 
@@ -77,7 +77,8 @@ def test_parameter_jacobian_is_the_difference_quotient(name):
         mass=np.array([40.0]), com=np.array([[0.1, 0.0, 0.2]]), wrench=np.full((1, 6), 100.0)
     )
     state, torque = deflect_arm(robot, joints, load)
-    analytic = parameter_jacobian(robot, state, joints, torque)
+    weight = weight_torque(robot, walk(robot.nominal(), joints))
+    analytic = parameter_jacobian(robot, state, joints, torque, weight)
     names = parameter_names(robot.dof)
     for k, label in enumerate(names):
         step = 1e-9 if label.startswith("compliance") else 1e-6
@@ -95,10 +96,11 @@ def test_parameter_jacobian_is_the_difference_quotient(name):
 
 def test_tool_error_and_tool_are_the_same_motion():
     robot = arm("kr160")
-    errors = np.zeros(54)
-    errors[48:51] = [0.01, -0.02, 0.03]
+    errors = np.zeros(len(robot.errors))
+    place = parameter_slice(6, "tool").start
+    errors[place : place + 3] = [0.01, -0.02, 0.03]
     moved = np.eye(4)
-    moved[:3, 3] = errors[48:51]
+    moved[:3, 3] = errors[place : place + 3]
     joints = random_joints(robot, 10, 1)
     np.testing.assert_allclose(
         forward(robot.with_errors(errors), joints),

@@ -95,7 +95,7 @@ def test_errors_do_not_change_the_nominal_inverse():
     robot = preset("kr160")
     joints = random_joints(robot, 20, 5)
     poses = forward(robot, joints)
-    wrong = robot.with_errors(np.full(54, 1e-3))
+    wrong = robot.with_errors(np.full(len(robot.errors), 1e-3))
     np.testing.assert_array_equal(
         inverse_batch(wrong, poses, near=joints), inverse_batch(robot, poses, near=joints)
     )

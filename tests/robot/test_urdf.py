@@ -138,9 +138,11 @@ def test_out_and_in_again(tmp_path, name):
 
 def test_calibrated_geometry_survives_the_export():
     rng = np.random.default_rng(4)
-    errors = rng.normal(size=54) * 1e-3
-    errors[parameter_slice(6, "gear")] = errors[parameter_slice(6, "compliance")] = 0.0
-    robot = preset("kr160").with_tool(TOOL).with_errors(errors)
+    robot = preset("kr160").with_tool(TOOL)
+    errors = rng.normal(size=len(robot.errors)) * 1e-3
+    for group in ("gear", "compliance", "moment_x", "moment_y"):
+        errors[parameter_slice(6, group)] = 0.0
+    robot = robot.with_errors(errors)
     joints = random_joints(robot, 20, 5)
     np.testing.assert_allclose(
         _judge_pose(to_urdf(robot), joints), forward(robot, joints), atol=1e-12
@@ -158,9 +160,10 @@ def test_pitch_of_exactly_and_nearly_90_deg_is_exact():
 
 
 def test_lossy_export_is_refused_unless_asked_for():
-    errors = np.zeros(54)
+    robot = preset("kr160")
+    errors = np.zeros(len(robot.errors))
     errors[parameter_slice(6, "compliance")] = 1e-6
-    robot = preset("kr160").with_errors(errors)
+    robot = robot.with_errors(errors)
     with pytest.raises(ConfigurationError, match=r"has compliance errors, which URDF cannot say"):
         to_urdf(robot)
     assert "<robot" in to_urdf(robot, geometry_only=True)

@@ -61,7 +61,7 @@ def test_cell_and_model_come_back(tmp_path: Path, cell: Cell, model: CalibratedM
     np.testing.assert_array_equal(back.model.mean_tables().robot.errors, model.errors)
     for name in ("T_flange_target", "T_base_frame", "tracker_position", "compliance_prior"):
         np.testing.assert_array_equal(getattr(back.cell, name), getattr(cell, name))
-    for name in ("frame", "tracker", "repeatability", "doubts", "digest"):
+    for name in ("frame", "tracker", "repeatability", "digest"):
         assert getattr(back.cell, name) == getattr(cell, name)
     np.testing.assert_array_equal(back.cell.robot.T_flange_tool, cell.robot.T_flange_tool)
     np.testing.assert_array_equal(back.cell.payload.com, cell.payload.com)

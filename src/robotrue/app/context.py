@@ -154,10 +154,7 @@ class OpenedInputs(ABC):
         self.report(Message(text))
 
     def cell(self, reference: Reference) -> Cell:
-        """Returns the cell of a cell.toml; its warnings are noted."""
+        """Returns the cell of a cell.toml."""
         from robotrue.cell.config import read_cell
 
-        cell = read_cell(self.cell_file(reference))
-        for warning in cell.doubts:
-            self.note(warning)
-        return cell
+        return read_cell(self.cell_file(reference))

@@ -175,7 +175,6 @@ def cell_document(cell: Cell) -> dict[str, object]:
         "repeatability_mm": cell.repeatability / MM,
         **({} if cell.part is None else {"part": _part_document(cell.part)}),
         **({"controller": _controller_document(cell)} if cell.says_of_controller else {}),
-        "doubts": list(cell.doubts),
     }
 
 

@@ -13,7 +13,14 @@ from robotrue.calibration.model import ErrorModel
 from robotrue.core.archive import Archive, archive_reader, read_archive
 from robotrue.core.arrays import Array
 from robotrue.errors import ArchiveError
-from robotrue.robot.model import Configuration, RobotModel
+from robotrue.robot.model import (
+    MOMENTS,
+    PER_JOINT,
+    Configuration,
+    RobotModel,
+    moment_slice,
+    parameter_names,
+)
 
 KINDS: Final[dict[str, str]] = {
     "error-model/rigid-flexible": "robotrue.calibration.calibrated_archive:read_rigid_flexible",
@@ -46,7 +53,7 @@ _LARGEST: Final = {
     "link_mass": 1e6,
     "link_com": 1e3,
     "gravity": 1e3,
-    "errors": 100.0,
+    "errors": 1e5,
 }
 """Largest magnitudes of a robot's numbers, SI."""
 
@@ -81,7 +88,7 @@ def robot_document(robot: RobotModel) -> dict[str, str]:
         "name": robot.name,
         "convention": robot.convention,
         "maker": robot.maker,
-        "parameters": "theta d a alpha beta gear compliance per joint, base, tool; SI",
+        "parameters": f"{' '.join(PER_JOINT)} per joint, base, tool; SI",
     }
 
 
@@ -108,6 +115,7 @@ def robot_from(archive: Archive) -> RobotModel:
     if not isinstance(document, dict) or not all(isinstance(document.get(w), str) for w in words):
         raise ArchiveError(f"{archive.kind} holds no robot.")
     parts = {name: archive.array("robot_" + name) for name in _ROBOT_ARRAYS}
+    parts["errors"] = with_moments(parts["errors"], len(parts["d"]))
     sign, offset = (archive.array(f"robot_controller_{n}") for n in ("sign", "offset"))
     dof = (len(parts["d"]),)
     empty = [name for name, part in parts.items() if not part.size]
@@ -133,6 +141,19 @@ def robot_from(archive: Archive) -> RobotModel:
         controller=Configuration(sign=sign, offset=offset, coupling=coupling),
         **parts,
     )
+
+
+def with_moments(array: Array, dof: int) -> Array:
+    """Returns errors (e,), or a covariance (e, e) of errors, with those that newer arms have.
+
+    Archives from before arms had first moments of their links have none: zero, and certain.
+    """
+    if len(array) != len(parameter_names(dof)) - len(MOMENTS) * dof:
+        return array
+    where = np.full(len(MOMENTS) * dof, moment_slice(dof).start)
+    for axis in range(array.ndim):
+        array = np.insert(array, where, 0.0, axis=axis)
+    return array
 
 
 def check_pose(T: Array, name: str) -> None:

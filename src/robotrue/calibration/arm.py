@@ -18,7 +18,7 @@ from robotrue.calibration.terms.term import ArmPostures, Term
 from robotrue.core.arrays import Array
 from robotrue.robot.forward import forward, parameter_jacobian, sensitivity_of, walk
 from robotrue.robot.model import RobotModel, parameter_slice
-from robotrue.robot.statics import Load, drive_torque
+from robotrue.robot.statics import Load, stated_torque
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,16 +86,19 @@ class ArmWithTerms:
             approach: (n, dof) sign of the last motion; unknown if not given.
             temperature: (n,) K; unknown if not given.
         """
+        torque, weight = stated_torque(self.nominal, joints, load)
         return ArmPostures(
             joints=joints,
-            torque=drive_torque(self.nominal, joints, load),
+            torque=torque,
+            weight=weight,
             approach=np.empty(0) if approach is None else approach,
             temperature=np.empty(0) if temperature is None else temperature,
         )
 
     def linearise_at(self, at: ArmPostures) -> LinearArm:
         """Returns the error of the arm at some of its :meth:`postures`, linearised."""
-        shift = at.torque * self.compliance
+        torque = at.torque_on(self.actual)
+        shift = torque * self.compliance
         lift, uncarried = np.zeros((len(shift), 3)), np.zeros(len(shift))
         for term, part in parts_of(self.terms, self.values):
             effect = term.effect(self.actual, at, part)
@@ -109,7 +112,7 @@ class ArmWithTerms:
                 uncarried = uncarried + effect.other_tool
         commanded = forward(self.nominal, at.joints)
         state = walk(self.actual, at.joints, shift)
-        jacobian = parameter_jacobian(self.actual, state, at.joints, at.torque)[:, :3]
+        jacobian = parameter_jacobian(self.actual, state, at.joints, torque, at.weight)[:, :3]
         by = sensitivity_of(self.actual, jacobian)
         learned = [
             term.columns(self.actual, at, by, part)
@@ -166,7 +169,7 @@ def term_columns(
     Args:
         robot: The arm with the errors it is linearised at.
         at: n postures.
-        jacobian: (n, m, 7 dof + 12 or more) d(observed)/d(error vector, nuisances).
+        jacobian: (n, m, 9 dof + 12 or more) d(observed)/d(error vector, nuisances).
         terms: Beyond the error vector.
         values: (k,) their parameters where they are linearised; zeros if None.
     """

@@ -29,6 +29,8 @@ from robotrue.robot.model import RobotModel
 
 ROWS: Final = 300
 """Numbers conditioned on at a time."""
+CERTAIN: Final = 1e-14
+"""Eigenvalue of a covariance, over the largest one, from which a direction is known."""
 WIDE: Final = 1.3
 """Rows of the root over its columns from which it is made square again."""
 
@@ -88,7 +90,7 @@ class Belief:
 
     @property
     def errors(self) -> Array:
-        """Robot errors at the mean (7 dof + 12,) SI."""
+        """Robot errors at the mean (9 dof + 12,) SI."""
         return self.mean[: len(self.robot.errors)]
 
     @property
@@ -208,6 +210,18 @@ def with_harmonics(belief: Belief, count: int) -> Belief:
     if count <= len(belief.ripple.cycles):
         return belief
     return with_term(belief, *belief.ripple.with_cycles(count))
+
+
+def root_of_covariance(covariance: Array) -> Array:
+    """Returns R (p, e) with R'R the covariance (e, e), without directions that are certain.
+
+    Parameters of several units, kg m beside rad/(N m), are scaled to one another first.
+    """
+    sd = np.sqrt(np.diagonal(covariance))
+    scale = np.where(sd > 0.0, sd, 1.0)
+    values, vectors = np.linalg.eigh(covariance / scale[:, None] / scale)
+    alive = values > CERTAIN * values[-1]
+    return np.asarray(np.sqrt(values[alive])[:, None] * vectors[:, alive].T * scale)
 
 
 def compress_root(root: Array) -> Array:

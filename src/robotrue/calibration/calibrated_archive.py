@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 
-from robotrue.calibration.archive import check_pose, robot_from
+from robotrue.calibration.archive import check_pose, robot_from, with_moments
 from robotrue.calibration.calibrated_model import (
     LEARNED,
     RIGID_FLEXIBLE,
@@ -17,7 +19,10 @@ from robotrue.calibration.terms.term_registry import STANDARD, term_of
 from robotrue.core.archive import Archive, archive_reader
 from robotrue.core.arrays import Array
 from robotrue.errors import ArchiveError
-from robotrue.robot.model import RobotModel
+from robotrue.robot.model import RobotModel, moment_slice
+
+HEAVIEST: Final = 1e5
+"""kg m, first moment of a link that no arm has."""
 
 
 @archive_reader
@@ -34,21 +39,25 @@ def read_rigid_flexible(archive: Archive) -> CalibratedModel:
     if T_tracker_base.ndim != 3:
         raise ArchiveError(f"T_tracker_base has shape {T_tracker_base.shape}.")
     check_pose(T_tracker_base, "T_tracker_base")
-    errors, covariance = archive.array("errors"), archive.array("covariance")
-    if not float(np.abs(errors).max(initial=0.0)) <= 10.0:
+    robot = robot_from(archive)
+    errors = with_moments(archive.array("errors"), robot.dof)
+    covariance = with_moments(archive.array("covariance"), robot.dof)
+    if errors.shape != robot.errors.shape or not _are_sizes(errors, robot.dof, 10.0, HEAVIEST):
         raise ArchiveError("errors are not those of an arm.")
-    _check_covariance(covariance)
+    _check_covariance(covariance, robot.dof)
     repeatability, white = float(document["repeatability"]), float(document["white"])
     if not (0.0 <= repeatability < 1.0 and 0.0 <= white < 1.0):
         raise ArchiveError(f"repeatability {repeatability:g} m, white noise {white:g} m.")
     return CalibratedModel(
-        robot=robot_from(archive),
+        robot=robot,
         errors=errors,
         covariance=covariance,
         repeatability=repeatability,
         white=white,
         T_tracker_base=dict(zip(stations, T_tracker_base, strict=True)),
-        reflectors={int(k): _reflector(archive, int(k)) for k in document.get("reflectors", ())},
+        reflectors={
+            int(k): _reflector(archive, int(k), robot.dof) for k in document.get("reflectors", ())
+        },
         summary=dict(document["summary"]),
         inflation=_read_inflation(document.get("inflation", 1.0)),
     )
@@ -78,6 +87,9 @@ def read_learned(archive: Archive) -> CalibratedModel:
     restored = _restore_terms(archive, physics.robot)
     values = np.concatenate([part for _, part in restored])
     columns = archive.array("columns")
+    if len(archive.array("physics/errors")) < len(physics.errors):  # from before moments
+        first = moment_slice(physics.robot.dof)
+        columns = np.where(columns >= first.start, columns + first.stop - first.start, columns)
     count = len(physics.errors) + len(values)
     if not ((columns >= 0.0) & (columns < count) & (columns == np.round(columns))).all():
         raise ArchiveError(f"columns of the learned error are whole numbers below {count}.")
@@ -131,18 +143,25 @@ def _read_inflation(stated: object) -> float:
     return inflation
 
 
-def _reflector(archive: Archive, number: int) -> Reflector:
+def _reflector(archive: Archive, number: int, dof: int) -> Reflector:
     T = archive.array(f"reflector{number}")
     check_pose(T, f"reflector{number}")
-    covariance = archive.array(f"reflector{number}_covariance")
-    _check_covariance(covariance)
+    covariance = with_moments(archive.array(f"reflector{number}_covariance"), dof)
+    _check_covariance(covariance, dof)
     return Reflector(T_flange_tool=T, covariance=covariance)
 
 
-def _check_covariance(covariance: Array) -> None:
+def _are_sizes(values: Array, dof: int, largest: float, heaviest: float) -> bool:
+    """Whether no error is beyond what an arm may have; moments are in kg m, the rest in m, rad."""
+    bound = np.full(len(values), largest)
+    bound[moment_slice(dof)] = heaviest
+    return bool((np.abs(values) <= bound).all())
+
+
+def _check_covariance(covariance: Array, dof: int) -> None:
     """Refuses what is no covariance of an arm's errors."""
     variance = np.diagonal(covariance)
-    if not (variance >= 0.0).all() or not (variance <= 100.0).all():
+    if not (variance >= 0.0).all() or not _are_sizes(variance, dof, 100.0, HEAVIEST**2):
         raise ArchiveError("variances of the errors are not those of an arm.")
     bound = np.sqrt(np.outer(variance, variance)) * (1.0 + 1e-6)
     if not np.allclose(covariance, covariance.T, rtol=1e-6) or (np.abs(covariance) > bound).any():

@@ -18,7 +18,7 @@ import numpy as np
 
 from robotrue.calibration.archive import robot_arrays, robot_document
 from robotrue.calibration.arm import ArmWithTerms, LinearArm, parts_of, prepare_arm
-from robotrue.calibration.belief import Belief, compress_root, standard_terms
+from robotrue.calibration.belief import Belief, compress_root, root_of_covariance, standard_terms
 from robotrue.calibration.evidence import spread
 from robotrue.calibration.mean_tables import MeanTables, rigid_tables
 from robotrue.calibration.model import Prediction, Query
@@ -48,7 +48,7 @@ class Reflector:
 
     Attributes:
         T_flange_tool: (4, 4) where it is.
-        covariance: (7 dof + 12, 7 dof + 12) of the robot errors, its place in that of the tool.
+        covariance: (9 dof + 12, 9 dof + 12) of the robot errors, its place in that of the tool.
         root: (p, 3) the model's root over its place, along its own axes, where the model has one.
     """
 
@@ -63,8 +63,8 @@ class CalibratedModel(Columns):
 
     Attributes:
         robot: The nominal arm, with the tool that was measured.
-        errors: (7 dof + 12,) SI, identified.
-        covariance: (7 dof + 12, 7 dof + 12) of ``errors``.
+        errors: (9 dof + 12,) SI, identified.
+        covariance: (9 dof + 12, 9 dof + 12) of ``errors``.
         repeatability: m, sd per axis of one visit.
         white: m, sd per axis of the white noise learned beyond instrument and repeatability.
         T_tracker_base: (4, 4) of every tracker set-up that was estimated.
@@ -111,7 +111,7 @@ class CalibratedModel(Columns):
         mean = np.zeros(len(self.errors) + sum(term.size for term in terms))
         mean[: len(self.errors) + len(self.values)] = np.concatenate([self.errors, self.values])
         if self.root is None:
-            part, columns = _root_of(self.covariance), np.arange(len(self.errors))
+            part, columns = root_of_covariance(self.covariance), np.arange(len(self.errors))
         else:
             part, columns = self.root, self.columns.astype(np.int64)
         root = np.zeros((len(part), len(mean)))
@@ -329,7 +329,7 @@ def _reflector_of(T_flange_tool: Array, root: Array, place: Array) -> Reflector:
 
     Args:
         T_flange_tool: (4, 4) where it is.
-        root: (p, 7 dof + 12) over the robot errors.
+        root: (p, 9 dof + 12) over the robot errors.
         place: (p, 3) over the reflector's place, along its own axes.
     """
     full = root.copy()
@@ -343,10 +343,3 @@ def unknown_reflector(number: int, known: Iterable[int]) -> ModelMismatchError:
         f"reflector {number} is not in the model, which knows {[0, *sorted(known)]}.",
         hint="calibrate with rows of that reflector, or correct the column target.",
     )
-
-
-def _root_of(covariance: Array) -> Array:
-    """R (p, e) with R'R the covariance, without directions that are certain."""
-    values, vectors = np.linalg.eigh(covariance)
-    seen = values > 1e-16 * values[-1]
-    return np.asarray(np.sqrt(values[seen])[:, None] * vectors[:, seen].T)

@@ -15,10 +15,11 @@ from typing import Final, Literal, TypeAlias
 import numpy as np
 
 from robotrue.calibration.parameters import ParameterLayout
+from robotrue.calibration.terms.first_moments import supposed_masses
 from robotrue.core.arrays import Array, IntArray
 from robotrue.robot.forward import drive_jacobian, parameter_jacobian, walk
-from robotrue.robot.model import RobotModel, parameter_slice
-from robotrue.robot.statics import Load, torque_at
+from robotrue.robot.model import RobotModel, moment_slice, parameter_slice
+from robotrue.robot.statics import Load, torque_at, weight_torque
 
 UNSEEN: Final = 0.1
 """Information below this, in units of the prior's, is none: the sd shrinks by less than 5 %."""
@@ -43,6 +44,11 @@ STATED_STIFFNESS: Final = (
     "measure some poses under a known horizontal force; until then the stated stiffness stands"
 )
 """The cure of compliance nobody saw where a stiffness was stated before."""
+ASSUMED_WEIGHT: Final = (
+    "unloaded poses show what the links weigh times how soft the drives are, not each; measure "
+    "some poses under a known force or a second payload, or state the link masses"
+)
+"""The cure of a drive's compliance that trades off with the weight it carries."""
 LONGEST: Final = 4
 """Parameters a combination is named by; ``terms`` holds all."""
 
@@ -133,10 +139,13 @@ def analyse(
         stiffness_stated: The compliance prior is a stiffness the user stated.
     """
     cures = {**CURES, "side load": STATED_STIFFNESS} if stiffness_stated else CURES
-    size = layout.robot_size
-    free = np.flatnonzero(prior_sd[:size] > 0.0)
+    size, moments = layout.robot_size, moment_slice(robot.dof)
+    judged = prior_sd[:size] > 0.0
+    if robot.link_mass.any():  # a narrow prior that data need not add to
+        judged[moments] = False
+    free = np.flatnonzero(judged)
     sd = prior_sd[free]
-    scaled = _marginal(information, prior_sd, free, size)
+    scaled = _marginal(information, prior_sd, free)
     values, vectors = np.linalg.eigh(scaled)
     dark = vectors[:, values < UNSEEN]
     variance = np.einsum("ij,j,ij->i", vectors, 1.0 / (1.0 + np.maximum(values, 0.0)), vectors)
@@ -153,7 +162,8 @@ def analyse(
         unseen += _name_directions(turned[:, lit], names, sd, kind, robot, cures)
         dark = turned[:, ~lit]
     unseen += _name_directions(dark, names, sd, "nothing", robot, cures)
-    reachable = np.linalg.eigvalsh(kinds[0][1])
+    geometry = (free < moments.start) | (free >= moments.stop)
+    reachable = np.linalg.eigvalsh(kinds[0][1][np.ix_(geometry, geometry)])
     return Identifiability(
         names=names,
         sd_ratio=np.sqrt(variance),
@@ -163,9 +173,9 @@ def analyse(
     )
 
 
-def _marginal(information: Array, prior_sd: Array, free: IntArray, size: int) -> Array:
-    """Information on the free robot parameters, nuisances integrated out, prior-scaled."""
-    nuisance = size + np.flatnonzero(prior_sd[size:] > 0.0)
+def _marginal(information: Array, prior_sd: Array, free: IntArray) -> Array:
+    """Information on the free robot parameters, all others integrated out, prior-scaled."""
+    nuisance = np.setdiff1d(np.flatnonzero(prior_sd > 0.0), free)
     sd, other = prior_sd[free], prior_sd[nuisance]
     out: Array = sd[:, None] * information[np.ix_(free, free)] * sd
     if len(nuisance):
@@ -183,13 +193,15 @@ def _imagine_campaigns(
     low, high = np.clip(robot.limits, -np.pi, np.pi).T
     joints = low + (high - low) * rng.random((PROBES, robot.dof))
     state = walk(robot, joints)
-    weight = max(float(robot.link_mass.sum() * np.linalg.norm(robot.gravity)), 200.0)
+    heavy = float(supposed_masses(robot).sum() * np.linalg.norm(robot.gravity))
     push = np.zeros((PROBES, 6))
-    push[:, :3] = 0.1 * weight * rng.standard_normal((PROBES, 3))
+    push[:, :3] = 0.1 * max(heavy, 200.0) * rng.standard_normal((PROBES, 3))
     quiet = Load(mass=payload.mass, com=payload.com)
     loaded = replace(payload, wrench=push)
     scale = np.repeat([1.0 / 5e-5, 1.0 / 1e-4], 3)[None, :, None]
-    still = scale * parameter_jacobian(robot, state, joints, torque_at(robot, state, quiet))
+    weight = weight_torque(robot, state)
+    torque = torque_at(robot, state, quiet)
+    still = scale * parameter_jacobian(robot, state, joints, torque, weight)
     pushed = still.copy()
     pushed[:, :, parameter_slice(robot.dof, "compliance")] = (
         scale * drive_jacobian(robot, state) * torque_at(robot, state, loaded)[:, None, :]
@@ -230,7 +242,10 @@ def _name_directions(
         return out
     # Names read best where a milliradian weighs as much as a millimetre, whatever the prior.
     even = np.array(
-        [s if n.startswith("compliance") else 1e-3 for n, s in zip(names, sd, strict=True)]
+        [
+            s if n.startswith(("compliance", "moment")) else 1e-3
+            for n, s in zip(names, sd, strict=True)
+        ]
     )
     for row in _sparse(directions * (sd / even)[:, None]):
         order = np.flatnonzero(np.abs(row) > _NAMED).tolist()
@@ -238,12 +253,15 @@ def _name_directions(
         terms = tuple(
             (names[i], float(value / physical[0])) for i, value in zip(order, physical, strict=True)
         )
+        cure = cures[kind]
+        if kind == "side load" and any(name.startswith("moment") for name, _ in terms):
+            cure = ASSUMED_WEIGHT
         out.append(
             Direction(
                 name=_name(terms),
                 terms=terms,
                 reveal=kind,
-                cure=_reason(terms, kind, robot) + cures[kind],
+                cure=_reason(terms, kind, robot) + cure,
                 harmless=kind not in ("poses", "side load"),
             )
         )

@@ -24,7 +24,7 @@ from robotrue.errors import ModelMismatchError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.forward import parameter_jacobian, walk
 from robotrue.robot.model import RobotModel, parameter_slice
-from robotrue.robot.statics import Load, drive_torque
+from robotrue.robot.statics import Load, add_moments, stated_torque
 
 Entries: TypeAlias = slice | IntArray
 """Which entries of an observation."""
@@ -257,13 +257,14 @@ def observations_of(
     loads = payload.fill_rows(
         measurements.payload_mass, measurements.wrench, measurements.payload_com
     )
-    torque = drive_torque(robot, measurements.joints, loads)
+    torque, weight = stated_torque(robot, measurements.joints, loads)
     in_base = np.full(len(torque), IN_BASE)
     covariance = measurements.covariance + repeatability**2 * np.eye(3)
     posed = measurements.has_rotation
     visits = ArmVisits(
         joints=measurements.joints,
         torque=torque,
+        weight=weight,
         approach=measurements.approach,
         temperature=measurements.temperature,
         target=measurements.target,
@@ -322,8 +323,9 @@ def seen_points(
         part: Which of them.
         rotations: Whether the Jacobian has the three rows of the rotation.
     """
-    robot, joints, torque = state.robot, visits.joints[part], visits.torque[part]
+    robot, joints, weight = state.robot, visits.joints[part], visits.weight[part]
     target, station = visits.target[part], visits.station[part]
+    torque = visits.torque[part] + add_moments(weight, robot.moments)
     chain = walk(robot, joints, torque * robot.error("compliance"))
     count = 6 if rotations else 3
     rotation = chain.rotation.copy() if state.T_flange_target else chain.rotation
@@ -332,7 +334,8 @@ def seen_points(
         mine = target == k
         rotation[mine] = chain.flange_rotation[mine] @ T[:3, :3]
         point[mine] = chain.flange_position[mine] + chain.flange_rotation[mine] @ T[:3, 3]
-    moved = parameter_jacobian(robot, replace(chain, position=point), joints, torque)[:, :count]
+    shifted = replace(chain, position=point)
+    moved = parameter_jacobian(robot, shifted, joints, torque, weight)[:, :count]
     out = np.zeros((len(joints), count, layout.size))
     out[:, :, : layout.robot_size] = moved
     blocks = layout.blocks

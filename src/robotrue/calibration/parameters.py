@@ -1,6 +1,6 @@
 """What is estimated: one named vector made of blocks, and the state it moves.
 
-Blocks: ``robot`` (the error vector of :class:`RobotModel`, 7 dof + 12), ``station/k`` (6: pose of a
+Blocks: ``robot`` (the error vector of :class:`RobotModel`, 9 dof + 12), ``station/k`` (6: pose of a
 tracker frame that is not known, or of a part that is touched; 3: a place that has no axes of its
 own, such as a socket), ``target/k`` (3 or 6: a further reflector on the flange; reflector 0 is the
 robot's own tool). A step is a vector in this layout; poses move on their manifold.

@@ -18,13 +18,14 @@ from robotrue.calibration.belief import Belief, standard_terms
 from robotrue.calibration.parameters import ParameterLayout, State
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.terms.compliance import StiffnessPrior, compliance_prior
+from robotrue.calibration.terms.first_moments import moment_prior
 from robotrue.calibration.terms.geometry import PER_JOINT_GROUPS, PriorScales
 from robotrue.calibration.terms.ripple import harmonics
 from robotrue.core.arrays import Array, BoolArray, frozen
 from robotrue.errors import ConfigurationError
-from robotrue.robot.model import RobotModel, parameter_slice
+from robotrue.robot.model import MOMENTS, RobotModel, moment_slice, parameter_slice
 
-LEARNED: Final = (*PER_JOINT_GROUPS, "compliance")
+LEARNED: Final = (*PER_JOINT_GROUPS, "compliance", *MOMENTS)
 """Groups of the error vector with a scale that is learned, in the order of ``Prior.group``."""
 
 
@@ -80,11 +81,13 @@ def build_prior(
         mean, deviations["compliance"] = compliance_prior(centre.robot, stiffness, payload_mass)
         errors = centre.robot.errors.copy()
         errors[parameter_slice(dof, "compliance")] = mean
+        errors[moment_slice(dof)], moments = moment_prior(centre.robot)
+        deviations |= dict(zip(MOMENTS, moments.reshape(2, dof), strict=True))
         centre = replace(centre, robot=centre.robot.with_errors(errors))
     for name in set(free_groups) & set(deviations):
         place = parameter_slice(dof, name)
         sd[place] = deviations[name]
-        if name in LEARNED and (name != "compliance" or stiffness is None):
+        if name in LEARNED and name not in MOMENTS and (name != "compliance" or stiffness is None):
             group[place] = LEARNED.index(name)
     if not tool_rotation:
         sd[parameter_slice(dof, "tool")][3:] = 0.0

@@ -31,7 +31,7 @@ from robotrue.core.rotations import skew
 from robotrue.core.surfaces import Plane, Surface
 from robotrue.errors import ImplausibleDataError
 from robotrue.measurement.probing_set import KnownDistance, ProbingSet
-from robotrue.robot.statics import Load, drive_torque
+from robotrue.robot.statics import Load, stated_torque
 
 COINCIDENT: Final = 1e-3
 """m; parts nearer to one another than this have no direction between them."""
@@ -167,9 +167,11 @@ def touch_rows(
         payload: On the flange while touching.
     """
     n, dof = len(touches), belief.robot.dof
+    torque, weight = stated_torque(belief.robot, touches.joints, payload)
     visits = ArmVisits(
         joints=touches.joints,
-        torque=drive_torque(belief.robot, touches.joints, payload),
+        torque=torque,
+        weight=weight,
         target=np.zeros(n, dtype=np.int64),
         station=touches.part,
     )

@@ -34,6 +34,7 @@ from robotrue.calibration.training_summary import describe_parameters
 from robotrue.core.arrays import Array
 from robotrue.errors import ModelMismatchError
 from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.robot.model import parameter_names
 
 UNCARRIED: Final = 0.05
 """Share of the smooth residual's variance at a new pose from which it gets a centre."""
@@ -143,11 +144,11 @@ def renew_summary(
 ) -> dict[str, object]:
     """Returns the summary after a step: rows, parameters and lineage are new."""
     known = dict(summary.get("parameters", {}))
-    size = len(known)
+    place = [i for i, name in enumerate(parameter_names(belief.robot.dof)) if name in known]
     parameters = describe_parameters(
         known,
-        belief.errors[:size],
-        np.sqrt(belief.variance[:size]),
+        belief.errors[place],
+        np.sqrt(belief.variance[place]),
         [entry["class"] for entry in known.values()],
     )
     return {

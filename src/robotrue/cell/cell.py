@@ -120,16 +120,6 @@ class Cell(Columns):
             raise ShapeError(f"repeatability is {self.repeatability} m, expected 0 or more.")
 
     @property
-    def doubts(self) -> tuple[str, ...]:
-        """Warnings: what the cell cannot model with what it states, one sentence each."""
-        if self.robot.link_mass.any():
-            return ()
-        return (
-            "No link masses are given: bending under the arm's own weight cannot be modelled, "
-            "only under payload and wrench.",
-        )
-
-    @property
     def says_of_controller(self) -> bool:
         """Whether anything programs name is given."""
         told = self.controller

@@ -21,7 +21,7 @@ from typing import Annotated, Final
 import numpy as np
 
 from robotrue.calibration.arm import term_columns
-from robotrue.calibration.belief import Belief, standard_terms
+from robotrue.calibration.belief import Belief, root_of_covariance, standard_terms
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.observations import PositionObservation, observations_of
 from robotrue.calibration.parameters import ParameterLayout, State
@@ -46,8 +46,6 @@ LOOSE: Final = 0.1
 """m and rad, prior sd of the base where the tracker's frame is not known."""
 STIFFNESS_SD: Final = 0.3
 """Relative standard deviation taken for a stiffness stated in the cell."""
-KNOWN: Final = 1e-12
-"""Eigenvalue of a scaled covariance, over its largest, below which a direction is known."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -140,7 +138,7 @@ class LinearModel(Columns):
     def __post_init__(self) -> None:
         """Checks shapes and values."""
         dof = self.robot.dof
-        self._check_columns(p=7 * dof + 12 + 2 * dof * len(self.unmodelled.ripple) + dof)
+        self._check_columns(p=len(self.robot.errors) + 2 * dof * len(self.unmodelled.ripple) + dof)
 
     @property
     def size(self) -> int:
@@ -287,7 +285,7 @@ def after_fit(
     settings = settings_of(cell) if settings is None else settings
     unmodelled = UnmodelledErrors() if unmodelled is None else unmodelled
     dof, h = cell.robot.dof, len(unmodelled.ripple)
-    size = 7 * dof + 12
+    size = len(cell.robot.errors)
     full = np.zeros((size + 2 * dof * h + dof,) * 2)
     drives = _drive_sd(cell.measured_robot, unmodelled)
     full[np.diag_indices(len(full))] = np.concatenate([np.zeros(size), drives**2])
@@ -301,7 +299,7 @@ def after_fit(
         cell=cell,
         settings=settings,
         unmodelled=replace(unmodelled, white=max(white, unmodelled.white)),
-        root=_root_of(full),
+        root=root_of_covariance(full).T,
     )
 
 
@@ -322,15 +320,6 @@ def _places(belief: Belief, size: int, dof: int, h: int) -> IntArray:
     known = belief.variance > 0.0  # a drive error that was never learned stays unknown
     known[:size] = True
     return np.where(known, place, -1)
-
-
-def _root_of(covariance: Array) -> Array:
-    """R with R R' the covariance; parameters of several units are scaled to one another first."""
-    sd = np.sqrt(np.diagonal(covariance))
-    scale = np.where(sd > 0.0, sd, 1.0)
-    values, vectors = np.linalg.eigh(covariance / scale[:, None] / scale)
-    alive = values > KNOWN * values[-1]
-    return np.asarray(scale[:, None] * vectors[:, alive] * np.sqrt(values[alive]))
 
 
 def _build_ideal_set(cell: Cell, robot: RobotModel, postures: Postures) -> MeasurementSet:

@@ -29,7 +29,7 @@ from robotrue.report.export_losses import (
     require_named,
 )
 from robotrue.robot.chain import error_pose
-from robotrue.robot.model import RobotModel, parameter_slice
+from robotrue.robot.model import MOMENTS, RobotModel, parameter_slice
 from robotrue.robot.urdf import to_urdf
 
 URDF_CANNOT: Final = ("gear", "compliance", "ripple", "backlash", "residual")
@@ -38,7 +38,7 @@ DH_CANNOT: Final = ("ripple", "backlash", "residual")
 """What has no column."""
 DH_COLUMNS: Final = (
     "row", "theta_deg", "d_mm", "a_mm", "alpha_deg", "beta_deg", "gear", "compliance_rad_per_Nm",
-    "x_mm", "y_mm", "z_mm", "a_deg", "b_deg", "c_deg",
+    "moment_x_kg_m", "moment_y_kg_m", "x_mm", "y_mm", "z_mm", "a_deg", "b_deg", "c_deg",
 )  # fmt: skip
 
 
@@ -108,7 +108,7 @@ def rigid(robot: RobotModel) -> RobotModel:
             hint="rename the robot in the cell.",
         )
     errors = np.array(robot.errors)
-    for group in ("gear", "compliance"):
+    for group in ("gear", "compliance", *MOMENTS):
         errors[parameter_slice(robot.dof, group)] = 0.0
     return robot.with_errors(errors)
 
@@ -124,7 +124,9 @@ def _urdf_side(found: ExportableModel) -> dict[str, object]:
         "the URDF takes q_drive; then p = p_urdf + residual(q). "
         "ripple_i = sum_k sin[i][k] sin(harmonics[k] q_i) + cos[i][k] cos(harmonics[k] q_i). "
         "residual = sum_m weights[m] exp(-|scale * (sin q, cos q) - centres[m]|^2 / 2). "
-        "torque: load on the drives by gravity, payload and wrench, at the nominal posture.",
+        "torque: load on the drives by gravity, payload and wrench, at the nominal posture. "
+        "link_moment_x and _y: first moments beyond the link masses, along x of the link frame "
+        "and along the joint axis times x.",
         "compliance_rad_per_Nm": _list(robot.error("compliance")),
         "gear_relative": _list(robot.error("gear")),
         "ripple": {
@@ -141,6 +143,8 @@ def _urdf_side(found: ExportableModel) -> dict[str, object]:
         "gravity_m_per_s2": _list(robot.gravity),
         "link_mass_kg": _list(robot.link_mass),
         "link_centre_of_mass_m": _list(robot.link_com),
+        "link_moment_x_kg_m": _list(robot.error("moment_x")),
+        "link_moment_y_kg_m": _list(robot.error("moment_y")),
         "payload_mass_kg": float(found.load.mass[0]),
         "payload_centre_of_mass_m": _list(found.load.com[0]),
     }
@@ -201,7 +205,8 @@ def _dh_remarks(
     return [
         f"{robot.name}, calibrated by robotrue, model sha256 {found.digest}",
         f"{link}; base before the first, tool after the last: T(x,y,z) Rz(a) Ry(b) Rx(c)",
-        "q_drive = (1 + gear) q + compliance * torque on the drive",
+        "q_drive = (1 + gear) q + compliance * torque on the drive; moment_x, moment_y: "
+        "first moments beyond link masses, along x of the link frame and the joint axis times x",
         *loss_sentences(lost, total),
         f"Read without gear and compliance: misses {as_rigid.rms / MM:.4f} mm rms, "
         f"{as_rigid.largest / MM:.4f} mm at most.",
@@ -216,7 +221,7 @@ def _dh_rows(robot: RobotModel) -> list[list[str]]:
         "alpha": (robot.alpha + robot.error("alpha")) / DEG,
         "beta": robot.error("beta") / DEG,
         "gear": robot.error("gear"),
-        "compliance": robot.error("compliance"),
+        **{name: robot.error(name) for name in ("compliance", *MOMENTS)},
     }
     rows = [
         [f"joint {i + 1}", *(repr(float(values[i])) for values in groups.values()), *[""] * 6]
@@ -225,5 +230,5 @@ def _dh_rows(robot: RobotModel) -> list[list[str]]:
     tool = robot.T_flange_tool @ error_pose(robot.error("tool"))
     for name, T in (("base", error_pose(robot.error("base"))), ("tool", tool)):
         place = [*(T[:3, 3] / MM), *(abc_from_matrix(T[:3, :3]) / DEG)]
-        rows.append([name, *[""] * 7, *(repr(float(v)) for v in place)])
+        rows.append([name, *[""] * (len(groups)), *(repr(float(v)) for v in place)])
     return rows

@@ -149,7 +149,8 @@ def _read_estimates(model: ErrorModel) -> dict[str, dict[str, Any]]:
 
 
 def _si_unit(name: str) -> str:
-    unit = UNITS[name.rstrip("0123456789").split("_")[0]]
+    group = name.rstrip("0123456789")
+    unit = UNITS[group if group in UNITS else group.split("_")[0]]
     if unit == "m or rad":
         return "rad" if "_r" in name else "m"
     return unit

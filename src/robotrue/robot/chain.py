@@ -106,7 +106,10 @@ def link_masses(robot: RobotModel, frames: Array) -> np.ndarray[tuple[int], np.d
     """
     masses = np.zeros(1, masses_dtype(robot.dof))
     centre = np.einsum("nij,nj->ni", frames[:, :3, :3], robot.link_com) + frames[:, :3, 3]
-    masses["moment"][0, :, :3] = robot.link_mass[:, None] * centre
+    x = frames[:, :3, 0]
+    y = np.cross([0.0, 0.0, 1.0], x)
+    along_x, along_y = robot.moments.reshape(2, -1, 1)
+    masses["moment"][0, :, :3] = robot.link_mass[:, None] * centre + along_x * x + along_y * y
     masses["moment"][0, :, 3] = robot.link_mass
     masses["outboard"][0] = np.cumsum(robot.link_mass[::-1])[::-1]
     masses["gravity"][0] = robot.gravity

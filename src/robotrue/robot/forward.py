@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robotrue.core.arrays import Array
-from robotrue.robot.model import RobotModel, parameter_slice
+from robotrue.robot.model import RobotModel, moment_slice, parameter_slice
 
 X, Y, Z = 0, 1, 2
 LINK = -1
@@ -242,9 +242,13 @@ def drive_jacobian(robot: RobotModel, state: ChainState) -> Array:
 
 
 def parameter_jacobian(
-    robot: RobotModel, state: ChainState, joints: Array, torque: Array | None = None
+    robot: RobotModel,
+    state: ChainState,
+    joints: Array,
+    torque: Array | None = None,
+    weight: Array | None = None,
 ) -> Array:
-    """Returns dx/derrors (n, 6, 7 dof + 12), linear part first, base frame.
+    """Returns dx/derrors (n, 6, 9 dof + 12), linear part first, base frame.
 
     The rotation part is the left (base-frame) rotation vector per unit of the parameter.
 
@@ -253,16 +257,21 @@ def parameter_jacobian(
         state: From :func:`walk` (or ``deflect_arm``) at the same joints.
         joints: (n, dof) rad, for the gear columns.
         torque: (n, dof) N m on the drives, for the compliance columns; zero if not given.
+        weight: (n, dof, 2, dof) m^2/s^2 of :func:`robotrue.robot.statics.weight_torque`, for the
+            columns of the first moments; zero if not given.
     """
     dof = robot.dof
     n = len(state.position)
-    out = np.zeros((n, 6, 7 * dof + 12))
+    out = np.zeros((n, 6, len(robot.errors)))
     out[:, :, : 5 * dof] = _columns(state, slice(0, 5 * dof))
-    out[:, :, 7 * dof :] = _columns(state, slice(5 * dof, 5 * dof + 12))
+    out[:, :, -12:] = _columns(state, slice(5 * dof, 5 * dof + 12))
     drive = drive_jacobian(robot, state)
     out[:, :, parameter_slice(dof, "gear")] = drive * np.asarray(joints)[:, None, :]
     if torque is not None:
         out[:, :, parameter_slice(dof, "compliance")] = drive * torque[:, None, :]
+    if weight is not None:
+        soft = drive * robot.error("compliance")
+        out[:, :, moment_slice(dof)] = soft @ weight.reshape(n, dof, 2 * dof)
     return out
 
 
@@ -280,7 +289,7 @@ class Sensitivity:
     """How m observed numbers of n postures answer to what an error of the arm can move.
 
     Attributes:
-        errors: (n, m, 7 dof + 12) by the error vector of the robot.
+        errors: (n, m, 9 dof + 12) by the error vector of the robot.
         drive: (n, m, dof) by a shift of the drive angles, per rad.
         shift: (n, m, 3) by a shift of the tool point in base, per m.
     """
@@ -291,7 +300,7 @@ class Sensitivity:
 
 
 def sensitivity_of(robot: RobotModel, jacobian: Array) -> Sensitivity:
-    """Returns what follows from d(observed)/d(error vector), (n, m, 7 dof + 12 or more)."""
+    """Returns what follows from d(observed)/d(error vector), (n, m, 9 dof + 12 or more)."""
     dof = robot.dof
     return Sensitivity(
         errors=jacobian[:, :, : len(robot.errors)],

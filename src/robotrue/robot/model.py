@@ -15,6 +15,7 @@ Kinematics (``convention``)::
     theta = theta_0 + dtheta + joint_map @ ((1 + gear) * q + ripple + compliance * torque)
 
 with ``torque`` on the drives from gravity, payload and wrench (:mod:`robotrue.robot.statics`).
+``moment_x``, ``moment_y`` are first moments of the links that add to the torque of gravity.
 In ``mdh`` alpha_i and a_i belong to the axis *before* joint i (Craig's alpha_{i-1}, a_{i-1}).
 """
 
@@ -35,7 +36,10 @@ from robotrue.errors import ConfigurationError, ShapeError
 
 Convention: TypeAlias = Literal["dh", "mdh"]
 
-PER_JOINT: Final = ("theta", "d", "a", "alpha", "beta", "gear", "compliance")
+MOMENTS: Final = ("moment_x", "moment_y")
+"""First moments of the links beyond what ``link_mass`` and ``link_com`` give, see
+:func:`robotrue.robot.statics.weight_torque`."""
+PER_JOINT: Final = ("theta", "d", "a", "alpha", "beta", "gear", "compliance", *MOMENTS)
 """Error parameters that exist once per joint, in the order of the flat vector."""
 _IDENTITY_DIGITS: Final = 9
 """Decimals of m and rad that count; a table written in mm and deg and read again is the same."""
@@ -48,13 +52,15 @@ UNITS: Final[Mapping[str, str]] = {
     "beta": "rad",
     "gear": "1",
     "compliance": "rad/(N m)",
+    "moment_x": "kg m",
+    "moment_y": "kg m",
     "base": "m or rad",
     "tool": "m or rad",
 }
 
 
 def parameter_names(dof: int) -> tuple[str, ...]:
-    """Returns the names of the error vector: ``theta1 .. compliance6, base_x .. tool_rz``."""
+    """Returns the names of the error vector: ``theta1 .. moment_y6, base_x .. tool_rz``."""
     joints = tuple(f"{term}{i + 1}" for term in PER_JOINT for i in range(dof))
     frames = tuple(f"{frame}_{term}" for frame in ("base", "tool") for term in POSE_TERMS)
     return joints + frames
@@ -75,6 +81,11 @@ def parameter_slice(dof: int, group: str) -> slice:
     raise ConfigurationError(
         f"no parameter group {group!r}; groups are {(*PER_JOINT, 'base', 'tool')}."
     )
+
+
+def moment_slice(dof: int) -> slice:
+    """Returns where the groups :data:`MOMENTS` stand, one after the other."""
+    return slice(parameter_slice(dof, MOMENTS[0]).start, parameter_slice(dof, MOMENTS[-1]).stop)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,7 +137,7 @@ class RobotModel(Columns):
         link_com: (n, 3) m, centre of mass in the link's own DH frame.
         T_flange_tool: (4, 4), the tool the controller uses (or the reflector).
         gravity: (3,) m/s^2 in the base frame.
-        errors: (7 n + 12,) SI, layout of :func:`parameter_names`; zero is nominal.
+        errors: (9 n + 12,) SI, layout of :func:`parameter_names`; zero is nominal.
         controller: How the controller counts the axes.
         maker: Brand, chooses the configuration bits (``"kuka"``, ``"abb"``, ...).
         dof: Number of joints n.
@@ -174,6 +185,11 @@ class RobotModel(Columns):
     def error(self, group: str) -> Array:
         """Returns one group of the error vector, e.g. ``error("compliance")`` (n,) rad/(N m)."""
         return self.errors[parameter_slice(self.dof, group)]
+
+    @property
+    def moments(self) -> Array:
+        """(2 n,) kg m, the groups :data:`MOMENTS`: along x of every link, then along y."""
+        return self.errors[moment_slice(self.dof)]
 
     def nominal(self) -> RobotModel:
         """Returns the robot the controller believes in: all errors zero, rigid."""

@@ -67,7 +67,7 @@ def drive_torque(robot: RobotModel, joints: Array, load: Load = NO_LOAD) -> Arra
     """Returns the load torque on each drive (n, dof) in N m: gravity, payload and wrench.
 
     Args:
-        robot: The arm; masses from ``link_mass`` and ``link_com``.
+        robot: The arm; what its links weigh is ``link_mass`` at ``link_com``, and ``moments``.
         joints: (n, dof) rad.
         load: Payload and wrench, one row or n rows.
     """
@@ -75,8 +75,26 @@ def drive_torque(robot: RobotModel, joints: Array, load: Load = NO_LOAD) -> Arra
     torque = np.empty((len(joints), robot.dof))
     for start in range(0, len(joints), BLOCK):
         rows = slice(start, start + BLOCK)
-        torque[rows] = torque_at(nominal, walk(nominal, joints[rows]), load.take(rows))
+        torque[rows] = torque_at(robot, walk(nominal, joints[rows]), load.take(rows))
     return torque
+
+
+def stated_torque(robot: RobotModel, joints: Array, load: Load) -> tuple[Array, Array]:
+    """Returns :func:`drive_torque` without the moments, and :func:`weight_torque` of them.
+
+    Args:
+        robot: The arm; masses from ``link_mass`` at ``link_com``.
+        joints: (n, dof) rad.
+        load: Payload and wrench, one row or n rows.
+    """
+    nominal, dof = robot.nominal(), robot.dof
+    torque, weight = np.empty((len(joints), dof)), np.empty((len(joints), dof, 2, dof))
+    for start in range(0, len(joints), BLOCK):
+        rows = slice(start, start + BLOCK)
+        state = walk(nominal, joints[rows])
+        torque[rows] = torque_at(nominal, state, load.take(rows))
+        weight[rows] = weight_torque(nominal, state)
+    return torque, weight
 
 
 def torque_at(robot: RobotModel, state: ChainState, load: Load) -> Array:
@@ -98,7 +116,35 @@ def torque_at(robot: RobotModel, state: ChainState, load: Load) -> Array:
     lever = np.cross(state.position[:, None] - origin, wrench[:, None, :3])
     torque += np.einsum("nik,nik->ni", axis, lever + wrench[:, None, 3:])
     drives: Array = torque @ robot.joint_map
+    if robot.moments.any():
+        drives += add_moments(weight_torque(robot, state), robot.moments)
     return drives
+
+
+def weight_torque(robot: RobotModel, state: ChainState) -> Array:
+    """Returns the torque on each drive (n, dof, 2, dof) per first moment of each link, m^2/s^2.
+
+    A moment of a link along its joint axis can be counted to the link before it, and so can its
+    mass: of what the links weigh, torques show two numbers for each link (Gautier and Khalil 1990,
+    "Direct calculation of minimum set of inertial parameters"). They are the first moment of all
+    that the joint carries, as far as it turns with the link, in the plane across the joint axis:
+    along x of the link frame, then along y, which is the joint axis times x.
+
+    Args:
+        robot: The arm; gravity and coupling of the joints count.
+        state: Its chain without errors.
+    """
+    axis, x = state.joint_axis, state.link_rotation[:, :, :, 0]
+    across = np.stack([x, np.cross(axis, x)], axis=1)
+    turning = np.einsum("nix,nskx->nisk", axis, np.cross(across, robot.gravity))
+    carried = np.tri(robot.dof).T[:, None, :]  # joint i carries the links from i on
+    return np.asarray(np.einsum("ij,nisk->njsk", robot.joint_map, turning * carried))
+
+
+def add_moments(weight: Array, moments: Array) -> Array:
+    """Returns the torque (n, dof) N m of first moments (2 dof,) kg m by :func:`weight_torque`."""
+    n, dof = weight.shape[:2]
+    return np.asarray(weight.reshape(n, dof, 2 * dof) @ moments)
 
 
 def deflect_arm(

@@ -58,6 +58,7 @@ def _refuse_loss(robot: RobotModel, geometry_only: bool) -> None:
             "joints where they are used.",
         )
     lost = [name for name in ("gear", "compliance") if robot.error(name).any()]
+    lost += ["moment"] if robot.moments.any() else []
     if lost and not geometry_only:
         raise ConfigurationError(
             f"{robot.name} has {' and '.join(lost)} errors, which URDF cannot say.",

@@ -73,7 +73,6 @@ def add(
                 "repeatability_m": cell.repeatability,
                 "tracker": cell.tracker.name,
                 "parts": [] if cell.part is None else list(cell.part.names),
-                "doubts": list(cell.doubts),
                 "source": path.name,
             },
             digest=sha256(text.encode()),

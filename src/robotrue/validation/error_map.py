@@ -20,6 +20,8 @@ from robotrue.calibration.deng2022.similarity import similarity
 from robotrue.calibration.model import ErrorModel, Query
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.terms.compliance import compliance_scale
+from robotrue.calibration.terms.first_moments import moment_prior
+from robotrue.calibration.terms.geometry import PER_JOINT_GROUPS
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.columns import Column, Columns
 from robotrue.core.poses import pose
@@ -29,7 +31,7 @@ from robotrue.errors import ObservabilityError, ReachError, ShapeError
 from robotrue.robot.forward import forward, walk
 from robotrue.robot.inverse import inverse_batch
 from robotrue.robot.inverse_numeric import solve, solve_global
-from robotrue.robot.model import PER_JOINT, RobotModel, parameter_slice
+from robotrue.robot.model import RobotModel, moment_slice, parameter_slice
 from robotrue.robot.opw import opw_geometry
 from robotrue.robot.statics import NO_LOAD, Load
 from robotrue.validation.map_defaults import ATTITUDE, SECTORS
@@ -254,9 +256,9 @@ def build_prior_model(robot: RobotModel, settings: FitSettings) -> CalibratedMod
     """
     dof = robot.dof
     errors, sd = np.zeros_like(robot.errors), np.zeros_like(robot.errors)
-    for group in PER_JOINT:
-        if group != "compliance":
-            sd[parameter_slice(dof, group)] = getattr(settings.scales, group)
+    for group in PER_JOINT_GROUPS:
+        sd[parameter_slice(dof, group)] = getattr(settings.scales, group)
+    errors[moment_slice(dof)], sd[moment_slice(dof)] = moment_prior(robot)
     place = parameter_slice(dof, "compliance")
     if settings.stiffness is None:
         sd[place] = compliance_scale(robot, float(settings.payload.mass[0]))

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.calibration.mean_tables import MeanTables
+from robotrue.calibration.terms.first_moments import assumed_masses
 from robotrue.calibration.terms.term import without_errors
 from robotrue.core.arrays import Array, frozen
 from robotrue.errors import ConfigurationError
@@ -15,6 +16,8 @@ from robotrue.robot.model import RobotModel
 
 WIND_UP: Final = 5e-3
 """rad by which a drive may turn under the weight it carries at arm's length."""
+LIGHTER: Final = 4.0
+"""What arms weigh that have the size of others, over the weight of a light one of them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,9 +46,11 @@ def compliance_scale(robot: RobotModel, payload_mass: float) -> Array:
     """Returns a broad scale of joint compliance (n,) rad/(N m) from the arm's own weight.
 
     Drives are built for their load: each is taken to wind up by at most about :data:`WIND_UP`
-    under everything outboard of it hanging at arm's length. An arm without masses gets 1e-5.
+    under everything outboard of it hanging at arm's length. An arm without masses is taken
+    for a light one of its size.
     """
-    mass = np.cumsum(robot.link_mass[::-1])[::-1] + payload_mass
+    links_mass = robot.link_mass if robot.link_mass.any() else assumed_masses(robot) / LIGHTER
+    mass = np.cumsum(links_mass[::-1])[::-1] + payload_mass
     links = np.hypot(robot.a, robot.d)
     if robot.convention == "mdh":
         links = np.hypot(np.append(robot.a[1:], 0.0), robot.d)

@@ -26,6 +26,7 @@ from robotrue.core.columns import EMPTY, Column, Columns
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.forward import Sensitivity
 from robotrue.robot.model import RobotModel, parameter_slice
+from robotrue.robot.statics import add_moments
 
 # How values carry over to another campaign or arm: with the correlation of drive errors, of the
 # smooth residual, or unchanged.
@@ -38,18 +39,27 @@ class ArmPostures(Columns):
 
     Attributes:
         joints: (n, dof) rad, commanded.
-        torque: (n, dof) N m on the drives, at the nominal posture.
+        torque: (n, dof) N m on the drives by stated masses, payload and wrench, at the nominal
+            posture.
+        weight: (n, dof, 2, dof) m^2/s^2, torque on the drives per first moment of the links.
         approach: (n, dof) sign of the last motion of each joint; 0 or empty: unknown.
         temperature: (n,) K; NaN or empty: unknown.
     """
 
     joints: Annotated[Array, Column("n dof", unit="rad")]
     torque: Annotated[Array, Column("n dof", unit="N m")]
+    weight: Annotated[Array, Column("n dof 2 dof", unit="m^2/s^2", fill=0.0)] = EMPTY
     approach: Annotated[Array, Column("n dof", fill=0.0)] = EMPTY
     temperature: Annotated[Array, Column("n", unit="K", nan=True, fill=np.nan)] = EMPTY
 
     def __len__(self) -> int:
         return len(self.joints)
+
+    def torque_on(self, robot: RobotModel) -> Array:
+        """Returns the torque (n, dof) N m on the drives of an arm, its own moments included."""
+        if not robot.moments.any():
+            return self.torque
+        return self.torque + add_moments(self.weight, robot.moments)
 
 
 def without_errors(tables: MeanTables, groups: Sequence[str]) -> MeanTables:

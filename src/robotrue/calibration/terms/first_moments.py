@@ -1,0 +1,128 @@
+"""What the links weigh: first moments that torques of gravity show, and what is known before.
+
+The torque of gravity on the drives is linear in two first moments for each link
+(:func:`robotrue.robot.statics.weight_torque`), the wind-up of a drive the product of its compliance
+and that torque. Unloaded poses show the products; poses under another known load show the
+compliances, and with them the moments. Masses that are stated make the prior narrow and are never
+taken as exact; without them it is that of an arm of this size.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array
+from robotrue.robot.forward import walk
+from robotrue.robot.model import RobotModel
+from robotrue.robot.statics import weight_torque
+
+STATED_MASS: Final = 0.05
+"""Relative sd of a link mass that is stated."""
+STATED_CENTRE: Final = 0.01
+"""m per axis, sd of a stated centre of mass."""
+ASSUMED_TOTAL: Final = 0.7
+"""Relative sd of an arm's mass that follows from its size, all links alike."""
+ASSUMED_MASS: Final = 0.4
+"""Relative sd of a link's share in the mass of its arm."""
+ASSUMED_CENTRE: Final = 0.25
+"""sd per axis of a centre of mass in the middle of its link, over the length of the link."""
+LEAST_OFFSET: Final = 0.05
+"""m, of the same: motors sit beside the axes of short links."""
+METRE_MASS: Final = 18.0
+"""kg, mass of an arm whose links add up to a metre: data sheets of arms from 0.6 to 2.7 m reach lie
+within a factor of 2 to 3, heavy ones above, arms that work beside people below."""
+GROWTH: Final = 3.2
+"""Power of the length with which that grows."""
+SHARES: Final = (0.28, 0.20, 0.19, 0.06, 0.035, 0.015)
+"""Of the arm's mass in each link; the rest is the foot, which does not move."""
+_POSTURES: Final = 8
+
+
+def assumed_masses(robot: RobotModel) -> Array:
+    """Returns link masses (n,) kg of an arm of this size."""
+    length = np.abs(robot.a).sum() + np.abs(robot.d).sum()
+    total = METRE_MASS * float(length) ** GROWTH
+    place = np.linspace(0.0, 1.0, robot.dof)
+    shares = np.interp(place, np.linspace(0.0, 1.0, len(SHARES)), SHARES)
+    return np.asarray(total * shares * sum(SHARES) / shares.sum())
+
+
+def supposed_masses(robot: RobotModel) -> Array:
+    """Returns the link masses (n,) kg that are stated, else :func:`assumed_masses`."""
+    return robot.link_mass if robot.link_mass.any() else assumed_masses(robot)
+
+
+def moment_prior(robot: RobotModel) -> tuple[Array, Array]:
+    """Returns mean and sd (2 n,) kg m of the moments beyond the stated masses; sd 0: no effect.
+
+    Args:
+        robot: Moments it carries are the mean.
+    """
+    frame = walk(robot.nominal(), np.zeros((1, robot.dof)))
+    turn, corner = frame.link_rotation[0], frame.link_position[0]
+    stated = bool(robot.link_mass.any())
+    mass = supposed_masses(robot)
+    if stated:
+        centre = corner + np.einsum("nij,nj->ni", turn, robot.link_com)
+        offset = np.full(robot.dof, STATED_CENTRE)
+    else:
+        ends = np.vstack([frame.joint_origin[0], frame.flange_position])
+        centre = 0.5 * (ends[:-1] + ends[1:])
+        offset = np.hypot(
+            ASSUMED_CENTRE * np.linalg.norm(ends[1:] - ends[:-1], axis=1), LEAST_OFFSET
+        )
+    axes, origin = _axes(robot)
+    each = np.eye(robot.dof) * mass
+    first = each[:, :, None] * centre
+    whole = lump_moments(axes, origin, mass, mass[:, None] * centre)
+    relative = STATED_MASS if stated else ASSUMED_MASS
+    variance = np.zeros(2 * robot.dof) if stated else (ASSUMED_TOTAL * whole) ** 2
+    for i in range(robot.dof):
+        variance += (relative * lump_moments(axes, origin, each[i], first[i])) ** 2
+        for k in range(3):
+            shift = np.zeros((robot.dof, 3))
+            shift[i, k] = mass[i] * offset[i]
+            variance += lump_moments(axes, origin, np.zeros(robot.dof), shift) ** 2
+    mean = robot.moments if stated or robot.moments.any() else whole
+    seen = _have_effect(robot)
+    return np.where(seen, mean, robot.moments), np.where(seen, np.sqrt(variance), 0.0)
+
+
+def lump_moments(axes: Array, origin: Array, mass: Array, first: Array) -> Array:
+    """Returns the moments (2 n,) kg m of :func:`weight_torque` that links have.
+
+    From the tip on each link is handed the mass of the next one, at its axis, and the part of its
+    moment along that axis: neither turns with the next joint.
+
+    Args:
+        axes: (n, 3, 3) unit x and y across each joint axis, and the axis, one a row; base frame.
+        origin: (n, 3) m, a point of each axis.
+        mass: (n,) kg.
+        first: (n, 3) kg m, mass times centre of mass of each link in base, same posture.
+    """
+    out = np.zeros((len(mass), 3))
+    carried, handed = 0.0, np.zeros(3)  # mass, and first moment about the base's origin
+    for i in reversed(range(len(mass))):
+        carried += float(mass[i])
+        about = first[i] + handed - carried * origin[i]
+        out[i] = axes[i] @ about
+        handed = carried * origin[i] + out[i, 2] * axes[i, 2]
+    return np.asarray(out[:, :2].T.ravel())
+
+
+def _axes(robot: RobotModel) -> tuple[Array, Array]:
+    """Axes (n, 3, 3) and origins (n, 3) for :func:`lump_moments`, all joints at zero."""
+    frame = walk(robot.nominal(), np.zeros((1, robot.dof)))
+    axis, x = frame.joint_axis[0], frame.link_rotation[0, :, :, 0]
+    return np.stack([x, np.cross(axis, x), axis], axis=1), frame.joint_origin[0]
+
+
+def _have_effect(robot: RobotModel) -> Array:
+    """Which moments (2 n,) load any drive in some posture: not those about a vertical axis."""
+    nominal = robot.nominal()
+    joints = np.random.default_rng(0).uniform(-np.pi, np.pi, (_POSTURES, robot.dof))
+    weight = weight_torque(nominal, walk(nominal, joints))
+    largest = np.abs(weight).max(axis=(0, 1)).ravel()
+    return np.asarray(largest > 1e-6 * max(float(largest.max()), 1e-12))
