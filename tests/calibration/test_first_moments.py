@@ -70,7 +70,8 @@ def test_moments_of_masses_that_are_the_prior_give_their_torque(name):
     none, weight = stated_torque(robot, joints, Load())
     assert not none.any()
     np.testing.assert_allclose(add_moments(weight, mean), drive_torque(heavy, joints), atol=1e-9)
-    assert (sd[1 : robot.dof] > 0.0).all() and sd[0] == 0.0  # axis 1 is vertical
+    assert (sd[1 : robot.dof] > 0.0).all()
+    assert sd[0] == 0.0  # axis 1 is vertical
 
 
 def test_stated_masses_make_the_prior_narrow():

@@ -106,6 +106,6 @@ def test_unknown_tracker_frame_takes_the_place_of_the_base():
 def test_every_parameter_is_classed_and_none_is_dropped():
     result = run()
     assert set(result.identifiability.classes) == set(result.identifiability.names)
-    assert len(result.identifiability.names) == 7 * 6 + 9
+    assert len(result.identifiability.names) == 7 * 6 + 10 + 9  # moments behind a vertical axis
     gears = [v for k, v in result.identifiability.classes.items() if k.startswith("gear")]
     assert "prior only" not in gears

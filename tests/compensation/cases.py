@@ -14,7 +14,7 @@ from robotrue.core.rotations import rotation_vector_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.program.program import Motion, Program, Reason
 from robotrue.robot.forward import forward, walk
-from robotrue.robot.model import RobotModel, parameter_slice
+from robotrue.robot.model import RobotModel, moment_slice, parameter_slice
 from robotrue.robot.presets import preset
 from robotrue.robot.statics import drive_torque
 
@@ -79,7 +79,10 @@ def kr160(tool: np.ndarray = TOOL) -> RobotModel:
 def with_errors(robot: RobotModel, seed: int, *, size: float = 1.0) -> RobotModel:
     """Errors of every kind: about 1.5 mm at the tool of a large arm for size 1."""
     rng = np.random.default_rng(seed)
-    errors = rng.normal(size=robot.errors.shape)
+    errors, moments = np.zeros(len(robot.errors)), moment_slice(robot.dof)
+    drawn = np.r_[: moments.start, moments.stop : len(errors)]
+    errors[drawn] = rng.normal(size=len(drawn))
+    errors[moments] = 2.0 * size * np.random.default_rng(seed).normal(size=2 * robot.dof)
     for group, scale in {
         "theta": 3e-4, "d": 3e-4, "a": 3e-4, "alpha": 3e-4, "beta": 3e-4, "gear": 1e-4,
         "compliance": 1.0,

@@ -140,9 +140,9 @@ def test_gross_outliers_of_series_b(data_dir: Path) -> None:
     robot = arm("UR10", 109.0)
     residual = rigid_residual(robot, m)
     columns = parameter_jacobian(robot, walk(robot, m.joints), m.joints)[:, :3]
-    # Angles to 5 mrad, lengths to 3 mm, base and tool wide; gear, compliance and tool turn fixed.
+    # Angles to 5 mrad, lengths to 3 mm, base and tool wide; gear and all that bends is fixed.
     prior = np.r_[
-        np.full(6, 5e-3), np.full(12, 3e-3), np.full(12, 5e-3), np.zeros(12), np.full(9, 0.02)
+        np.full(6, 5e-3), np.full(12, 3e-3), np.full(12, 5e-3), np.zeros(24), np.full(9, 0.02)
     ]
     design = columns.reshape(-1, columns.shape[-1])[:, : len(prior)] * prior
     normal = design.T @ design + 1e-8 * np.eye(len(prior))

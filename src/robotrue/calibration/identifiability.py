@@ -140,17 +140,14 @@ def analyse(
     """
     cures = {**CURES, "side load": STATED_STIFFNESS} if stiffness_stated else CURES
     size, moments = layout.robot_size, moment_slice(robot.dof)
-    judged = prior_sd[:size] > 0.0
+    every = np.flatnonzero(prior_sd[:size] > 0.0)
+    known, ratio = _weigh_information(information, prior_sd, every)
+    free, values, vectors = every, *known
     if robot.link_mass.any():  # a narrow prior that data need not add to
-        judged[moments] = False
-    free = np.flatnonzero(judged)
-    sd = prior_sd[free]
-    scaled = _marginal(information, prior_sd, free)
-    values, vectors = np.linalg.eigh(scaled)
-    dark = vectors[:, values < UNSEEN]
-    variance = np.einsum("ij,j,ij->i", vectors, 1.0 / (1.0 + np.maximum(values, 0.0)), vectors)
-    every = layout.names
-    names = tuple(every[i] for i in free)
+        free = every[(every < moments.start) | (every >= moments.stop)]
+        (values, vectors), _ = _weigh_information(information, prior_sd, free)
+    sd, dark = prior_sd[free], vectors[:, values < UNSEEN]
+    names = tuple(layout.names[i] for i in free)
     kinds = _imagine_campaigns(robot, free, sd, payload, base_known=not layout.stations)
     unseen: list[Direction] = []
     for kind, gram in kinds:
@@ -165,12 +162,21 @@ def analyse(
     geometry = (free < moments.start) | (free >= moments.stop)
     reachable = np.linalg.eigvalsh(kinds[0][1][np.ix_(geometry, geometry)])
     return Identifiability(
-        names=names,
-        sd_ratio=np.sqrt(variance),
-        information=values[::-1],
+        names=tuple(layout.names[i] for i in every),
+        sd_ratio=ratio,
+        information=known[0][::-1],
         unseen=tuple(unseen),
         determinable=int((reachable > 1.0).sum()),
     )
+
+
+def _weigh_information(
+    information: Array, prior_sd: Array, free: IntArray
+) -> tuple[tuple[Array, Array], Array]:
+    """Returns eigenvalues and -vectors of the scaled information, and sd over prior sd of each."""
+    values, vectors = np.linalg.eigh(_marginal(information, prior_sd, free))
+    variance = np.einsum("ij,j,ij->i", vectors, 1.0 / (1.0 + np.maximum(values, 0.0)), vectors)
+    return (values, vectors), np.sqrt(variance)
 
 
 def _marginal(information: Array, prior_sd: Array, free: IntArray) -> Array:
