@@ -4,7 +4,7 @@ Columns, in any order: ``a_deg, b_deg`` (true tilt), ``force_N``, ``z_mm``, and 
 sensors 1 to k as ``d1_mm, d2_mm, ...`` (less their zero), as ``raw1_mm, ...`` or as
 ``raw1_counts, ...``. The last two need the foot's zero. Optionally ``approach``: a label of how the
 foot came down; blank is the usual way; and where the machine stood: ``X_mm, Y_mm`` and
-``axis_A_deg, axis_B_deg`` as it counts them.
+``axis_A_deg, axis_B_deg`` as it counts them. ``plate`` names the plate, as a planned sheet does.
 """
 
 from __future__ import annotations
@@ -33,6 +33,8 @@ TILT: Final = ("a_deg", "b_deg")
 CONDITIONS: Final = ("force_N", "z_mm")
 APPROACH: Final = "approach"
 PLACE: Final = ("X_mm", "Y_mm")
+PLATE: Final = "plate"
+"""Name of the plate a clamp is on, for people; what it faces follows from tilt and axes."""
 AXES: Final = ("axis_A_deg", "axis_B_deg")
 LEFT: Final = ("left_a_deg", "left_b_deg")
 HOLE: Final = "hole"
@@ -172,6 +174,9 @@ def write_sheet(path: str | Path, plan: CampaignPlan, sensors: int) -> None:
     columns |= {f"d{k + 1}_mm": blank for k in range(sensors)}
     conditions = (_print(plan.force, "g"), _print(plan.height / MM, "g"))
     columns |= dict(zip(CONDITIONS, conditions, strict=True)) | {APPROACH: blank}
+    if np.isfinite(plan.axes).all():
+        columns = {PLATE: plan.plate, **columns}
+        columns |= dict(zip(AXES, (_print(v / DEG, ".4f") for v in plan.axes.T), strict=True))
     write_columns(path, columns, MEASURED)
 
 
@@ -252,7 +257,7 @@ def _read_clamps(sheet: Sheet, setup: FootSetup, beside: tuple[str, ...]) -> Cla
         said = "several forms of readings" if forms else "no readings"
         raise sheet.fault(f"{said} among the columns {', '.join(sheet.header)}.", FORMS_HINT)
     names = tuple(forms[0].format(k + 1) for k in range(sensors))
-    known = (*beside, *names, *CONDITIONS, APPROACH, *PLACE, *AXES)
+    known = (*beside, *names, *CONDITIONS, APPROACH, PLATE, *PLACE, *AXES)
     keys = set(map(column_key, known))
     unknown = [name for name in sheet.header if column_key(name) not in keys]
     if unknown:

@@ -59,6 +59,11 @@ def foot_sample(
             hint=FORMS_HINT,
         )
     raw = _select_values(values, tuple(forms[0].format(k) for k in sensors))
+    if (beyond := forms[0].format(len(sensors) + 1)) in values:
+        raise FormatError(
+            f"{beyond} of a machine with more sensors than the {len(sensors)} of the foot.",
+            hint="the foot file, and the model, of this machine.",
+        )
     force, height = _select_values(values, ("force_N", "z_mm"))
     return FootSample(
         time=time,

@@ -20,6 +20,8 @@ from robotrue.errors import ConfigurationError, ShapeError
 AxisOrder: TypeAlias = Literal["AB", "BA"]
 AXIS_ORDER: Final[AxisOrder] = "AB"
 """Of a head that does not state it."""
+SENSE: Final = (1.0, 1.0)
+"""Likewise: A and B count by the right-hand rule."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,7 +37,7 @@ class Head(Columns):
 
     order: AxisOrder = AXIS_ORDER
     p_pivot_tip: Annotated[Array, Column("3", unit="m", nan=True)]
-    sense: tuple[float, float] = (1.0, 1.0)
+    sense: tuple[float, float] = SENSE
 
     def _check_rules(self) -> None:
         """Checks order and sense."""

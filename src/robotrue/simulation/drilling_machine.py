@@ -46,6 +46,7 @@ class DrillingMachine:
         fading: N, force that takes it down to 1/e.
         noise: m, scatter of a reading.
         sag: (2, 2) rad of a and b per rad of the machine's A and B.
+        warp: (2, 2) rad of a and b per m of the machine's X and Y: guides that are not straight.
     """
 
     foot: Foot
@@ -65,6 +66,7 @@ class DrillingMachine:
     fading: float
     noise: float
     sag: Array = field(default_factory=lambda: np.zeros((2, 2)))
+    warp: Array = field(default_factory=lambda: np.zeros((2, 2)))
 
 
 def _build_foot(foot: Foot, random: np.random.Generator) -> Foot:
@@ -84,6 +86,7 @@ def drilling_machine(
     skin: Skin = FLAT,
     foot: Foot | None = None,
     sag: Array | None = None,
+    warp: Array | None = None,
 ) -> DrillingMachine:
     """Returns the machine of a seed; the same with and without nonlinear terms and friction.
 
@@ -95,6 +98,7 @@ def drilling_machine(
         skin: What sensors without a foot plate look at, known to the cell.
         foot: The sensors as drawn, with their skin; three on a radius of 60 mm without.
         sag: (2, 2) rad of a and b per rad of the machine's A and B; none without.
+        warp: (2, 2) rad of a and b per m of its X and Y; none without.
     """
     random = np.random.default_rng(seed)
     if foot is None:
@@ -126,6 +130,7 @@ def drilling_machine(
         fading=60.0 * 9.81,
         noise=2.0 * UM,
         sag=np.zeros((2, 2)) if sag is None else sag,
+        warp=np.zeros((2, 2)) if warp is None else warp,
     )
     if nonlinear:
         return machine
@@ -147,6 +152,7 @@ def clamp(
     *,
     approach: str = RECENTRED,
     axes: Array | None = None,
+    place: Array | None = None,
 ) -> Clamps:
     """Returns the readings of clamps made one after the other (simulated).
 
@@ -158,11 +164,14 @@ def clamp(
         random: Of the readings' scatter.
         approach: :data:`RECENTRED` or :data:`AS_LEFT`.
         axes: (n, 2) rad, A and B of the machine; 0, and not recorded, without.
+        place: (n, 2) m, its X and Y; likewise.
     """
     load, z = force / FORCE, height / HEIGHT
     true = tilt * machine.axis_scale * (1.0 - machine.yielding * load[:, None])
     if axes is not None:
         true = true + axes @ machine.sag.T
+    if place is not None:
+        true = true + place @ machine.warp.T
     followed = _stop_short(machine, true + machine.axis_zero, force, approach)
     angle = tilt / DEG
     a, b = angle.T
@@ -179,6 +188,7 @@ def clamp(
         height=height,
         approach=(approach,) * len(seen),
         axes=np.full((len(seen), 2), np.nan) if axes is None else axes,
+        place=np.full((len(seen), 2), np.nan) if place is None else place,
     )
 
 
@@ -204,6 +214,7 @@ def random_campaign(
     approach: str = RECENTRED,
     largest: float = 4.0 * DEG,
     swing: float = 0.0,
+    travel: float = 0.0,
 ) -> Campaign:
     """Returns a campaign of random tilts on five forces and three heights (simulated).
 
@@ -215,6 +226,7 @@ def random_campaign(
         approach: How the foot is brought down.
         largest: rad, tilt of each axis.
         swing: rad, up to which A and B of the machine stand either way; 0: not recorded.
+        travel: m, up to which its X and Y stand either way; 0: not recorded.
     """
     tilt = random.uniform(-largest, largest, (count, 2))
     if held_out:
@@ -225,6 +237,7 @@ def random_campaign(
         chosen = grid[np.arange(count) % len(grid)]
         force, height = chosen[:, 0] * 9.81, chosen[:, 1] * HEIGHT
     axes = random.uniform(-swing, swing, (count, 2)) if swing else None
-    clamps = clamp(machine, tilt, force, height, random, approach=approach, axes=axes)
+    place = random.uniform(-travel, travel, (count, 2)) if travel else None
+    clamps = clamp(machine, tilt, force, height, random, approach=approach, axes=axes, place=place)
     origin = Provenance(simulated=True, instrument="pressure foot")
     return Campaign(clamps=clamps, tilt=tilt, order=machine.order, provenance=origin)

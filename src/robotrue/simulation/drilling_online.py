@@ -16,7 +16,7 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM, UM
 from robotrue.drilling.foot_signals import SIMULATED
-from robotrue.drilling.head import normal_from_tilt, rotation, tilt_from_normal
+from robotrue.drilling.head import SENSE, normal_from_tilt, rotation, tilt_from_normal
 from robotrue.errors import FormatError
 from robotrue.online.signals import read_signals, write_signals
 from robotrue.simulation.cyclic_controller import Datagrams
@@ -46,6 +46,7 @@ class DrillingRun:
         shift: m.
         damaged: Share of datagrams that are lost, repeated or not finite.
         pause: s between two holes.
+        sense: +1 or -1 of A and B: what the machine counts positive against the right-hand rule.
     """
 
     machine: DrillingMachine
@@ -58,6 +59,7 @@ class DrillingRun:
     shift: float = SHIFT_UM * UM
     damaged: float = 0.0
     pause: float = 0.0
+    sense: tuple[float, float] = SENSE
 
 
 @dataclass(slots=True)
@@ -158,7 +160,8 @@ class _Machine:
         elif answer.get("status") != "move":
             self.tally.refused.append((hole, str(answer.get("said", ""))))
         else:
-            self._axes = np.array([answer["A_deg"], answer["B_deg"]]) * DEG
+            told = np.array([answer["A_deg"], answer["B_deg"]]) * DEG
+            self._axes = told * np.asarray(settings.sense)
             left = self._tilt(surface)
             self.tally.before.append(before)
             self.tally.left.append(left)
@@ -218,8 +221,8 @@ class _Machine:
             **{f"d{k + 1}_mm": v / MM for k, v in enumerate(readings.tolist())},
             "force_N": force,
             "z_mm": height / MM,
-            "A_deg": float(self._axes[0] / DEG),
-            "B_deg": float(self._axes[1] / DEG),
+            "A_deg": float(self._settings.sense[0] * self._axes[0] / DEG),
+            "B_deg": float(self._settings.sense[1] * self._axes[1] / DEG),
             "hole": hole,
         }
         if force > 0.0 and self._faults.random() < self._settings.damaged:

@@ -10,6 +10,7 @@ import numpy as np
 from robotrue.core.files import write_atomic
 from robotrue.core.units import DEG, MM, UM
 from robotrue.drilling.campaign_csv import write_campaign
+from robotrue.drilling.head import SENSE, Head
 from robotrue.errors import ConfigurationError
 from robotrue.simulation.drilling_machine import DrillingMachine, random_campaign
 
@@ -19,7 +20,9 @@ CLAMPS: Final = 60
 PIVOT: Final = np.array([0.0, 0.0, -350.0]) * MM
 
 
-def write_practice_files(machine: DrillingMachine, folder: Path, *, seed: int) -> tuple[Path, ...]:
+def write_practice_files(
+    machine: DrillingMachine, folder: Path, *, seed: int, head: Head | None = None
+) -> tuple[Path, ...]:
     """Writes the foot, a campaign and a test of a machine; returns their paths.
 
     Raises:
@@ -37,7 +40,9 @@ def write_practice_files(machine: DrillingMachine, folder: Path, *, seed: int) -
             raise ConfigurationError(
                 "the output is a folder.", source=path, hint="--write practice"
             )
-    write_atomic(foot, _foot_text(machine).encode())
+    write_atomic(
+        foot, _foot_text(machine, head or Head(order=machine.order, p_pivot_tip=PIVOT)).encode()
+    )
     write_campaign(campaign, random_campaign(machine, CLAMPS, np.random.default_rng([seed, 2])))
     held_out = random_campaign(
         machine, CLAMPS // 2, np.random.default_rng([seed, 3]), held_out=True
@@ -46,14 +51,15 @@ def write_practice_files(machine: DrillingMachine, folder: Path, *, seed: int) -
     return paths
 
 
-def _foot_text(machine: DrillingMachine) -> str:
+def _foot_text(machine: DrillingMachine, head: Head) -> str:
     foot = machine.foot
     radii = ", ".join(f"{v / MM:g}" for v in foot.radius)
     angles = ", ".join(f"{v / DEG:g}" for v in foot.angle)
-    pivot = ", ".join(f"{v / MM:g}" for v in PIVOT)
+    pivot = ", ".join(f"{v / MM:g}" for v in head.p_pivot_tip)
+    sense = "" if head.sense == SENSE else f"sense = {[int(v) for v in head.sense]}\n"
     return (
         "# simulated machine: robotrue simulate drill\n"
         f"[foot]\nradius_mm = [{radii}]\nangles_deg = [{angles}]\n"
         f"reading_sigma_um = {machine.noise / UM:g}\n\n"
-        f'[head]\norder = "{machine.order}"\npivot_to_tip_mm = [{pivot}]\n'
+        f'[head]\norder = "{machine.order}"\npivot_to_tip_mm = [{pivot}]\n{sense}'
     )

@@ -16,6 +16,7 @@ from robotrue.errors import ConfigurationError
 from robotrue.simulation.device_defaults import HOLES, SHIFT_UM
 
 if TYPE_CHECKING:
+    from robotrue.drilling.head import Head
     from robotrue.online.net_address import NetAddress
     from robotrue.simulation.drilling_machine import DrillingMachine
     from robotrue.simulation.drilling_online import DrillingRun, DrillingTally
@@ -49,7 +50,9 @@ class SimulateDrillRequest(Request):
     friction: Annotated[bool, Option(help="With friction in the foot's joint.")] = False
     foot: Annotated[
         Path | None,
-        InputFile(help="Foot file with the sensors of the machine; three on 60 mm without."),
+        InputFile(
+            help="Foot file with the sensors and the head of the machine; three on 60 mm without."
+        ),
     ] = None
     seconds: Seconds = None
     seed: Annotated[int, Option(help="Of the machine, its surfaces and its noise.")] = 0
@@ -76,26 +79,32 @@ def run(request: SimulateDrillRequest, context: Context) -> PlainResult:
         ConfigurationError: Numbers or an address that cannot be, or nobody answers.
     """
     from robotrue.drilling.foot_file import read_foot
+    from robotrue.drilling.head import Head
     from robotrue.simulation.drilling_machine import drilling_machine
+    from robotrue.simulation.drilling_practice import PIVOT
 
+    setup = None if request.foot is None else read_foot(request.foot)
+    head = Head(p_pivot_tip=PIVOT) if setup is None or setup.head is None else setup.head
     machine = drilling_machine(
         request.seed,
         nonlinear=request.nonlinear,
         friction=request.friction,
-        foot=None if request.foot is None else read_foot(request.foot).foot,
+        foot=None if setup is None else setup.foot,
+        order=head.order,
     )
     if request.write is None:
-        return _drill(machine, request, context)
-    return _write_files(machine, request.write, request.seed, context)
+        return _drill(machine, head, request, context)
+    return _write_files(machine, head, request, context)
 
 
 def _write_files(
-    machine: DrillingMachine, folder: Path, seed: int, context: Context
+    machine: DrillingMachine, head: Head, request: SimulateDrillRequest, context: Context
 ) -> PlainResult:
     from robotrue.app.presentation import Note
     from robotrue.simulation.drilling_practice import write_practice_files
 
-    paths = write_practice_files(machine, context.output(folder), seed=seed)
+    seed, folder = request.seed, request.write or Path()
+    paths = write_practice_files(machine, context.output(folder), seed=seed, head=head)
     foot, campaign, test = map(str, paths)
     return PlainResult(
         values={"simulated": "drilling head", "files": [foot, campaign, test]},
@@ -108,12 +117,12 @@ def _write_files(
 
 
 def _drill(
-    machine: DrillingMachine, request: SimulateDrillRequest, context: Context
+    machine: DrillingMachine, head: Head, request: SimulateDrillRequest, context: Context
 ) -> PlainResult:
     from robotrue.simulation.drilling_online import run as drill_holes
 
     address = _address(request.to)
-    settings = _settings(machine, request)
+    settings = _settings(machine, head, request)
     context.inform(
         f"SIMULATED drilling head of seed {request.seed}, sends to {address.shown}: "
         f"{request.holes} holes."
@@ -141,7 +150,7 @@ def _drill(
     return result
 
 
-def _settings(machine: DrillingMachine, request: SimulateDrillRequest) -> DrillingRun:
+def _settings(machine: DrillingMachine, head: Head, request: SimulateDrillRequest) -> DrillingRun:
     import math
 
     from robotrue.core.units import DEG, UM
@@ -164,6 +173,7 @@ def _settings(machine: DrillingMachine, request: SimulateDrillRequest) -> Drilli
         shift=request.shift_um * UM,
         damaged=damaged,
         pause=pause,
+        sense=head.sense,
     )
 
 
