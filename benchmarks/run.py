@@ -111,6 +111,7 @@ BENCHMARKS = (
     Benchmark(name="path_programs", quick=("5000",), rows=stated),
     Benchmark(name="streaming", quick=("100000",), rows=stated),
     Benchmark(name="few_poses", quick=("--quick",), rows=stated),
+    Benchmark(name="drifting_frame", quick=("--quick",), rows=stated),
     Benchmark(name="real_arms", quick=("--quick",), rows=measured_arms),
     Benchmark(name="real_touches", quick=("--quick",), rows=stated),
     Benchmark(name="transfer", quick=("--quick", "--rows", "side", "S1A"), rows=stated),

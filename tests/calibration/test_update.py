@@ -81,6 +81,19 @@ def test_lineage_names_parents_and_data_and_survives_the_archive(parent, rows, t
     assert twice.training_summary()["rows"] == 90
 
 
+def test_the_training_region_grows_by_the_new_rows(parent, rows):
+    before = parent.training_summary().joint_range
+    beyond = ((rows.joints < before[0]) | (rows.joints > before[1])).any(axis=1)
+    part = rows.subset(np.flatnonzero(beyond)[:3])
+    new = update_model(parent, part, settings=PLAIN)
+    low, high = new.training_summary().joint_range
+    np.testing.assert_array_equal(low, np.minimum(before[0], part.joints.min(axis=0)))
+    np.testing.assert_array_equal(high, np.maximum(before[1], part.joints.max(axis=0)))
+    assert not np.array_equal((low, high), before)
+    reach = np.array(new.training_summary()["position_range_m"])
+    assert (reach[1] >= np.array(parent.training_summary()["position_range_m"])[1]).all()
+
+
 def test_a_gross_error_gets_no_weight(parent, rows, query):
     part = rows.subset(np.arange(60, 90))
     position = part.position.copy()

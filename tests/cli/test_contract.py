@@ -77,6 +77,15 @@ def test_validate_json(cli, work: Path) -> None:
     assert 0.8 <= document["coverage_95"] <= 1.0
 
 
+def test_validate_one_pose_says_what_it_cannot_say(cli, work: Path) -> None:
+    lines = (work / "test.csv").read_text().splitlines(keepends=True)
+    head = next(i for i, line in enumerate(lines) if not line.startswith("#"))
+    (work / "one.csv").write_text("".join(lines[: head + 2]))
+    got = cli("validate", work / "model.rtm", work / "one.csv")
+    assert got.code == 0
+    assert "1 pose: the error of these poses is known, no more. Not known: the accuracy" in got.err
+
+
 def test_validate_table_and_report(cli, work: Path) -> None:
     got = cli("validate", work / "model.rtm", work / "test.csv", "--report", work / "r.html")
     assert got.code == 0

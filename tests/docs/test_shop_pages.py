@@ -11,6 +11,7 @@ PAGES = (
     "from-cam-to-program",
     "test-with-slots",
     "join-joints-and-points",
+    "monuments-and-repeats",
     "transfer-between-regions",
 )
 

@@ -196,6 +196,14 @@ def test_too_few() -> None:
     assert "9 rows, but only 3 different ones" in complaint(honest().subset([0, 1, 2] * 3))
 
 
+def test_a_pose_or_two_are_where_the_arm_was_sent_or_refused() -> None:
+    m = honest(2)
+    assert check_plausible(m, arm(m.joints), REACH, minimum=1) == ()
+    away = replace(m, position=m.position + np.array([[0.0, 0.0, 0.0], [0.2, 0.0, 0.0]]))
+    with pytest.raises(ImplausibleDataError, match=r"grid.csv:2: a point 200.7 mm from where the"):
+        check_plausible(away, arm(m.joints), REACH, minimum=1)
+
+
 def test_duplicates_are_reported() -> None:
     m = honest().subset([*range(20), 3, 5])
     assert check(m) == ("2 rows repeat an earlier one to the last digit (lines 4, 6 of grid.csv).",)

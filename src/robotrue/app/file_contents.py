@@ -22,8 +22,9 @@ from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import FormatError
 from robotrue.measurement.formats.mapping import read_mapping
 from robotrue.measurement.formats.measured_files import open_sheet
-from robotrue.measurement.formats.table import read_table
+from robotrue.measurement.formats.measured_run import read_run
 from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.measurement.repeated_poses import average_repeats, describe_repeats
 from robotrue.program.formats import detect, read_job
 from robotrue.program.formats.apt import looks_like_apt
 from robotrue.program.formats.toolpath_csv import is_toolpath_header
@@ -304,7 +305,7 @@ def _measurements(path: Path, mapping: Path | None) -> tuple[MeasurementSet, lis
     """The rows, and remarks; axes of a controller stay as they are: no robot is known here."""
     try:
         sheet, layout = open_sheet(path, None if mapping is None else read_mapping(mapping))
-        rows = read_table(sheet, layout, relation=np.asarray)
+        run = read_run(sheet, layout, relation=np.asarray)
     except FormatError as cause:
         if mapping is not None or path.suffix.lower() in (*WORKBOOKS, *TABLES):
             raise
@@ -314,10 +315,12 @@ def _measurements(path: Path, mapping: Path | None) -> tuple[MeasurementSet, lis
             line=cause.line,
             hint="robotrue inspect takes model files, cell.toml, KRL programs and measurements.",
         ) from cause
-    remarks = list(sheet.remarks)
+    remarks = list(run.remarks)
+    if layout.repeats == "rows":
+        remarks += describe_repeats(average_repeats(run.rows))
     if layout.axes == "controller":
         remarks.append("joint ranges are those of the controller's axes")
-    return rows, remarks
+    return run.rows, remarks
 
 
 def _facts(path: Path, document: dict[str, Any]) -> tuple[Block, ...]:

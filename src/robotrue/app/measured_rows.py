@@ -15,7 +15,7 @@ from robotrue.core.arrays import Array
 from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.measurement.formats.mapping import ColumnMapping, read_mapping
 from robotrue.measurement.formats.measured_files import open_sheet
-from robotrue.measurement.formats.table import read_table
+from robotrue.measurement.formats.measured_run import read_run
 from robotrue.measurement.measurement_set import MeasurementSet, concatenate
 from robotrue.measurement.plausibility import FEWEST_POSES, check_plausible
 from robotrue.measurement.tracker import point_covariance
@@ -123,8 +123,6 @@ def read_rows(
     """
     layout = read_mapping(mapping) if isinstance(mapping, Path) else mapping
     sheet, layout = open_sheet(path, layout)
-    for remark in sheet.remarks:
-        reporter.report(note(remark))
     own_frame = cell.frame == "base" and layout.frame == "tracker"
     instrument = partial(tracker_covariance, cell)
     if own_frame:
@@ -133,10 +131,13 @@ def read_rows(
         )
         # The cell's tracker position is one in the base and says nothing here: the origin is.
         instrument = partial(point_covariance, cell.tracker, tracker=np.zeros(3))
-    return read_table(
+    run = read_run(
         sheet,
         layout,
         frame="tracker" if cell.frame == "tracker" else None,
         instrument=instrument,
         relation=axis_relation(cell.measured_robot),
     )
+    for remark in run.remarks:
+        reporter.report(note(remark))
+    return run.rows

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from robotrue.calibration.model import ErrorModel
 from robotrue.core.archive import archive_bytes
 from robotrue.core.files import sha256
@@ -35,6 +37,24 @@ def describe_rows(measurements: MeasurementSet) -> dict[str, object]:
         "joint_range_rad": [joints.min(axis=0).tolist(), joints.max(axis=0).tolist()],
         "position_range_m": [position.min(axis=0).tolist(), position.max(axis=0).tolist()],
     }
+
+
+def widen_region(summary: Mapping[str, object], measurements: MeasurementSet) -> dict[str, object]:
+    """Returns the ranges of a summary, widened to the rows that a model was given later.
+
+    Without stated ranges there is nothing to widen, and empty ranges come back. Positions of rows
+    in another frame than the base's say nothing of the region.
+    """
+    ranges: dict[str, object] = {}
+    later = {"joint_range_rad": measurements.joints}
+    if measurements.frame == "base":
+        later["position_range_m"] = measurements.position
+    for name, values in later.items():
+        stated = np.asarray(summary.get(name, ()), dtype=np.float64)
+        if len(values) and stated.shape == (2, values.shape[1]):
+            both = np.vstack([stated, values])
+            ranges[name] = [both.min(axis=0).tolist(), both.max(axis=0).tolist()]
+    return ranges
 
 
 def provenance_of(model: ErrorModel) -> Provenance:

@@ -26,7 +26,7 @@ from robotrue.calibration.drift_scales import (
     mean_slopes,
     stack_rows,
 )
-from robotrue.calibration.lineage import history, merged_document, record_step
+from robotrue.calibration.lineage import history, merged_document, record_step, widen_region
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel, require_belief
 from robotrue.calibration.new_rows import (
@@ -270,6 +270,7 @@ def _summary(
     """JSON values of the transfer; the leading source's summary below them."""
     data = [] if target is None else [target.provenance]
     lead = {**models[0].training_summary(), "provenance": merged_document(models, *data)}
+    lead |= {} if target is None else widen_region(lead, target)
     step = record_step(
         "transfer",
         models,

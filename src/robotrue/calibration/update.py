@@ -20,7 +20,7 @@ from robotrue.calibration.belief import (
     with_centres,
 )
 from robotrue.calibration.calibrated_model import CalibratedModel, model_of
-from robotrue.calibration.lineage import history, merged_document, record_step
+from robotrue.calibration.lineage import history, merged_document, record_step, widen_region
 from robotrue.calibration.model import ErrorModel, require_belief
 from robotrue.calibration.new_rows import (
     NewRows,
@@ -77,7 +77,8 @@ def update_model(
     )
     after, rows = condition_on_rows(prior, rows, noise, u)
     origin = merged_document([model], measurements.provenance)
-    summary = {**model.training_summary(), "provenance": origin}
+    known = model.training_summary()
+    summary = {**known, **widen_region(known, measurements), "provenance": origin}
     step = record_step(
         "update",
         [model],

@@ -27,6 +27,8 @@ FEWEST_POSES: Final = 6
 MISFIT: Final = 0.05
 """Part of the reach: more than this is left by another robot (UR5 for UR10: 0.06 to 0.1 on measured
 data), not by a reflector of 100 mm that nobody stated (0.01)."""
+FEWEST_SHAPES: Final = 4
+"""Points from which a shape can be compared: three are always nearly congruent to three others."""
 _SHIFT: Final = 0.2
 """Part of the reach by which the base frame or the reflector may be off."""
 _TURN: Final = 10.0 * DEG
@@ -82,13 +84,16 @@ def check_plausible(
     commanded = frozen(commanded, (len(measurements), 3), "commanded")
     place = _files(measurements)
     _enough(measurements, commanded, place, minimum)
+    if len(measurements) < FEWEST_SHAPES:
+        _check_few(measurements, commanded, reach, place)
+        return ()
     stations = np.unique(measurements.station)
     if measurements.frame == "base" or len(stations) == 1:
         _check_station(measurements, commanded, reach, place, forward)
     else:
         for station in stations:
             rows = np.flatnonzero(measurements.station == station)
-            if len(rows) >= minimum:
+            if len(rows) >= max(minimum, FEWEST_SHAPES):
                 part = measurements.subset(rows)
                 _check_station(part, commanded[rows], reach, place, forward)
     pairs = duplicate_rows(measurements)
@@ -99,6 +104,20 @@ def check_plausible(
         f"{len(pairs)} rows repeat an earlier one to the last digit (lines {shown}"
         f"{', ...' if len(pairs) > 5 else ''} of {place}).",
     )
+
+
+def _check_few(measurements: MeasurementSet, commanded: Array, reach: float, place: str) -> None:
+    """Raises for points in base that are not where the arm was sent; a shape they have none."""
+    distance = np.linalg.norm(measurements.position - commanded, axis=1)
+    row = int(distance.argmax())
+    if measurements.frame == "base" and distance[row] > MISFIT * reach:
+        raise ImplausibleDataError(
+            f"a point {_mm(distance[row])} from where the arm was sent, allowed "
+            f"{_mm(MISFIT * reach)}.",
+            source=place,
+            line=int(measurements.source_row[row]),
+            hint="check units, joint signs, the robot and the frame of the positions.",
+        )
 
 
 def _check_station(
@@ -163,6 +182,8 @@ def _enough(measurements: MeasurementSet, commanded: Array, place: str, minimum:
             source=place,
             hint="measure more poses, spread over the workspace.",
         )
+    if len(measurements) < FEWEST_SHAPES:
+        return
     # Metres read as millimetres make everything small; that is told by its unit, not as rest.
     for what, points, least in (
         ("commanded", commanded, 1.0 * MM),

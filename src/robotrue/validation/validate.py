@@ -13,6 +13,7 @@ from robotrue.core.files import sha256
 from robotrue.core.rotations import matrix_from_rotation_vector
 from robotrue.core.units import DEG, MM
 from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.measurement.plausibility import FEWEST_POSES
 from robotrue.robot.statics import Load
 from robotrue.validation.evaluation import Evaluation, aligned_rows, evaluate
 from robotrue.validation.metrics import (
@@ -77,7 +78,13 @@ def find_doubts(
     """Returns every reason found not to take the result at its word, one sentence each."""
     found: list[str] = []
     found.extend(_overlap_doubt(summary, measured))
-    if after.n < FEW_POINTS:
+    if after.n < FEWEST_POSES:
+        found.append(
+            f"{after.n} pose{'s' * (after.n > 1)}: the error of these poses is known, no more. Not "
+            "known: the accuracy of the robot, the share of points in their stated region, and "
+            f"whether the file belongs to this robot; from {FEWEST_POSES} poses on that is checked."
+        )
+    elif after.n < FEW_POINTS:
         found.append(
             f"Only {after.n} poses: the largest error and the coverage mean little; at least "
             f"{FEW_POINTS} are asked for."

@@ -94,7 +94,7 @@ def run(request: ValidateRequest, context: Context) -> Validated:
 
     context.step("reading", 0, STEPS)
     stored = context.model(request.model)
-    rows = context.measurements(stored.cell, request.measurements, request.mapping)
+    rows = context.measurements(stored.cell, request.measurements, request.mapping, minimum=1)
     context.step("predicting", 1, STEPS)
     result = validate(stored.model, rows, payload=stored.cell.payload)
     for warning in group_warnings(stored.model, result.doubts):

@@ -4,8 +4,9 @@
 (R = Rz(rz) Ry(ry) Rx(rx)), ``sx_mm, sy_mm, sz_mm`` (one sigma), ``cxy_mm2, cxz_mm2, cyz_mm2``
 (covariances), ``fx_N, fy_N, fz_N``, ``mx_Nm, my_Nm, mz_Nm``, ``approach1 .. approachn``,
 ``temperature_C``, ``payload_kg``, ``payload_x_mm, payload_y_mm, payload_z_mm``, ``target``,
-``station``, ``set``. Any order, any case. A column with another name is an error: a misspelt
-``fx_N`` passed over would be a wrong result.
+``station``, ``set``, ``monument`` (name of a nest on the floor, re-shot during the run; such a row
+needs no joints). Any order, any case. A column with another name is an error: a misspelt ``fx_N``
+passed over would be a wrong result.
 """
 
 from __future__ import annotations
@@ -46,6 +47,8 @@ def canonical_mapping(dof: int) -> ColumnMapping:
         target=("target",),
         station=("station",),
         set_name=("set",),
+        point_name=("monument",),
+        monuments=("?*",),
         optional=tuple(group for group in GROUPS if group not in ("joints", "position")),
         ignore_other=False,
     )

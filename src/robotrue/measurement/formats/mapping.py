@@ -22,6 +22,8 @@ from robotrue.measurement.measurement_set import MeasurementFrame
 
 AngleUnit: TypeAlias = Literal["deg", "rad"]
 LengthUnit: TypeAlias = Literal["mm", "m", "um", "inch"]
+RepeatRule: TypeAlias = Literal["rows", "mean"]
+"""What becomes of several shots of one pose: a row each, or one row of their mean."""
 AxisSense: TypeAlias = Literal["model", "controller"]
 """Whether columns of joints hold those of the robot model, or the axes the controller shows."""
 RotationForm: TypeAlias = Literal[
@@ -55,6 +57,7 @@ GROUPS: Final = (
     "target",
     "station",
     "set_name",
+    "point_name",
 )
 """Fields of a mapping that name columns."""
 
@@ -85,6 +88,10 @@ class ColumnMapping:
         target: One column, number of the reflector.
         station: One column, number of the instrument set-up.
         set_name: One column, name of the set (campaign, block) a row belongs to.
+        point_name: One column, name of the measured point.
+        monuments: Names of points on the floor, re-shot during the run to show how the frame of the
+            instrument moves; ``*`` stands for any letters. Such rows need no joints.
+        repeats: ``"mean"``: shots of one pose become one row, their mean.
         joints_unit: Unit of ``joints``.
         axes: ``"controller"``: the columns of ``joints`` hold the axes the controller shows, and
             the robot says how they count; ``joints_sign`` and ``joints_offset`` are then empty.
@@ -131,6 +138,9 @@ class ColumnMapping:
     target: tuple[str, ...] = ()
     station: tuple[str, ...] = ()
     set_name: tuple[str, ...] = ()
+    point_name: tuple[str, ...] = ()
+    monuments: tuple[str, ...] = ()
+    repeats: RepeatRule = "rows"
     joints_unit: AngleUnit = "deg"
     axes: AxisSense = "model"
     joints_sign: tuple[float, ...] = ()
@@ -191,6 +201,7 @@ class ColumnMapping:
         for name, words in (
             ("joints_unit", get_args(AngleUnit)),
             ("axes", get_args(AxisSense)),
+            ("repeats", get_args(RepeatRule)),
             ("rotation_unit", get_args(AngleUnit)),
             ("position_unit", get_args(LengthUnit)),
             ("rotation_form", get_args(RotationForm)),
@@ -205,6 +216,11 @@ class ColumnMapping:
         for group in self.optional:
             if group not in GROUPS:
                 raise ConfigurationError(f"mapping {self.name!r}: no group {group!r} to leave out.")
+        if self.monuments and not self.point_name:
+            raise ConfigurationError(
+                f"mapping {self.name!r}: monuments {', '.join(self.monuments)} and no point_name.",
+                hint='state the column of the names: point_name = "Name".',
+            )
         for group, factor in self.factors.items():
             if group not in GROUPS or not isinstance(factor, int | float) or not factor:
                 raise ConfigurationError(
@@ -216,7 +232,7 @@ class ColumnMapping:
         """Returns how many columns a group has where it is there."""
         if group in ("joints", "approach"):
             return len(self.joints)
-        if group in ("temperature", "payload_mass", "target", "station", "set_name"):
+        if group in ("temperature", "payload_mass", "target", "station", "set_name", "point_name"):
             return 1
         return 4 if group == "rotation" and self.rotation_form in ("wxyz", "xyzw") else 3
 
@@ -263,7 +279,7 @@ def build_mapping(stated: Mapping[str, object], source: Path | None = None) -> C
     if "joint_list" in stated:
         stated = {"joints": ()} | stated
     values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in stated.items()}
-    for group in (*GROUPS, "optional", "ignore"):  # one column needs no list
+    for group in (*GROUPS, "optional", "ignore", "monuments"):  # one column needs no list
         if isinstance(values.get(group), str):
             values[group] = (values[group],)
     try:

@@ -17,6 +17,7 @@ from robotrue.measurement.formats.joined_sheet import join_sheets, read_joint_li
 from robotrue.measurement.formats.joint_literals import AXES
 from robotrue.measurement.formats.mapped_sheet import MappedSheet
 from robotrue.measurement.formats.mapping import AngleUnit, ColumnMapping, read_layouts
+from robotrue.measurement.formats.measured_run import read_run, split_monuments
 from robotrue.measurement.formats.sheet import Sheet, column_key
 from robotrue.measurement.formats.sheet_file import read_sheet
 from robotrue.measurement.formats.table import (
@@ -24,7 +25,6 @@ from robotrue.measurement.formats.table import (
     approach_columns,
     joint_columns,
     payload_column,
-    read_table,
     wrench_columns,
 )
 from robotrue.measurement.measurement_set import MeasurementFrame, MeasurementSet
@@ -104,7 +104,8 @@ def read_measurements(
         ConfigurationError: No layout of that name.
     """
     sheet, chosen = open_sheet(path, mapping, ignore=ignore)
-    return read_table(sheet, chosen, frame=frame, instrument=instrument, relation=relation)
+    run = read_run(sheet, chosen, frame=frame, instrument=instrument, relation=relation)
+    return run.rows
 
 
 def open_sheet(
@@ -138,6 +139,7 @@ def open_sheet(
             header_lines=mapping.header_lines,
             worksheet=mapping.worksheet,
         )
+        sheet = split_monuments(sheet, mapping)
         if mapping.joint_list is None:
             return sheet, mapping
         joints, radians = read_joint_list(mapping.joint_list)
@@ -180,7 +182,7 @@ def _detect_mapping(
         )
         mapping = canonical_mapping(dof or 6)
         optional = mapping.optional if positions else (*mapping.optional, "position")
-        return thinned, replace(mapping, optional=optional)
+        return split_monuments(thinned, mapping), replace(mapping, optional=optional)
     for known in read_layouts().values():
         if all(map(sheet.has, known.columns(required_only=True))):
             return sheet, known

@@ -39,6 +39,7 @@ class Sheet:
         decimal: Decimal mark of the numbers, ``"."`` or ``","``.
         provenance: The file, and whether a comment line in it says that it was simulated.
         units: Of the columns, as a row below the header states them; empty without such a row.
+        monuments: Rows of nests on the floor, which hold no pose; None where nobody named any.
         remarks: What a user should know of how the rows were read, one sentence each.
     """
 
@@ -51,6 +52,7 @@ class Sheet:
     decimal: str
     provenance: Provenance
     units: tuple[str, ...] = ()
+    monuments: Sheet | None = None
     remarks: tuple[str, ...] = ()
     _index: Mapping[str, int] = field(init=False, repr=False, compare=False)
 

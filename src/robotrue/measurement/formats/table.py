@@ -43,13 +43,13 @@ def read_table(
         FormatError: A column is missing or unknown, or a cell is not what it should be.
     """
     columns = MappedSheet(sheet, mapping)
-    position = _position(columns)
+    position, covariance = point_columns(columns, instrument or default_instrument)
     rotation, rotation_covariance = rotation_columns(columns)
     group, names = _sets(columns)
     return MeasurementSet(
         joints=joint_columns(columns, relation),
         position=position,
-        covariance=_covariance(columns, position, instrument or default_instrument),
+        covariance=covariance,
         frame=frame or mapping.frame,
         rotation=rotation,
         rotation_covariance=rotation_covariance,
@@ -108,6 +108,12 @@ def approach_columns(columns: MappedSheet) -> Array:
     values = columns.numbers("approach", absent=0.0)
     columns.check("approach", values, ~np.isin(values, (-1.0, 0.0, 1.0)), "-1, 0 or 1")
     return values
+
+
+def point_columns(columns: MappedSheet, instrument: Instrument) -> tuple[Array, Array]:
+    """Returns points (n, 3) m and their covariance (n, 3, 3) m^2; the instrument's by default."""
+    position = _position(columns)
+    return position, _covariance(columns, position, instrument)
 
 
 def _position(columns: MappedSheet) -> Array:
