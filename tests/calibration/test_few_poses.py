@@ -10,7 +10,7 @@ from planted_arm import PAYLOAD, arm, planted, postures, ripple_shift
 
 from robotrue.calibration.evidence import PriorGroup, held_scales, learn, posterior, sums_of
 from robotrue.calibration.held_out_blocks import HeldOutRows, widen
-from robotrue.calibration.learned import LearnedParts, fit_learned
+from robotrue.calibration.learned import LearnedParts, climb_ladder, fit_learned, share_waves
 from robotrue.calibration.methods import FitSettings, fit
 from robotrue.calibration.model import Query
 from robotrue.calibration.robust import student_factor
@@ -238,3 +238,22 @@ def test_ten_poses_are_enough_for_a_model_that_leans_on_its_prior():
 def test_an_impossible_shift_between_days_is_refused():
     with pytest.raises(ConfigurationError, match="campaign_shift 20 mm, allowed 0 to 10 mm"):
         FitSettings(campaign_shift=0.02)
+
+
+def test_fits_of_the_same_rows_share_their_waves(monkeypatch):
+    rng = np.random.default_rng(54)
+    robot, points = arm(), law_arm(rng)
+    rows = visited(points, postures(robot, 20, rng), rng)
+    begun = []
+
+    def count_climbs(design, parts):
+        begun.append(len(design.weights))
+        return climb_ladder(design, parts)
+
+    monkeypatch.setattr("robotrue.calibration.learned.climb_ladder", count_climbs)
+    with share_waves():
+        models = [fit(robot, rows, method=m, settings=SETTINGS) for m in ("ripple", "gp")]
+    assert begun == [20]
+    np.testing.assert_array_equal(models[0].values, models[1].values)
+    fit(robot, rows.subset(np.arange(16)), method="ripple", settings=SETTINGS)
+    assert begun == [20, 16]  # not beyond the fits that share

@@ -10,9 +10,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
 
@@ -94,6 +96,14 @@ class LearnedParts:
     highest: int = LADDER[-1]
 
 
+_Waves: TypeAlias = tuple[Estimate, LinearFit, HeldOutRows]
+_Inputs: TypeAlias = tuple[RobotModel, MeasurementSet, FitSettings]
+_LAST_WAVES: ContextVar[list[tuple[_Inputs, tuple[bool, int], _Waves]] | None] = ContextVar(
+    "last_waves", default=None
+)
+"""The last fit with ripple, within :func:`share_waves`."""
+
+
 def fit_learned(
     robot: RobotModel,
     measurements: MeasurementSet,
@@ -116,16 +126,45 @@ def fit_learned(
         ImplausibleDataError: The measurements cannot belong to this robot.
         ConvergenceError: The physical estimate did not settle.
     """
-    physical = estimate(robot, measurements, settings, free_groups("elastic"))
-    at = climb_ladder(first_design(physical, measurements, settings, parts), parts)
-    for steps in ROUNDS:
-        at = renew_linearisation(at, steps=steps)
-    found = _predict_blocks(at, settings)
+    physical, at, found = _fit_waves(robot, measurements, settings, parts)
     notes: dict[str, object] = {"smooth": "not tried"}
     if parts.smooth and len(measurements) >= FEWEST_SMOOTH:
         at, found, notes = _with_smooth(at, found, measurements, settings)
     found = widen_covariance(at, found)
     return assemble_model(physical, at, found, settings, {"method": method, **notes})
+
+
+@contextmanager
+def share_waves() -> Iterator[None]:
+    """Lets fits of the same rows share what they have in common: all but the smooth residual.
+
+    Of one set of rows at a time: that of the last fit.
+    """
+    token = _LAST_WAVES.set([])
+    try:
+        yield
+    finally:
+        _LAST_WAVES.reset(token)
+
+
+def _fit_waves(
+    robot: RobotModel, measurements: MeasurementSet, settings: FitSettings, parts: LearnedParts
+) -> _Waves:
+    """The physical estimate, the fit with ripple, and its held-out blocks."""
+    last = _LAST_WAVES.get()
+    inputs = (robot, measurements, settings)
+    for known, chosen, waves in last or ():
+        same = all(a is b for a, b in zip(known, inputs, strict=True))
+        if same and chosen == (parts.ripple, parts.highest):
+            return waves
+    physical = estimate(robot, measurements, settings, free_groups("elastic"))
+    at = climb_ladder(first_design(physical, measurements, settings, parts), parts)
+    for steps in ROUNDS:
+        at = renew_linearisation(at, steps=steps)
+    waves = physical, at, _predict_blocks(at, settings)
+    if last is not None:
+        last[:] = [(inputs, (parts.ripple, parts.highest), waves)]
+    return waves
 
 
 def first_design(

@@ -89,13 +89,20 @@ def result_facts(summary: TrainingSummary) -> list[tuple[str, str]]:
     for size, name in (
         (summary.rms, "residual rms"),
         (summary.held_out_mean, "mean on held-out blocks"),
-        (summary.white_sd, "noise learned, per axis"),
     ):
         if size is not None:
             facts.append((name, f"{size / MM:.4f} mm"))
+    if summary.white_sd is not None:
+        facts.append(("noise learned, per axis", _describe_noise(summary.white_sd)))
     verdict = summary.verdict or "not recorded"
     facts.append(("verdict", f"{verdict}: {VERDICTS[verdict]}" if verdict in VERDICTS else verdict))
     return facts
+
+
+def _describe_noise(white: float) -> str:
+    """White noise of an sd in m; one that rounds to zero means that what is stated is enough."""
+    text = f"{white / MM:.4f} mm"
+    return "none beyond instrument and repeatability" if float(text.split()[0]) == 0.0 else text
 
 
 VERDICTS: Final = {

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.units import DEG, MM
+from robotrue.validation.coverage_parts import CoveragePart
 from robotrue.validation.metrics import Coverage, ErrorStatistics
 
 
@@ -80,6 +81,7 @@ class ValidationReport:
         errors_after: (n, 3) m.
         covariance: (n, 3, 3) m^2, of ``errors_after``.
         probability: (n,) of the smallest stated region that holds each row.
+        parts: The coverage by radius, direction of the error and distance from the training data.
     """
 
     robot: str
@@ -99,6 +101,7 @@ class ValidationReport:
     errors_after: Array
     covariance: Array
     probability: Array
+    parts: tuple[CoveragePart, ...]
 
     @property
     def coverage_95(self) -> float:
@@ -118,6 +121,7 @@ class ValidationReport:
             "coverage_95_low": inside.low,
             "coverage_95_high": inside.high,
             "coverage_95_axis": inside.axis_share.tolist(),
+            "coverage_95_parts": [part.document() for part in self.parts],
             "before": self.before.document(),
             "before_aligned": self.before_aligned and self.before_aligned.document(),
             "tool_axis_before": self.axis_before and self.axis_before.document(),

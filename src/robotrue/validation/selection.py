@@ -23,6 +23,7 @@ import numpy as np
 
 from robotrue.calibration.averaging import average_models
 from robotrue.calibration.calibrated_model import CalibratedModel
+from robotrue.calibration.learned import share_waves
 from robotrue.calibration.methods import METHODS
 from robotrue.calibration.methods import FitFunction as MethodFunction
 from robotrue.calibration.model import ErrorModel
@@ -42,7 +43,7 @@ from robotrue.validation.contest import (
     decide,
     weigh,
 )
-from robotrue.validation.evaluation import evaluate
+from robotrue.validation.evaluation import Evaluation, evaluate
 from robotrue.validation.metrics import coverage, log_density
 from robotrue.validation.splits import (
     Split,
@@ -135,31 +136,29 @@ def hold_out(
     folds = tuple(default_splits(measurements) if splits is None else splits)
     if not candidates or not folds:
         raise ShapeError("nothing to select from: no candidates or no splits.")
-    held: dict[str, CandidateResults | RobotrueError] = {}
     folds = tuple(f for f in map(partial(_predictable, measurements), folds) if f is not None)
     if not folds:
         raise ShapeError("no split leaves rows of the reflectors that it holds out.")
     parts = [(_space_rows(f.train, MOST_TRAIN), _space_rows(f.test, MOST_TEST)) for f in folds]
     total = len(candidates) * len(folds)
-    for index, (name, fit) in enumerate(candidates.items()):
-        try:
-            results = []
-            for k, (train, test) in enumerate(parts):
+    done: dict[str, list[Evaluation]] = {name: [] for name in candidates}
+    failed: dict[str, RobotrueError] = {}
+    for k, (train, test) in enumerate(parts):
+        rows, unseen = measurements.subset(train), measurements.subset(test)
+        with share_waves():
+            for index, (name, fit) in enumerate(candidates.items()):
+                if name in failed:
+                    continue
                 if progress is not None:
-                    progress(f"{name}, {folds[k].name}", index * len(folds) + k, total)
-                model = fit(measurements.subset(train))
-                results.append(evaluate(model, measurements.subset(test), payload=payload))
-            error = np.concatenate([np.linalg.norm(r.after, axis=1) for r in results])
-            residual = np.concatenate([r.after for r in results])
-            covariance = np.concatenate([r.covariance for r in results])
-            held[name] = CandidateResults(
-                error=error,
-                inside=coverage(residual, covariance).share,
-                log_density=float(log_density(residual, covariance).mean()),
-                scores=student_scores(residual, covariance),
-            )
-        except RobotrueError as cause:
-            held[name] = cause
+                    progress(f"{name}, {folds[k].name}", k * len(candidates) + index, total)
+                try:
+                    done[name].append(evaluate(fit(rows), unseen, payload=payload))
+                except RobotrueError as cause:
+                    failed[name] = cause
+    held: dict[str, CandidateResults | RobotrueError] = {
+        name: failed[name] if name in failed else _join_folds(results)
+        for name, results in done.items()
+    }
     if progress is not None:
         progress("chosen", total, total)
     return Trials(
@@ -167,6 +166,18 @@ def hold_out(
         folds=folds,
         fold_of_row=np.repeat(np.arange(len(parts)), [len(test) for _, test in parts]),
         rule=_rule(folds, parts),
+    )
+
+
+def _join_folds(results: Sequence[Evaluation]) -> CandidateResults:
+    """The held-out results of a candidate that was fitted without every fold."""
+    residual = np.concatenate([r.after for r in results])
+    covariance = np.concatenate([r.covariance for r in results])
+    return CandidateResults(
+        error=np.linalg.norm(residual, axis=1),
+        inside=coverage(residual, covariance).share,
+        log_density=float(log_density(residual, covariance).mean()),
+        scores=student_scores(residual, covariance),
     )
 
 
@@ -255,7 +266,8 @@ def fit_auto(
     model = candidates[selection.winner](measurements)
     if len(measurements) < AVERAGED_ROWS and isinstance(model, CalibratedModel):
         selection = weigh(trials, selection)
-        model = _average(model, candidates, measurements, selection)
+        with share_waves():
+            model = _average(model, candidates, measurements, selection)
     model = with_summary(model, {"selection": selection.summary()})
     return _with_failures(model, failed if selection.winner == BASELINE else unsettled)
 

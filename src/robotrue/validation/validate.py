@@ -15,6 +15,7 @@ from robotrue.core.units import DEG, MM
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.measurement.plausibility import FEWEST_POSES
 from robotrue.robot.statics import Load
+from robotrue.validation.coverage_parts import coverage_parts
 from robotrue.validation.evaluation import Evaluation, aligned_rows, evaluate
 from robotrue.validation.metrics import (
     Coverage,
@@ -188,6 +189,13 @@ def validate(
         errors_after=seen.after,
         covariance=seen.covariance,
         probability=coverage_probability(seen.after, seen.covariance),
+        parts=coverage_parts(
+            seen.after,
+            seen.covariance,
+            seen.measured.position,
+            seen.measured.joints,
+            summary.joint_range,
+        ),
     )
 
 

@@ -77,6 +77,12 @@ class Validated:
             f"{100 * coverage.share:.1f} % of the points lie in their stated 95 % region"
             f" (95 % interval {100 * coverage.low:.1f} to {100 * coverage.high:.1f} %)"
         )
+        for part in self.report.parts:
+            if not part.is_honest:
+                yield Note(
+                    f"by {part.by}, {part.part}: {100 * part.share:.1f} % of {part.n} points (95 %"
+                    f" interval {100 * part.low:.1f} to {100 * part.high:.1f} %)"
+                )
 
 
 def _row(name: str, statistics: ErrorStatistics) -> tuple[str, ...]:
