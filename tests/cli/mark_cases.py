@@ -15,6 +15,7 @@ from test_probe_plan import CORNERS, DOWN, FRAME, posed
 from test_program import apt, raster
 
 from robotrue.core.provenance import Provenance, mark_line
+from robotrue.core.rotations import matrix_from_rotation_vector
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.campaign_csv import write_campaign
 from robotrue.dynamics.formats.sensor_csv import sensor_csv
@@ -153,6 +154,16 @@ def _touches(lab: Lab) -> None:
         lab("few_points.csv"),
         ProbingSet(names=names[:4], point=points[:4], joints=joints[:4], provenance=lab.origin),
     )
+    leans = np.array([[0.3 * np.cos(k), 0.3 * np.sin(k), 0.5 * k] for k in range(12)])
+    turns = matrix_from_rotation_vector(leans) @ DOWN[:3, :3]
+    write_points(
+        lab("one_place.csv"),
+        ProbingSet(
+            names=tuple(f"P{k}" for k in range(12)), point=np.zeros((12, 3)),
+            joints=np.concatenate([posed(np.zeros((1, 3)), turn) for turn in turns]),
+            provenance=lab.origin,
+        ),
+    )  # fmt: skip
     rows = [f"T{k},{x:g},{y:g},{z:g},0,0,1" for k, (x, y, z) in enumerate(CORNERS)]
     lab("features.csv").write_text("\n".join(["name,px_mm,py_mm,pz_mm,ax,ay,az", *rows]) + "\n")
     inner = np.add(CORNERS, [10.0, 10.0, -5.0])
@@ -281,6 +292,10 @@ CASES: Final[Mapping[str, Case]] = {
     ),
     "tool-axis": Case(
         lambda f: (f("m.rtm"), f("same.csv"), "--normal", "0,0,1"),
+    ),
+    "mastering": Case(lambda f: (f("cell.toml"), f("one_place.csv"), "--tool-sigma-mm", 1)),
+    "mastering-plan": Case(
+        lambda f: (f("m.rtm"), "--point-mm", "1000,-200,500", "-n", 8, "-o", f("postures.csv"))
     ),
     "register-rounds": Case(
         lambda f: (f("placed.toml"), f("few_points.csv"), "-o", f("rounds.toml")),

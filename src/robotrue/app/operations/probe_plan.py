@@ -291,28 +291,13 @@ def _task(
     machining: Machining,
 ) -> ProbingTask:
     """What is believed of the arm before any touch, and what can be touched and is machined."""
-    import numpy as np
-
+    from robotrue.app.touching_tool import settings_for_touches
     from robotrue.calibration.nominal import NominalModel
-    from robotrue.calibration.probing import ProbingSettings, before_touching
-    from robotrue.planning.information import settings_of
+    from robotrue.calibration.probing import before_touching
     from robotrue.planning.probing import ProbingTask
-    from robotrue.validation.registration_frame import TOOL
 
-    nominal = cell.robot.nominal()
-    arm = NominalModel(robot=nominal) if model is None else model
-    own_tool = bool(np.allclose(arm.robot.T_flange_tool, nominal.T_flange_tool, atol=1e-9))
-    if request.tool_sigma_mm is not None:
-        tool = request.tool_sigma_mm * MM
-    else:
-        tool = 0.0 if model is not None and own_tool else TOOL
-    settings = ProbingSettings(
-        touch_sigma=request.touch_sigma_mm * MM,
-        tool_sigma=tool,
-        T_flange_tool=None if own_tool else nominal.T_flange_tool,
-        payload=cell.payload,
-        priors=settings_of(cell),
-    )
+    arm = NominalModel(robot=cell.robot.nominal()) if model is None else model
+    settings = settings_for_touches(cell, arm, request.touch_sigma_mm, request.tool_sigma_mm)
     return ProbingTask(
         belief=before_touching(arm, settings),
         T_base_part=frames,

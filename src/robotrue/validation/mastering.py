@@ -1,0 +1,321 @@
+"""Which axis lost its zero, from touches of one fixed point: no tracker is needed.
+
+    tip(q; w, d) = p + noise,    w ~ belief in the arm,    p ~ nothing known (or touched before),
+    d_j ~ N(0, s^2) for the axes a hypothesis says have lost their zero, 0 for the others
+
+The hypotheses are: no axis, each axis, each pair. Their odds are marginal likelihoods, averaged
+over the sizes s (MacKay 2003, "Information Theory, Inference, and Learning Algorithms", chapter
+28). The arm's own geometry w may explain the touches as well, as far as it is uncertain: an offset
+that geometry explains is then not called lost. Turning everything about axis 1 moves the point
+alike, so axis 1 shows only where the point is known in base; the last axis only where the tip is
+off the axis and known in the flange.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import Annotated, Final, Literal, TypeAlias
+
+import numpy as np
+from scipy.special import logsumexp
+
+from robotrue.calibration.belief import Belief, with_nuisances
+from robotrue.calibration.drift_scales import Stack, stack_rows
+from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.new_rows import NUISANCE_SD, NewRows
+from robotrue.calibration.probing import before_touching
+from robotrue.calibration.probing_estimate import ProbingSettings
+from robotrue.calibration.probing_evidence import find_agreeing_touches, noise_factor
+from robotrue.calibration.probing_start import tips
+from robotrue.calibration.touches import touch_rows
+from robotrue.calibration.update import carry_residual
+from robotrue.core.arrays import Array, BoolArray
+from robotrue.core.columns import Column, Columns
+from robotrue.core.poses import pose
+from robotrue.core.units import DEG, MM
+from robotrue.errors import ConfigurationError, ImplausibleDataError, ObservabilityError
+from robotrue.measurement.probing_set import ProbingSet
+from robotrue.validation.mastering_defaults import POINT_SIGMA_MM
+from robotrue.validation.mastering_evidence import (
+    SolvedTouches,
+    loosen_zeros,
+    read_offsets,
+    solve_beside,
+    solve_touches,
+)
+from robotrue.validation.touch_checks import file_of, list_names
+
+SIZES: Final = (0.03 * DEG, 0.1 * DEG, 0.3 * DEG, 1.0 * DEG)
+"""Standard deviations s of a lost zero that are tried, equally likely."""
+CHANCES: Final = (0.5, 0.4, 0.1)
+"""Before the touches: that no axis, one, or two have lost their zero."""
+SURE: Final = 0.9
+"""Probability from which an axis is named."""
+SEEN: Final = 0.5
+"""An axis shows where touches leave less than this share of :data:`TRIED`."""
+TRIED: Final = SIZES[2]
+CERTAIN: Final = 4.0
+"""Standard deviations of an offset that are seen against the chance that no axis lost its zero."""
+FEWEST: Final = 8
+"""Touches; the point takes three numbers, and two axes must be told apart from wrong touches."""
+ONE_PLACE: Final = 1e-6
+"""m; nominal points closer together are one place."""
+MISFIT: Final = 3.0
+"""Touches this many times further off than even the best hypothesis lets expect."""
+Verdict: TypeAlias = Literal["holds", "lost", "undecided"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LostZeros:
+    """One hypothesis: these axes have lost their zero, and no others.
+
+    Attributes:
+        joints: Which, counted from 0; empty: none has.
+        probability: After the touches.
+        offset: (k,) rad, what is to be added to each joint's reading.
+        covariance: (k, k) rad^2 of it, the arm's own geometry included.
+    """
+
+    joints: tuple[int, ...]
+    probability: float
+    offset: Array
+    covariance: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MasteringCheck(Columns):
+    """What touches of one point say of the zeros of the axes.
+
+    Attributes:
+        verdict: ``holds``, ``lost`` or ``undecided``.
+        lost: The axes named, with offset and covariance; no joints unless the verdict is lost.
+        hypotheses: All, the most probable first.
+        probability: (n,) that each joint lost its zero; NaN where the touches cannot show it.
+        least: (n,) rad, offset from which each joint would be seen; infinite where never.
+        p_base: (3,) m, the point as found.
+        rms_before: m, distance of the touches from one point by the model as it was.
+        rms_after: m, the same with the best hypothesis.
+        outliers: Labels of touches that agree with no hypothesis.
+        noise_factor: Variance of a touch over the stated one, 1 or more.
+    """
+
+    verdict: Verdict
+    lost: LostZeros
+    hypotheses: tuple[LostZeros, ...]
+    probability: Annotated[Array, Column("n", nan=True)]
+    least: Annotated[Array, Column("n", unit="rad", inf=True)]
+    p_base: Annotated[Array, Column("3", unit="m")]
+    rms_before: float
+    rms_after: float
+    outliers: tuple[str, ...]
+    noise_factor: float
+
+
+def check_mastering(
+    arm: ErrorModel,
+    touches: ProbingSet,
+    settings: ProbingSettings,
+    *,
+    point: Array | None = None,
+    point_sigma: float = POINT_SIGMA_MM * MM,
+) -> MasteringCheck:
+    """Returns which axes lost their zero, by how much, and how sure that is.
+
+    Args:
+        arm: The model made while the arm was good; :class:`NominalModel` without one.
+        touches: In joints, all of one fixed point.
+        settings: Noise, tool, payload; priors of an arm that was not calibrated.
+        point: (3,) m in base, the point as touched while the arm was good; None: unknown.
+        point_sigma: m per axis, of it.
+
+    Raises:
+        ConfigurationError: Touches without joints, of several places, or of surfaces.
+        ObservabilityError: Fewer than eight touches, or none that shows any axis.
+        ImplausibleDataError: Touches that no one or two lost zeros explain.
+        ModelMismatchError: Joints of another robot.
+    """
+    socket = _as_socket(touches)
+    before = carry_residual(before_touching(arm, settings), touches.joints)
+    start = point
+    if start is None:
+        start = np.median(tips(before, touches.joints, settings.payload), axis=0)
+    rows = touch_rows(
+        before,
+        socket,
+        {0: pose(np.eye(3), start)},
+        touch_sigma=settings.touch_sigma,
+        payload=settings.payload,
+    )
+    loose = NUISANCE_SD if point is None else point_sigma
+    keep, factor = _find_noise(before, rows, touches, loose)
+    more = (factor - 1.0) * (settings.touch_sigma**2 + before.repeatability**2 + before.white**2)
+    before = replace(before, white=float(np.sqrt(before.white**2 + more)))
+    robot = before.robot
+    single = [
+        solve_touches(loosen_zeros(before, (j,), TRIED), rows, keep, loose)
+        for j in range(robot.dof)
+    ]
+    sd = np.array(
+        [read_offsets(before, each, (j,))[1][0, 0] ** 0.5 for j, each in enumerate(single)]
+    )
+    seen = np.flatnonzero(sd < SEEN * TRIED)
+    if not len(seen):
+        raise ObservabilityError(
+            f"{len(touches)} touches show no axis: the best is known to {sd.min() / DEG:.3f} deg.",
+            source=file_of(touches),
+            hint="touch the point with the elbow and the wrist as different as they can be.",
+        )
+    found = _weigh(before, rows, keep, loose, seen.tolist())
+    best = found[0]
+    nothing = solve_touches(before, rows, keep, loose)
+    after = solve_touches(loosen_zeros(before, best.joints, TRIED), rows, keep, loose)
+    _check_explained(after, best, touches)
+    probability = np.full(robot.dof, np.nan)
+    probability[seen] = [sum(h.probability for h in found if j in h.joints) for j in seen]
+    named = tuple(int(j) for j in seen if probability[j] >= SURE)
+    none = next(h for h in found if not h.joints)
+    lost = next((h for h in found if h.joints == named), none)
+    return MasteringCheck(
+        verdict="lost" if named else "holds" if none.probability >= 0.5 else "undecided",
+        lost=lost,
+        hypotheses=found,
+        probability=probability,
+        least=np.where(sd < SEEN * TRIED, CERTAIN * sd, np.inf),
+        p_base=after.rows.T_tracker_base[0][:3, 3] * -1.0,
+        rms_before=_rms(nothing.residuals),
+        rms_after=_rms(after.residuals),
+        outliers=tuple(label for label, good in zip(touches.labels, keep, strict=True) if not good),
+        noise_factor=factor,
+    )
+
+
+def _as_socket(touches: ProbingSet) -> ProbingSet:
+    """The touches as those of a place."""
+    if not len(touches) or not touches.has_joints or not touches.full.all():
+        raise ConfigurationError(
+            "the zeros of the axes need touches of one point, in joints and without normals.",
+            source=file_of(touches),
+            hint="name,px_mm,py_mm,pz_mm,j1_deg,j2_deg,... with px_mm, py_mm, pz_mm alike.",
+        )
+    spread = float(np.ptp(touches.point, axis=0).max())
+    if spread > ONE_PLACE or len(touches.parts) > 1:
+        raise ConfigurationError(
+            f"touches of places up to {spread / MM:.3f} mm apart; the zeros of the axes need one "
+            "fixed point, touched in many postures.",
+            source=file_of(touches),
+            hint="one file per point.",
+        )
+    if len(touches) < FEWEST:
+        raise ObservabilityError(
+            f"{len(touches)} touches of the point, at least {FEWEST} tell the axes apart.",
+            source=file_of(touches),
+            hint="12 to 20, as `robotrue mastering-plan` chooses them.",
+        )
+    n = len(touches)
+    return replace(touches, point=np.zeros((n, 3)), part=np.zeros(n, dtype=np.int64), sockets=(0,))
+
+
+def _find_noise(
+    before: Belief, rows: NewRows, touches: ProbingSet, loose: float
+) -> tuple[BoolArray, float]:
+    """Which touches agree with some offsets of all axes, and by how much noisier they are."""
+    everyone = np.ones(len(touches), dtype=bool)
+    wide = loosen_zeros(before, tuple(range(before.robot.dof)), SIZES[-1])
+    keep, factor = everyone, 1.0
+    for _ in range(2):
+        solved = solve_touches(wide, rows, keep, loose)
+        prior = with_nuisances(wide, np.full(rows.nuisances, loose))
+        stack = stack_rows(solved.rows.pieces(solved.after))  # of all, believed or not
+        keep = find_agreeing_touches(stack, prior, prior.noise, len(touches))
+        if 2 * int(keep.sum()) <= len(touches):
+            wrong = [name for name, good in zip(touches.labels, keep, strict=True) if not good]
+            raise ImplausibleDataError(
+                f"{len(wrong)} of {len(touches)} touches agree with no zeros of the axes: "
+                f"{list_names(wrong)}.",
+                source=file_of(touches),
+                hint="check that all are of one fixed point, the tool, units, joint signs and "
+                "--touch-sigma-mm.",
+            )
+        factor = noise_factor(prior, _kept(stack, keep), prior.noise)
+    return keep, factor
+
+
+def _kept(stack: Stack, keep: BoolArray) -> Stack:
+    good = np.flatnonzero(keep[stack.row])
+    return Stack(
+        columns=stack.columns[good],
+        values=stack.values[good],
+        known=stack.known[np.ix_(good, good)],
+        white=stack.white[good],
+        row=stack.row[good],
+    )
+
+
+def _list_hypotheses(seen: list[int]) -> Iterator[tuple[tuple[int, ...], float]]:
+    """Every hypothesis with the logarithm of its probability before the touches."""
+    for size, chance in enumerate(CHANCES):
+        of_size = list(combinations(seen, size))
+        for joints in of_size:
+            yield joints, float(np.log(chance / len(of_size)))
+
+
+def _weigh(
+    before: Belief, rows: NewRows, keep: BoolArray, loose: float, seen: list[int]
+) -> tuple[LostZeros, ...]:
+    """All hypotheses after the touches, the most probable first."""
+    logs: dict[tuple[int, ...], list[float]] = {}
+    parts: dict[tuple[int, ...], list[tuple[Array, Array]]] = {}
+    for joints, chance in _list_hypotheses(seen):
+        sizes = SIZES if joints else SIZES[:1]
+        first = solve_touches(loosen_zeros(before, joints, TRIED), rows, keep, loose)
+        solved = [solve_beside(loosen_zeros(before, joints, size), first, loose) for size in sizes]
+        logs[joints] = [each.evidence + chance - float(np.log(len(sizes))) for each in solved]
+        parts[joints] = [read_offsets(before, each, joints) for each in solved]
+    total = float(logsumexp(np.concatenate(list(logs.values()))))
+    return tuple(sorted(_mix(logs, parts, total), key=lambda h: -h.probability))
+
+
+def _mix(
+    logs: Mapping[tuple[int, ...], list[float]],
+    parts: Mapping[tuple[int, ...], list[tuple[Array, Array]]],
+    total: float,
+) -> Iterator[LostZeros]:
+    """Averages each hypothesis over its sizes; their spread is in the covariance."""
+    for joints, log in logs.items():
+        mine = float(logsumexp(log))
+        weight = np.exp(np.array(log) - mine)
+        means = np.stack([mean for mean, _ in parts[joints]])
+        offset = weight @ means
+        apart = means - offset
+        covariance = np.einsum("s,sij->ij", weight, np.stack([c for _, c in parts[joints]]))
+        covariance = covariance + np.einsum("s,si,sj->ij", weight, apart, apart)
+        yield LostZeros(
+            joints=joints,
+            probability=float(np.exp(mine - total)),
+            offset=offset,
+            covariance=covariance,
+        )
+
+
+def _check_explained(solved: SolvedTouches, best: LostZeros, touches: ProbingSet) -> None:
+    """Passes touches that the best hypothesis explains.
+
+    Raises:
+        ImplausibleDataError: They lie far from what one or two lost zeros can do.
+    """
+    if solved.surprise <= MISFIT:
+        return
+    raise ImplausibleDataError(
+        f"the touches lie {solved.surprise:.3g} times further off than the best of all "
+        f"explanations ({'joint ' if best.joints else 'no lost zero'}"
+        f"{', '.join(str(j + 1) for j in best.joints)}) allows, at most {MISFIT:g}.",
+        source=file_of(touches),
+        hint="three axes or more lost their zero, the point or the tool moved, or the touches are "
+        "noisier than --touch-sigma-mm.",
+    )
+
+
+def _rms(residuals: Array) -> float:
+    return float(np.sqrt((residuals**2).sum(axis=1).mean()))

@@ -1,0 +1,128 @@
+"""Touches of one fixed point under a hypothesis: these zeros are unknown, all others are kept."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from robotrue.calibration.belief import Belief, condition, with_nuisances
+from robotrue.calibration.drift_scales import stack_rows
+from robotrue.calibration.new_rows import NewRows, whiten
+from robotrue.calibration.observations import LinearRows
+from robotrue.core.arrays import Array, BoolArray
+from robotrue.robot.model import RobotModel, parameter_slice
+
+STEPS: Final = 5
+STILL: Final = 1e-7
+"""m and rad by which a solution at rest moves."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SolvedTouches:
+    """A belief after the touches.
+
+    Attributes:
+        after: The posterior.
+        rows: Where they stand then.
+        pieces: The believed ones, linearised there.
+        moved: (3,) m, how far the point went from where it was believed.
+        evidence: Log marginal likelihood, up to a constant of the touches.
+        surprise: Touches over what was expected of them.
+        residuals: (n, 3) m.
+    """
+
+    after: Belief
+    rows: NewRows
+    pieces: list[LinearRows]
+    moved: Array
+    evidence: float
+    surprise: float
+    residuals: Array
+
+
+def offset_columns(robot: RobotModel) -> Array:
+    """Returns d(error vector)/d(joint offset) (e, n): a joint's zero moves every axis it drives."""
+    out = np.zeros((len(robot.errors), robot.dof))
+    out[parameter_slice(robot.dof, "theta")] = robot.joint_map
+    return out
+
+
+def loosen_zeros(belief: Belief, joints: tuple[int, ...], size: float) -> Belief:
+    """Returns the belief with the zeros of some joints unknown by ``size`` rad."""
+    extra = np.zeros((len(joints), len(belief.mean)))
+    extra[:, : len(belief.errors)] = size * offset_columns(belief.robot)[:, list(joints)].T
+    return replace(belief, root=np.vstack([belief.root, extra]))
+
+
+def solve_touches(belief: Belief, rows: NewRows, keep: BoolArray, loose: float) -> SolvedTouches:
+    """Returns the touches under a belief, linearised where its posterior stands.
+
+    Args:
+        belief: Of the arm, with the zeros of the hypothesis unknown.
+        rows: The touches.
+        keep: (n,) which are believed.
+        loose: m per axis, how well the point is known before.
+    """
+    prior = with_nuisances(belief, np.full(rows.nuisances, loose))
+    at, moved = prior, np.zeros(rows.nuisances)
+    pieces = rows.pieces(at, keep)
+    for _ in range(STEPS):
+        last, at = at.mean, _condition(prior, pieces, moved)
+        step = at.mean[at.end :]
+        rows, moved = rows.move(step), moved + step
+        at = replace(at, mean=np.concatenate([at.mean[: at.end], np.zeros(rows.nuisances)]))
+        pieces = rows.pieces(at, keep)
+        if max(np.abs(at.mean - last).max(), np.abs(step).max()) < STILL:
+            break
+    return _judge(prior, rows, pieces, moved)
+
+
+def solve_beside(belief: Belief, solved: SolvedTouches, loose: float) -> SolvedTouches:
+    """Returns the same touches under another belief, linearised where they stand already."""
+    prior = with_nuisances(belief, np.full(solved.rows.nuisances, loose))
+    return _judge(prior, solved.rows, solved.pieces, solved.moved)
+
+
+def _shift(prior: Belief, moved: Array) -> Belief:
+    """The prior about a point that was moved: what was believed of it stays behind."""
+    return replace(prior, mean=np.concatenate([prior.mean[: prior.end], -moved]))
+
+
+def _condition(prior: Belief, pieces: list[LinearRows], moved: Array) -> Belief:
+    count = 1 + max(int(piece.rows.max()) for piece in pieces)
+    return condition(_shift(prior, moved), *whiten(pieces, prior.noise, np.ones(count)))
+
+
+def _judge(prior: Belief, rows: NewRows, pieces: list[LinearRows], moved: Array) -> SolvedTouches:
+    """Posterior and marginal likelihood of rows that are linearised where they end."""
+    at, stack = _condition(prior, pieces, moved), stack_rows(pieces)
+    off = stack.values - stack.columns @ _shift(prior, moved).mean
+    half = stack.columns @ prior.root.T
+    total = half @ half.T + stack.known + np.diag(prior.noise[0] * stack.white)
+    factor = cho_factor(total, lower=True)
+    square = float(off @ cho_solve(factor, off))
+    freedom = max(len(off) - rows.nuisances, 1)
+    return SolvedTouches(
+        after=at,
+        rows=rows,
+        pieces=pieces,
+        moved=moved,
+        evidence=-0.5 * square - float(np.log(np.diagonal(factor[0])).sum()),
+        surprise=float(np.sqrt(square / freedom)),
+        residuals=(stack.values - stack.columns @ at.mean).reshape(-1, 3),
+    )
+
+
+def read_offsets(
+    before: Belief, solved: SolvedTouches, joints: tuple[int, ...]
+) -> tuple[Array, Array]:
+    """Returns mean (k,) rad and covariance (k, k) of what is to be added to some joints."""
+    robot = before.robot
+    theta = parameter_slice(robot.dof, "theta")
+    back = np.linalg.inv(robot.joint_map)[list(joints)]
+    half = solved.after.root[:, theta] @ back.T
+    mean = back @ (solved.after.mean[theta] - before.mean[theta])
+    return mean, solved.after.inflation * (half.T @ half)
