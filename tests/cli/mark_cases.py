@@ -112,12 +112,27 @@ def fill(lab: Lab) -> None:
     lab("steps.csv").write_text(lab.mark + "slot,step_mm\n1,0.68\n2,0.71\n3,0.73\n4,0.69\n")
 
 
+def wire_lengths() -> str:
+    """Lengths of wires from three eyelets to the reflector, 40 poses."""
+    eyelets = np.array([[2.2, 1.4, 0.1], [2.0, -1.5, 0.2], [-0.5, 0.2, 2.6]])
+    joints = shop.postures(40, 9)
+    end = np.arange(len(joints)) % len(eyelets)
+    length = np.linalg.norm(shop.points(joints, noise_seed=9) - eyelets[end], axis=1) / MM
+    head = "j1_deg,j2_deg,j3_deg,j4_deg,j5_deg,j6_deg,length_mm,sigma_mm,anchor,ax_mm,ay_mm,az_mm\n"
+    rows = zip(joints / DEG, length, end, strict=True)
+    return head + "".join(
+        ",".join(map(str, (*q, each, 0.02, "ABC"[k], *(eyelets[k] / MM + 5.0)))) + "\n"
+        for q, each, k in rows
+    )
+
+
 def _circles(lab: Lab) -> None:
     """Points of a hole and of a turned reflector, and of a dry run."""
     turn = np.arange(12) * np.pi / 6.0
     circle = [f"{10.0 * np.cos(t):.9f},{10.0 * np.sin(t):.9f}" for t in turn]
     head = lab.mark + "x_mm,y_mm,z_mm\n"
     lab("wall.csv").write_text(head + "".join(f"{xy},{z}\n" for z in (0, -4) for xy in circle))
+    lab("lengths.csv").write_text(lab.mark + wire_lengths())
     lab("turned.csv").write_text(head + "".join(f"{xy},250\n" for xy in circle))
     for name in ("dry_points.csv", "dry_before.csv"):
         lab(name).write_text(lab.mark + "point,x_mm,y_mm,z_mm\n1,0,0,0\n2,5,0,0\n3,9,0,0\n")
@@ -245,6 +260,9 @@ CASES: Final[Mapping[str, Case]] = {
     "transfer": Case(
         lambda f: (f("cell.toml"), "--source", f"old={f('m.rtm')}", "-o", f("t.rtm")),
         report="t.html",
+    ),
+    "calibrate-lengths": Case(
+        lambda f: (f("cell.toml"), f("lengths.csv"), "-o", f("l.rtm"), "--method", "nominal")
     ),
     "validate": Case(
         lambda f: (f("m.rtm"), f("test.csv")), report="v.html"

@@ -128,3 +128,20 @@ def test_a_program_for_another_maker_is_refused(cli, work: Path) -> None:
     assert "written in KRL" in got.fault["message"]
     assert not (work / "p.src").exists()
     assert not (work / "p.csv").exists()
+
+
+def test_poses_from_a_recorded_list(cli, work: Path) -> None:
+    joints = shop.postures(16, 21)
+    shop.write_csv(work / "recorded.csv", joints, None)
+    axes = np.rad2deg(shop.nominal().controller.to_controller(joints))
+    words = (",".join(f"A{k} {v:.6f}" for k, v in enumerate(row, 1)) for row in axes)
+    (work / "recorded.dat").write_text("".join(f"E6AXIS P={{{word}}}\n" for word in words))
+    for name, first in (("recorded.csv", 2), ("recorded.dat", 1)):
+        got = cli("plan", work / "cell.toml", "-n", 5, "-o", work / "p.csv", "--json",
+                  "--from", work / name)  # fmt: skip
+        assert got.code == 0, got.err
+        planned = np.deg2rad(got.document["joints_deg"])
+        gap = np.abs(planned[:, None] - joints[None]).max(axis=2)
+        assert gap.min(axis=1).max() < 1e-7
+        lines = ", ".join(str(row + first) for row in gap.argmin(axis=1))
+        assert f"chosen lines of {name}, in this order: {lines}" in got.err

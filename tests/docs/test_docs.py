@@ -28,7 +28,8 @@ PAGES = sorted(
 )
 LINK = re.compile(r"!?\[[^\]\n]*\]\(([^)\s]+)\)")
 CALL = re.compile(
-    r"robotrue (demo|plan|calibrate|transfer|validate|predict|program|compensate|diff|inspect|map|"
+    r"robotrue (demo|plan|calibrate-lengths|calibrate|transfer|validate|predict|program|compensate|"
+    r"diff|inspect|map|"
     r"register|report|export|drift-plan|drift|probe-plan|slot-test|reproduce|dynamics|drill|simulate|workspace|jobs)"
     r"\b([^\n`|]*)"
 )

@@ -37,6 +37,7 @@ ORDER: Final = (
     "demo",
     "plan",
     "calibrate",
+    "calibrate-lengths",
     "transfer",
     "validate",
     "predict",

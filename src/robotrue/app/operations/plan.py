@@ -15,6 +15,7 @@ from robotrue.app.presentation import Block, Note, Table
 from robotrue.app.request import (
     ALL,
     NOT_IN_FORMS,
+    InputFile,
     Item,
     Option,
     Output,
@@ -50,6 +51,7 @@ if TYPE_CHECKING:
     from robotrue.app.workspace_context import WorkspaceContext
     from robotrue.calibration.model import ErrorModel
     from robotrue.cell.cell import Cell
+    from robotrue.measurement.formats.measured_files import QueryTable
     from robotrue.planning.pose_plan import PosePlan
     from robotrue.robot.statics import Load
     from robotrue.store.workspace import Transaction
@@ -60,7 +62,7 @@ OF_HIERARCHY: Final = (
 )  # fmt: skip
 OF_INFORMATION: Final = (
     "poses", "region", "program", "within", "model", "payloads", "approach", "criterion",
-    "tolerance_um", "candidates", "krl", "trigger_output",
+    "tolerance_um", "candidates", "krl", "trigger_output", "recorded",
 )  # fmt: skip
 """Fields of one method alone."""
 HIERARCHY: Final = "hierarchical plan"
@@ -122,6 +124,13 @@ class PlanRequest(Request):
             help="Stop when the next pose would gain less than this.",
         ),
     ] = 0.0
+    recorded: Annotated[
+        Path | None,
+        InputFile(
+            names=("--from",),
+            help="Choose from these poses: CSV of joints, or a program with joint positions.",
+        ),
+    ] = None
     candidates: Annotated[
         int, Option(advanced=True, offered=(10, 50_000), help="Postures to choose from.")
     ] = CANDIDATES
@@ -337,16 +346,43 @@ def _choose_poses(
     if request.program is not None:
         files = context.program_files((request.program,))
         work, tool = program_postures(cell, files[0]), cell.robot.T_flange_tool
+    recorded = None if request.recorded is None else _read_recorded(request.recorded, cell)
     context.step("drawing postures", 0, 1)
-    return plan_poses(
+    plan = plan_poses(
         cell,
         request.poses,
         settings=settings,
         model=model,
+        candidates=None if recorded is None else recorded.joints,
         work=work,
         T_flange_tool=tool,
         progress=context.step,
     )
+    if recorded is not None and request.recorded is not None:
+        lines = ", ".join(str(line) for line in recorded.source_row[plan.row])
+        context.inform(f"chosen lines of {request.recorded.name}, in this order: {lines}")
+    return plan
+
+
+def _read_recorded(path: Path, cell: Cell) -> QueryTable:
+    """The poses of a file.
+
+    Raises:
+        ModelMismatchError: Another number of joints than the robot's.
+    """
+    from robotrue.errors import ModelMismatchError
+    from robotrue.measurement.formats.measured_files import read_queries
+    from robotrue.robot.configuration import axis_relation
+
+    robot = cell.measured_robot
+    poses = read_queries(path, relation=axis_relation(robot))
+    if poses.joints.shape[1] != robot.dof:
+        raise ModelMismatchError(
+            f"{poses.joints.shape[1]} joint columns, {robot.name} has {robot.dof} joints.",
+            source=path,
+            hint="one column j1_deg, j2_deg, ... per joint.",
+        )
+    return poses
 
 
 def _payload(text: str) -> Load:

@@ -91,6 +91,8 @@ def read_joint_literals(path: str | Path) -> tuple[Sheet, bool] | None:
         FormatError: Unreadable, or a literal that has not six joints.
     """
     data = read_bytes(path)
+    if data.startswith(b"PK"):  # a workbook
+        return None
     text = data.decode("utf-8-sig", "replace")
     for language in _LANGUAGES:
         literals = [hit for hit in language.literal.finditer(text) if _is_live(text, hit, language)]

@@ -14,7 +14,7 @@ from robotrue.core.columns import Column, Columns
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.formats.canonical import canonical_mapping, joint_names, joints_in
 from robotrue.measurement.formats.joined_sheet import join_sheets, read_joint_list
-from robotrue.measurement.formats.joint_literals import AXES
+from robotrue.measurement.formats.joint_literals import AXES, read_joint_literals
 from robotrue.measurement.formats.mapped_sheet import MappedSheet
 from robotrue.measurement.formats.mapping import AngleUnit, ColumnMapping, read_layouts
 from robotrue.measurement.formats.measured_run import read_run, split_monuments
@@ -145,6 +145,14 @@ def open_sheet(
         joints, radians = read_joint_list(mapping.joint_list)
         joined = join_sheets(joints, sheet, mapping.joint_list)
         return joined, _name_joints(mapping, joints, joined, radians)
+    literals = None if positions else read_joint_literals(path)
+    if literals is not None:
+        sheet, radians = literals
+        unit: AngleUnit = "rad" if radians else "deg"
+        program = ColumnMapping(
+            name="program", joints=AXES, axes="controller", joints_unit=unit, position=()
+        )
+        return sheet, program
     sheet = read_sheet(path)
     return _detect_mapping(sheet, mapping, positions, ignore)
 
