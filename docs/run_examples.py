@@ -17,6 +17,7 @@ import re
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
@@ -26,7 +27,7 @@ BLOCK: Final = re.compile(
 )
 
 
-def answer(command: str, folder: Path, keep: int | None) -> str:
+def print_in_shell(command: str, folder: Path) -> str:
     """Returns stdout and stderr of one command, as a terminal would mix them."""
     environment = {**os.environ, "PYTHONUNBUFFERED": "1", "COLUMNS": "100"}
     environment["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{environment['PATH']}"
@@ -39,22 +40,35 @@ def answer(command: str, folder: Path, keep: int | None) -> str:
         text=True,
         check=False,
     )
-    lines = [line.rstrip() for line in done.stdout.splitlines()]
+    return done.stdout
+
+
+def shorten(printed: str, keep: int | None) -> str:
+    """Returns the lines of an answer that a page shows: not the empty ones, ``keep`` at most."""
+    lines = [line.rstrip() for line in printed.splitlines()]
     lines = [line for line in lines if line]
     if keep is not None and len(lines) > keep:
         lines = [*lines[:keep], "..."]
     return "".join(f"{line}\n" for line in lines)
 
 
-def with_answers(text: str, folder: Path) -> str:
-    """Returns the page with every answer renewed."""
+def with_answers(
+    text: str, folder: Path, print_answer: Callable[[str, Path], str] = print_in_shell
+) -> str:
+    """Returns the page with every answer renewed.
+
+    Args:
+        text: The page.
+        folder: Empty; the commands run there, in order.
+        print_answer: Runs a command in a folder and returns what it prints.
+    """
 
     def renewed(block: re.Match[str]) -> str:
         keep = None if block["keep"] is None else int(block["keep"])
         out = block["open"]
         for line in block["body"].splitlines():
             if line.startswith("$ "):
-                out += f"{line}\n{answer(line[2:], folder, keep)}"
+                out += f"{line}\n{shorten(print_answer(line[2:], folder), keep)}"
         return out + block["close"]
 
     return BLOCK.sub(renewed, text)
