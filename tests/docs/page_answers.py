@@ -25,6 +25,10 @@ from types import ModuleType
 from typing import Final
 from unittest import mock
 
+from robotrue.app.operation import Result
+from robotrue.cli import terminal
+from robotrue.cli.main import run
+
 ROOT = Path(__file__).resolve().parents[2]
 OWN: Final = re.compile(
     r"(?:cd (?P<into>\w+) && )?(?P<words>(?:robotrue|python -m robotrue_reproductions)\b[^|<>]*?)"
@@ -34,20 +38,39 @@ OWN: Final = re.compile(
 
 @dataclass(frozen=True)
 class Ran:
-    """What a command printed and the files it wrote or changed."""
+    """What a command printed, what it showed as a result, the files it wrote or changed."""
 
     answer: str
+    results: list[Result]
     files: dict[str, bytes]
 
 
 _RAN: dict[str, Ran] = {}
 
 
-def check_answers(page: str) -> None:
-    """Compares the answers printed on a page of the how-to with those of its commands."""
+def check_answers(page: str, folder: Path | None = None) -> list[Result]:
+    """Compares the answers printed on a page of the how-to with those of its commands.
+
+    Args:
+        page: Name of the page.
+        folder: Empty; takes the files. None: a temporary one.
+
+    Returns:
+        The results that the commands showed, in order.
+    """
+    if folder is None:
+        with tempfile.TemporaryDirectory() as temporary:
+            return check_answers(page, Path(temporary))
     text = (ROOT / "docs" / "howto" / f"{page}.md").read_text(encoding="utf-8")
-    with tempfile.TemporaryDirectory() as folder:
-        assert _page_runner().with_answers(text, Path(folder), _print_once) == text
+    results: list[Result] = []
+
+    def print_answer(command: str, folder: Path) -> str:
+        ran = _run_once(command, folder)
+        results.extend(ran.results)
+        return ran.answer
+
+    assert _page_runner().with_answers(text, folder, print_answer) == text
+    return results
 
 
 @functools.cache
@@ -66,27 +89,28 @@ def _read_files(folder: Path) -> dict[str, bytes]:
     }
 
 
-def _print_once(command: str, folder: Path) -> str:
-    """Returns what a command prints; repeats nothing that began with the same files."""
+def _run_once(command: str, folder: Path) -> Ran:
+    """Runs a command; repeats nothing that began with the same files."""
     before = _read_files(folder)
     digest = hashlib.sha256(command.encode())
     for name, content in before.items():
         digest.update(f"\0{name}\0{len(content)}\0".encode() + content)
     key = digest.hexdigest()
     if key not in _RAN:
-        printed = _print_here(command, folder)
+        results: list[Result] = []
+        printed = _print_here(command, folder, results)
         after = _read_files(folder)
         assert before.keys() <= after.keys(), "a command of a page deleted a file"
         written = {name: text for name, text in after.items() if before.get(name) != text}
-        _RAN[key] = Ran(printed, written)
+        _RAN[key] = Ran(printed, results, written)
     for name, content in _RAN[key].files.items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(content)
-    return _RAN[key].answer
+    return _RAN[key]
 
 
-def _print_here(command: str, folder: Path) -> str:
+def _print_here(command: str, folder: Path, results: list[Result]) -> str:
     own = OWN.fullmatch(command)
     if own is None:
         return str(_page_runner().print_in_shell(command, folder))
@@ -95,11 +119,23 @@ def _print_here(command: str, folder: Path) -> str:
     piped = io.TextIOWrapper(io.BytesIO(), encoding="utf-8", write_through=True)
     out = dropped if own["out"] else piped if own["filter"] else answer
     err = {" 2>&1": out, None: answer}.get(own["err"], dropped)
-    with _process(folder / (own["into"] or ""), out, err):
+    with _process(folder / (own["into"] or ""), out, err), _results_shown(results):
         _run(shlex.split(own["words"]))
     if own["filter"]:
         answer.write(_filter(own["filter"].strip(" |"), _text(piped)))
     return _text(answer)
+
+
+@contextlib.contextmanager
+def _results_shown(results: list[Result]) -> Iterator[None]:
+    show = terminal.show_result
+
+    def keep_and_show(result: Result, *, as_json: bool) -> None:
+        results.append(result)
+        show(result, as_json=as_json)
+
+    with mock.patch.object(terminal, "show_result", keep_and_show):
+        yield
 
 
 def _text(stream: io.TextIOWrapper) -> str:
@@ -130,8 +166,6 @@ def _process(folder: Path, out: io.TextIOWrapper, err: io.TextIOWrapper) -> Iter
 
 
 def _run(words: list[str]) -> None:
-    from robotrue.cli.main import run
-
     if words[0] == "robotrue":
         sys.argv = words
         run()

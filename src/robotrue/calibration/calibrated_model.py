@@ -57,7 +57,7 @@ class Reflector:
     root: Array | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, weakref_slot=True)
 class CalibratedModel(Columns):
     """One arm as identified: geometry, compliance, and any further terms learned with them.
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -16,9 +17,20 @@ from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import nominal_identity
 
 
+_HASHES: Final[dict[int, str]] = {}
+"""By the identity of models that exist."""
+
+
 def model_hash(model: ErrorModel) -> str:
-    """Returns the SHA-256 of everything in the model's archive, its summary included."""
-    return sha256(archive_bytes(model.to_archive()))
+    """Returns the SHA-256 of everything in the model's archive, its summary included.
+
+    Packing takes .6 s, and each held-out fit of a transfer names the same parents.
+    """
+    key = id(model)
+    if key not in _HASHES:
+        _HASHES[key] = sha256(archive_bytes(model.to_archive()))
+        weakref.finalize(model, _HASHES.pop, key)
+    return _HASHES[key]
 
 
 def data_hash(measurements: MeasurementSet) -> str:

@@ -23,7 +23,7 @@ KIND: Final = "error-model/nominal"
 SCHEMA: Final = 1
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, weakref_slot=True)
 class NominalModel:
     """An error model that corrects nothing: the nominal arm, with the priors of its type.
 

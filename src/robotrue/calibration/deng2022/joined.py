@@ -55,7 +55,7 @@ class Expert:
     inflation: float = 1.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, weakref_slot=True)
 class PoseModel:
     """Errors learned on Cartesian poses, eq. 26; the first expert whose domain holds a pose speaks.
 
