@@ -32,7 +32,7 @@ from robotrue.store.locks import hold_alone, is_abandoned
 from robotrue.store.query_defaults import SLOTS
 from robotrue.store.workspace import Workspace
 
-Start: TypeAlias = Literal["spawn", "fork"]
+Start: TypeAlias = Literal["spawn", "fork", "forkserver"]
 LOOK: Final = 0.05
 """s between two looks at the processes."""
 BEAT: Final = 2.0
@@ -94,7 +94,8 @@ class ProcessEngine:
     """Attempts in processes of this machine, each started anew.
 
     Attributes:
-        start: How: ``spawn``, or ``fork`` where nothing of this process can be in the way.
+        start: How: ``spawn``, ``forkserver`` where a server of forks has the libraries loaded, or
+            ``fork`` where nothing of this process can be in the way.
     """
 
     def __init__(self, start: Start = "spawn") -> None:
@@ -290,6 +291,7 @@ def run_worker(
     stop: Callable[[], bool] = lambda: False,
     dask: str | None = None,
     patience: float = PATIENCE,
+    start: Start = "spawn",
 ) -> int:
     """Does jobs of a workspace; returns how many attempts it made.
 
@@ -303,6 +305,7 @@ def run_worker(
         dask: Address of a scheduler whose workers see the same folder and database; None: this
             machine.
         patience: s a cancelled job has to see that it is, before its process is killed.
+        start: How processes of this machine are started, see :class:`ProcessEngine`.
 
     Raises:
         ConfigurationError: No workspace, or no scheduler answers.
@@ -310,7 +313,7 @@ def run_worker(
     """
     with contextlib.ExitStack() as stack:
         workspace = stack.enter_context(Workspace.open(path, url))
-        engine = ProcessEngine() if dask is None else stack.enter_context(DaskEngine(dask))
+        engine = ProcessEngine(start) if dask is None else stack.enter_context(DaskEngine(dask))
         worker = Worker(workspace, kinds, engine, slots=slots, patience=patience)
         worker.run(until_idle=until_idle, stop=stop)
         return worker.done

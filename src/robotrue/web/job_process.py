@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import multiprocessing
 import os
 import threading
 from collections.abc import Mapping
@@ -18,6 +17,7 @@ from typing import Final
 from robotrue.errors import RobotrueError
 from robotrue.store import jobs
 from robotrue.store.workspace import Workspace
+from robotrue.web.child_processes import child_context, child_start
 from robotrue.web.workers import end_with_parent
 
 LOOK: Final = 1.0
@@ -79,9 +79,8 @@ class JobProcess:
             return False
 
     def _start(self) -> None:
-        context = multiprocessing.get_context("spawn")
         where = (str(self._workspace.folder), self._workspace.url, self._kinds)
-        self._process = context.Process(target=_work, args=where)
+        self._process = child_context().Process(target=_work, args=where)  # type: ignore[attr-defined]
         self._process.start()
         self._orphans = False
 
@@ -90,4 +89,4 @@ def _work(folder: str, url: str | None, kinds: dict[str, str]) -> None:
     from robotrue.store.jobs_worker import run_worker
 
     threading.Thread(target=end_with_parent, daemon=True).start()
-    run_worker(folder, url, kinds=kinds, slots=SLOTS, until_idle=True)
+    run_worker(folder, url, kinds=kinds, slots=SLOTS, until_idle=True, start=child_start())

@@ -18,6 +18,7 @@ from concurrent.futures.process import BrokenProcessPool
 from typing import Final, ParamSpec, TypeVar
 
 from robotrue.errors import RobotrueError
+from robotrue.web.child_processes import child_context
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -100,8 +101,7 @@ class QueryWorkers:
                 continue
             if process in self._running:
                 return process
-        context = multiprocessing.get_context("spawn")
-        process = ProcessPoolExecutor(1, mp_context=context, initializer=_begin)
+        process = ProcessPoolExecutor(1, mp_context=child_context(), initializer=_begin)
         self._running.add(process)
         return process
 
