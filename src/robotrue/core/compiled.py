@@ -108,7 +108,8 @@ def _stamp(kernel: Dispatcher) -> str:
         one = waiting.pop()
         function = one.py_func
         cells = [cell.cell_contents for cell in function.__closure__ or ()]
-        used = {n: v for n, v in function.__globals__.items() if n in _names(function.__code__)}
+        names = _names(function.__code__)
+        used = {n: v for n, v in function.__globals__.items() if n in names}
         parts += [function.__module__, function.__qualname__, _describe_value(function.__code__)]
         parts.append(repr(sorted((k, _describe_value(v)) for k, v in one.targetoptions.items())))
         for name, value in [*sorted(used.items()), *(("", v) for v in cells)]:
