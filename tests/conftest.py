@@ -4,21 +4,48 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Final
 
 import pytest
 
+TESTS: Final = Path(__file__).resolve().parent
+LONGEST: Final = (
+    "web/test_story.py",
+    "cli/test_marks.py",
+    "docs/test_dynamic_pages.py",
+    "docs/test_shop_pages.py",
+    "web/test_registration_page.py",
+    "cli/test_demo.py",
+    "web/test_drift_page.py",
+    "web/test_choices.py",
+    "compensation/test_configuration_chosen.py",
+    "cli/test_compensate_configuration.py",
+    "web/test_hostile_names.py",
+    "compensation/test_compensate_file.py",
+    "web/test_tools_browser.py",
+    "web/test_cell_form.py",
+    "web/test_plan_page.py",
+    "web/test_drilling_page.py",
+    "web/test_browser.py",
+    "store/test_kills.py",
+    "store/test_jobs.py",
+    "program/test_krl_repeats.py",
+    "drilling/test_refinement.py",
+    "drilling/test_corrections.py",
+    "web/test_kills_of_server.py",
+    "cli/test_compensate.py",
+    "program/test_linear_time.py",
+)
+"""Files of tests that take the longest, in this order."""
+
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begins with the files marked ``first``, by their number; the others follow as they come.
+    """Begins with the longest files; the others follow as they come.
 
-    Two workers take whole files, see scripts/check. The first two compile the kernels, each other
-    ones, and the rest finds the machine code on the disk; long files early leave no worker alone
-    with one at the end.
+    Workers take whole files, see scripts/check: a long file at the end leaves one worker alone.
     """
-    numbers = {
-        item.path: mark.args[0] for item in items if (mark := item.get_closest_marker("first"))
-    }
-    items.sort(key=lambda item: numbers.get(item.path, len(items)))
+    numbers = {TESTS / name: number for number, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: numbers.get(item.path, len(LONGEST)))
 
 
 @pytest.fixture(scope="session")

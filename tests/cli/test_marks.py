@@ -20,8 +20,6 @@ from robotrue.report.demo_result import DemoResult
 from robotrue.simulation.flange_hole import FlangeHole
 from robotrue.simulation.presets import deng2022, reflector_at_tool
 
-pytestmark = pytest.mark.first(1)
-
 SIMULATED = Provenance(simulated=True, instrument="virtual tracker")
 
 

@@ -22,8 +22,6 @@ from robotrue.program.formats.stated_feeds import stated_feeds
 from robotrue.program.insertion import Inserter
 from robotrue.program.program import FrameTable, Reason, Replacement
 
-pytestmark = pytest.mark.first(2)
-
 STEEP = 8.0
 """Times as long for four times as much; linear is 4, quadratic 16."""
 QUICK = 0.1

@@ -16,8 +16,6 @@ from web_shop import SEED, Served, Shop, fill, write_files
 
 from robotrue.cli.main import run
 
-pytestmark = pytest.mark.first(3)
-
 POSES_OF_STORY = 30
 
 

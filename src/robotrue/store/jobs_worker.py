@@ -98,7 +98,7 @@ class ProcessEngine:
             ``fork`` where nothing of this process can be in the way.
     """
 
-    def __init__(self, start: Start = "spawn") -> None:
+    def __init__(self, start: Start) -> None:
         self.start: Start = start
 
     def begin(self, workspace: Workspace, target: str, claim: Claim) -> JobRun:
