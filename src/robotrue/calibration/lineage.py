@@ -16,7 +16,6 @@ from robotrue.core.provenance import Provenance, merge, provenance_from
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import nominal_identity
 
-
 _HASHES: Final[dict[int, str]] = {}
 """By the identity of models that exist."""
 
