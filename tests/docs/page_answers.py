@@ -7,6 +7,7 @@ everything else runs in a shell. A command that found the same files before is n
 from __future__ import annotations
 
 import contextlib
+import difflib
 import functools
 import hashlib
 import io
@@ -69,7 +70,9 @@ def check_answers(page: str, folder: Path | None = None) -> list[Result]:
         results.extend(ran.results)
         return ran.answer
 
-    assert _page_runner().with_answers(text, folder, print_answer) == text
+    renewed = _page_runner().with_answers(text, folder, print_answer)
+    changed = difflib.unified_diff(text.splitlines(), renewed.splitlines(), "page", "answers")
+    assert renewed == text, "\n".join(changed)
     return results
 
 
