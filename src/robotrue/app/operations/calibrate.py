@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Facts, Note
-from robotrue.app.request import Item, Option, Reference, Request
+from robotrue.app.request import ON_COMMAND_LINE, Item, Option, Reference, Request
 from robotrue.app.request_fields import ForeignColumns, ModelOutput, SavedPage
 from robotrue.core.provenance import Provenance
 
@@ -42,6 +42,13 @@ class CalibrateRequest(Request):
         Option(help="auto, or one of nominal, geometric, elastic, ripple, gp."),
     ] = "auto"
     mapping: ForeignColumns = None
+    cure: Annotated[
+        str | None,
+        Option(
+            shells=ON_COMMAND_LINE,
+            help="Put right a cause the data doctor named; files stay untouched.",
+        ),
+    ] = None
     report: SavedPage = None
 
 
@@ -88,13 +95,16 @@ def run(request: CalibrateRequest, context: Context) -> Calibrated:
         ObservabilityError: Too few measurements for what is asked.
     """
     from robotrue.app.calibration_page import write_page
+    from robotrue.app.data_doctor import read_examined
     from robotrue.calibration.lineage import provenance_of
     from robotrue.store.model_file import write_model
     from robotrue.validation.validate import validate
 
     cell = context.cell(request.cell)
-    rows = context.measurements(cell, request.measurements, request.mapping)
+    examined = read_examined(cell, request.measurements, request.mapping, request.cure, context)
+    rows = examined.rows
     model, selection = _fit(request, cell, rows, context)
+    model = examined.mark(model)
     output = context.output(request.output)
     write_model(output, model, cell)
     context.wrote("model", output)

@@ -8,7 +8,7 @@ from typing import Annotated, Final
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.plain_result import PlainResult
-from robotrue.app.request import InputFile, Request
+from robotrue.app.request import ON_COMMAND_LINE, InputFile, Request
 from robotrue.app.request_fields import Columns
 
 
@@ -17,6 +17,12 @@ class InspectRequest(Request):
 
     path: Annotated[Path, InputFile(argument="FILE", help="Model, cell, measurements or program.")]
     mapping: Columns = None
+    doctor: Annotated[
+        Path | None,
+        InputFile(
+            shells=ON_COMMAND_LINE, help="Cell of measurements: say what is wrong with them."
+        ),
+    ] = None
 
 
 def run(request: InspectRequest, context: Context) -> PlainResult:
@@ -27,6 +33,10 @@ def run(request: InspectRequest, context: Context) -> PlainResult:
     """
     from robotrue.app.file_contents import describe_file
 
+    if request.doctor is not None:
+        from robotrue.app.data_doctor import inspect_measurements
+
+        return inspect_measurements(request.path, request.doctor, request.mapping, context)
     return describe_file(request.path, request.mapping)
 
 

@@ -227,12 +227,14 @@ def run(request: TransferRequest, context: Context) -> Transferred:
     Raises:
         ObservabilityError: Nothing can be used.
     """
+    from robotrue.app.data_doctor import find_warnings
     from robotrue.app.measured_rows import require_mapped
     from robotrue.app.transfer_method import paper_contestants
     from robotrue.app.transfer_sources import known_sources, read_source, read_target
     from robotrue.calibration.lineage import provenance_of
     from robotrue.planning.information import settings_of
     from robotrue.store.model_file import write_model
+    from robotrue.validation.doctor_report import with_findings
     from robotrue.validation.guard import verdict_from_summary
     from robotrue.validation.guarded_transfer import contestants, select_transfer
 
@@ -264,6 +266,8 @@ def run(request: TransferRequest, context: Context) -> Transferred:
     model = select_transfer(
         found, robot, target, settings, progress=context.step, requested=requested
     )
+    if target is not None:
+        model = with_findings(model, find_warnings(cell, target))
     curve = _curve(found, target, cell, context) if request.curve else None
     output = context.output(request.output)
     write_model(output, model, cell)

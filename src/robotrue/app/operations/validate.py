@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
@@ -93,6 +93,7 @@ def _row(name: str, statistics: ErrorStatistics) -> tuple[str, ...]:
 def run(request: ValidateRequest, context: Context) -> Validated:
     """Predicts the poses and compares; writes the report page if one is asked for."""
     from robotrue.app.calibration_page import write_page
+    from robotrue.app.data_doctor import find_warnings
     from robotrue.calibration.lineage import provenance_of
     from robotrue.report.model_view import harmless_remark
     from robotrue.report.warning_groups import group_warnings
@@ -103,6 +104,7 @@ def run(request: ValidateRequest, context: Context) -> Validated:
     rows = context.measurements(stored.cell, request.measurements, request.mapping, minimum=1)
     context.step("predicting", 1, STEPS)
     result = validate(stored.model, rows, payload=stored.cell.payload)
+    result = replace(result, doubts=(*find_warnings(stored.cell, rows), *result.doubts))
     for warning in group_warnings(stored.model, result.doubts):
         context.note(warning)
     for line in harmless_remark(stored.model.training_summary()):

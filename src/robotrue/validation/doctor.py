@@ -1,0 +1,225 @@
+"""The data doctor: names what is wrong with measured rows, and offers to put it right.
+
+Every suspicion proposes its likeliest hypothesis by cheap tests; the best few are fitted anew and
+compared with "clean" by their Bayes factor. Nothing is put right unless it is asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from robotrue.calibration.settings import FitSettings
+from robotrue.core.units import MM
+from robotrue.errors import ConfigurationError
+from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.robot.model import RobotModel
+from robotrue.validation.doctor_case import open_case
+from robotrue.validation.doctor_evidence import Evidence, fit_rows, learn, weigh_noise
+from robotrue.validation.doctor_groups import SCATTERED
+from robotrue.validation.doctor_joints import Clock, JointsEarly
+from robotrue.validation.doctor_readings import JointOffset, JointTurn, Misread
+from robotrue.validation.doctor_repeats import RepeatedRows
+from robotrue.validation.doctor_segments import SEGMENTS, Drift
+from robotrue.validation.doctor_suspicion import HOPELESS, DataSuspicion, Hypothesis
+
+SUSPICIONS: Final[tuple[DataSuspicion, ...]] = (
+    *SEGMENTS, Drift(), *SCATTERED, JointsEarly(), Clock(), Misread(), JointOffset(),
+)  # fmt: skip
+CERTAIN: Final[tuple[DataSuspicion, ...]] = (RepeatedRows(), JointTurn())
+FEWEST_ROWS: Final = 15
+"""Rows below which nothing is suspected but repeats."""
+PRIOR: Final = 0.05
+"""Belief that a file has one of the causes, before it is looked at."""
+SURE: Final = 0.995
+"""Probability of a cause from which it is named."""
+REFITTED: Final = 4
+LARGEST_ODDS: Final = 1e6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NamedCause:
+    """A cause that is named.
+
+    Attributes:
+        hypothesis: What is wrong, where, and the rows put right.
+        probability: Of the cause, against clean rows and all other causes.
+        before: m, mean error of each row predicted from the others, as the file stands.
+        after: m, the same once it is put right; NaN where that is outside the rows.
+    """
+
+    hypothesis: Hypothesis
+    probability: float
+    before: float
+    after: float
+
+    @property
+    def odds(self) -> float:
+        """Probability over one minus it, at most :data:`LARGEST_ODDS`."""
+        return min(self.probability / max(1.0 - self.probability, 1e-9), LARGEST_ODDS)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Diagnosis:
+    """What the data doctor says of a measurement set.
+
+    Attributes:
+        findings: Named causes, those that need no statistics first.
+        considered: Cause and log Bayes factor of every hypothesis that was compared.
+        error: m, mean error of each row predicted from the others, as the file stands.
+        examined: Rows that were looked at.
+        rows: Rows of the set.
+    """
+
+    findings: tuple[NamedCause, ...]
+    considered: tuple[tuple[str, float], ...]
+    error: float
+    examined: int
+    rows: int
+
+
+def diagnose(
+    robot: RobotModel, rows: MeasurementSet, settings: FitSettings | None = None
+) -> Diagnosis:
+    """Returns what is wrong with measured rows, as far as it can be told; changes nothing.
+
+    Args:
+        robot: Nominal arm with the measured reflector.
+        rows: In base or in a tracker frame; they need not be plausible.
+        settings: Loads, priors, repeatability.
+    """
+    used = FitSettings() if settings is None else settings
+    found: list[NamedCause] = []
+    standing = rows
+    if len(rows) < FEWEST_ROWS:
+        return Diagnosis(findings=(), considered=(), error=np.nan, examined=0, rows=len(rows))
+    clean = _fit_clean(robot, standing, used)
+    for suspicion in CERTAIN:
+        for hypothesis in suspicion.look(standing, clean, clean.case):
+            found.append(_weigh_certain(hypothesis, robot, used, clean))
+            standing = standing if hypothesis.cured is None else hypothesis.cured
+    if found:
+        clean = _fit_clean(robot, standing, used)
+    compared = _compare(standing, clean)
+    error = _mean_error(clean)
+    named = _name_best(compared)
+    if named is not None:
+        best, probability = named
+        found.append(
+            NamedCause(
+                hypothesis=best,
+                probability=probability,
+                before=error,
+                after=_error_after(best, robot, used),
+            )
+        )
+    return Diagnosis(
+        findings=tuple(found),
+        considered=tuple((each.cause, each.log_odds) for each in compared),
+        error=error,
+        examined=len(clean.case.chosen),
+        rows=len(rows),
+    )
+
+
+def _fit_clean(robot: RobotModel, rows: MeasurementSet, settings: FitSettings) -> Evidence:
+    return fit_rows(open_case(robot, rows, settings))
+
+
+def _compare(rows: MeasurementSet, clean: Evidence) -> list[Hypothesis]:
+    """Every suspicion's hypotheses, the best of them fitted anew, the likeliest first."""
+    case = clean.case
+    tried: list[Hypothesis] = []
+    for suspicion in SUSPICIONS:
+        tried.extend(suspicion.look(rows, clean, case))
+    tried.sort(key=lambda each: -each.log_odds)
+    refitted = [
+        _refit(each, clean)
+        if each.columns is not None and k < REFITTED and each.log_odds > HOPELESS
+        else each
+        for k, each in enumerate(tried)
+    ]
+    return sorted(refitted, key=lambda each: -each.log_odds)
+
+
+def _refit(hypothesis: Hypothesis, clean: Evidence) -> Hypothesis:
+    evidence = learn(clean.case, hypothesis.columns, clean.scales)
+    stated = max(clean.log_evidence, weigh_noise(clean.case, evidence.scales))
+    odds = evidence.log_evidence - stated - hypothesis.price
+    # What the wrong rows made noise of before is their effect now.
+    revise = hypothesis.revise
+    revised = hypothesis if revise is None else revise(evidence.coefficients())
+    return replace(revised, log_odds=odds)
+
+
+def _name_best(compared: Sequence[Hypothesis]) -> tuple[Hypothesis, float] | None:
+    if not compared:
+        return None
+    share = np.log(PRIOR / len(SUSPICIONS))
+    weights = np.array([np.log(1.0 - PRIOR), *(each.log_odds + share for each in compared)])
+    weights = np.exp(weights - weights.max())
+    clean = float(weights[0] / weights.sum())
+    best = compared[0]
+    # What is asked is whether the rows are clean; between causes of one effect the best is named.
+    return (best, 1.0 - clean) if 1.0 - clean > SURE else None
+
+
+def _weigh_certain(
+    hypothesis: Hypothesis, robot: RobotModel, settings: FitSettings, clean: Evidence
+) -> NamedCause:
+    return NamedCause(
+        hypothesis=hypothesis,
+        probability=1.0,
+        before=_mean_error(clean),
+        after=_error_after(hypothesis, robot, settings),
+    )
+
+
+def _mean_error(evidence: Evidence) -> float:
+    return float(np.linalg.norm(evidence.left_out()[0], axis=1).mean())
+
+
+def _error_after(hypothesis: Hypothesis, robot: RobotModel, settings: FitSettings) -> float:
+    cured = hypothesis.cured
+    if cured is None:
+        return float("nan")
+    return _mean_error(_fit_clean(robot, cured, settings))
+
+
+def cure_rows(
+    robot: RobotModel, rows: MeasurementSet, settings: FitSettings | None, cause: str
+) -> tuple[MeasurementSet, NamedCause]:
+    """Returns the rows put right for one named cause, and the finding; the given rows stay.
+
+    Args:
+        robot: Nominal arm with the measured reflector.
+        rows: As read.
+        settings: Loads, priors, repeatability.
+        cause: Name of the cause.
+
+    Raises:
+        ConfigurationError: The doctor does not find that cause, or its cure is outside the rows.
+    """
+    diagnosis = diagnose(robot, rows, settings)
+    names = [each.hypothesis.cause for each in diagnosis.findings]
+    for finding in diagnosis.findings:
+        if finding.hypothesis.cause != cause:
+            continue
+        if finding.hypothesis.cured is None:
+            raise ConfigurationError(
+                f"{cause}: no rows can be put right.", hint=f"{finding.hypothesis.advice}."
+            )
+        return finding.hypothesis.cured, finding
+    listed = ", ".join(names) or "nothing"
+    raise ConfigurationError(
+        f"cure {cause!r} does not fit these rows: the data doctor finds {listed}.",
+        hint="robotrue inspect MEAS --doctor CELL says what it finds.",
+    )
+
+
+def tell_size(size: float) -> str:
+    """Returns a length in mm for a reader."""
+    return f"{size / MM:.3f} mm"

@@ -1,0 +1,267 @@
+"""How well a hypothesis about measured rows explains them: evidence in closed form.
+
+    y ~ N(0, K),   K = H H' + geometry + ripple + smooth + joints + C + white
+
+with one learned scale each. Columns Z of a hypothesis with sd s add ``s^2 Z Z'``; their Bayes
+factor against nothing needs only ``A = Z' K^-1 Z`` and ``b = Z' K^-1 y``:
+
+    log B = -1/2 log |1 + s^2 A| + 1/2 b' (1 / s^2 + A)^-1 b.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from scipy.linalg import solve_triangular
+from scipy.special import gammaln
+
+from robotrue.core.arrays import Array, IntArray
+from robotrue.validation.doctor_case import Case, ripple_columns
+
+WIDTHS: Final = np.array([0.1e-3, 0.5e-3, 2e-3, 10e-3, 100e-3])
+"""m, sd of the effect of a hypothesis on a point; each is as likely."""
+JOINT_SD: Final = 4e-5
+"""rad, scatter of a drive that a healthy arm may have."""
+WHITE: Final = 2e-5
+"""m per axis, white noise beyond instrument and repeatability that is usual."""
+FACTORS: Final = (4.0, 2.0, 2.0, 1.4, 1.4, 1.2)
+"""Steps by which scales are searched, one round each; from known scales the last four."""
+HEALTHY_JOINTS: Final = 3e-4
+"""rad, 0.017 deg: scatter of a drive that no healthy arm exceeds, unmodelled ripple included."""
+LOOSENESS: Final = 1.5
+"""Sd of the logarithm of a scale about its usual size."""
+GEOMETRY_LOOSENESS: Final = 0.7
+"""The same of geometry: else errors of the file pass for links that are centimetres off."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scales:
+    """Factors on the usual sizes of what a clean arm may show.
+
+    Attributes:
+        geometry: On the priors of geometry and compliance.
+        ripple: On the usual ripple.
+        smooth: Smooth residual, over 0.1 mm.
+        joints: Scatter of the joints, over :data:`JOINT_SD`.
+        white: White noise, over :data:`WHITE`.
+    """
+
+    geometry: float
+    ripple: float
+    smooth: float
+    joints: float
+    white: float
+
+
+USUAL: Final = Scales(geometry=1.0, ripple=1.0, smooth=0.3, joints=0.3, white=1.0)
+NAMES: Final = ("white", "geometry", "smooth", "ripple", "joints")
+SMOOTH: Final = 1e-4
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """The rows under one hypothesis about their covariance.
+
+    Attributes:
+        case: The rows.
+        scales: Learned.
+        lower: (m, m) Cholesky factor of K; m = 3 n.
+        log_evidence: Log density of the rows, with that of the scales.
+        extra: (m, q) columns of a hypothesis that K holds, over their sd; q = 0 for a clean set.
+    """
+
+    case: Case
+    scales: Scales
+    lower: Array
+    log_evidence: float
+    extra: Array
+
+    @cached_property
+    def root(self) -> Array:
+        """(m, m) L^-1."""
+        size = len(self.lower)
+        return np.asarray(solve_triangular(self.lower, np.eye(size), lower=True))
+
+    @cached_property
+    def white_values(self) -> Array:
+        """(m,) L^-1 y."""
+        return np.asarray(self.root @ self.case.values.ravel())
+
+    @cached_property
+    def pull(self) -> Array:
+        """(m,) K^-1 y."""
+        return np.asarray(self.root.T @ self.white_values)
+
+    @cached_property
+    def precision(self) -> Array:
+        """(m, m) K^-1."""
+        return np.asarray(self.root.T @ self.root)
+
+    def left_out(self) -> tuple[Array, Array]:
+        """Returns residual (n, 3) m of each row predicted from all others, its covariance."""
+        n = len(self.case.values)
+        blocks = self.precision.reshape(n, 3, n, 3)[np.arange(n), :, np.arange(n), :]
+        covariance = np.asarray(np.linalg.inv(blocks))
+        gap = covariance @ self.pull.reshape(n, 3, 1)
+        return gap[:, :, 0], covariance
+
+    def prediction(self) -> Array:
+        """Returns what is said of the arm itself at the rows (n, 3) m, hypothesis left out."""
+        parts = _components(self.case)
+        kernel = sum(getattr(self.scales, name) ** 2 * parts[name] for name in _ARM)
+        return np.asarray(((kernel + parts["loose"]) @ self.pull).reshape(-1, 3))
+
+    def coefficients(self) -> Array:
+        """Returns the mean (q,) of the coefficients of ``extra``, over their sd."""
+        return np.asarray(self.extra.T @ self.pull)
+
+
+_ARM: Final = ("geometry", "ripple", "smooth")
+
+
+def learn(case: Case, extra: Array | None = None, start: Scales | None = None, *,
+          noise: Array | None = None) -> Evidence:  # fmt: skip
+    """Returns the rows with the scales that make them most likely.
+
+    Args:
+        case: The rows.
+        extra: (n, 3, q) columns of a hypothesis, over their sd.
+        start: Where the search begins; then one round of small steps is done.
+        noise: (n, 3, 3) m^2 of a hypothesis about the noise.
+    """
+    m = case.values.size
+    columns = np.zeros((m, 0)) if extra is None else extra.reshape(m, -1)
+    fixed = columns @ columns.T
+    if noise is not None:
+        fixed = fixed + _spread_blocks(noise)
+    clean = _components(case)
+    parts = {**clean, "loose": clean["loose"] + fixed}
+    scales = USUAL if start is None else start
+    best = _density(case, parts, scales)
+    for factor in FACTORS if start is None else FACTORS[2:]:
+        for name in NAMES:
+            scales, best = _search(case, parts, scales, best, name, factor)
+    lower = np.asarray(np.linalg.cholesky(_total(parts, scales)))
+    return Evidence(case=case, scales=scales, lower=lower, log_evidence=best, extra=columns)
+
+
+def fit_rows(case: Case) -> Evidence:
+    """Returns the rows as they stand; searched as long as every hypothesis about them is."""
+    return learn(case, start=learn(case).scales)
+
+
+def weigh_noise(case: Case, scales: Scales, noise: Array | None = None) -> float:
+    """Returns the log density of the rows with scales held and noise (n, 3, 3) m^2 added."""
+    parts = _components(case)
+    if noise is None:
+        return _density(case, parts, scales)
+    return _density(case, {**parts, "loose": parts["loose"] + _spread_blocks(noise)}, scales)
+
+
+def _search(
+    case: Case, parts: dict[str, Array], scales: Scales, best: float, name: str, factor: float
+) -> tuple[Scales, float]:
+    """Moves one scale as long as the rows become more likely."""
+    for way in (factor, 1.0 / factor):
+        moved = False
+        for _ in range(8):
+            trial = replace(scales, **{name: getattr(scales, name) * way})
+            if trial.joints * JOINT_SD > HEALTHY_JOINTS:
+                break
+            density = _density(case, parts, trial)
+            if density <= best:
+                break
+            scales, best, moved = trial, density, True
+        if moved:
+            break
+    return scales, best
+
+
+def _density(case: Case, parts: dict[str, Array], scales: Scales) -> float:
+    """Log density of the rows and of the scales."""
+    try:
+        lower = np.linalg.cholesky(_total(parts, scales))
+    except np.linalg.LinAlgError:
+        return -np.inf
+    white = solve_triangular(lower, case.values.ravel(), lower=True, check_finite=False)
+    away = (np.log(scales.geometry / USUAL.geometry) / GEOMETRY_LOOSENESS) ** 2 + sum(
+        (np.log(getattr(scales, name) / getattr(USUAL, name)) / LOOSENESS) ** 2
+        for name in NAMES
+        if name != "geometry"
+    )
+    log_det = float(np.log(np.diagonal(lower)).sum())
+    return float(-0.5 * white @ white - log_det - 0.5 * away)
+
+
+def _total(parts: dict[str, Array], scales: Scales) -> Array:
+    total = parts["loose"].copy()
+    for name in _ARM:
+        total += getattr(scales, name) ** 2 * parts[name]
+    total += scales.joints**2 * parts["joints"]
+    total[np.diag_indices(len(total))] += (scales.white * WHITE) ** 2
+    return total
+
+
+def _components(case: Case) -> dict[str, Array]:
+    """The covariances (m, m) that scales multiply, and the one they do not."""
+    m = case.values.size
+    columns = case.columns.reshape(m, -1)
+    known = case.geometric > 0.0
+    ripple = ripple_columns(case).reshape(m, -1)
+    drive = case.drive @ np.swapaxes(case.drive, 1, 2)
+    return {
+        "loose": columns[:, ~known] @ columns[:, ~known].T + _spread_blocks(case.covariance),
+        "geometry": columns[:, known] @ columns[:, known].T,
+        "ripple": ripple @ ripple.T,
+        "smooth": np.asarray(SMOOTH**2 * np.kron(case.kernel, np.eye(3))),
+        "joints": JOINT_SD**2 * _spread_blocks(drive),
+    }
+
+
+def _spread_blocks(blocks: Array) -> Array:
+    """Block diagonal (3 n, 3 n) of (n, 3, 3)."""
+    n = len(blocks)
+    out = np.zeros((n, 3, n, 3))
+    out[np.arange(n), :, np.arange(n), :] = blocks
+    return out.reshape(3 * n, 3 * n)
+
+
+def column_odds(precision: Array, right: Array, widths: Array = WIDTHS) -> tuple[Array, IntArray]:
+    """Returns log Bayes factors (k,) of columns against none, and which width is likeliest.
+
+    Args:
+        precision: (k, q, q) Z' K^-1 Z.
+        right: (k, q) Z' K^-1 y.
+        widths: (w,) sd of the coefficients, each as likely.
+    """
+    values, vectors = np.linalg.eigh(precision)
+    values = np.maximum(values, 0.0)
+    turned = np.einsum("kpq,kp->kq", vectors, right)
+    size = values[:, None, :] * widths[None, :, None] ** 2
+    gain = 0.5 * (turned[:, None, :] ** 2 * widths[None, :, None] ** 2 / (1.0 + size)).sum(axis=2)
+    each = gain - 0.5 * np.log1p(size).sum(axis=2)
+    top = each.max(axis=1)
+    odds = top + np.log(np.exp(each - top[:, None]).mean(axis=1))
+    return np.asarray(odds), np.asarray(each.argmax(axis=1))
+
+
+def columns_fit(evidence: Evidence, columns: Array, widths: Array = WIDTHS) -> tuple[float, float]:
+    """Returns the log Bayes factor of columns (n, 3, q) and the likeliest width."""
+    m = len(evidence.lower)
+    flat = columns.reshape(m, -1)
+    white = evidence.root @ flat
+    odds, which = column_odds(
+        (white.T @ white)[None], (white.T @ evidence.white_values)[None], widths
+    )
+    return float(odds[0]), float(widths[which[0]])
+
+
+def log_choices(total: int, picked: Sequence[int] | IntArray) -> float:
+    """Returns the log prior of one subset of rows: its size uniform, then any as likely."""
+    count = len(picked)
+    ways = gammaln(total + 1) - gammaln(count + 1) - gammaln(total - count + 1)
+    return float(-ways - np.log(total + 1))

@@ -1,0 +1,140 @@
+"""Scattered rows that are off alike: outliers in one direction, rows of another reflector."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.units import MM
+from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.validation.doctor_case import Case, open_case
+from robotrue.validation.doctor_evidence import Evidence, columns_fit, learn, log_choices
+from robotrue.validation.doctor_segments import SEGMENTS, Picked, Segment, estimate_columns
+from robotrue.validation.doctor_suspicion import HOPELESS, Hypothesis
+
+LARGEST_SHARE: Final = 0.4
+"""Part of the rows that may be off; of more nobody knows which are right."""
+ROUNDS: Final = 6
+SEEDS: Final = 8
+LEAST: Final = 3
+MOST_PARTS: Final = 20
+"""Parts of a long set whose rows are named one by one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scattered:
+    """Rows anywhere in the file that are off in the same way.
+
+    Attributes:
+        segment: What is wrong with them.
+    """
+
+    segment: Segment
+
+    def look(self, rows: MeasurementSet, residuals: Evidence, arm: Case) -> Sequence[Hypothesis]:
+        """Returns the likeliest group."""
+        group, odds, width = self._find_group(residuals, arm)
+        if group is None or odds < HOPELESS:
+            return ()
+        chosen = arm.chosen[group]
+        if len(arm.chosen) < len(rows):
+            chosen = self._find_others(rows, arm, chosen)
+        price = -log_choices(len(group), np.flatnonzero(group))
+        found = Picked(inside=group, rows=chosen, log_odds=odds, width=width, price=price)
+        return [self.segment.build(rows, residuals, arm, found)]
+
+    def _find_group(self, residuals: Evidence, arm: Case) -> tuple[BoolArray | None, float, float]:
+        columns = self.segment.make_columns(arm.measured, arm)
+        best: BoolArray | None = None
+        most, width = -np.inf, 0.0
+        for group in _grow_groups(residuals, columns, float(self.segment.widths[-1])):
+            odds, size = columns_fit(residuals, columns * group[:, None, None], self.segment.widths)
+            odds += log_choices(len(group), np.flatnonzero(group))
+            if odds > most:
+                best, most, width = group, odds, size
+        return best, most, width
+
+    def _find_others(self, rows: MeasurementSet, arm: Case, first: IntArray) -> IntArray:
+        """Rows of a long set that are off alike, part by part; each part is fitted alone."""
+        parts = -(-len(rows) // len(arm.chosen))
+        if parts > MOST_PARTS:
+            return first
+        found = [first]
+        left = np.setdiff1d(np.arange(len(rows)), arm.chosen)
+        for part in (left[k :: parts - 1] for k in range(parts - 1)):
+            case = open_case(arm.robot, arm.rows, arm.settings, part)
+            group, odds, _ = self._find_group(learn(case), case)
+            if group is not None and odds > 0.0:
+                found.append(part[group])
+        return np.sort(np.concatenate(found))
+
+
+def _grow_groups(residuals: Evidence, columns: Array, width: float) -> Iterator[BoolArray]:
+    """Yields groups of rows that one set of coefficients makes likelier, from several seeds."""
+    gap, covariance = residuals.left_out()
+    inverse = np.linalg.inv(covariance)
+    force = np.einsum("niq,nij,nj->nq", columns, inverse, gap)
+    weight = np.einsum("niq,nij,njr->nqr", columns, inverse, columns)
+    eye = np.eye(columns.shape[2]) / width**2
+    single = np.linalg.solve(weight + eye, force[:, :, None])[:, :, 0]
+    seeds = np.argsort(-np.einsum("nq,nq->n", single, force))[:SEEDS]
+    seen: set[bytes] = set()
+    for seed in seeds.tolist():
+        group = _alike(single[seed], force, weight)
+        for _ in range(ROUNDS):
+            if not LEAST <= group.sum() <= LARGEST_SHARE * len(group):
+                break
+            before = group
+            group = _regroup(residuals, columns, group, width)
+            if (group == before).all():
+                break
+        if LEAST <= group.sum() <= LARGEST_SHARE * len(group) and group.tobytes() not in seen:
+            seen.add(group.tobytes())
+            yield group
+
+
+def _alike(value: Array, force: Array, weight: Array) -> BoolArray:
+    """Rows that the coefficients make likelier by more than a fair share of choices costs."""
+    gain = force @ value - 0.5 * np.einsum("q,nqr,r->n", value, weight, value)
+    return np.asarray(gain > 1.5)
+
+
+def _regroup(residuals: Evidence, columns: Array, group: BoolArray, width: float) -> BoolArray:
+    """The group again, with the arm and the coefficients fitted to it."""
+    n, _, q = columns.shape
+    flat = (columns * group[:, None, None]).reshape(3 * n, q)
+    value = estimate_columns(residuals, flat.reshape(n, 3, q), width)
+    across = residuals.precision @ flat
+    inner = np.linalg.inv(flat.T @ across + np.eye(q) / width**2)
+    pull = residuals.pull - across @ (inner @ (flat.T @ residuals.pull))
+    blocks = residuals.precision.reshape(n, 3, n, 3)[np.arange(n), :, np.arange(n), :]
+    rows = across.reshape(n, 3, q)
+    blocks = blocks - np.einsum("niq,qr,njr->nij", rows, inner, rows)
+    gap = np.linalg.solve(blocks, pull.reshape(n, 3, 1))[:, :, 0]
+    gap = gap + np.einsum("niq,q->ni", columns, value) * group[:, None]
+    force = np.einsum("niq,nij,nj->nq", columns, blocks, gap)
+    return _alike(value, force, np.einsum("niq,nij,njr->nqr", columns, blocks, columns))
+
+
+def shift_columns(rows: MeasurementSet, arm: Case) -> Array:
+    """Columns of a shift in the frame of the measurement."""
+    return np.broadcast_to(np.eye(3), (len(rows), 3, 3)).copy()
+
+
+ONE_DIRECTION: Final = Segment(
+    cause="one-direction",
+    make_columns=shift_columns,
+    advice="look for a second reflector, a reflection or a beam that broke and was set anew",
+    describe=lambda value, size: (
+        f"single rows are off by the same vector ({value[0] / MM:+.3f}, {value[1] / MM:+.3f}, "
+        f"{value[2] / MM:+.3f}) mm"
+    ),
+)
+SCATTERED: Final = (
+    Scattered(segment=ONE_DIRECTION),
+    *(Scattered(segment=each) for each in SEGMENTS if each.cause in ("reflector", "scale")),
+)

@@ -1,0 +1,116 @@
+"""Joints that are not those of the point: read while the arm settled, a row late, by a clock."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array
+from robotrue.core.units import DEG, MM
+from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.robot.forward import parameter_jacobian, walk
+from robotrue.robot.model import parameter_slice
+from robotrue.validation.doctor_case import Case
+from robotrue.validation.doctor_evidence import USUAL, Evidence, column_odds, learn, weigh_noise
+from robotrue.validation.doctor_segments import estimate_columns
+from robotrue.validation.doctor_suspicion import Hypothesis
+
+EARLY_SD: Final = np.array([0.02, 0.03, 0.045, 0.07, 0.1, 0.2, 0.5]) * DEG
+"""Scatter of joints read while the arm settles."""
+LAGS: Final = np.array([1e-4, 1e-3, 1e-2, 1e-1, 1.0])
+"""Part of a step between rows by which joints are early or late."""
+ROWS_APART: Final = 0.8
+"""Of a whole row: from here on it is a shift of rows rather than a clock."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointsEarly:
+    """Each row's joints are off at random, as when they are read while the arm still moves."""
+
+    def look(self, rows: MeasurementSet, residuals: Evidence, arm: Case) -> Sequence[Hypothesis]:
+        """Returns the likeliest scatter, where it is beyond that of a healthy arm."""
+        drive = arm.drive @ np.swapaxes(arm.drive, 1, 2)
+        quiet = replace(residuals.scales, joints=USUAL.joints)
+        tried = [weigh_noise(arm, quiet, size**2 * drive) for size in EARLY_SD.tolist()]
+        sd = float(EARLY_SD[int(np.argmax(tried))])
+        if max(tried) < residuals.log_evidence:
+            return ()
+        noisy = learn(arm, start=quiet, noise=sd**2 * drive)
+        clean = max(residuals.log_evidence, weigh_noise(arm, noisy.scales))
+        every = drive_columns(rows, arm)
+        spread = sd**2 * every @ np.swapaxes(every, 1, 2)
+        return [
+            Hypothesis(
+                cause="joints-early",
+                text=f"joints scatter by {sd / DEG:.3f} deg about where the arm was: they were "
+                "read while it settled",
+                log_odds=noisy.log_evidence - clean,
+                rows=np.arange(len(rows)),
+                cured=replace(rows, covariance=rows.covariance + spread),
+                advice="wait until the arm stands before both are read, or log the commanded "
+                "joints; the cure weighs each row by what its joints may be off",
+            )
+        ]
+
+
+def drive_columns(rows: MeasurementSet, arm: Case) -> Array:
+    """Returns how each drive moves the points (n, 3, dof) m/rad, in their frame."""
+    robot = arm.state.robot
+    chain = walk(robot, rows.joints)
+    jacobian = parameter_jacobian(robot, chain, rows.joints)[:, :3]
+    columns = jacobian[:, :, parameter_slice(robot.dof, "theta")] @ robot.joint_map
+    for k, T in arm.state.T_tracker_base.items():
+        mine = rows.station == k
+        columns[mine] = T[:3, :3] @ columns[mine]
+    return np.asarray(columns)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Clock:
+    """Joints that are early or late by a part of the way to the row before or after."""
+
+    def look(self, rows: MeasurementSet, residuals: Evidence, arm: Case) -> Sequence[Hypothesis]:
+        """Returns the likelier of the two directions."""
+        found = [self._look(rows, residuals, arm, step) for step in (-1, 1)]
+        return [max(found, key=lambda each: each.log_odds)]
+
+    def _look(self, rows: MeasurementSet, residuals: Evidence, arm: Case, step: int) -> Hypothesis:
+        way = joint_steps(rows, step)
+        column = np.einsum("nid,nd->ni", arm.drive, way[arm.chosen])[:, :, None]
+        white = residuals.root @ column.reshape(-1, 1)
+        odds, which = column_odds(
+            (white.T @ white)[None], (white.T @ residuals.white_values)[None], LAGS
+        )
+        width, other = float(LAGS[which[0]]), "before" if step < 0 else "after"
+        every = drive_columns(rows, arm)
+
+        def revise(value: Array) -> Hypothesis:
+            part = width * float(value[0])
+            size = float(np.sqrt(((every @ (part * way)[:, :, None]) ** 2).sum(axis=(1, 2)).mean()))
+            return Hypothesis(
+                cause="shifted-rows" if abs(part) > ROWS_APART else "clock",
+                text=f"joints belong {100.0 * part:.3g} % of the way to the row {other} "
+                f"({size / MM:.3f} mm): the clocks of controller and instrument differ",
+                log_odds=float(odds[0]) - np.log(2.0),
+                rows=np.arange(len(rows)),
+                cured=replace(rows, joints=rows.joints + part * way),
+                advice="take both readings at rest, or by one trigger",
+                columns=width * column,
+                price=float(np.log(2.0)),
+                revise=revise,
+            )
+
+        return revise(estimate_columns(residuals, width * column, 1.0))
+
+
+def joint_steps(rows: MeasurementSet, step: int) -> Array:
+    """Returns the way (n, dof) rad from each row to the one before (-1) or after (1) it."""
+    way = np.zeros_like(rows.joints)
+    if step < 0:
+        way[1:] = rows.joints[:-1] - rows.joints[1:]
+    else:
+        way[:-1] = rows.joints[1:] - rows.joints[:-1]
+    return way

@@ -1,0 +1,289 @@
+"""Effects that begin at a row: tracker bumped, drift, another reflector, scale, payload."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.units import MM
+from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.robot.forward import parameter_jacobian, walk
+from robotrue.robot.model import parameter_slice
+from robotrue.robot.statics import NO_LOAD, Load, drive_torque
+from robotrue.validation.doctor_case import Case, flange_turn, frame_columns
+from robotrue.validation.doctor_evidence import WIDTHS, Evidence, column_odds
+from robotrue.validation.doctor_suspicion import HOPELESS, CauseName, Hypothesis, move_points
+
+LEAST: Final = 4
+"""Rows of a segment."""
+MOST_EDGES: Final = 31
+"""Edges between which blocks are searched."""
+SCALE_WIDTHS: Final = np.array([1e-4, 5e-4, 2e-3, 1e-2, 1.0, 30.0])
+"""Sd of a relative error of lengths: from the air to millimetres read as inches."""
+
+MakeColumns = Callable[[MeasurementSet, Case], Array]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Picked:
+    """Rows that were picked as off alike.
+
+    Attributes:
+        inside: (n,) of the examined rows.
+        rows: Of the whole set.
+        log_odds: Log Bayes factor, the price taken off.
+        width: m, likeliest sd of the effect.
+        price: Log of the choices.
+    """
+
+    inside: BoolArray
+    rows: IntArray
+    log_odds: float
+    width: float
+    price: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Segment:
+    """Rows from one on, or of a block, that are off in the same way.
+
+    Attributes:
+        cause: Its name.
+        make_columns: Columns (n, 3, q) of any rows of the case.
+        advice: What to do.
+        describe: Text from the coefficients (q,) and the effect (m rms).
+        widths: (w,) sd of the coefficients, each as likely.
+    """
+
+    cause: CauseName
+    make_columns: MakeColumns
+    advice: str
+    describe: Callable[[Array, float], str]
+    widths: Array = field(default_factory=lambda: WIDTHS)
+
+    def look(self, rows: MeasurementSet, residuals: Evidence, arm: Case) -> Sequence[Hypothesis]:
+        """Returns the likeliest segment, if there are rows enough for one."""
+        count = len(arm.chosen)
+        if count < 3 * LEAST:
+            return ()
+        columns = self.make_columns(arm.measured, arm)
+        first, last, odds, width = find_segment(residuals, columns, self.widths)
+        if odds < HOPELESS:
+            return ()
+        inside = np.zeros(count, dtype=bool)
+        inside[first:last] = True
+        chosen = _whole_rows(arm.chosen, inside, len(rows))
+        price = choice_price(first, last, count)
+        found = Picked(inside=inside, rows=chosen, log_odds=odds, width=width, price=price)
+        return [self.build(rows, residuals, arm, found)]
+
+    def build(
+        self, rows: MeasurementSet, residuals: Evidence, arm: Case, picked: Picked
+    ) -> Hypothesis:
+        """Returns the hypothesis of some rows, their effect estimated and taken off."""
+        inside = picked.inside[:, None, None]
+        columns = picked.width * self.make_columns(arm.measured, arm) * inside
+        every = picked.width * self.make_columns(rows, arm)[picked.rows]
+
+        def revise(value: Array) -> Hypothesis:
+            effect = np.zeros((len(rows), 3))
+            effect[picked.rows] = every @ value
+            size = float(np.sqrt((effect[picked.rows] ** 2).sum(axis=1).mean()))
+            return Hypothesis(
+                cause=self.cause,
+                text=self.describe(picked.width * value, size),
+                log_odds=picked.log_odds,
+                rows=picked.rows,
+                cured=move_points(rows, effect),
+                advice=self.advice,
+                columns=columns,
+                price=picked.price,
+                revise=revise,
+            )
+
+        return revise(estimate_columns(residuals, columns, 1.0))
+
+
+def estimate_columns(residuals: Evidence, columns: Array, width: float) -> Array:
+    """Returns the coefficients (q,) of columns (n, 3, q) with a prior sd, the arm fitted too."""
+    flat = columns.reshape(len(residuals.lower), -1)
+    white = residuals.root @ flat
+    precision = white.T @ white + np.eye(flat.shape[1]) / width**2
+    return np.asarray(np.linalg.solve(precision, white.T @ residuals.white_values))
+
+
+def find_segment(
+    residuals: Evidence, columns: Array, widths: Array = WIDTHS
+) -> tuple[int, int, float, float]:
+    """Returns first and end row of the likeliest segment, its log Bayes factor, its width.
+
+    Every tail and every block of the rows is tried; the odds pay for that choice.
+    """
+    n = len(columns)
+    root = residuals.root.reshape(-1, n, 3)
+    parts = np.einsum("mni,niq->nmq", root, columns)
+    upto = np.concatenate([np.zeros((1, *parts.shape[1:])), np.cumsum(parts, axis=0)])
+    edges = np.unique(np.linspace(0, n, min(n + 1, MOST_EDGES)).astype(np.int64))
+    pairs = [
+        (a, b)
+        for i, a in enumerate(edges.tolist())
+        for b in edges[i + 1 :].tolist()
+        if LEAST <= b - a <= n - LEAST
+    ]
+    best = _best_of(pairs, upto, residuals.white_values, widths, n)
+    if len(edges) <= n:  # coarse edges: each then moves on its own
+        step = -(-n // (len(edges) - 1))
+        a, b = best[:2]
+        near = [
+            (i, j)
+            for i in range(max(0, a - step), min(n, a + step + 1))
+            for j in range(max(0, b - step), min(n, b + step) + 1)
+            if LEAST <= j - i <= n - LEAST and (a > 0 or i == 0) and (b < n or j == n)
+        ]
+        best = _best_of(near, upto, residuals.white_values, widths, n)
+    return best
+
+
+def _best_of(
+    pairs: Sequence[tuple[int, int]], upto: Array, white: Array, widths: Array, n: int
+) -> tuple[int, int, float, float]:
+    if not pairs:
+        return 0, 0, -np.inf, float(widths[0])
+    index = np.array(pairs)
+    odds, which = np.zeros(len(index)), np.zeros(len(index), dtype=np.int64)
+    for start in range(0, len(index), 256):
+        part = slice(start, start + 256)
+        block = upto[index[part, 1]] - upto[index[part, 0]]
+        precision = np.matmul(np.swapaxes(block, 1, 2), block)
+        odds[part], which[part] = column_odds(precision, block.transpose(0, 2, 1) @ white, widths)
+    odds = odds - np.array([choice_price(a, b, n) for a, b in pairs])
+    k = int(odds.argmax())
+    return int(index[k, 0]), int(index[k, 1]), float(odds[k]), float(widths[which[k]])
+
+
+def choice_price(first: int, last: int, count: int) -> float:
+    """Returns the log of the segments as likely: half of the belief is in tails, half in blocks."""
+    return float(np.log(4.0 * count) if first == 0 or last == count else 2.0 * np.log(count))
+
+
+def _whole_rows(chosen: IntArray, inside: Array, count: int) -> IntArray:
+    """Rows of the whole set whose nearest examined row is inside."""
+    nearest = np.abs(np.arange(count)[:, None] - chosen[None, :]).argmin(axis=1)
+    return np.flatnonzero(inside[nearest])
+
+
+def motion_columns(rows: MeasurementSet, arm: Case) -> Array:
+    """Columns of a rigid motion of the instrument, turns over the size of the cloud of points."""
+    about = arm.measured.position.mean(axis=0)
+    size = float(np.sqrt(((arm.measured.position - about) ** 2).sum(axis=1).mean()))
+    return frame_columns(rows, about, max(size, 1e-3))
+
+
+def drift_columns(rows: MeasurementSet, arm: Case) -> Array:
+    """Columns of a rigid motion in proportion to the row number, from -1/2 to 1/2."""
+    lines = np.arange(len(arm.rows)) if len(rows) == len(arm.rows) else arm.chosen
+    share = lines / max(len(arm.rows) - 1, 1) - 0.5
+    return motion_columns(rows, arm) * share[:, None, None]
+
+
+def flange_columns(rows: MeasurementSet, arm: Case) -> Array:
+    """Columns of another place of the reflector on the flange."""
+    return flange_turn(arm.state, rows)
+
+
+def scale_columns(rows: MeasurementSet, arm: Case) -> Array:
+    """The column of a factor on the positions, over a metre."""
+    return rows.position[:, :, None].copy()
+
+
+def payload_columns(rows: MeasurementSet, arm: Case) -> Array:
+    """Columns of a change of payload, a joint each: its compliance is learned with it."""
+    one = Load(mass=np.ones(1))
+    robot = arm.state.robot.nominal()
+    torque = drive_torque(robot, rows.joints, one) - drive_torque(robot, rows.joints, NO_LOAD)
+    size = np.maximum(np.abs(torque).max(axis=0), 1e-9)
+    chain = walk(arm.state.robot, rows.joints)
+    place = parameter_slice(robot.dof, "theta")
+    columns = parameter_jacobian(arm.state.robot, chain, rows.joints)[:, :3, place]
+    columns = columns @ robot.joint_map * (torque / size)[:, None, :]
+    for k, T in arm.state.T_tracker_base.items():
+        mine = rows.station == k
+        columns[mine] = T[:3, :3] @ columns[mine]
+    return np.asarray(columns)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drift:
+    """The instrument or its mount that moves all the time."""
+
+    def look(self, rows: MeasurementSet, residuals: Evidence, arm: Case) -> Sequence[Hypothesis]:
+        """Returns the drift of all rows."""
+        columns = drift_columns(arm.measured, arm)
+        white = residuals.root @ columns.reshape(len(residuals.lower), -1)
+        odds, which = column_odds((white.T @ white)[None], (white.T @ residuals.white_values)[None])
+        if odds[0] < HOPELESS:
+            return ()
+        width = float(WIDTHS[which[0]])
+        every = width * drift_columns(rows, arm)
+
+        def revise(value: Array) -> Hypothesis:
+            size = float(np.linalg.norm(width * value[:3])) / MM
+            return Hypothesis(
+                cause="drift",
+                text=f"the instrument drifts by {size:.3f} mm from the first row to the last",
+                log_odds=float(odds[0]),
+                rows=np.arange(len(rows)),
+                cured=move_points(rows, every @ value),
+                advice="let instrument and mount warm up, and shoot fixed points during the run",
+                columns=width * columns,
+                revise=revise,
+            )
+
+        return [revise(estimate_columns(residuals, width * columns, 1.0))]
+
+
+SEGMENTS: Final = (
+    Segment(
+        cause="instrument-moved",
+        make_columns=motion_columns,
+        advice="shoot fixed points again, or number these rows as a station of their own",
+        describe=lambda value, size: (
+            f"the instrument or its frame moved: these rows are off by {size / MM:.3f} mm"
+        ),
+    ),
+    Segment(
+        cause="reflector",
+        make_columns=flange_columns,
+        advice="check the reflector and its nest; number a second reflector in a target column",
+        describe=lambda value, size: (
+            f"another reflector, or another place of it: {size / MM:.3f} mm off on the flange"
+        ),
+    ),
+    Segment(
+        cause="scale",
+        make_columns=scale_columns,
+        advice="check the unit and the atmospheric correction of these rows",
+        describe=lambda value, size: (
+            f"positions {_tell_factor(1.0 / max(1.0 - float(value[0]), 1e-9))} too large"
+        ),
+        widths=SCALE_WIDTHS,
+    ),
+    Segment(
+        cause="payload",
+        make_columns=payload_columns,
+        advice="state the payload of these rows in a payload column",
+        describe=lambda value, size: (
+            f"another payload: the drives wind up and move the point by {size / MM:.3f} mm"
+        ),
+    ),
+)
+
+
+def _tell_factor(factor: float) -> str:
+    if abs(factor - 1.0) < 0.01:
+        return f"by {1e6 * (factor - 1.0):+.0f} um/m"
+    return f"by a factor {factor:.4g}"

@@ -1,0 +1,146 @@
+"""The data doctor names what is wrong with measured rows, and nothing in clean ones."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from robotrue.calibration.methods import fit
+from robotrue.core.poses import pose
+from robotrue.core.rotations import matrix_from_rotation_vector
+from robotrue.core.units import DEG, MM
+from robotrue.errors import ConfigurationError
+from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.robot.forward import forward
+from robotrue.robot.model import parameter_slice
+from robotrue.robot.presets import preset
+from robotrue.validation.doctor import cure_rows, diagnose
+from robotrue.validation.doctor_report import (
+    SIX_WORDS,
+    describe_diagnosis,
+    diagnosis_document,
+    with_cure,
+)
+
+ROBOT = preset("kr160").with_tool(pose(np.eye(3), np.array([0.05, 0.02, 0.1])))
+TURN = matrix_from_rotation_vector(np.array([0.3, -0.5, 1.0]))
+COUNT = 45
+
+
+@pytest.fixture(scope="module")
+def clean() -> MeasurementSet:
+    """Simulated: geometric errors, noise of 15 um per axis, a tracker frame."""
+    rng = np.random.default_rng(5)
+    low, high = np.clip(ROBOT.limits, -1.6, 1.6).T
+    joints = (low + high) / 2.0 + 0.35 * (high - low) * rng.uniform(-1.0, 1.0, (COUNT, 6))
+    errors = np.zeros(len(ROBOT.errors))
+    for group, sd in (("theta", 5e-4), ("d", 3e-4), ("a", 3e-4)):
+        errors[parameter_slice(6, group)] = sd * rng.normal(size=6)
+    points = forward(ROBOT.with_errors(errors), joints)[:, :3, 3] @ TURN.T + [1.0, -2.0, 0.5]
+    return MeasurementSet(
+        joints=joints,
+        position=points + 1.5e-5 * rng.normal(size=points.shape),
+        covariance=np.broadcast_to(1.5e-5**2 * np.eye(3), (COUNT, 3, 3)),
+        frame="tracker",
+        source_row=np.arange(2, COUNT + 2),
+    )
+
+
+def late(first: int) -> np.ndarray:
+    return (np.arange(COUNT) >= first)[:, None]
+
+
+def bump(rows: MeasurementSet) -> MeasurementSet:
+    return replace(rows, position=rows.position + late(25) * [0.0, 3e-4, 2e-4])
+
+
+def reflector(rows: MeasurementSet) -> MeasurementSet:
+    flange = TURN @ forward(ROBOT, rows.joints)[:, :3, :3]
+    return replace(rows, position=rows.position + late(30) * (flange @ [1e-3, 0.0, 5e-4]))
+
+
+def inches(rows: MeasurementSet) -> MeasurementSet:
+    return replace(rows, position=np.where(late(33), rows.position / 25.4, rows.position))
+
+
+def outliers(rows: MeasurementSet) -> MeasurementSet:
+    wrong = (np.arange(COUNT) % 5 == 2)[:, None]
+    return replace(rows, position=rows.position + wrong * [0.0, 1e-3, 0.0])
+
+
+def early(rows: MeasurementSet) -> MeasurementSet:
+    scatter = np.random.default_rng(1).normal(size=rows.joints.shape)
+    return replace(rows, joints=rows.joints + 0.04 * DEG * scatter)
+
+
+def sign(rows: MeasurementSet) -> MeasurementSet:
+    return replace(rows, joints=rows.joints * [1, 1, 1, -1, 1, 1])
+
+
+def doubled(rows: MeasurementSet) -> MeasurementSet:
+    return rows.subset(np.append(np.arange(COUNT), [3, 9]))
+
+
+WRONG = {
+    "instrument-moved": (bump, range(25, COUNT)),
+    "reflector": (reflector, range(30, COUNT)),
+    "one-direction": (outliers, range(2, COUNT, 5)),
+    "joints-early": (early, range(COUNT)),
+    "joint-sign": (sign, range(COUNT)),
+    "duplicates": (doubled, range(COUNT, COUNT + 2)),
+}
+
+
+def test_clean_rows_are_not_suspected(clean):
+    diagnosis = diagnose(ROBOT, clean)
+    assert diagnosis.findings == ()
+    assert diagnosis.error < 0.2 * MM
+    with pytest.raises(ConfigurationError, match="finds nothing"):
+        cure_rows(ROBOT, clean, None, "drift")
+    assert diagnose(ROBOT, clean.subset(np.arange(10))).findings == ()
+
+
+@pytest.mark.parametrize("cause", WRONG)
+def test_the_cause_is_named_with_its_rows_and_cured(cause, clean):
+    corrupt, concerned = WRONG[cause]
+    rows = corrupt(clean)
+    before = rows.position.copy(), rows.joints.copy()
+    cured, finding = cure_rows(ROBOT, rows, None, cause)
+    np.testing.assert_array_equal(finding.hypothesis.rows, list(concerned))
+    assert finding.odds > 100.0
+    np.testing.assert_array_equal(rows.position, before[0])  # the raw rows stay
+    np.testing.assert_array_equal(rows.joints, before[1])
+    if cause not in ("joints-early", "duplicates"):
+        wanted = clean.position if cause != "joint-sign" else clean.joints
+        got = cured.position if cause != "joint-sign" else cured.joints
+        wrong = rows.position if cause != "joint-sign" else rows.joints
+        assert np.abs(got - wanted).max() < 0.3 * np.abs(wrong - wanted).max()
+        assert finding.after < 0.6 * finding.before
+
+
+def test_the_report_has_six_words_lines_odds_and_cure(clean):
+    rows = inches(clean)
+    diagnosis = diagnose(ROBOT, rows)
+    (line,) = describe_diagnosis(diagnosis, rows)
+    assert line.startswith("data doctor: Positions have another scale or unit: ")
+    assert "lines 35 to 46 (12 rows)" in line
+    assert "--cure scale" in line
+    assert diagnosis.findings[0].hypothesis.cured is not None
+    np.testing.assert_allclose(diagnosis.findings[0].hypothesis.cured.position, clean.position,
+                               atol=2e-3)  # fmt: skip
+    document = diagnosis_document(diagnosis, rows)
+    assert document["findings"][0]["lines"] == list(range(35, 47))
+    assert all(len(words.split()) == 6 for words in SIX_WORDS.values())
+
+
+def test_a_model_of_cured_rows_says_so_in_summary_and_lineage(clean):
+    raw = doubled(clean)
+    cured, finding = cure_rows(ROBOT, raw, None, "duplicates")
+    model = with_cure(fit(ROBOT, cured, method="nominal"), finding, raw)
+    summary = model.training_summary()
+    assert [step["step"] for step in summary.lineage] == ["cure", "fit"]
+    assert summary.lineage[0]["rows"] == COUNT + 2
+    assert summary["cure"]["cause"] == "duplicates"
+    assert "--cure duplicates" in summary.warnings[0]
