@@ -10,7 +10,7 @@ Kinematics and statics are written out here in plain NumPy, so that truth and me
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -39,7 +39,10 @@ LIMITS = np.deg2rad([[-120, 120], [-100, -25], [-10, 110], [-150, 150], [-100, 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Arm:
-    """Modified-DH numbers of one arm; ``base`` is (4, 4), the rest (6,), tool (3,)."""
+    """Modified-DH numbers of one arm; ``base`` is (4, 4), the rest (6,), tool (3,).
+
+    ``mass`` (6,) kg and ``com`` (6, 3) m are those of its links.
+    """
 
     a: Array
     d: Array
@@ -48,6 +51,8 @@ class Arm:
     beta: Array
     tool: Array
     base: Array
+    mass: Array = field(default_factory=lambda: MASS)
+    com: Array = field(default_factory=lambda: COM)
 
 
 def nominal_arm() -> Arm:
@@ -96,9 +101,9 @@ def torque(arm: Arm, q: Array, force: Array) -> Array:
     The base stands level here: its 1 mrad belongs to the instrument's alignment.
     """
     T = frames(replace(arm, base=np.eye(4)), q)
-    where = [T[:, k, :3, :3] @ COM[k] + T[:, k, :3, 3] for k in range(6)]
+    where = [T[:, k, :3, :3] @ arm.com[k] + T[:, k, :3, 3] for k in range(6)]
     where.append(T[:, 5, :3, :3] @ PAYLOAD_COM + T[:, 5, :3, 3])
-    weight = [m * GRAVITY for m in (*MASS, PAYLOAD_MASS)]
+    weight = [m * GRAVITY for m in (*arm.mass, PAYLOAD_MASS)]
     carried = [*range(6), 5]
     where.append(T[:, 5, :3, :3] @ arm.tool + T[:, 5, :3, 3])
     weight.append(np.asarray(force))

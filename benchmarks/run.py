@@ -106,6 +106,9 @@ BENCHMARKS = (
     Benchmark(name="learners", quick=("--quick",), rows=stated),
     Benchmark(name="constant_attitude", quick=("--quick",), rows=stated),
     Benchmark(name="heavy_arm", quick=("--quick",), rows=stated),
+    Benchmark(
+        name="heavy_arm_unknown_masses", quick=("--draws", "3", "--cell-arms", "2"), rows=stated
+    ),
     Benchmark(name="compensation_chain", quick=("20000",), rows=chain),
     Benchmark(name="program_files", quick=("20000",), rows=stated),
     Benchmark(name="path_programs", quick=("5000",), rows=stated),

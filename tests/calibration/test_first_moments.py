@@ -80,6 +80,11 @@ def test_stated_masses_make_the_prior_narrow():
     assert not stated.any()
     assert (sd[1:4] > 0.0).all()
     assert (sd[1:4] < 0.2 * wide[1:4]).all()
+    plate = replace(bare(arm()), total_mass=320.0)
+    mean, known = moment_prior(plate)
+    assert (known[1:3] < 0.6 * wide[1:3]).all()
+    assert assumed_masses(plate).sum() == pytest.approx(250.0, rel=0.05)
+    assert abs(mean[1] - 120.0) < 2.0 * known[1]  # what this arm's masses come to
 
 
 def test_no_masses_unloaded(case):
@@ -106,9 +111,11 @@ def test_no_masses_and_a_known_pull(case):
 
 def test_the_archive_and_an_update_keep_what_the_links_weigh(case):
     robot, actual, sets, test = case
-    first = fit(bare(robot), sets[0], method="elastic", settings=SETTINGS)
+    plate = replace(bare(robot), total_mass=320.0)
+    first = fit(plate, sets[0], method="elastic", settings=SETTINGS)
     back = open_model(first.to_archive())
     assert isinstance(back, CalibratedModel)
+    assert back.robot.total_mass == 320.0
     np.testing.assert_array_equal(back.errors, first.errors)
     later = update_model(back, sets[20].subset(np.arange(20)), settings=SETTINGS)
     place = moment_slice(6)

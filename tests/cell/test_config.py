@@ -11,6 +11,7 @@ import pytest
 from robotrue.cell.cell import Cell, tracker_covariance
 from robotrue.cell.config import read_cell, write_cell_example
 from robotrue.cell.obstacles import Box, HalfSpace
+from robotrue.cell.robot_table import robot_table
 from robotrue.cell.schema_faults import line_of_key
 from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.units import DEG, MM, UM
@@ -129,6 +130,13 @@ def test_one_stated_sigma_is_not_added_to(tmp_path: Path) -> None:
     np.testing.assert_allclose(covariance[0], np.eye(3) * (20 * UM) ** 2)
 
 
+def test_the_plate_says_what_the_arm_weighs(tmp_path: Path) -> None:
+    cell = read_cell(written(tmp_path, UR5 + "total_mass_kg = 18.4\n"))
+    assert cell.robot.total_mass == 18.4
+    table = robot_table(cell.robot, cell.compliance_prior, cell.link_radius)
+    assert table["total_mass_kg"] == 18.4
+
+
 def test_urdf_beside_the_cell_file(tmp_path: Path) -> None:
     links = "".join(f'<link name="l{i}"/>' for i in range(4))
     joint = (
@@ -145,7 +153,7 @@ def test_urdf_beside_the_cell_file(tmp_path: Path) -> None:
 BAD = {
     'schema = 1\n[robot]\nprest = "UR5"\n': (
         "cell.toml:3: unknown key robot.prest; allowed are preset, urdf, convention, dh, maker, "
-        "axes_sign, axes_offset_deg, limits_deg, mass_kg, centre_of_mass_mm, "
+        "axes_sign, axes_offset_deg, limits_deg, total_mass_kg, mass_kg, centre_of_mass_mm, "
         "joint_map, stiffness_Nm_per_rad, gravity_m_per_s2, "
         "link_radius_mm. Try: robot.preset."
     ),

@@ -82,13 +82,14 @@ def open_model(source: Archive | str | Path) -> ErrorModel:
     return reader(archive)
 
 
-def robot_document(robot: RobotModel) -> dict[str, str]:
+def robot_document(robot: RobotModel) -> dict[str, object]:
     """Returns the JSON part of a robot."""
     return {
         "name": robot.name,
         "convention": robot.convention,
         "maker": robot.maker,
         "parameters": f"{' '.join(PER_JOINT)} per joint, base, tool; SI",
+        **({"total_mass": robot.total_mass} if robot.total_mass else {}),
     }
 
 
@@ -127,6 +128,9 @@ def robot_from(archive: Archive) -> RobotModel:
         if (np.abs(parts[name]) > largest).any():
             raise ArchiveError(f"the robot of {archive.kind} has {name} beyond {largest:g}.")
     check_pose(parts["T_flange_tool"], "T_flange_tool")
+    total_mass = float(document.get("total_mass", 0.0))
+    if not 0.0 <= total_mass <= _LARGEST["link_mass"]:
+        raise ArchiveError(f"the robot of {archive.kind} weighs {total_mass:g} kg.")
     coupling = archive.arrays.get("robot_controller_coupling", np.empty((0, 0)))
     if coupling.size and (
         coupling.shape != dof * 2
@@ -138,6 +142,7 @@ def robot_from(archive: Archive) -> RobotModel:
         name=document["name"],
         convention=document["convention"],
         maker=document["maker"],
+        total_mass=total_mass,
         controller=Configuration(sign=sign, offset=offset, coupling=coupling),
         **parts,
     )

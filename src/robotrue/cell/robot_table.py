@@ -117,6 +117,8 @@ def _with_lists(robot: RobotModel, table: RobotTable) -> RobotModel:
         raise ConfigurationError("robot.joint_map is given without dh.", hint="leave it out.")
     if table.limits_deg is not None:
         changes["limits"] = np.array(table.limits_deg) * DEG
+    if table.total_mass_kg is not None:
+        changes["total_mass"] = table.total_mass_kg
     if table.mass_kg is not None:
         changes["link_mass"] = np.array(table.mass_kg)
     if table.centre_of_mass_mm is not None:
@@ -162,6 +164,8 @@ def robot_table(
     ):
         if known is None or not np.array_equal(values, known):
             table[key] = round_digits(values / unit)
+    if robot.total_mass != (0.0 if base is None else base.total_mass):
+        table["total_mass_kg"] = robot.total_mass
     if base is None or not np.array_equal(robot.gravity, base.gravity):
         table["gravity_m_per_s2"] = round_digits(robot.gravity)
     if np.isfinite(compliance).any():

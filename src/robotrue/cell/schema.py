@@ -48,6 +48,7 @@ class RobotTable(_Table):
     axes_sign: list[Literal[1, -1]] | None = None
     axes_offset_deg: list[Number] | None = None
     limits_deg: list[Two] | None = None
+    total_mass_kg: Above0 | None = None
     mass_kg: list[Length] | None = None
     centre_of_mass_mm: list[Three] | None = None
     joint_map: list[list[Number]] | None = None

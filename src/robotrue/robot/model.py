@@ -135,6 +135,7 @@ class RobotModel(Columns):
         limits: (n, 2) rad, lower and upper limit of q.
         link_mass: (n,) kg; zeros where unknown.
         link_com: (n, 3) m, centre of mass in the link's own DH frame.
+        total_mass: kg of the whole arm with its foot, as its plate says; 0 where unknown.
         T_flange_tool: (4, 4), the tool the controller uses (or the reflector).
         gravity: (3,) m/s^2 in the base frame.
         errors: (9 n + 12,) SI, layout of :func:`parameter_names`; zero is nominal.
@@ -160,6 +161,7 @@ class RobotModel(Columns):
     errors: Annotated[Array, Column("errors", fill=0.0)] = EMPTY
     controller: Configuration | None = None
     maker: str = "generic"
+    total_mass: float = 0.0
     dof: int = field(init=False, repr=False)
 
     def __post_init__(self) -> None:

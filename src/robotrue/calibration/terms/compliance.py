@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.calibration.mean_tables import MeanTables
-from robotrue.calibration.terms.first_moments import assumed_masses
+from robotrue.calibration.terms.first_moments import supposed_masses
 from robotrue.calibration.terms.term import without_errors
 from robotrue.core.arrays import Array, frozen
 from robotrue.errors import ConfigurationError
@@ -49,7 +49,9 @@ def compliance_scale(robot: RobotModel, payload_mass: float) -> Array:
     under everything outboard of it hanging at arm's length. An arm without masses is taken
     for a light one of its size.
     """
-    links_mass = robot.link_mass if robot.link_mass.any() else assumed_masses(robot) / LIGHTER
+    links_mass = supposed_masses(robot)
+    if not robot.link_mass.any() and not robot.total_mass:
+        links_mass = links_mass / LIGHTER
     mass = np.cumsum(links_mass[::-1])[::-1] + payload_mass
     links = np.hypot(robot.a, robot.d)
     if robot.convention == "mdh":

@@ -24,6 +24,8 @@ STATED_CENTRE: Final = 0.01
 """m per axis, sd of a stated centre of mass."""
 ASSUMED_TOTAL: Final = 0.7
 """Relative sd of an arm's mass that follows from its size, all links alike."""
+STATED_TOTAL: Final = 0.2
+"""The same where the arm's mass is stated: the share of its foot is not."""
 ASSUMED_MASS: Final = 0.4
 """Relative sd of a link's share in the mass of its arm."""
 ASSUMED_CENTRE: Final = 0.25
@@ -41,9 +43,9 @@ _POSTURES: Final = 8
 
 
 def assumed_masses(robot: RobotModel) -> Array:
-    """Returns link masses (n,) kg of an arm of this size."""
+    """Returns link masses (n,) kg: usual shares of the arm's mass, stated or that of its size."""
     length = np.abs(robot.a).sum() + np.abs(robot.d).sum()
-    total = METRE_MASS * float(length) ** GROWTH
+    total = robot.total_mass or METRE_MASS * float(length) ** GROWTH
     place = np.linspace(0.0, 1.0, robot.dof)
     shares = np.interp(place, np.linspace(0.0, 1.0, len(SHARES)), SHARES)
     return np.asarray(total * shares * sum(SHARES) / shares.sum())
@@ -78,7 +80,8 @@ def moment_prior(robot: RobotModel) -> tuple[Array, Array]:
     first = each[:, :, None] * centre
     whole = lump_moments(axes, origin, mass, mass[:, None] * centre)
     relative = STATED_MASS if stated else ASSUMED_MASS
-    variance = np.zeros(2 * robot.dof) if stated else (ASSUMED_TOTAL * whole) ** 2
+    common = 0.0 if stated else STATED_TOTAL if robot.total_mass else ASSUMED_TOTAL
+    variance = (common * whole) ** 2
     for i in range(robot.dof):
         variance += (relative * lump_moments(axes, origin, each[i], first[i])) ** 2
         for k in range(3):
