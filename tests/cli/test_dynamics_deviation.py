@@ -91,7 +91,11 @@ def test_validate_by_held_out_windows(folder):
     found = {s["method"]: s for s in json.loads(result.stdout)["scores"]}
     assert set(found) == {"prediction", "paper", "deviation"}
     assert found["deviation"]["windows"] == 24
-    assert found["deviation"]["coverage_95"] is not None
+    share = found["deviation"]
+    assert share["coverage_95"] is not None
+    assert share["coverage_95_low"] < 0.95 <= share["coverage_95_high"]
+    assert 1.0 < share["effective_windows"] < 24.0
+    assert found["prediction"]["effective_windows"] is None
 
 
 def test_what_is_missing_is_said(folder):

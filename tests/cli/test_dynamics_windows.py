@@ -229,3 +229,15 @@ def test_predict_adds_what_was_learned(lab, tmp_path):
     short = [str(each) for each in arguments if each not in ("--spindle-rpm", 3000)]
     failed = CliRunner().invoke(app, short)
     assert "needs the joints of the record and the speed" in str(failed.exception)
+
+
+def test_noise_of_the_joints_is_no_way(lab, tmp_path):
+    _, arguments = lab
+    clock = made.joint_time()
+    shaken = np.degrees(made.joints_at(clock))
+    shaken += 3e-4 * np.random.default_rng(1).standard_normal(shaken.shape)
+    names = tuple(f"j{k}_deg" for k in range(1, 7))
+    made.write_table(tmp_path / "j.csv", ("t_s", *names), np.column_stack([clock, shaken]))
+    result = call(*changed(arguments, "--joints", tmp_path / "j.csv"), "--json")
+    assert result.exit_code == 0, result.output
+    assert json.loads(result.stdout)["path_mm"]["steady"] == pytest.approx(60.0, abs=0.5)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -58,7 +57,7 @@ class LearnedAlong:
             [columns, np.where(inside, error, np.nan), np.where(inside, sd, np.nan)]
         )
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> dict[str, object]:
         """Returns JSON values: one number a window, um."""
         standing = [WindowTrust(int(each)).name.lower() for each in self.found.standing]
         return {

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -32,7 +32,7 @@ _OPTIONAL: Final = ("helix_deg", "runout_um", "runout_angle_deg", *_EDGE)
 
 
 def cutting_data(
-    stated: Mapping[str, Any], *, where: str, slots: bool = False
+    stated: Mapping[str, object], *, where: str, slots: bool = False
 ) -> tuple[EndMill, CutterEngagement, CuttingCoefficients]:
     """Returns cutter, cut and coefficients of a table of keys.
 
@@ -53,20 +53,22 @@ def cutting_data(
             f"{where}: unknown key {unknown[0]}." if unknown else f"{where}: no {missing[0]}.",
             hint=f"the keys are {', '.join([*_WORDS, *_SCALE])}.",
         )
-    for key in _SCALE:
-        value = stated.get(key, 0)
-        if type(value) not in (int, float) or not np.isfinite(value):
-            raise ConfigurationError(f"{where}: {key} is {value!r}, expected a number.")
-    if type(stated["teeth"]) is not int:
-        raise ConfigurationError(
-            f"{where}: teeth is {stated['teeth']!r}, expected a whole number.", hint="teeth = 3"
-        )
     absent = {"feed_per_tooth_mm": 1, _SHEAR[0]: 1} if slots else {}
-    si = {key: stated.get(key, absent.get(key, 0)) * factor for key, factor in _SCALE.items()}
+    si: dict[str, float] = {}
+    for key, factor in _SCALE.items():
+        value = stated.get(key, absent.get(key, 0))
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not np.isfinite(value):
+            raise ConfigurationError(f"{where}: {key} is {value!r}, expected a number.")
+        si[key] = value * factor
+    teeth = stated["teeth"]
+    if not isinstance(teeth, int):
+        raise ConfigurationError(
+            f"{where}: teeth is {teeth!r}, expected a whole number.", hint="teeth = 3"
+        )
     cutter = EndMill(
         kind=str(stated["kind"]),
         diameter=si["diameter_mm"],
-        teeth=stated["teeth"],
+        teeth=teeth,
         helix=si["helix_deg"],
         runout=si["runout_um"],
         runout_angle=si["runout_angle_deg"],

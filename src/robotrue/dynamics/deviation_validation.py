@@ -14,6 +14,12 @@ import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.core.units import UM
+from robotrue.dynamics.band_chance import (
+    TWO_SIDED_95,
+    ShareByChance,
+    join_shares,
+    share_by_chance,
+)
 from robotrue.dynamics.deviation import DeviationSettings, fit_deviation
 from robotrue.dynamics.deviation_physics import CompliantArm, StaticCompliance
 from robotrue.dynamics.paper_regression import fit_paper
@@ -21,11 +27,10 @@ from robotrue.dynamics.window_folds import QUESTIONS, folds
 from robotrue.dynamics.windows import WindowSet
 from robotrue.errors import ConfigurationError
 
-TWO_SIDED_95: Final = 1.959964
 METHODS: Final = ("prediction", "paper", "deviation")
 
 Estimate = Callable[[WindowSet, WindowSet], tuple[Array, Array | None]]
-"""Training and test windows to error (m,) m and its standard deviation (m,) m or None."""
+"""Training and test windows to error (m,) m and its covariance (m, m) m^2 or None."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,12 +42,14 @@ class Score:
         method: ``prediction`` (frequency response and force), ``paper``, ``deviation`` (ours).
         residual: (n,) m, estimated less measured, of all held-out windows.
         sd: (n,) m as stated, or None.
+        by_chance: What share a band that is right would hold, or None.
     """
 
     split: str
     method: str
     residual: Array
     sd: Array | None
+    by_chance: ShareByChance | None = None
 
     @property
     def rmse(self) -> float:
@@ -58,6 +65,8 @@ class Score:
 
     def document(self) -> dict[str, object]:
         """Returns JSON values."""
+        chance = self.by_chance
+        low, high = (None, None) if chance is None else chance.range
         return {
             "split": self.split,
             "question": QUESTIONS[self.split],
@@ -67,6 +76,9 @@ class Score:
             "mean_um": float(np.abs(self.residual).mean()) / UM,
             "max_um": float(np.abs(self.residual).max()) / UM,
             "coverage_95": self.coverage,
+            "coverage_95_low": low,
+            "coverage_95_high": high,
+            "effective_windows": None if chance is None else chance.effective,
         }
 
 
@@ -101,30 +113,36 @@ def scores(
     for kind in kinds:
         for method in methods:
             estimate = _estimate(method, arm, settings, row)
-            residual, deviation = [], []
+            residual, stated = [], []
             for train, test in folds(windows, kind, known=known, seed=seed):
                 held = windows.take(test)
-                error, sd = estimate(windows.take(train), held)
+                error, covariance = estimate(windows.take(train), held)
                 residual.append(error - held.measured)
-                deviation.append(sd)
-            stated = [sd for sd in deviation if sd is not None]
-            out.append(
-                Score(
-                    split=kind,
-                    method=method,
-                    residual=np.concatenate(residual),
-                    sd=np.concatenate(stated) if len(stated) == len(deviation) else None,
-                )
-            )
+                stated += [] if covariance is None else [covariance]
+            out.append(_score(kind, method, residual, stated))
     return out
+
+
+def _score(kind: str, method: str, residual: list[Array], stated: list[Array]) -> Score:
+    """The score of residuals fold by fold, and of their covariances where the method states any."""
+    joined = np.concatenate(residual)
+    if not stated:
+        return Score(split=kind, method=method, residual=joined, sd=None)
+    return Score(
+        split=kind,
+        method=method,
+        residual=joined,
+        sd=np.concatenate([np.sqrt(np.diag(each)) for each in stated]),
+        by_chance=join_shares([share_by_chance(each) for each in stated], [*map(len, stated)]),
+    )
 
 
 def _estimate(
     method: str, arm: CompliantArm, settings: DeviationSettings | None, row: StaticCompliance | None
 ) -> Estimate:
     def deviation(train: WindowSet, test: WindowSet) -> tuple[Array, Array | None]:
-        found = fit_deviation(train, arm, settings, row=row).predict(test)
-        return found.error, found.sd
+        model = fit_deviation(train, arm, settings, row=row)
+        return model.predict(test).error, model.predict_covariance(test)
 
     def paper(train: WindowSet, test: WindowSet) -> tuple[Array, Array | None]:
         return fit_paper(train, arm).predict(test).error, None

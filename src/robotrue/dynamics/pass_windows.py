@@ -25,6 +25,8 @@ from robotrue.errors import ImplausibleDataError, ModelMismatchError, Observabil
 
 WINDOW: Final = 1.0
 """s, a window where nothing else is said."""
+_STRETCH: Final = 0.1
+"""s; a way is counted in stretches of it, longer than the noise of joints counts as a way."""
 _ROUND: Final = 1e-6
 """Turns; what rounding of times leaves."""
 
@@ -111,8 +113,8 @@ def check_clocks(records: PassRecords) -> None:
 
 def path_between(joints: PassJoints, start: float, end: float) -> float:
     """Returns the way of the tool point from one time to another, m."""
-    inside = joints.time[(joints.time > start) & (joints.time < end)]
-    time = np.concatenate([[start], inside, [end]])
+    steps = max(int((end - start) / _STRETCH), 1)
+    time = np.linspace(start, end, steps + 1)
     place = np.column_stack([np.interp(time, joints.time, axis) for axis in joints.place.T])
     return float(np.linalg.norm(np.diff(place, axis=0), axis=1).sum())
 

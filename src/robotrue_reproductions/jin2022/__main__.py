@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.core.provenance import Provenance, mark_line
+from robotrue.core.provenance import mark_line
 from robotrue.core.units import DEG
 from robotrue.dynamics.force import ForceRecord
 from robotrue.dynamics.formats.column_table import table_bytes
@@ -25,22 +25,13 @@ from robotrue.dynamics.pose_modes import pose_modes
 from robotrue.simulation.milling_arm import FEED, milling_robot, pass_joints
 from robotrue.simulation.milling_cut import RATE, pass_force, read_force
 from robotrue_reproductions.jin2022.milling_experiment import MillingExperiment, milling_experiment
+from robotrue_reproductions.jin2022.raw_records import ORIGIN, write_cell
 
 ARM: Final = 3
 UNSEEN: Final = 4
 SECONDS: Final = 8.0
 HOME: Final = 0.25
 """m along the pass where the hammer struck."""
-_CELL: Final = """schema = 1
-
-[robot]
-preset = "ABB IRB 6660-205/1.9"
-stiffness_Nm_per_rad = [{}]
-
-[tool]
-xyz_mm = [320, 0, 160]
-"""
-_ORIGIN: Final = Provenance(simulated=True, instrument="virtual milling experiment")
 
 
 def write_lab(folder: Path, arm: int) -> None:
@@ -51,8 +42,7 @@ def write_lab(folder: Path, arm: int) -> None:
     """
     folder.mkdir(parents=True, exist_ok=True)
     made = milling_experiment(arm, (0, UNSEEN))
-    stiffness = ", ".join(f"{k:.0f}" for k in made.arm.stiffness_belief)
-    (folder / "cell.toml").write_text(_CELL.format(stiffness), encoding="utf-8")
+    write_cell(folder / "cell.toml", made.arm)
     first = made.windows.pass_index == 0
     write_windows(folder / "windows.csv", made.windows.take(first))
     write_windows(folder / "unseen.csv", made.windows.take(~first))
@@ -73,7 +63,7 @@ def _write_response(path: Path, made: MillingExperiment) -> None:
             names += [f"G{moved}{pushed}_re_m_per_N", f"G{moved}{pushed}_im_m_per_N"]
             columns += [response[:, i, j].real, response[:, i, j].imag]
     table = table_bytes(names, np.column_stack(columns))
-    path.write_bytes(mark_line(_ORIGIN).encode() + table)
+    path.write_bytes(mark_line(ORIGIN).encode() + table)
 
 
 def _write_cut(folder: Path, made: MillingExperiment) -> None:
@@ -81,7 +71,7 @@ def _write_cut(folder: Path, made: MillingExperiment) -> None:
     rng = np.random.default_rng([made.seed, 9])
     count = round(SECONDS * RATE)
     force = read_force(made.tools, pass_force(made.tools, count, rng), rng)
-    record = ForceRecord(start=0.0, rate=RATE, force=force, source="simulated", provenance=_ORIGIN)
+    record = ForceRecord(start=0.0, rate=RATE, force=force, source="simulated", provenance=ORIGIN)
     write_force_csv(folder / "force.csv", record)
     time = np.arange(-10, round(250.0 * SECONDS) + 10) / 250.0
     robot = milling_robot()
@@ -89,7 +79,7 @@ def _write_cut(folder: Path, made: MillingExperiment) -> None:
     shown = joints if robot.controller is None else robot.controller.to_controller(joints)
     names = ["t_s", *(f"a{k + 1}_deg" for k in range(joints.shape[1]))]
     table = table_bytes(names, np.column_stack([time, shown / DEG]))
-    (folder / "joints.csv").write_bytes(mark_line(_ORIGIN).encode() + table)
+    (folder / "joints.csv").write_bytes(mark_line(ORIGIN).encode() + table)
 
 
 if __name__ == "__main__":

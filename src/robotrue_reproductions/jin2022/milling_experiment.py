@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 import scipy.fft
@@ -75,6 +75,7 @@ class MillingExperiment:
         tools: Cutter and dynamometer.
         windows: What the user has of all passes; pass 1 is the printed one.
         static: (n,) m, true static part of the error, mean force times compliance.
+        zero: (n, 3) N, what the dynamometer reads in each window beyond the force times its gain.
         along: (n,) m, middle of each window along its pass.
         hammer_frequency: (m,) Hz.
         hammer: (m, 3) m/N, y over x, y, z as hammered at the middle of pass 1.
@@ -85,9 +86,19 @@ class MillingExperiment:
     tools: Tooling
     windows: WindowSet
     static: Array
+    zero: Array
     along: Array
     hammer_frequency: Array
     hammer: ComplexArray
+
+
+class _Pass(NamedTuple):
+    """Windows of a pass and what is true of them."""
+
+    windows: WindowSet
+    static: Array
+    zero: Array
+    along: Array
 
 
 def milling_experiment(seed: int, passes: Sequence[int] = range(len(SHIFTS))) -> MillingExperiment:
@@ -98,15 +109,16 @@ def milling_experiment(seed: int, passes: Sequence[int] = range(len(SHIFTS))) ->
         passes: Which of the six passes are cut; 0 is the printed one.
     """
     arm, tools = milling_arm(seed), tooling(seed)
-    frequency, hammer = _hammer_modes(arm, seed)
+    frequency, hammer = strike_hammer(arm, seed)
     parts = [_pass(arm, tools, frequency, hammer, seed, k) for k in passes]
     return MillingExperiment(
         seed=seed,
         arm=arm,
         tools=tools,
-        windows=concatenate_windows([windows for windows, _, _ in parts]),
-        static=np.concatenate([static for _, static, _ in parts]),
-        along=np.concatenate([along for _, _, along in parts]),
+        windows=concatenate_windows([part.windows for part in parts]),
+        static=np.concatenate([part.static for part in parts]),
+        zero=np.concatenate([part.zero for part in parts]),
+        along=np.concatenate([part.along for part in parts]),
         hammer_frequency=frequency,
         hammer=hammer,
     )
@@ -125,18 +137,17 @@ def _pass(
     hammer: ComplexArray,
     seed: int,
     which: int,
-) -> tuple[WindowSet, Array, Array]:
-    """Windows, true static part (n,) and place along the pass (n,)."""
+) -> _Pass:
     rng = np.random.default_rng([seed, 110 + which])
     edges = window_edges()
     marks = np.rint(edges / FEED * RATE).astype(np.int64)
     joints = pass_joints(_place_refreshes(edges), SHIFTS[which])
     force = pass_force(tools, int(marks[-1]), rng)
-    truth, static = _displacement(arm, joints, force, marks)
+    truth, static = displace_tool(arm, joints, force, _part_windows(marks))
     read = read_force(tools, force, rng)
     seen = -truth + LASER * rng.standard_normal(len(truth))
     middle = 0.5 * (edges[1:] + edges[:-1])
-    repeated = _repeatability(middle, rng)
+    repeated = draw_repeatability(middle, rng)
     mean = pass_joints(middle, SHIFTS[which]) + JOINT_NOISE * rng.standard_normal((WINDOWS, 6))
     rows = []
     for k, (a, b) in enumerate(pairwise(marks.tolist())):
@@ -144,7 +155,8 @@ def _pass(
         bent = _predict_displacement(frequency, hammer, read[a:b])
         predicted = peaks_per_turn(-bent, TURN).mean()
         peak = peaks_per_turn(np.abs(read[a:b, 1]), TURN).mean()
-        rows.append([*read[a:b].mean(axis=0), peak, predicted, measured])
+        zero = read[a:b].mean(axis=0) - tools.gain * force[a:b].mean(axis=0)
+        rows.append([*read[a:b].mean(axis=0), peak, predicted, measured, *zero])
     table = np.array(rows)
     windows = WindowSet(
         passes=(f"{which + 1}",) * WINDOWS,
@@ -157,7 +169,7 @@ def _pass(
         source=f"virtual milling experiment, seed {seed} (simulated)",
         provenance=Provenance(simulated=True, instrument="virtual milling experiment"),
     )
-    return windows, static, middle
+    return _Pass(windows, static.reshape(-1, REFRESHES).mean(axis=1), table[:, 6:], middle)
 
 
 def _place_refreshes(edges: Array) -> Array:
@@ -166,28 +178,42 @@ def _place_refreshes(edges: Array) -> Array:
     return np.asarray((edges[:-1, None] + part * np.diff(edges)[:, None]).ravel())
 
 
-def _displacement(
-    arm: MillingArm, joints: Array, force: Array, marks: IntArray
+def displace_tool(
+    arm: MillingArm, joints: Array, force: Array, cuts: IntArray
 ) -> tuple[Array, Array]:
-    """True displacement y (n,) m, and the static part of the error (windows,) m."""
+    """Returns the true displacement y (n,) m, and the static part of the error (k,) m.
+
+    Args:
+        arm: That mills.
+        joints: (k, 6) rad, of each stretch of the force.
+        force: (n, 3) N on the tool, base axes; settled in its first stretch.
+        cuts: (k + 1,) samples where the stretches begin and end.
+    """
     out = np.empty(len(force))
-    static = np.zeros(WINDOWS)
+    static = np.zeros(len(joints))
     stream, before = None, None
-    for k in range(WINDOWS):
-        cuts = np.rint(np.linspace(marks[k], marks[k + 1], REFRESHES + 1)).astype(np.int64)
-        for i, (a, b) in enumerate(pairwise(cuts.tolist())):
-            mean = force[a:b].mean(axis=0)
-            modes = _modes(arm, joints[REFRESHES * k + i], mean)
-            both = join_oscillators([modes.oscillators(), arm.tool])
-            if stream is None or before is None:
-                stream = ModalFilter(both, RATE)
-                stream.settle(mean)
-            else:
-                stream.change(both, _carry(modes, before, len(arm.tool)))
-            out[a:b] = stream.push(force[a:b])[:, 1]
-            static[k] -= both.static[1] @ mean / REFRESHES
-            before = modes
+    for k, (a, b) in enumerate(pairwise(cuts.tolist())):
+        mean = force[a:b].mean(axis=0)
+        modes = _modes(arm, joints[k], mean)
+        both = join_oscillators([modes.oscillators(), arm.tool])
+        if stream is None or before is None:
+            stream = ModalFilter(both, RATE)
+            stream.settle(mean)
+        else:
+            stream.change(both, _carry(modes, before, len(arm.tool)))
+        out[a:b] = stream.push(force[a:b])[:, 1]
+        static[k] = -(both.static[1] @ mean)
+        before = modes
     return out, static
+
+
+def _part_windows(marks: IntArray) -> IntArray:
+    """Samples at which the true modes are renewed, ``REFRESHES`` times in each window."""
+    parts = [
+        np.rint(np.linspace(a, b, REFRESHES + 1)).astype(np.int64)[:-1]
+        for a, b in pairwise(marks.tolist())
+    ]
+    return np.concatenate([*parts, marks[-1:]])
 
 
 def _modes(arm: MillingArm, joints: Array, force: Array) -> PoseModes:
@@ -202,8 +228,11 @@ def _carry(after: PoseModes, before: PoseModes, tool: int) -> Array:
     return out
 
 
-def _hammer_modes(arm: MillingArm, seed: int) -> tuple[Array, ComplexArray]:
-    """Lines (m,) Hz and response (m, 3) m/N of y to x, y, z at mid-path: no load, noisy lines."""
+def strike_hammer(arm: MillingArm, seed: int) -> tuple[Array, ComplexArray]:
+    """Returns lines (m,) Hz and response (m, 3) m/N of y to x, y, z at mid-path.
+
+    No load, noise on every line.
+    """
     rng = np.random.default_rng([seed, 103])
     edges = window_edges()
     modes = pose_modes(arm.arm, pass_joints(np.array([0.5 * edges[-1]]))[0])
@@ -226,8 +255,8 @@ def _predict_displacement(frequency: Array, hammer: ComplexArray, force: Array) 
     return np.asarray(scipy.fft.irfft(bent, n=len(force)))
 
 
-def _repeatability(along: Array, rng: np.random.Generator) -> Array:
-    """A random curve (n,) m over a pass: a process of squared exponentials and white noise."""
+def draw_repeatability(along: Array, rng: np.random.Generator) -> Array:
+    """Returns a random curve (n,) m over a pass: squared exponentials and white noise."""
     distance = (along[:, None] - along[None, :]) / REPEATABILITY_LENGTH
     value, vector = np.linalg.eigh(np.exp(-0.5 * distance**2))
     root = (vector * np.sqrt(np.maximum(value, 0.0))) @ vector.T  # the same on every machine

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Final, TypedDict
 
 from robotrue.app.context import Context
 from robotrue.app.dynamics_fields import DIRECTION, Direction, PredictedWith, WindowsFile
@@ -21,11 +21,34 @@ if TYPE_CHECKING:
     from robotrue.dynamics.learned_deviation import DeviationPrediction
     from robotrue.dynamics.windows import WindowSet
 
+BY_CHANCE: Final = (
+    "by chance: what a band that is right holds in 95 of 100 cases, since neighbouring windows "
+    "share their errors"
+)
 NAMES: Final = {
     "prediction": "frequency response and force",
     "paper": "components and support vectors",
     "deviation": "compliant joints and residual",
 }
+
+
+class _JudgedScore(TypedDict):
+    """One estimate beside what was measured, um."""
+
+    method: str
+    rmse_um: float
+    mean_um: float
+    max_um: float
+    coverage_95: float | None
+
+
+class _Judged(TypedDict):
+    """A model on windows."""
+
+    windows: int
+    standing: dict[str, int]
+    measured: int
+    scores: list[_JudgedScore]
 
 
 class DynamicsValidateRequest(Request):
@@ -93,12 +116,16 @@ def _hold_out(
     found = scores(windows, arm, kinds=kinds, row=row, known=request.known, seed=request.seed)
     table = Table(
         title=f"{request.windows.name}: errors of windows held out, um",
-        columns=("split", "method", "rmse", "mean", "max", "in 95 % band"),
+        columns=("split", "method", "rmse", "mean", "max", "in 95 % band", "by chance"),
         rows=tuple(_score_row(each) for each in found),
     )
     return PlainResult(
         values={"windows": len(windows), "scores": [each.document() for each in found]},
-        shown=(table, *(Note(f"{kind}: {QUESTIONS[kind]}") for kind in kinds)),
+        shown=(
+            table,
+            *(Note(f"{kind}: {QUESTIONS[kind]}") for kind in kinds),
+            Note(BY_CHANCE),
+        ),
         provenance=windows_origin(windows, request.frf),
     )
 
@@ -135,15 +162,15 @@ def _judge(
     return PlainResult(values=values, shown=(facts,), provenance=origin)
 
 
-def _document(windows: WindowSet, found: DeviationPrediction, learned: str) -> dict[str, Any]:
+def _document(windows: WindowSet, found: DeviationPrediction, learned: str) -> _Judged:
     import numpy as np
 
-    from robotrue.dynamics.deviation_validation import TWO_SIDED_95
+    from robotrue.dynamics.band_chance import TWO_SIDED_95
     from robotrue.dynamics.learned_deviation import WindowTrust
 
     standing = np.bincount(found.standing, minlength=len(WindowTrust))
     known = np.isfinite(windows.measured) & (found.standing != WindowTrust.INVALID)
-    scores = []
+    scores: list[_JudgedScore] = []
     estimates = {"prediction": windows.predicted, learned: found.error} if known.any() else {}
     for method, estimate in estimates.items():
         miss = np.abs(estimate - windows.measured)[known]
@@ -184,11 +211,16 @@ def _score_row(score: Score) -> tuple[str, ...]:
 
     d = score.document()
     inside = "" if score.coverage is None else f"{100.0 * score.coverage:.1f} %"
+    chance = ""
+    if score.by_chance is not None:
+        low, high = score.by_chance.range
+        chance = f"{100.0 * low:.0f} to {100.0 * high:.0f} %"
     return (
         score.split if score.method == METHODS[0] else "",
         NAMES[score.method],
         *(f"{d[key]:.2f}" for key in ("rmse_um", "mean_um", "max_um")),
         inside,
+        chance,
     )
 
 

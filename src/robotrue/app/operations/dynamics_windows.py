@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Final, Literal, TypedDict
 
 from robotrue.app.context import Context
 from robotrue.app.dynamics_fields import BETWEEN, DIRECTION, Between, Direction, StaticTest
@@ -23,6 +23,27 @@ if TYPE_CHECKING:
     from robotrue.dynamics.pass_windows import PassRecords
     from robotrue.dynamics.windows import WindowSet
     from robotrue.robot.model import RobotModel
+
+
+_Document = TypedDict(
+    "_Document",
+    {
+        "output_csv": str,
+        "pass": str,
+        "windows": int,
+        "rows": int,
+        "stages_s": dict[str, list[float]],
+        "path_mm": dict[str, float],
+        "level_N": float,
+        "air_N": float,
+        "zero_before_N": list[float],
+        "zero_behind_N": list[float],
+        "predicted_um": float,
+        "measured_um": float | None,
+        "dry_run": bool,
+    },
+)
+"""What is said of a pass and its windows."""
 
 
 class DynamicsWindowsRequest(Request):
@@ -201,7 +222,7 @@ def _edges(request: DynamicsWindowsRequest, read: ReadForce, records: PassRecord
 
 def _document(
     records: PassRecords, read: ReadForce, windows: WindowSet, rows: int, output: Path
-) -> dict[str, Any]:
+) -> _Document:
     import numpy as np
 
     from robotrue.dynamics.pass_windows import path_between
@@ -230,7 +251,7 @@ def _document(
     }
 
 
-def _facts(d: dict[str, Any]) -> Facts:
+def _facts(d: _Document) -> Facts:
     stages = tuple(
         (name, f"{a:.3f} to {b:.3f} s, {d['path_mm'][name]:.2f} mm")
         for name, (a, b) in d["stages_s"].items()
