@@ -137,7 +137,7 @@ def test_the_factor_is_that_of_the_misfit_with_many_rows():
 
 def test_few_rows_widen_by_students_law():
     calm = factor_of(held_out(20, spread=0.3), 12.0)
-    assert calm == pytest.approx((24.0 / 80.0 * student_factor(12.0)) ** (300 / 320), rel=0.15)
+    assert calm == pytest.approx(25.4 / 80.0 * student_factor(12.0) ** (300 / 320), rel=0.1)
     assert factor_of(held_out(20), 1.0) == factor_of(held_out(20), 8.0)  # the fewest degrees
     assert factor_of(held_out(20), 9.0) > factor_of(held_out(20), 30.0)
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from robotrue.calibration.archive import open_model
+from robotrue.calibration.averaging import average_models
 from robotrue.calibration.methods import METHODS, fit
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.sources import TransferSource
@@ -145,3 +146,19 @@ def test_a_drift_check_takes_the_tool_alone(training):
     model = fit(nominal(), training, method="geometric", settings=SETTINGS)
     with pytest.raises(ConfigurationError, match="20 of 30 rows are of other reflectors"):
         drift_check(model, measured(30, 3))
+
+
+def test_an_average_predicts_each_reflector_as_the_mixture_does(training):
+    models = [
+        fit(nominal(), training, method=m, settings=SETTINGS) for m in ("geometric", "elastic")
+    ]
+    rows, share = measured(30, 5), np.array([0.6, 0.4])
+    seen = [evaluate(model, rows) for model in models]
+    mean = np.tensordot(share, np.array([s.after for s in seen]), axes=1)
+    apart = np.array([s.after for s in seen]) - mean
+    mixed = np.einsum("k,knij->nij", share, np.array([s.covariance for s in seen]))
+    mixed += np.einsum("k,kni,knj->nij", share, apart, apart)
+    average = average_models(models, share)
+    found = evaluate(open_model(average.to_archive()), rows)
+    np.testing.assert_allclose(found.after, mean, atol=1e-7)  # moments times compliance
+    np.testing.assert_allclose(found.covariance, mixed, rtol=0.01, atol=1e-12)

@@ -26,7 +26,7 @@ from robotrue.core.arrays import Array
 from robotrue.core.poses import inverse, pose
 from robotrue.core.rotations import matrix_from_rotation_vector, rotation_vector_from_matrix
 from robotrue.errors import ConfigurationError
-from robotrue.robot.model import parameter_slice
+from robotrue.robot.model import moment_slice, parameter_slice
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,7 +71,7 @@ def average_models(models: Sequence[CalibratedModel], weights: Array) -> Calibra
     share = np.asarray(weights, dtype=np.float64) / float(np.sum(weights))
     members = _align_members(models, share)
     shifts = {k: _station_shifts(models, k) for k in sorted(first.T_tracker_base)}
-    means = np.array([member.belief.mean for member in members])
+    means = _share_moments(members, share)
     if shifts:  # the base is where the first station says
         base = parameter_slice(first.robot.dof, "base")
         off = next(iter(shifts.values()))
@@ -119,6 +119,20 @@ def _align_members(models: Sequence[CalibratedModel], share: Array) -> list[_Mem
         aligned = _arrange(replace(belief, root=root), tuple(terms.values()))
         members.append(_Member(model=model, weight=weight, belief=aligned, places=places))
     return members
+
+
+def _share_moments(members: Sequence[_Member], share: Array) -> Array:
+    """The means (k, p) of the members, those without compliance given the others' moments.
+
+    Moments of the links act through compliance alone: a member that has none says nothing of them.
+    """
+    means = np.array([member.belief.mean for member in members])
+    moments = np.r_[moment_slice(members[0].model.robot.dof)]
+    known = np.array([bool(member.belief.root[:, moments].any()) for member in members])
+    if known.any():
+        others = share[known] @ means[np.ix_(known, moments)] / share[known].sum()
+        means[np.ix_(~known, moments)] = others
+    return means
 
 
 def _only_smooth(beliefs: Sequence[Belief]) -> SmoothResidual | None:

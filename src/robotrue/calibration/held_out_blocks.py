@@ -42,6 +42,8 @@ LEAST_FREEDOM: Final = 8.0
 """Degrees below which Student's law says nothing sensible of three numbers."""
 LARGEST: Final = 100.0
 """Largest factor on a covariance: ten times the standard deviation."""
+SMALLEST: Final = 1.0 / 16.0
+"""Smallest: a quarter of the standard deviation."""
 HALF: Final = 0.5
 """Weights of a group that the data determine from which its scale is taken for learned."""
 
@@ -151,8 +153,9 @@ def count_freedom(sums: Sequence[Sums], fit: Weights, physical: int) -> float:
 def widen(found: HeldOutRows, counted: BoolArray, freedom: float) -> HeldOutRows:
     """Returns the same with the factor on the covariance; see the top of this file.
 
-    That all rows lie inside makes nothing narrower before there are :data:`MANY` of them: of twenty
-    that is expected.
+    That all rows lie inside makes nothing narrower before there are :data:`MANY` of them, of twenty
+    that is expected; only a variance below the stated one does, as where an arm repeats better
+    than its stated repeatability.
 
     Args:
         found: From :func:`predict_held_out`.
@@ -164,7 +167,7 @@ def widen(found: HeldOutRows, counted: BoolArray, freedom: float) -> HeldOutRows
     law = float(np.log(student_factor(max(freedom, LEAST_FREEDOM))))
     variance, quantile = np.log([_match_variance(found, counted), match_quantile(found)]).tolist()
     if rows < MANY:
-        quantile = max(quantile, 0.0)
+        quantile = max(quantile, min(variance, 0.0))
     factor = float(np.exp((1.0 - share) * (variance + law) + share * quantile))
     return replace(found, inflation=min(factor, LARGEST))
 
@@ -175,7 +178,7 @@ def _match_variance(found: HeldOutRows, counted: BoolArray) -> float:
         return 1.0
     error, own = found.error[counted], (found.learned + found.white)[counted]
     instrument, cut = found.instrument[counted], chi_point(CUT, 3) ** 2
-    low, high = -np.log(4.0), np.log(LARGEST)
+    low, high = np.log(SMALLEST), np.log(LARGEST)
     for _ in range(30):
         middle = 0.5 * (low + high)
         factor = float(np.exp(middle))
@@ -193,7 +196,7 @@ def _match_variance(found: HeldOutRows, counted: BoolArray) -> float:
 
 def match_quantile(found: HeldOutRows) -> float:
     """Returns the factor with 95 % of the rows in their region, by bisection in its logarithm."""
-    low, high = -np.log(4.0), np.log(LARGEST)
+    low, high = np.log(SMALLEST), np.log(LARGEST)
     for _ in range(30):
         middle = 0.5 * (low + high)
         if replace(found, inflation=float(np.exp(middle))).coverage < LEVEL:
