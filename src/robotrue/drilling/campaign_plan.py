@@ -144,7 +144,7 @@ def plan_campaign(
     forces, heights = np.unique(forces), np.unique(heights)
     if count < FEWEST:
         raise ConfigurationError(
-            f"{count} clamps, at least {FEWEST} are needed.", hint=f"--count {4 * FEWEST}"
+            f"{count} clamps, at least {FEWEST} are needed.", hint=f"--clamps {4 * FEWEST}"
         )
     if not len(forces) or not len(heights) or not largest > 0.0 or (forces < 0.0).any():
         raise ConfigurationError(
