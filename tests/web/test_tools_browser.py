@@ -49,7 +49,9 @@ def test_a_form_sends_its_files_and_leads_to_the_result(
         kept = watched.find("kept-queries")
         kept.wait_for()
         assert "good.csv" in kept.locator("option:checked").inner_text()
-        for width in (1440, 390):
-            page.set_viewport_size({"width": width, "height": 844})
-            sheet = page.locator("#sheet")
-            assert sheet.evaluate("s => s.scrollWidth <= s.clientWidth"), width
+        for place in (page.url, "/tools/transfer"):
+            page.goto(place)
+            for width in (1440, 1180, 390):
+                page.set_viewport_size({"width": width, "height": 844})
+                sheet = page.locator("#sheet")
+                assert sheet.evaluate("s => s.scrollWidth <= s.clientWidth"), (place, width)

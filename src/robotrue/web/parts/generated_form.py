@@ -31,6 +31,7 @@ UNITS: Final[Mapping[str, str]] = {
 """How the ends of names that are units are printed."""
 MORE_TEXTS: Final = 3
 """Fields of a list of texts."""
+_COMMAND: Final = re.compile(r"`([^`]+)`")
 _OPTION: Final = re.compile(r"--([a-z][a-z-]+)")
 
 
@@ -95,7 +96,7 @@ class GeneratedForm(RequestForm):
             known = options.get(found[0], found[1].replace("-", "_"))
             return f"“{self.words(known)}”" if known in fields else found[0]
 
-        return _OPTION.sub(label, fields[name].entry.help)
+        return _OPTION.sub(label, _COMMAND.sub(r"“\1”", fields[name].entry.help))
 
     def list_offers(self, each: RequestField) -> list[tuple[str, Sequence[ItemRecord]]]:
         """Returns the items that a field may refer to, by their noun in the reader's words."""
@@ -107,6 +108,13 @@ class GeneratedForm(RequestForm):
     def is_required(self, each: RequestField) -> bool:
         """Returns whether a job cannot do without a field."""
         return each.is_required(JOB) and not isinstance(each.entry, Output)
+
+    def list_files(self, each: RequestField) -> Mapping[str, Sequence[ItemRecord]]:
+        """Returns the kept files to choose from: beside items only those that were sent before."""
+        if isinstance(each.entry, InputFile):
+            return self.files
+        heading = self.context.say("tools.kept_inputs")
+        return {heading: self.files[heading]} if heading in self.files else {}
 
     def takes_files(self, each: RequestField) -> bool:
         """Returns whether a file may be sent in place of an item."""
