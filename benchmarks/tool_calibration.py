@@ -148,6 +148,16 @@ def run_cell(seed: int, wide: bool, out: dict[str, list[tuple[float, float, floa
     )
     add("axis, squared", flush.axis_in_flange - axis, flush.covariance, flush.region)
     _three_two_one(cell, arm, settings, rng, add)
+    own = np.random.default_rng([seed, 92])
+    leans = own.normal(size=(2, 5, 3))
+    leans *= LEAN / np.linalg.norm(leans, axis=2, keepdims=True)
+    gauges = [
+        touches(with_tool(cell, tip + size * axis), TABLE, lean, own)
+        for size, lean in zip((0.0, GAUGE), leans, strict=True)
+    ]
+    on_table = axis_between(arm, gauges[0], gauges[1], table=table, settings=settings)
+    add("axis, gauges on a table", on_table.axis_in_flange - axis, on_table.covariance,
+        on_table.region)  # fmt: skip
 
 
 def _three_two_one(cell, arm, settings, rng, add) -> None:  # type: ignore[no-untyped-def]
@@ -157,7 +167,9 @@ def _three_two_one(cell, arm, settings, rng, add) -> None:  # type: ignore[no-un
     six = ProbingSet(names=tuple("ABCDEF"), point=points, normal=NORMALS, joints=joints)
     made = register(arm, six, settings=replace(settings, method="three-two-one")).frames[0]
     T = made.registration.T_base_part
-    wanted = pose(attitude("R")[None], apply(T, points[:1]))
+    # what register states is of the touched posture: the wrist leans as it did at that touch
+    shown = forward(cell.nominal, joints[:1])[:, :3, :3]
+    wanted = pose(shown, apply(T, points[:1]))
     ran = machine(cell, compensated_joints(cell.nominal, wanted, "R"), rng)
     error = T[:3, :3].T @ (ran - apply(cell.T_base_part, points[:1]))[0]
     add("3-2-1, machined point", error, made.machined[0], float(made.region[0]))

@@ -12,10 +12,12 @@ from typer.testing import CliRunner
 
 from robotrue.cli.main import app
 from robotrue.core.arrays import Array
+from robotrue.core.poses import pose
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG
 from robotrue.errors import RobotrueError
 from robotrue.robot.forward import forward
+from robotrue.robot.statics import deflect_arm
 
 
 def call(*arguments: object) -> dict:
@@ -222,6 +224,29 @@ def test_points_in_base_go_through_the_robot_into_a_cell(tmp_path: Path) -> None
     assert "xyz_mm = [60.0, 40.0, 250.0]" in text
     assert "abc_deg = [0.0, 36.8698" in text
     assert call("inspect", tmp_path / "new.toml")
+
+
+def test_a_calibrated_robot_gives_the_axis_that_the_nominal_one_misses(work: Path) -> None:
+    joints = shop.postures(1, seed=8)
+    offsets = [np.zeros(3), *np.eye(3)]  # the true flange, gravity and drives included
+    o, *ends = (
+        deflect_arm(shop.actual().with_tool(pose(np.eye(3), at)), joints, shop.PAYLOAD)[0].position[
+            0
+        ]
+        for at in offsets
+    )
+    R = np.column_stack([end - o for end in ends])
+    points = write(work / "t.csv", turned(np.arange(8) * np.pi / 4.0) @ R.T + 1e3 * o)
+    off = {}
+    for robot in ("model.rtm", "cell.toml"):
+        out = call("spindle-axis", points, "--robot", work / robot, "--joints-deg",
+                   ",".join(map(str, joints[0] / DEG)))  # fmt: skip
+        place = np.linalg.norm(np.array(out["point_mm"]) - [60.0, 40.0, 250.0])
+        angle = np.degrees(np.linalg.norm(np.cross(out["direction"], [0.6, 0.0, 0.8])))
+        off[robot] = np.array([place, angle])
+    assert off["cell.toml"][0] > 0.5  # mm beside the true axis
+    assert off["model.rtm"][0] < 0.2 * off["cell.toml"][0]
+    assert off["model.rtm"][1] < 0.01
 
 
 @pytest.mark.parametrize(

@@ -75,6 +75,18 @@ def test_a_table_that_moved_between_rounds_is_told(cli, work: Path, rounds) -> N
     assert "the rounds before are left out" in got.out + got.err
 
 
+def test_a_part_that_creeps_from_round_to_round_is_not_settled(cli, work: Path, rounds) -> None:
+    files = tuple(rounds(k, [1.5e-4 * (k - 1), 0.0, 0.0]) for k in range(1, 5))
+    begin = ("register-rounds", work / "cell.toml")
+    rest = ("-o", work / "o.toml", "--frame", FRAME, "--touch-sigma-mm", "0.1")
+    document = cli(*begin, *files, *rest, "--json").document
+    assert (document["rounds_verdict"], document["verdict"]) == ("not settled", "NO-GO")
+    assert "Round 4 still moved the frame by 0." in document["reasons"][0]
+    assert "the part is loose" in document["reasons"][0]
+    still = tuple(rounds(k) for k in range(1, 5))
+    assert cli(*begin, *still, *rest, "--json").document["rounds_verdict"] == "settled"
+
+
 @pytest.mark.parametrize(
     ("second", "message"),
     [

@@ -108,6 +108,14 @@ def test_the_tool_axis_from_gauges_and_from_a_plane(cli, shop_floor: Path) -> No
     assert "$TOOL={X 0.0000,Y 0.0000,Z 300.0000" in got.document["tools"][0]["text"]
     spins = np.outer([0.0, 0.4, -0.4], up)
     write_points(shop_floor / "square.csv", tools.touched(tools.TIP, place[:3], spins))
+    write_points(shop_floor / "longer.csv",
+                 tools.touched(tools.TIP + 0.15 * up, tools.TABLE, 0.0 * tools.LEANS))  # fmt: skip
+    got = cli("tool-axis", shop_floor / "cell.toml", shop_floor / "tool.csv",
+              shop_floor / "longer.csv", "--table", shop_floor / "table.csv", "--json")  # fmt: skip
+    np.testing.assert_allclose(got.document["axis_in_flange"], up, atol=1e-6)
+    got = cli("tool-axis", shop_floor / "cell.toml", shop_floor / "square.csv", "--normal", "0,0,1",
+              "--table", shop_floor / "table.csv")  # fmt: skip
+    assert "--normal with --table" in got.err
     got = cli("tool-axis", shop_floor / "cell.toml", shop_floor / "square.csv", "--normal", "0,0,1")
     assert got.code == 0, got.err
     assert "from the flange's z" in got.out

@@ -115,6 +115,29 @@ def test_the_axis_between_two_gauges() -> None:
         axis_between(ARM, short, touched(TIP + 1e-4 * axis, TABLE[[4] * 5], LEANS))
 
 
+def test_the_axis_between_two_gauges_on_the_table() -> None:
+    axis = np.array([0.02, -0.01, 1.0])
+    axis /= np.linalg.norm(axis)
+    upright, once = LEANS * 0.0, np.array([4])
+    short, long = (touched(tip, TABLE, upright) for tip in (TIP, TIP + 0.15 * axis))
+    found = axis_between(ARM, short, long, table=PROBED, settings=SETTINGS)
+    np.testing.assert_allclose(found.axis_in_flange, axis, atol=1e-6)
+    one = axis_between(ARM, short.subset(once), long.subset(once), table=PROBED, settings=SETTINGS)
+    np.testing.assert_allclose(one.axis_in_flange, axis, atol=1e-6)
+    assert one.region > found.region
+    # in one posture the arm's errors of the two gauges and of the table cancel
+    about = (
+        touched(TIP, TABLE[[4] * 5], LEANS),
+        touched(TIP + 0.15 * axis, TABLE[[4] * 5], 0.6 * LEANS),
+    )
+    fixed = axis_between(ARM, *about, settings=SETTINGS)
+    assert found.region < fixed.region
+    off = np.zeros((5, 3))
+    off[2] = [0.0, 20.0 * MM, 0.0]
+    with pytest.raises(ImplausibleDataError, match="touch t3 is"):
+        axis_between(ARM, short, touched(TIP + 0.15 * axis, TABLE, upright, off), table=PROBED)
+
+
 def test_the_axis_of_a_tool_squared_on_a_plane() -> None:
     spins = np.outer([0.0, 0.5, 1.0, -0.5], [0.0, 0.0, 1.0])
     squared = touched(TIP, TABLE[[4] * 4], spins)

@@ -101,12 +101,20 @@ class CalibratedAxis(Columns):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Pivot:
-    """A tool point about a fixed point, and its step (3, 3n) per error of the tips."""
+class _FoundTip:
+    """A tool point and what its errors come from.
+
+    Attributes:
+        tool: It.
+        arm: (3, r) m, its step per unit of every independent error of the arm.
+        own: (3, 3n) its step per error of its touches.
+        table: (3, 3m) its step per error of the table's touches; (3, 0) without a table.
+    """
 
     tool: CalibratedTool
-    gain: Array
-    joints: Array
+    arm: Array
+    own: Array
+    table: Array
 
 
 def calibrate_tool(
@@ -132,10 +140,25 @@ def calibrate_tool(
         ModelMismatchError: Joints of another robot.
     """
     settings = RegistrationSettings() if settings is None else settings
-    _check_touches(arm, touches)
-    with naming(touches):
-        if table is None:
-            return _about_fixed_point(arm, touches, settings).tool
+    (found,) = _find_tips(arm, (touches,), table, settings)
+    return found.tool
+
+
+def _find_tips(
+    arm: ErrorModel,
+    gauges: tuple[ProbingSet, ...],
+    table: ProbingSet | None,
+    settings: RegistrationSettings,
+) -> list[_FoundTip]:
+    """The tip of each gauge, about a fixed point or from the table."""
+    for touches in gauges:
+        _check_touches(arm, touches)
+    out = []
+    if table is None:
+        for touches in gauges:
+            with naming(touches):
+                out.append(_about_fixed_point(arm, touches, settings))
+        return out
     check_rows(arm, table, ("table",))
     if not table.has_joints:
         raise ConfigurationError(
@@ -147,8 +170,10 @@ def calibrate_tool(
     with naming(table):
         found = check_touches(arm, "table", table, settings)
         frame, gain = fit_by_method("touches", table, found.in_base, noise=found.noise)
-    with naming(touches):
-        return _from_table(arm, touches, table, frame, gain, settings)
+    for touches in gauges:
+        with naming(touches):
+            out.append(_from_table(arm, touches, table, frame, gain, settings))
+    return out
 
 
 def _check_touches(arm: ErrorModel, touches: ProbingSet) -> None:
@@ -169,7 +194,7 @@ def _from_table(
     frame: Registration,
     gain: Array,
     settings: RegistrationSettings,
-) -> CalibratedTool:
+) -> _FoundTip:
     """Eq. 7-8: the tip is where the table's point is."""
     place = apply(frame.T_base_part, touches.point)
     flange = arm.robot.nominal().with_tool(np.eye(4))
@@ -180,7 +205,8 @@ def _from_table(
         tool = tool + np.einsum("nji,nj->ni", turn, off).mean(axis=0)
     residuals = tips(arm, touches.joints, _with_tip(settings, tool)) - place
     n = len(touches)
-    half, white = _joint_errors(arm, touches, table, frame, gain, tool, settings)
+    half, lift, visit = _joint_errors(arm, touches, table, frame, gain, tool, settings)
+    white = visit * (lift @ lift.T + np.eye(3 * n))
     mean = np.concatenate(list(np.swapaxes(turn, 1, 2)), axis=1) / n
     lifted = mean @ half
     covariance = lifted @ lifted.T + mean @ white @ mean.T
@@ -188,7 +214,7 @@ def _from_table(
     spread = own @ (half @ half.T + white) @ own.T
     _check_residuals(touches, residuals, spread)
     doubts = () if n > 1 else ("One touch leaves nothing that could contradict it: touch more.",)
-    return CalibratedTool(
+    found = CalibratedTool(
         p_flange_tool=tool,
         covariance=0.5 * (covariance + covariance.T),
         names=touches.labels,
@@ -196,6 +222,7 @@ def _from_table(
         table=frame,
         doubts=doubts,
     )
+    return _FoundTip(tool=found, arm=lifted, own=mean, table=mean @ lift)
 
 
 def _joint_errors(
@@ -206,8 +233,12 @@ def _joint_errors(
     gain: Array,
     tool: Array,
     settings: RegistrationSettings,
-) -> tuple[Array, Array]:
-    """Errors of place less tip: root (3n, r) of what probe and tool share; the rest (3n, 3n)."""
+) -> tuple[Array, Array, float]:
+    """Errors of place less tip: root (3n, r) of what probe and tool share.
+
+    Then the step (3n, 3m) of the places per error of the table's touches, and the variance of one
+    touch.
+    """
     belief = _belief(arm, settings)
     probed = _tip_roots(belief, touch_query(table.joints, belief.robot, settings))
     tipped = _tip_roots(belief, _tool_query(touches.joints, tool, settings))
@@ -215,12 +246,12 @@ def _joint_errors(
     lift = displacement_columns(lever).reshape(-1, 6) @ gain
     visit = belief.inflation * belief.visit + settings.touch**2
     half = np.sqrt(belief.inflation) * (lift @ probed - tipped)
-    return half, visit * (lift @ lift.T + np.eye(len(lift)))
+    return half, np.asarray(lift), float(visit)
 
 
 def _about_fixed_point(
     arm: ErrorModel, touches: ProbingSet, settings: RegistrationSettings
-) -> _Pivot:
+) -> _FoundTip:
     """One place, three orientations or more."""
     spread = np.ptp(touches.point, axis=0).max()
     if spread > ONE_PLACE:
@@ -258,7 +289,7 @@ def _about_fixed_point(
         if n == 3
         else (),
     )
-    return _Pivot(tool=found, gain=gain[:3], joints=touches.joints)
+    return _FoundTip(tool=found, arm=gain[:3] @ half, own=gain[:3], table=np.zeros((3, 0)))
 
 
 def axis_between(
@@ -266,14 +297,17 @@ def axis_between(
     short: ProbingSet,
     long: ProbingSet,
     *,
+    table: ProbingSet | None = None,
     settings: RegistrationSettings | None = None,
 ) -> CalibratedAxis:
-    """Returns the tool axis through two gauges of different length, each about a fixed point.
+    """Returns the tool axis through two gauges of different length.
 
     Args:
         arm: The model that touched.
         short: With the short gauge.
         long: With the long one in the same spindle.
+        table: With the probe whose tip ``settings`` names, as in :func:`calibrate_tool`: the gauges
+            touched its points. Not given: each touched a fixed point.
         settings: Noise.
 
     Raises:
@@ -282,21 +316,19 @@ def axis_between(
         ImplausibleDataError: A touch that is not of the fixed point.
     """
     settings = RegistrationSettings() if settings is None else settings
-    found = []
-    for touches in (short, long):
-        _check_touches(arm, touches)
-        with naming(touches):
-            found.append(_about_fixed_point(arm, touches, settings))
+    found = _find_tips(arm, (short, long), table, settings)
     apart = found[1].tool.p_flange_tool - found[0].tool.p_flange_tool
     length = float(np.linalg.norm(apart))
     belief = _belief(arm, settings)
     visit = belief.inflation * belief.visit + settings.touch**2
-    roots = [
-        each.gain @ _tip_roots(belief, _tool_query(each.joints, each.tool.p_flange_tool, settings))
-        for each in found
-    ]
-    shared = np.sqrt(belief.inflation) * (roots[1] - roots[0])
-    joint = shared @ shared.T + visit * sum(each.gain @ each.gain.T for each in found)
+    shared, table_step = (
+        long_part - short_part
+        for short_part, long_part in (
+            (found[0].arm, found[1].arm), (found[0].table, found[1].table),
+        )
+    )  # fmt: skip
+    touched = table_step @ table_step.T + sum(each.own @ each.own.T for each in found)
+    joint = shared @ shared.T + visit * touched
     known = float(np.sqrt(np.linalg.eigvalsh(joint)[-1]))
     if length <= 10.0 * known:
         raise ObservabilityError(

@@ -1,4 +1,4 @@
-"""Find the tool axis from two gauges about a fixed point, or from a tool squared on a plane."""
+"""Find the tool axis from two gauges about a fixed point or on a table, or from squarings."""
 
 from __future__ import annotations
 
@@ -33,6 +33,13 @@ class ToolAxisRequest(Request):
             help="Short gauge and long gauge about a fixed point, or one file of squarings.",
         ),
     ]
+    table: Annotated[
+        Path | None,
+        InputFile(
+            help="CSV of the probe's touches of the table, in joints; [tool] of CELL is the probe. "
+            "The gauges then touch points of it. None: each touches a fixed point."
+        ),
+    ] = None
     normal: Annotated[
         str | None, Option(help="x,y,z in base: normal of the plane that the tool was squared on.")
     ] = None
@@ -124,6 +131,11 @@ def _find(
     from robotrue.validation.registration_frame import RegistrationSettings
     from robotrue.validation.tool_calibration import axis_between, axis_on_plane
 
+    if request.normal is not None and request.table is not None:
+        raise ConfigurationError(
+            "--normal with --table: a tool is squared on a plane, or gauges touch a table.",
+            hint="SHORT.csv LONG.csv --table TABLE.csv, or SQUARED.csv --normal 0,0,1",
+        )
     needed = 2 if request.normal is None else 1
     if len(request.touches) != needed:
         raise ConfigurationError(
@@ -132,14 +144,16 @@ def _find(
             hint="SHORT.csv LONG.csv, or SQUARED.csv --normal 0,0,1",
         )
     files = [read_points(path).touches for path in request.touches]
+    table = None if request.table is None else read_points(request.table).touches
     settings = RegistrationSettings(
         touch=request.touch_sigma_mm * MM,
         T_flange_tool=cell.robot.T_flange_tool,
         arm=settings_of(cell),
     )
-    origin = merge([each.provenance for each in files])
+    known = files if table is None else [*files, table]
+    origin = merge([each.provenance for each in known])
     if request.normal is None:
-        return axis_between(arm, files[0], files[1], settings=settings), origin
+        return axis_between(arm, files[0], files[1], table=table, settings=settings), origin
     normal = parse_number_list(request.normal)
     if normal.size != 3:
         raise ConfigurationError(
