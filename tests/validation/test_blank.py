@@ -62,6 +62,31 @@ def test_what_is_left_on_every_face(radius: float) -> None:
     assert "opposite +z" in found.doubts[0]
 
 
+def test_a_blank_that_lies_askew_is_turned_about_the_axis_it_may_turn_about() -> None:
+    turn = np.array([0.0, 0.0, 1.5]) * DEG  # 200 mm long: 5 mm from end to end
+    touches = touch({"-x": 3.0, "+x": 3.0, "-y": 2.0, "+y": 2.0, "+z": 6.0})
+    askew = pose_from_xyz_abc(np.zeros(3), np.array([1.5, 0.0, 0.0]) * DEG)
+    at = T_BASE_PART @ askew  # the blank as it lies; the part's frame stays
+    position = apply(at, apply(np.linalg.inv(T_BASE_PART), touches.position))
+    found = check_blank(BOX, touches, position, T_BASE_PART, sigma=0.05 * MM, required=1.5 * MM)
+    assert found.least.allowance < 0.5 * MM
+    np.testing.assert_allclose(found.turn / DEG, turn / DEG, atol=1e-3)
+    assert found.verdict == "fits when turned"
+    np.testing.assert_allclose(found.after / MM, [3.0, 3.0, 2.0, 2.0, 6.0], atol=1e-3)
+    # the same with nothing touched on -y: what would come nearer there is not known, nothing turns
+    rows = np.array([i for i, name in enumerate(touches.names) if name != "-y"])
+    alone = check_blank(
+        BOX, touches.subset(rows), position[rows], T_BASE_PART, sigma=0.05 * MM, required=1.5 * MM
+    )
+    assert not alone.turn.any()
+    # where the shift is enough nothing turns, and about an axis that sees untouched sides neither
+    assert not checked(touches, 1.0).turn.any()
+    nodding = T_BASE_PART @ pose_from_xyz_abc(np.zeros(3), np.array([0.0, 1.5, 0.0]) * DEG)
+    position = apply(nodding, apply(np.linalg.inv(T_BASE_PART), touches.position))
+    tipped = check_blank(BOX, touches, position, T_BASE_PART, sigma=0.05 * MM, required=1.5 * MM)
+    assert np.abs(tipped.turn[:2]).max() < 1e-9
+
+
 def test_the_verdicts() -> None:
     assert checked(touch(LEFT), 4.5).verdict == "does not fit"  # 4 on both y faces
     uneven = LEFT | {"-y": 6.0, "+y": 6.0}

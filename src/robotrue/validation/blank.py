@@ -2,7 +2,8 @@
 
 The blank is what its touched faces say: planes in the part's own coordinates, in the frame the part
 will be cut in. What was not touched, as the side it lies on, bounds nothing. Where two faces look
-opposite ways a shift can share what is left between them.
+opposite ways a shift can share what is left between them; where that is not enough and a turn about
+the axis that the setting-up leaves free gives surely more, the part turns, too.
 """
 
 from __future__ import annotations
@@ -20,16 +21,21 @@ from robotrue.core.poses import apply, inverse
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ImplausibleDataError, ObservabilityError
 from robotrue.measurement.probing_set import ProbingSet
+from robotrue.validation.blank_turn import best_turn, turned_allowances, turning_axes
 from robotrue.validation.registration_methods import group_faces
 from robotrue.validation.touch_checks import file_of
 
-BlankVerdict: TypeAlias = Literal["fits", "fits when shifted", "cannot tell", "does not fit"]
+BlankVerdict: TypeAlias = Literal[
+    "fits", "fits when shifted", "fits when turned", "cannot tell", "does not fit"
+]
 OPPOSITE: Final = 20.0 * DEG
 """Faces whose normals are this near to opposite share what is left."""
 TILT: Final = 20.0 * DEG
 """Largest angle between a face as touched and its nominal normal."""
 NARROW: Final = 0.05
 """Touches of a face whose smaller spread is below this part of the larger give no tilt."""
+ALONG: Final = 0.9
+"""Cosine above which a turn about an axis leaves a face as it is."""
 SIGMAS: Final = 2.0
 """Standard deviations behind "cannot tell"."""
 
@@ -71,7 +77,9 @@ class BlankCheck(Columns):
         verdict: Of :data:`BlankVerdict`.
         shift: (3,) m in part, by which the part is to move inside the blank; 0 where no two faces
             are opposite.
-        after: (f,) m, allowance of each face after the shift.
+        turn: (3,) rad, rotation vector in part by which it is to turn before that shift; 0 where a
+            shift does, or no turn surely leaves more.
+        after: (f,) m, allowance of each face after turn and shift.
         doubts: What the touches cannot tell, one sentence each.
     """
 
@@ -79,6 +87,7 @@ class BlankCheck(Columns):
     required: float
     verdict: BlankVerdict
     shift: Annotated[Array, Column("3", unit="m")]
+    turn: Annotated[Array, Column("3", unit="rad")]
     after: Annotated[Array, Column("f", unit="m")]
     doubts: tuple[str, ...]
 
@@ -129,13 +138,27 @@ def check_blank(
         _measure_face(mesh, touches, inside, rows, sigma) for rows in group_faces(touches)
     )
     _check_thickness(faces, touches)
-    shift = _balance(faces)
-    after = np.array([face.allowance - face.normal @ shift for face in faces])
+    now = np.array([face.allowance for face in faces])
+    turn, shift = np.zeros(3), _balance(faces, now)
+    after = _shifted(faces, now, shift)
+    slack = SIGMAS * np.array([face.known for face in faces])
+    if (after - slack < required).any():
+        turn = _find_turn(mesh, faces)
+        turned = turned_allowances(
+            mesh.vertices, [f.normal for f in faces], np.array([f.offset for f in faces]), turn
+        )
+        moved = _balance(faces, turned)
+        better = _shifted(faces, turned, moved)
+        if better.min() > after.min() + slack.max():
+            shift, after = moved, better
+        else:
+            turn = np.zeros(3)
     return BlankCheck(
         faces=faces,
         required=required,
-        verdict=_judge(faces, after, required),
+        verdict=_judge(faces, after, required, turn),
         shift=shift,
+        turn=turn,
         after=after,
         doubts=tuple(_doubts(faces)),
     )
@@ -209,23 +232,50 @@ def _check_thickness(faces: Sequence[BlankFace], touches: ProbingSet) -> None:
             )
 
 
-def _balance(faces: Sequence[BlankFace]) -> Array:
+def _find_turn(mesh: TriangleMesh, faces: Sequence[BlankFace]) -> Array:
+    """(3,) rad; 0 where nothing may turn, or a face that would turn has no touched tilt."""
+    pairs = _pairs(faces)
+    alone = [f for f in faces if not any(f in pair for pair in pairs)]
+    paired = np.array([one.normal for one, _ in pairs]).reshape(-1, 3)
+    axes = turning_axes(paired, np.array([f.normal for f in alone]).reshape(-1, 3))
+    known = [axis for axis in axes if all(f.tilted or abs(f.normal @ axis) > ALONG for f in faces)]
+    if not known:
+        return np.zeros(3)
+    bound = [f for f in faces if any(f in pair for pair in pairs)]
+    return best_turn(
+        mesh.vertices,
+        np.array([f.normal for f in bound]),
+        np.array([f.offset for f in bound]),
+        np.array(known),
+        np.linalg.svd(paired, full_matrices=False)[2],
+    )
+
+
+def _shifted(faces: Sequence[BlankFace], allowances: Array, shift: Array) -> Array:
+    """(f,) m, what a shift leaves."""
+    return np.array(
+        [left - face.normal @ shift for face, left in zip(faces, allowances, strict=True)]
+    )
+
+
+def _balance(faces: Sequence[BlankFace], allowances: Array) -> Array:
     """The shift (3,) that leaves alike on opposite faces, and none where a face has no opposite."""
     pairs = _pairs(faces)
     if not pairs:
         return np.zeros(3)
+    left = {id(face): allowance for face, allowance in zip(faces, allowances, strict=True)}
     rows = np.array([one.normal - other.normal for one, other in pairs])
-    apart = np.array([one.allowance - other.allowance for one, other in pairs])
+    apart = np.array([left[id(one)] - left[id(other)] for one, other in pairs])
     return np.asarray(np.linalg.lstsq(rows, apart, rcond=1e-6)[0])
 
 
-def _judge(faces: Sequence[BlankFace], after: Array, required: float) -> BlankVerdict:
+def _judge(faces: Sequence[BlankFace], after: Array, required: float, turn: Array) -> BlankVerdict:
     now = np.array([face.allowance for face in faces])
     slack = SIGMAS * np.array([face.known for face in faces])
     if (now - slack >= required).all():
         return "fits"
     if (after - slack >= required).all():
-        return "fits when shifted"
+        return "fits when turned" if turn.any() else "fits when shifted"
     if (after + slack >= required).all() or (now + slack >= required).all():
         return "cannot tell"
     return "does not fit"

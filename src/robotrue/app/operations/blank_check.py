@@ -11,7 +11,7 @@ from robotrue.app.plain_result import PlainResult
 from robotrue.app.presentation import Block, Facts, Note, Table
 from robotrue.app.request import InputFile, Item, Option, Output, Reference, Request
 from robotrue.app.request_fields import TouchSigma
-from robotrue.core.units import MM
+from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 from robotrue.validation.registration_defaults import (
     LEFT_OVER_MM,
@@ -23,7 +23,6 @@ from robotrue.validation.registration_defaults import (
 if TYPE_CHECKING:
     from robotrue.calibration.model import ErrorModel
     from robotrue.cell.cell import Cell
-    from robotrue.core.arrays import Array
     from robotrue.measurement.probing_set import ProbingSet
     from robotrue.validation.blank import BlankCheck
 
@@ -89,7 +88,7 @@ def run(request: BlankCheckRequest, context: Context) -> PlainResult:
     check = _check(request, cell, model, touches)
     if request.output is not None:
         output = context.output(request.output)
-        _write_shifted(cell, source, check.shift, output)
+        _write_shifted(cell, source, check, output)
         context.wrote("cell with the part shifted", output)
     return PlainResult(
         values=_document(check),
@@ -139,20 +138,19 @@ def _check(
         )
 
 
-def _write_shifted(cell: Cell, source: Path, shift: Array, output: Path) -> None:
+def _write_shifted(cell: Cell, source: Path, check: BlankCheck, output: Path) -> None:
     from dataclasses import replace
-
-    import numpy as np
 
     from robotrue.app.registered_cell_file import registered_cell
     from robotrue.core.files import write_atomic
     from robotrue.core.poses import pose
+    from robotrue.core.rotations import matrix_from_rotation_vector
 
     if cell.part is None:
         return
+    step = pose(matrix_from_rotation_vector(check.turn), check.shift)
     moved = tuple(
-        replace(frame, T_base_part=frame.T_base_part @ pose(np.eye(3), shift))
-        for frame in cell.part.frames
+        replace(frame, T_base_part=frame.T_base_part @ step) for frame in cell.part.frames
     )
     write_atomic(output, registered_cell(cell, source, replace(cell.part, frames=moved), output))
 
@@ -165,6 +163,7 @@ def _document(check: BlankCheck) -> dict[str, object]:
         "least_at": check.least.name,
         "least_at_mm": (check.least.corner / MM).tolist(),
         "shift_mm": (check.shift / MM).tolist(),
+        "turn_deg": (check.turn / DEG).tolist(),
         "least_after_mm": float(check.after.min()) / MM,
         "faces": [
             {
@@ -183,6 +182,13 @@ def _document(check: BlankCheck) -> dict[str, object]:
     }
 
 
+def _turn_row(check: BlankCheck) -> tuple[tuple[str, str], ...]:
+    if not check.turn.any():
+        return ()
+    x, y, z = check.turn / DEG + 0.0
+    return (("turn that leaves more", f"{x:+.3f}, {y:+.3f}, {z:+.3f} deg about the part's axes"),)
+
+
 def _blocks(check: BlankCheck) -> tuple[Block, ...]:
     least = check.least
     x, y, z = least.corner / MM
@@ -194,6 +200,7 @@ def _blocks(check: BlankCheck) -> tuple[Block, ...]:
                 ("verdict", f"{check.verdict}, {check.required / MM:g} mm asked"),
                 ("least left", f"{least.allowance / MM:.3f} mm at {least.name}"),
                 ("there, in the part", f"{x:.2f}, {y:.2f}, {z:.2f} mm"),
+                *_turn_row(check),
                 ("shift that balances it", f"{dx:+.3f}, {dy:+.3f}, {dz:+.3f} mm in the part"),
                 ("least left then", f"{float(check.after.min()) / MM:.3f} mm"),
             ),
