@@ -91,6 +91,7 @@ def run(request: CalibrateLengthsRequest, context: Context) -> LengthCalibration
     Raises:
         ObservabilityError: Too few lengths for what is asked.
     """
+    from robotrue.app.measured_rows import read_together
     from robotrue.calibration.length_estimate import estimate_lengths, model_of_lengths
     from robotrue.calibration.lineage import provenance_of
     from robotrue.measurement.formats.lengths_csv import read_lengths
@@ -99,7 +100,9 @@ def run(request: CalibrateLengthsRequest, context: Context) -> LengthCalibration
 
     cell = context.cell(request.cell)
     lengths = read_lengths(request.lengths)
-    points = None if request.points is None else context.measurements(cell, [request.points])
+    points = None
+    if request.points is not None:  # a file in jobs, too
+        points = read_together(cell, [request.points], None, reporter=context)
     settings = settings_of(cell)
     context.step(request.method, 0, 1)
     found = estimate_lengths(cell.measured_robot, lengths, settings, request.method, points)
