@@ -37,6 +37,7 @@ from robotrue.robot.model import RobotModel, parameter_slice
 from robotrue.robot.presets import preset
 from robotrue.robot.statics import Load, drive_torque
 from robotrue.validation.doctor import Diagnosis, diagnose
+from robotrue.validation.doctor_report import describe_diagnosis
 from robotrue.validation.evaluation import evaluate
 
 REAL = {"ur5": "UR5", "B": "UR10", "A": "UR10"}
@@ -316,6 +317,14 @@ def examine(kind: str, seed: int, options: argparse.Namespace) -> dict[str, obje
     return row
 
 
+def write_report(kind: str) -> list[str]:
+    """Returns what the doctor says of one simulated set that is wrong in this way."""
+    rng = np.random.default_rng(1)
+    case = simulate("kr160", 60, rng)
+    rows = KINDS[kind][0](case.rows, case.robot, rng)
+    return describe_diagnosis(diagnose(case.robot, rows, case.settings), rows)
+
+
 def main(arguments: list[str]) -> int:
     """Prints the table."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -326,9 +335,16 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--sets", nargs="+", default=list(SETS))
     parser.add_argument("--cure", action="store_true", help="also calibrate from the cured rows")
     parser.add_argument(
+        "--reports", action="store_true", help="one report a kind, simulated, alone"
+    )
+    parser.add_argument(
         "--json", type=Path, help="results, one line a draw; resumed if it is there"
     )
     options = parser.parse_args(arguments)
+    if options.reports:
+        for kind in options.kinds:
+            print(f"{kind}\n  " + "\n  ".join(write_report(kind)))
+        return 0
     if not ROOT.is_dir():
         options.sets = [name for name in options.sets if name not in REAL]
         sys.stderr.write(f"no measured data at {ROOT}: simulated arms alone.\n")

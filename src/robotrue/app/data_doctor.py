@@ -150,6 +150,5 @@ def _explain_refusal(
     lines = find_warnings(cell, rows)
     if not lines:
         return cause
-    return ImplausibleDataError(
-        cause.message, source=cause.source, line=cause.line, hint=" ".join(lines)
-    )
+    hint = " ".join([cause.hint or "", *lines]).strip()
+    return ImplausibleDataError(cause.message, source=cause.source, line=cause.line, hint=hint)

@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.calibration.settings import FitSettings
+from robotrue.calibration.start import IMPLAUSIBLE
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.measurement_set import MeasurementSet
@@ -108,14 +109,11 @@ def diagnose(
     named = _name_best(compared)
     if named is not None:
         best, probability = named
-        found.append(
-            NamedCause(
-                hypothesis=best,
-                probability=probability,
-                before=error,
-                after=_error_after(best, robot, used),
+        after = _error_after(best, robot, used)
+        if not after > IMPLAUSIBLE * robot.reach:  # put right they would be nobody's still
+            found.append(
+                NamedCause(hypothesis=best, probability=probability, before=error, after=after)
             )
-        )
     return Diagnosis(
         findings=tuple(found),
         considered=tuple((each.cause, each.log_odds) for each in compared),

@@ -57,6 +57,8 @@ class Segment:
         advice: What to do.
         describe: Text from the coefficients (q,) and the effect (m rms).
         widths: (w,) sd of the coefficients, each as likely.
+        heads: Whether the first rows may be the wrong ones. Where the frame or the reflector is not
+            known, wrong first rows and wrong last rows are one hypothesis: the first are right.
     """
 
     cause: CauseName
@@ -64,6 +66,7 @@ class Segment:
     advice: str
     describe: Callable[[Array, float], str]
     widths: Array = field(default_factory=lambda: WIDTHS)
+    heads: bool = False
 
     def look(self, rows: MeasurementSet, residuals: Evidence, arm: Case) -> Sequence[Hypothesis]:
         """Returns the likeliest segment, if there are rows enough for one."""
@@ -71,7 +74,7 @@ class Segment:
         if count < 3 * LEAST:
             return ()
         columns = self.make_columns(arm.measured, arm)
-        first, last, odds, width = find_segment(residuals, columns, self.widths)
+        first, last, odds, width = find_segment(residuals, columns, self.widths, heads=self.heads)
         if odds < HOPELESS:
             return ()
         inside = np.zeros(count, dtype=bool)
@@ -117,7 +120,7 @@ def estimate_columns(residuals: Evidence, columns: Array, width: float) -> Array
 
 
 def find_segment(
-    residuals: Evidence, columns: Array, widths: Array = WIDTHS
+    residuals: Evidence, columns: Array, widths: Array = WIDTHS, *, heads: bool = False
 ) -> tuple[int, int, float, float]:
     """Returns first and end row of the likeliest segment, its log Bayes factor, its width.
 
@@ -132,7 +135,7 @@ def find_segment(
         (a, b)
         for i, a in enumerate(edges.tolist())
         for b in edges[i + 1 :].tolist()
-        if LEAST <= b - a <= n - LEAST
+        if LEAST <= b - a <= n - LEAST and (a > 0 or heads)
     ]
     best = _best_of(pairs, upto, residuals.white_values, widths, n)
     if len(edges) <= n:  # coarse edges: each then moves on its own
@@ -142,7 +145,7 @@ def find_segment(
             (i, j)
             for i in range(max(0, a - step), min(n, a + step + 1))
             for j in range(max(0, b - step), min(n, b + step) + 1)
-            if LEAST <= j - i <= n - LEAST and (a > 0 or i == 0) and (b < n or j == n)
+            if LEAST <= j - i <= n - LEAST and (i > 0) == (a > 0) and (b < n or j == n)
         ]
         best = _best_of(near, upto, residuals.white_values, widths, n)
     return best
@@ -184,9 +187,9 @@ def motion_columns(rows: MeasurementSet, arm: Case) -> Array:
 
 
 def drift_columns(rows: MeasurementSet, arm: Case) -> Array:
-    """Columns of a rigid motion in proportion to the row number, from -1/2 to 1/2."""
+    """Columns of a rigid motion in proportion to the row number; the first row stays."""
     lines = np.arange(len(arm.rows)) if len(rows) == len(arm.rows) else arm.chosen
-    share = lines / max(len(arm.rows) - 1, 1) - 0.5
+    share = lines / max(len(arm.rows) - 1, 1)
     return motion_columns(rows, arm) * share[:, None, None]
 
 
@@ -271,6 +274,7 @@ SEGMENTS: Final = (
             f"positions {_tell_factor(1.0 / max(1.0 - float(value[0]), 1e-9))} too large"
         ),
         widths=SCALE_WIDTHS,
+        heads=True,
     ),
     Segment(
         cause="payload",
