@@ -13,8 +13,9 @@ from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM, UM
 from robotrue.drilling.adjust import adjustment
 from robotrue.drilling.campaign import Campaign
-from robotrue.drilling.campaign_checks import check_campaign, check_head
+from robotrue.drilling.campaign_checks import campaign_warnings, check_campaign, check_head
 from robotrue.drilling.campaign_csv import ProductionRecord
+from robotrue.drilling.campaign_step import find_step
 from robotrue.drilling.clamp_watch import ClampSettings
 from robotrue.drilling.foot_file import FootSetup
 from robotrue.drilling.foot_model import NormalModel, estimate_tilt, fit_model
@@ -93,6 +94,23 @@ def test_axes_that_count_the_other_way_round_are_named(campaign: Campaign, plate
         with pytest.raises(ImplausibleDataError, match=named) as it:
             check_head(replace(HEAD, sense=sense), recorded)
         assert "sense = [1, 1]" in str(it.value.hint)
+
+
+def test_a_plane_that_was_moved_during_a_campaign_is_reported() -> None:
+    random = np.random.default_rng(1)
+    for seed in range(1, 9):
+        machine = drilling_machine(seed, nonlinear=seed % 2 == 0, friction=seed % 4 == 0)
+        sound = random_campaign(machine, 30 + 30 * (seed % 2), random)
+        assert find_step(machine.foot, sound) is None
+        assert campaign_warnings(machine.foot, sound) == ()
+        later = np.arange(len(sound))[:, None] >= 17
+        moved = replace(sound, tilt=sound.tilt + np.where(later, [0.12 * DEG, -0.05 * DEG], 0.0))
+        step = find_step(machine.foot, moved)
+        assert step is not None
+        assert step.clamp == 18
+        np.testing.assert_allclose(step.tilt / DEG, [0.12, -0.05], atol=0.03)
+        (said,) = campaign_warnings(machine.foot, moved)
+        assert f"from clamp 18 of {len(sound)} on the stated tilts are +0.1" in said
 
 
 def test_a_mirrored_or_disturbed_sensor_of_one_clamp_gives_no_move(

@@ -10,6 +10,7 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.campaign import Campaign
+from robotrue.drilling.campaign_step import find_step
 from robotrue.drilling.correction_trials import usable_positions
 from robotrue.drilling.foot import Foot, readings
 from robotrue.drilling.head import Head, normal_from_tilt, rotation
@@ -83,6 +84,14 @@ def campaign_warnings(foot: Foot, campaign: Campaign) -> tuple[str, ...]:
         warnings.append(
             f"all {len(campaign)} clamps are at z {height.mean() / MM:.1f} mm: what the height "
             "does cannot be learned. Try: two heights or more, such as drill plan --z-mm -100,100."
+        )
+    if (step := find_step(foot, campaign)) is not None:
+        a, b = (step.tilt / DEG).tolist()
+        warnings.append(
+            f"from clamp {step.clamp} of {len(campaign)} on the stated tilts are {a:+.3f} deg in a "
+            f"and {b:+.3f} deg in b off those before, which is {100.0 * step.share:.0f} % of the "
+            "squared residuals: the calibration plane, its reference or the foot has moved. Try: "
+            "measure the plane and take the zero again, and replace the clamps on one side."
         )
     _, reasons = usable_positions(foot, campaign)
     warnings += [
