@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,6 +25,10 @@ from robotrue.validation.doctor_report import (
     diagnosis_document,
     with_cure,
 )
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
+
+from data_doctor import write_report
 
 ROBOT = preset("kr160").with_tool(pose(np.eye(3), np.array([0.05, 0.02, 0.1])))
 TURN = matrix_from_rotation_vector(np.array([0.3, -0.5, 1.0]))
@@ -133,6 +139,13 @@ def test_the_report_has_six_words_lines_odds_and_cure(clean):
     document = diagnosis_document(diagnosis, rows)
     assert document["findings"][0]["lines"] == list(range(35, 47))
     assert all(len(words.split()) == 6 for words in SIX_WORDS.values())
+
+
+@pytest.mark.parametrize("kind", ["duplicates", "drift"])
+def test_the_page_shows_what_the_doctor_says(kind):
+    page = Path(__file__).parents[2] / "docs/howto/find-wrong-measurements.md"
+    (line,) = write_report(kind)
+    assert line.partition("; odds")[0] in page.read_text(encoding="utf-8")
 
 
 def test_a_model_of_cured_rows_says_so_in_summary_and_lineage(clean):

@@ -109,7 +109,7 @@ def diagnose(
     named = _name_best(compared)
     if named is not None:
         best, probability = named
-        after = _error_after(best, robot, used)
+        best, after = _refine_cure(best, robot, used)
         if not after > IMPLAUSIBLE * robot.reach:  # put right they would be nobody's still
             found.append(
                 NamedCause(hypothesis=best, probability=probability, before=error, after=after)
@@ -185,6 +185,22 @@ def _error_after(hypothesis: Hypothesis, robot: RobotModel, settings: FitSetting
     if cured is None:
         return float("nan")
     return _mean_error(_fit_clean(robot, cured, settings))
+
+
+def _refine_cure(
+    hypothesis: Hypothesis, robot: RobotModel, settings: FitSettings
+) -> tuple[Hypothesis, float]:
+    """The hypothesis with its rows put right by a second step, and their mean error (m)."""
+    if hypothesis.cured is None or hypothesis.refine is None:
+        return hypothesis, _error_after(hypothesis, robot, settings)
+    first = _fit_clean(robot, hypothesis.cured, settings)
+    cured = hypothesis.refine(hypothesis.cured, first)
+    if cured is None:
+        return hypothesis, _mean_error(first)
+    second = _fit_clean(robot, cured, settings)
+    if second.log_evidence < first.log_evidence:
+        return hypothesis, _mean_error(first)
+    return replace(hypothesis, cured=cured), _mean_error(second)
 
 
 def cure_rows(

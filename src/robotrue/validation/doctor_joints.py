@@ -33,7 +33,8 @@ class JointsEarly:
     def look(self, rows: MeasurementSet, residuals: Evidence, arm: Case) -> Sequence[Hypothesis]:
         """Returns the likeliest scatter, where it is beyond that of a healthy arm."""
         drive = arm.drive @ np.swapaxes(arm.drive, 1, 2)
-        quiet = replace(residuals.scales, joints=USUAL.joints)
+        # White noise learned without the scatter has its size already: start from the usual.
+        quiet = replace(USUAL, geometry=residuals.scales.geometry)
         tried = [weigh_noise(arm, quiet, size**2 * drive) for size in EARLY_SD.tolist()]
         sd = float(EARLY_SD[int(np.argmax(tried))])
         if max(tried) < residuals.log_evidence:
@@ -87,6 +88,9 @@ class Clock:
         width, other = float(LAGS[which[0]]), "before" if step < 0 else "after"
         every = drive_columns(rows, arm)
 
+        def refine(cured: MeasurementSet, again: Evidence) -> MeasurementSet | None:
+            return self._look(cured, again, again.case, step).cured
+
         def revise(value: Array) -> Hypothesis:
             part = width * float(value[0])
             size = float(np.sqrt(((every @ (part * way)[:, :, None]) ** 2).sum(axis=(1, 2)).mean()))
@@ -101,6 +105,7 @@ class Clock:
                 columns=width * column,
                 price=float(np.log(2.0)),
                 revise=revise,
+                refine=refine,
             )
 
         return revise(estimate_columns(residuals, width * column, 1.0))

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 from typing import Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array
+from robotrue.core.arrays import Array, IntArray
 from robotrue.core.poses import apply
 from robotrue.core.rotations import skew
 from robotrue.core.units import DEG
@@ -32,6 +32,7 @@ ROUNDS: Final = 2
 SAME_SIZE: Final = 0.25
 """Relative difference of reach within which presets are tried."""
 TURN: Final = 2.0 * np.pi
+NO_ROWS: Final = np.zeros(0, dtype=np.int64)
 OFFSETS: Final = np.array([0.01, 0.03, 0.1])
 """rad, sd of an offset that is an error of the file."""
 DRAWS: Final = 10
@@ -49,6 +50,7 @@ class ColumnReading:
         advice: What to do.
         rows: The set as it then reads.
         robot: The arm as it then is.
+        lost: Rows that have no joints then.
     """
 
     cause: CauseName
@@ -56,6 +58,7 @@ class ColumnReading:
     advice: str
     rows: MeasurementSet
     robot: RobotModel
+    lost: IntArray = field(default_factory=lambda: NO_ROWS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,13 +86,14 @@ def examine(
     case = open_case(reading.robot, reading.rows, arm.settings, arm.chosen)
     odds = fit_rows(case).log_evidence - residuals.log_evidence - price
     other = reading.robot is not arm.robot
+    put_right = replace(rows, joints=reading.rows.joints)
     wrong = np.flatnonzero((reading.rows.joints != rows.joints).any(axis=1))
     return Hypothesis(
         cause=reading.cause,
         text=reading.text,
         log_odds=odds,
         rows=wrong if len(wrong) else np.arange(len(rows)),
-        cured=None if other else replace(rows, joints=reading.rows.joints),
+        cured=None if other else put_right.subset(np.setdiff1d(np.arange(len(rows)), reading.lost)),
         advice=reading.advice,
         robot=reading.robot if other else None,
     )
@@ -107,6 +111,7 @@ def list_readings(robot: RobotModel, rows: MeasurementSet) -> Iterator[ColumnRea
             text=f"joints are those of the row {word}",
             advice="export joints and points by one trigger; the cure shifts them back by a row",
             rows=_fill_end(rows, moved),
+            lost=np.flatnonzero(np.isnan(moved).any(axis=1)),
             robot=robot,
         )
     for j in range(robot.dof):
@@ -144,9 +149,9 @@ def list_readings(robot: RobotModel, rows: MeasurementSet) -> Iterator[ColumnRea
 
 def _fill_end(rows: MeasurementSet, joints: Array) -> MeasurementSet:
     """Rows with shifted joints; the row at the end that has none keeps its own."""
-    lost = np.isnan(joints).any(axis=1)
-    joints[lost] = rows.joints[lost]
-    return replace(rows, joints=joints)
+    lost = np.asarray(np.isnan(joints).any(axis=1))
+    filled = np.where(lost[:, None], rows.joints, joints)
+    return replace(rows, joints=filled)
 
 
 def nominal_misfit(robot: RobotModel, rows: MeasurementSet) -> float:
@@ -204,7 +209,7 @@ class JointOffset:
             return ()
         joints = rows.joints.copy()
         joints[:, j] += value
-        for _ in range(2):  # the zero of a joint that is degrees off is not linear
+        for _ in range(3):  # the zero of a joint that is degrees off is not linear
             case = open_case(arm.robot, replace(rows, joints=joints), arm.settings, arm.chosen)
             evidence = learn(case, 0.01 * case.drive[:, :, [j]], residuals.scales)
             joints[:, j] += float(0.01 * evidence.coefficients()[0])

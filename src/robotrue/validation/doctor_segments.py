@@ -92,6 +92,9 @@ class Segment:
         columns = picked.width * self.make_columns(arm.measured, arm) * inside
         every = picked.width * self.make_columns(rows, arm)[picked.rows]
 
+        def refine(cured: MeasurementSet, again: Evidence) -> MeasurementSet | None:
+            return self.build(cured, again, again.case, picked).cured
+
         def revise(value: Array) -> Hypothesis:
             effect = np.zeros((len(rows), 3))
             effect[picked.rows] = every @ value
@@ -106,6 +109,7 @@ class Segment:
                 columns=columns,
                 price=picked.price,
                 revise=revise,
+                refine=refine,
             )
 
         return revise(estimate_columns(residuals, columns, 1.0))
@@ -271,7 +275,7 @@ SEGMENTS: Final = (
         make_columns=scale_columns,
         advice="check the unit and the atmospheric correction of these rows",
         describe=lambda value, size: (
-            f"positions {_tell_factor(1.0 / max(1.0 - float(value[0]), 1e-9))} too large"
+            f"positions are {_tell_factor(1.0 / max(1.0 - float(value[0]), 1e-9))}"
         ),
         widths=SCALE_WIDTHS,
         heads=True,
@@ -289,5 +293,5 @@ SEGMENTS: Final = (
 
 def _tell_factor(factor: float) -> str:
     if abs(factor - 1.0) < 0.01:
-        return f"by {1e6 * (factor - 1.0):+.0f} um/m"
-    return f"by a factor {factor:.4g}"
+        return f"longer by {1e6 * (factor - 1.0):+.0f} um/m"
+    return f"multiplied by {factor:.4g}"

@@ -37,6 +37,8 @@ class Hypothesis:
             ``log_odds`` rest on a fit of their own.
         price: Log of the choices that were made to find it, in ``log_odds`` already.
         revise: From coefficients (q,) of ``columns`` to the hypothesis that has them.
+        refine: From cured rows, fitted anew, to rows that are cured better: the effect is not
+            linear where it is large.
         advice: What to do in the shop, an imperative sentence.
     """
 
@@ -50,6 +52,7 @@ class Hypothesis:
     columns: Array | None = None
     price: float = 0.0
     revise: Callable[[Array], Hypothesis] | None = None
+    refine: Callable[[MeasurementSet, Evidence], MeasurementSet | None] | None = None
 
 
 class DataSuspicion(Protocol):
