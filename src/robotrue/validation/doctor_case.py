@@ -113,7 +113,8 @@ def open_case(
     free = np.flatnonzero(prior.free)
     sd = prior.sd.copy()
     loose = np.ones(layout.size, dtype=bool)
-    loose[: 7 * robot.dof] = False
+    of_joints = parameter_slice(robot.dof, "base").start
+    loose[:of_joints] = False
     sd[loose & prior.free] = LOOSE
     sd[parameter_slice(robot.dof, "tool")][:3] = max(settings.scales.tool, 1e-4)
     state = prior.centre
@@ -136,7 +137,7 @@ def open_case(
         state=state,
         values=item.residual + item.jacobian[:, :, free] @ about,
         columns=item.jacobian[:, :, free] * sd[free],
-        geometric=(free < 7 * robot.dof).astype(np.float64),
+        geometric=(free < of_joints).astype(np.float64),
         drive=sensitivity_of(state.robot, item.jacobian).drive,
         turn=flange_turn(state, part),
         kernel=_posture_kernel(part.joints),
