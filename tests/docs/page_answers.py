@@ -32,7 +32,7 @@ from robotrue.cli.main import run
 
 ROOT = Path(__file__).resolve().parents[2]
 OWN: Final = re.compile(
-    r"(?:cd (?P<into>\w+) && )?(?P<words>(?:robotrue|python -m robotrue_reproductions)\b[^|<>]*?)"
+    r"(?:cd (?P<into>\w+) && )?(?P<words>(?:robotrue|python -m robotrue_reproductions)\b[^|<>&;]*?)"
     r"(?P<out> >\s*/dev/null)?(?P<err> 2>\s*/dev/null| 2>&1)?(?P<filter> \|[^<>]*)?"
 )
 

@@ -28,6 +28,7 @@ def pages_that_run() -> set[str]:
                 found |= set(ast.literal_eval(node.value))
     for path in (ROOT / "tests/docs").glob("test_*.py"):
         text = path.read_text(encoding="utf-8")
+        found |= set(re.findall(r'check_answers\("([a-z-]+)"', text))
         if "exec(compile(" in text:
             found |= set(re.findall(r"([a-z-]+)\.md\"", text))
     return found

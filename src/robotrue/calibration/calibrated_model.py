@@ -177,8 +177,8 @@ class CalibratedModel(Columns):
 
     @property
     def _visit(self) -> float:
-        """Variance per axis of one visit, m^2."""
-        return self.white**2 + self.repeatability**2
+        """Variance per axis of one visit, m^2, over the factor; no factor makes it smaller."""
+        return (self.white**2 + self.repeatability**2) / min(self.inflation, 1.0)
 
     def _arm(self, query: Query) -> tuple[ArmWithTerms, ArmPostures]:
         """The arm with the tool of a query, and its postures."""
