@@ -138,7 +138,7 @@ def test_a_force_that_turns_is_carried_over():
     def wrench(program):
         out = np.zeros((len(program), 6))
         angle = np.linspace(0.0, 3.0, len(program))
-        out[:, 0], out[:, 1] = 300.0 * np.cos(angle), 300.0 * np.sin(angle)
+        out[:, 0], out[:, 1] = 400.0 * np.cos(angle), 400.0 * np.sin(angle)
         return out
 
     case = Case("fanuc_ls", wrench=wrench)
@@ -148,7 +148,7 @@ def test_a_force_that_turns_is_carried_over():
     split, _, after = case.split(case.plan())
     assert (after.size[:-1] <= 1.001 * TOLERANCE).all()
     size = np.linalg.norm(split.wrench[:, :3], axis=1)
-    assert np.abs(size - 300.0).max() < 1e-9
+    assert np.abs(size - 400.0).max() < 1e-9
     assert np.array_equal(split.wrench[split.origin == 0], case.job.load[:1])
 
 

@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from robotrue.cli.main import app
-from robotrue.core.units import DEG, UM
+from robotrue.core.units import DEG, MM, UM
 from robotrue.drilling.campaign_csv import ProductionRecord, read_production, write_campaign
 from robotrue.drilling.evaluate import evaluate_test
 from robotrue.drilling.foot_file import FootSetup, read_foot
@@ -101,7 +101,9 @@ def test_a_zero_taken_since_widens_the_stated_deviation_and_references_narrow_it
     campaign = random_campaign(machine, 60, np.random.default_rng(3))
     write_campaign(tmp_path / "campaign.csv", campaign)
     call("fit", first, tmp_path / "campaign.csv", "-o", model, "--kind", "interactions")
-    clamp = ("--reading", "0.1,0,0.05", "--force", "500", "--z", "0")
+    seen = campaign.clamps  # one of the campaign: readings whose plane stands where it should
+    reading = ",".join(repr(float(v)) for v in seen.readings[0] / MM)
+    clamp = ("--reading", reading, "--force", f"{seen.force[0]}", "--z", f"{seen.height[0] / MM}")
     plain, same, other = (
         call("adjust", model, *clamp, *beside)
         for beside in ((), ("--foot", first), ("--foot", second))
