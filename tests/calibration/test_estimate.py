@@ -80,7 +80,7 @@ def test_stated_covariance_covers():
         out = model.predict(Query(joints=test, load=PAYLOAD))
         rng = np.random.default_rng(seed)
         # The stated covariance is of one visit: a visit scatters by the repeatability and noise.
-        visit = np.sqrt(model.inflation) * model.white * rng.standard_normal((100, 3))
+        visit = np.sqrt(max(model.inflation, 1.0)) * model.white * rng.standard_normal((100, 3))
         rest = truth_error(actual, test) + visit - out.error
         square = np.einsum("ni,nij,nj->n", rest, np.linalg.inv(out.covariance), rest)
         squares.append(square)
