@@ -115,8 +115,8 @@ class Belief:
 
     @property
     def visit(self) -> float:
-        """Variance per axis of one visit, m^2, over the factor; no factor makes it smaller."""
-        return (self.white**2 + self.repeatability**2) / min(self.inflation, 1.0)
+        """Variance per axis of one visit, m^2."""
+        return self.white**2 + self.repeatability**2
 
     def columns_by_carry(self, carry: Carry) -> IntArray:
         """Returns the columns (k,) of the terms that carry over in one way; see :data:`Carry`."""

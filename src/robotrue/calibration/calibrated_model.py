@@ -177,8 +177,13 @@ class CalibratedModel(Columns):
 
     @property
     def _visit(self) -> float:
-        """Variance per axis of one visit, m^2, over the factor; no factor makes it smaller."""
-        return (self.white**2 + self.repeatability**2) / min(self.inflation, 1.0)
+        """Variance per axis of one visit, m^2, over the factor on it.
+
+        A factor below one is about what is not known of a rigid-flexible arm, not about its visits.
+        Learned models have always had theirs narrowed with it, where many rows say so.
+        """
+        visit = self.white**2 + self.repeatability**2
+        return visit / min(self.inflation, 1.0) if self.root is None else visit
 
     def _arm(self, query: Query) -> tuple[ArmWithTerms, ArmPostures]:
         """The arm with the tool of a query, and its postures."""
