@@ -14,7 +14,6 @@ import numpy as np
 
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.start import IMPLAUSIBLE
-from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel
@@ -232,8 +231,3 @@ def cure_rows(
         f"cure {cause!r} does not fit these rows: the data doctor finds {listed}.",
         hint="robotrue inspect MEAS --doctor CELL says what it finds.",
     )
-
-
-def tell_size(size: float) -> str:
-    """Returns a length in mm for a reader."""
-    return f"{size / MM:.3f} mm"

@@ -157,6 +157,7 @@ def check_mastering(
         solve_touches(loosen_zeros(before, (j,), TRIED), rows, keep, loose)
         for j in range(robot.dof)
     ]
+    solved: dict[tuple[int, ...], SolvedTouches] = {(j,): each for j, each in enumerate(single)}
     sd = np.array(
         [read_offsets(before, each, (j,))[1][0, 0] ** 0.5 for j, each in enumerate(single)]
     )
@@ -167,10 +168,9 @@ def check_mastering(
             source=file_of(touches),
             hint="touch the point with the elbow and the wrist as different as they can be.",
         )
-    found = _weigh(before, rows, keep, loose, seen.tolist())
+    found = _weigh(before, rows, keep, loose, seen.tolist(), solved)
     best = found[0]
-    nothing = solve_touches(before, rows, keep, loose)
-    after = solve_touches(loosen_zeros(before, best.joints, TRIED), rows, keep, loose)
+    nothing, after = solved[()], solved[best.joints]
     _check_explained(after, best, touches)
     probability = np.full(robot.dof, np.nan)
     probability[seen] = [sum(h.probability for h in found if j in h.joints) for j in seen]
@@ -262,17 +262,25 @@ def _list_hypotheses(seen: list[int]) -> Iterator[tuple[tuple[int, ...], float]]
 
 
 def _weigh(
-    before: Belief, rows: NewRows, keep: BoolArray, loose: float, seen: list[int]
+    before: Belief,
+    rows: NewRows,
+    keep: BoolArray,
+    loose: float,
+    seen: list[int],
+    solved: dict[tuple[int, ...], SolvedTouches],
 ) -> tuple[LostZeros, ...]:
-    """All hypotheses after the touches, the most probable first."""
+    """All hypotheses after the touches, the most probable first; adds to what is solved."""
     logs: dict[tuple[int, ...], list[float]] = {}
     parts: dict[tuple[int, ...], list[tuple[Array, Array]]] = {}
     for joints, chance in _list_hypotheses(seen):
         sizes = SIZES if joints else SIZES[:1]
-        first = solve_touches(loosen_zeros(before, joints, TRIED), rows, keep, loose)
-        solved = [solve_beside(loosen_zeros(before, joints, size), first, loose) for size in sizes]
-        logs[joints] = [each.evidence + chance - float(np.log(len(sizes))) for each in solved]
-        parts[joints] = [read_offsets(before, each, joints) for each in solved]
+        if joints not in solved:
+            loosened = loosen_zeros(before, joints, TRIED)
+            solved[joints] = solve_touches(loosened, rows, keep, loose)
+        first = solved[joints]
+        tried = [solve_beside(loosen_zeros(before, joints, size), first, loose) for size in sizes]
+        logs[joints] = [each.evidence + chance - float(np.log(len(sizes))) for each in tried]
+        parts[joints] = [read_offsets(before, each, joints) for each in tried]
     total = float(logsumexp(np.concatenate(list(logs.values()))))
     return tuple(sorted(_mix(logs, parts, total), key=lambda h: -h.probability))
 
