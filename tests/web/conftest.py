@@ -20,6 +20,7 @@ from serving import serving
 from web_shop import Client, Served, Shop, fill, write_files
 
 from robotrue.web import server
+from robotrue.web.job_process import JobProcess
 from robotrue.web.serve_settings import ServeSettings
 from robotrue.web.workers import P, QueryWorkers, R
 
@@ -45,6 +46,13 @@ class InProcess(QueryWorkers):
         return call(*args, **kwargs)
 
 
+class NoJobProcess(JobProcess):
+    """Leaves jobs to the test, which does them itself and would race with a process."""
+
+    async def watch(self) -> None:
+        return None
+
+
 @pytest.fixture(scope="session")
 def filled(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shop]:
     files = tmp_path_factory.mktemp("files")
@@ -61,6 +69,7 @@ def client(filled: Shop, monkeypatch: pytest.MonkeyPatch) -> Iterator[Client]:
 
         def make(host: str = "127.0.0.1", shop: Shop | None = None, **settings: Any) -> TestClient:
             monkeypatch.setattr(server, "QueryWorkers", InProcess)
+            monkeypatch.setattr(server, "JobProcess", NoJobProcess)
             workspace = (shop or filled).workspace
             wanted = ServeSettings(workspace=workspace.folder, host=host, **settings)
             context = server.server_context(wanted, workspace)
