@@ -217,18 +217,14 @@ def _value(node: ast.expr, module: Any) -> Any:
 
 def program_formats() -> Iterator[str]:
     """Yields the dialects, their suffixes, who can insert targets, controllers' frame files."""
-    from robotrue.errors import ConfigurationError
-    from robotrue.program.controller_files import BESIDE
-    from robotrue.program.formats import dialect, dialects, inserter
+    from robotrue.program.lang import languages
 
-    for name in dialects():
-        yield f"{name}: {' '.join(sorted(dialect(name).suffixes))}"
-        try:
-            inserter(name)
-        except ConfigurationError:
-            continue
-        yield f"{name} inserts targets"
-    yield from (f"{name} frames {file}" for name, files in BESIDE.items() for file in files)
+    for name, language in sorted(languages().items()):
+        yield f"{name}: {' '.join(sorted(language.suffixes))}"
+        if language.inserter:
+            yield f"{name} inserts targets"
+        if language.frame_files:
+            yield from (f"{name} frames {file}" for file in language.frame_files.names)
 
 
 def measurement_formats() -> Iterator[str]:

@@ -13,7 +13,7 @@ import typer
 import robotrue.cli.main
 from robotrue.app.outputs import FORMATS
 from robotrue.cli.app import app
-from robotrue.program.formats import dialect, dialects
+from robotrue.program.lang import find_language, language_names
 
 Command = Callable[..., Any]
 OWN = {  # refused by the command itself, in its own tests
@@ -100,5 +100,5 @@ def test_a_compensated_program_keeps_its_language(
 
 
 def test_suffixes_of_programs_are_known() -> None:
-    own = {suffix for name in dialects() for suffix in dialect(name).suffixes}
+    own = {suffix for name in language_names() for suffix in find_language(name).suffixes}
     assert own <= set(FORMATS)

@@ -13,8 +13,8 @@ from robotrue.cell.config import read_cell
 from robotrue.core.units import MM
 from robotrue.measurement.formats.part_points import write_points
 from robotrue.measurement.probing_set import ProbingSet
-from robotrue.program.controller_files import read_controller_file
 from robotrue.program.controller_frames import controller_tool
+from robotrue.program.frames_beside import read_controller_file
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "validation"))
 import test_tool_calibration as tools

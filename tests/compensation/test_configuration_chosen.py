@@ -20,7 +20,7 @@ from robotrue.core.archive import Archive
 from robotrue.core.arm_words import NO_WORD
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
-from robotrue.program.formats import dialect
+from robotrue.program.lang import find_language
 from robotrue.program.program import FrameTable, Motion, Reason
 from robotrue.robot.configuration import configuration_words
 from robotrue.robot.forward import forward
@@ -166,13 +166,13 @@ def test_the_same_fanuc_point_with_other_letters_gets_other_bytes() -> None:
     model = cases.rigid_model(robot=apply_maker(replace(robot, limits=WIDE), "fanuc"))
     out = []
     for config in CONFIGS:
-        program = dialect("fanuc_ls").read(fanuc_point(config), name="a.ls", frames=frames)
+        program = find_language("fanuc_ls").read(fanuc_point(config), name="a.ls", frames=frames)
         result = compensate(model, program)
         assert result.status.tolist() == [Status.COMPENSATED], (config, result.notes)
         have = configuration_words(model.robot, "fanuc", result.joints)[0, :3].tolist()
         letters = config.split(",")[0].split()
         assert have == ["NF".index(letters[0]), "DU".index(letters[1]), "BT".index(letters[2])]
-        out.append(dialect("fanuc_ls").write(program, result.replacement))
+        out.append(find_language("fanuc_ls").write(program, result.replacement))
     assert len(set(out)) == 3
 
 

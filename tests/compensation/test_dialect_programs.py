@@ -13,7 +13,7 @@ from robotrue.core.arm_words import NO_WORD
 from robotrue.core.poses import inverse
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
-from robotrue.program.formats import dialect
+from robotrue.program.lang import find_language
 from robotrue.program.program import FrameTable, Reason
 from robotrue.robot.configuration import configuration_words
 from robotrue.robot.forward import forward
@@ -60,7 +60,7 @@ def fanuc(robot, joints: np.ndarray) -> bytes:
 def test_from_bytes_to_compensated_bytes(name, make):
     maker = {"jbi": "yaskawa", "fanuc_ls": "fanuc"}[name]
     arm = preset("GP225") if name == "jbi" else replace(preset("KR160"), maker=maker)
-    robot, language = arm.with_tool(cases.TOOL), dialect(name)
+    robot, language = arm.with_tool(cases.TOOL), find_language(name)
     joints = np.array([5, 10, -15, 20, 50, 30]) * DEG + np.linspace(0, 0.3, 12)[:, None]
     data = make(robot, joints)
     program = language.read(data, name="part", frames=TABLE)
@@ -93,7 +93,7 @@ def test_fanuc_joint_3_is_that_of_an_arm_that_counts_it_from_the_horizontal():
     coupling[2, 1] = -1.0
     coupled = replace(serial, joint_map=coupling)
     values = np.array([10.0, -20.0, 30.0, 20.0, 40.0, 10.0])
-    program = dialect("fanuc_ls").read(fanuc_axes(values), name="part.ls", frames=TABLE)
+    program = find_language("fanuc_ls").read(fanuc_axes(values), name="part.ls", frames=TABLE)
     assert program.reason.tolist() == [Reason.JOINT_TARGET]
     settings = CompensationSettings(axis_targets=True)
     refused = compensate(cases.rigid_model(robot=serial), program, settings=settings)
@@ -104,7 +104,7 @@ def test_fanuc_joint_3_is_that_of_an_arm_that_counts_it_from_the_horizontal():
     assert coupled.controller is not None
     expected = coupled.controller.to_controller(done.joints)
     np.testing.assert_allclose(done.replacement.axes, expected)
-    out = dialect("fanuc_ls").write(program, done.replacement)
-    again = dialect("fanuc_ls").read(out, name="part.ls", frames=TABLE)
+    out = find_language("fanuc_ls").write(program, done.replacement)
+    again = find_language("fanuc_ls").read(out, name="part.ls", frames=TABLE)
     np.testing.assert_allclose(again.axes, done.replacement.axes, atol=0.51e-6 * DEG)
     assert np.abs(again.axes - program.axes).max() > 1e-3 * DEG

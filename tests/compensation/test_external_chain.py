@@ -16,7 +16,7 @@ from robotrue.core.rotations import abc_from_matrix, matrix_from_rotation_vector
 from robotrue.core.rotations import quat_wxyz_from_matrix as quaternion
 from robotrue.core.units import DEG, MM
 from robotrue.program.external_axes import ExternalAxis
-from robotrue.program.formats import dialect
+from robotrue.program.lang import find_language
 from robotrue.program.program import FrameTable, Program, Reason
 from robotrue.robot.forward import forward
 from robotrue.robot.inverse import inverse_batch, inverse_branches
@@ -104,7 +104,7 @@ def jbi(T: np.ndarray, turned: bool) -> str:
 
 
 def read(name: str, text: bytes, table: FrameTable) -> Program:
-    return dialect(name).read(text, name="part", frames=table)
+    return find_language(name).read(text, name="part", frames=table)
 
 
 @pytest.mark.parametrize(
@@ -129,7 +129,7 @@ def test_the_actual_tool_lands_in_the_moved_frame(name, make, turned) -> None:
     result = compensate(model, program, settings=CompensationSettings(home=JOINTS[0]))
     assert (result.status == Status.COMPENSATED).all(), result.notes
     assert np.linalg.norm(result.shift, axis=1).mean() > 0.5 * MM
-    out = dialect(name).write(program, result.replacement)
+    out = find_language(name).write(program, result.replacement)
     external = re.compile(rb"E\d\s*=?\s*-?[\d.]+|BC\d+=.*|\[-?[\d.]+,-?[\d.]+,9E9.*?\]")
     assert external.findall(out) == external.findall(data)
     again = read(name, out, table)

@@ -15,7 +15,7 @@ from robotrue.core.poses import inverse, pose, pose_from_xyz_abc
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.rotations import quat_wxyz_from_matrix as quaternion
 from robotrue.core.units import DEG, MM
-from robotrue.program.formats import dialect
+from robotrue.program.lang import find_language
 from robotrue.program.program import FrameTable, Program, Reason
 from robotrue.robot.forward import forward
 from robotrue.robot.inverse import inverse_batch
@@ -64,7 +64,7 @@ def test_the_actual_tool_lands_on_the_part(name, make, force: float) -> None:
     model = cases.rigid_model(robot=cases.kr160(PART))
     wanted = inverse(forward(model.robot, JOINTS)) @ SPINDLE
     data = make(wanted)
-    program = dialect(name).read(data, name="part", frames=TABLE)
+    program = find_language(name).read(data, name="part", frames=TABLE)
     assert program.held.all()
     assert not program.reason.any(), program.notes
     np.testing.assert_allclose(printed(name, program), wanted, atol=2e-8)
@@ -74,9 +74,9 @@ def test_the_actual_tool_lands_on_the_part(name, make, force: float) -> None:
     assert (result.status == Status.COMPENSATED).all(), result.notes
     said = f"{COUNT} targets carry the part to a tool that stands in the cell"
     assert any(said in note for note in result.summary()["notes"])
-    assert dialect(name).write(program, zero_correction(program)) == data
-    out = dialect(name).write(program, result.replacement)
-    told = printed(name, dialect(name).read(out, name="part", frames=TABLE))
+    assert find_language(name).write(program, zero_correction(program)) == data
+    out = find_language(name).write(program, result.replacement)
+    told = printed(name, find_language(name).read(out, name="part", frames=TABLE))
     assert np.linalg.norm((told - wanted)[:, :3, 3], axis=1).mean() > 0.5 * MM
 
     # The controller drives its nominal arm; the part is where the actual arm takes it.
@@ -94,11 +94,13 @@ def test_the_actual_tool_lands_on_the_part(name, make, force: float) -> None:
 
 def test_krl_waits_for_the_cell_to_say_what_tcp_means() -> None:
     wanted = inverse(forward(cases.kr160(PART), JOINTS)) @ SPINDLE
-    silent = dialect("krl").read(krl(wanted), name="p.src", frames=replace(TABLE, fixed_tool=""))
+    silent = find_language("krl").read(
+        krl(wanted), name="p.src", frames=replace(TABLE, fixed_tool="")
+    )
     assert (silent.reason == Reason.TOOL_ON_FLOOR).all()
     assert any("fixed_tool in [controller]" in note for note in silent.notes)
     other = replace(TABLE, fixed_tool="part_in_tool")
-    plain = dialect("krl").read(krl(wanted), name="p.src", frames=other)
+    plain = find_language("krl").read(krl(wanted), name="p.src", frames=other)
     assert not plain.held.any()
     assert not plain.reason.any()
     np.testing.assert_allclose(pose(plain.rotation, plain.position), wanted, atol=2e-8)
@@ -109,5 +111,5 @@ def test_a_tool_in_the_cell_needs_a_part_on_the_robot() -> None:
     wanted = inverse(forward(cases.kr160(PART), JOINTS)) @ SPINDLE
     for old, new in ((b"[TRUE,TRUE,", b"[FALSE,TRUE,"), (b"[FALSE,[[1400", b"[TRUE,[[1400")):
         data = rapid(wanted).replace(old, new)
-        program = dialect("rapid").read(data, name="part", frames=TABLE)
+        program = find_language("rapid").read(data, name="part", frames=TABLE)
         assert (program.reason == Reason.TOOL_ON_FLOOR).all()

@@ -11,7 +11,8 @@ from robotrue.compensation.difference import difference
 from robotrue.core.poses import inverse
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM, UM
-from robotrue.program.formats import dialect, list_unfollowed
+from robotrue.program.formats import list_unfollowed
+from robotrue.program.lang import find_language
 from robotrue.program.orientation import OrientationRule
 from robotrue.program.program import FrameTable, Motion, Program
 from robotrue.robot.forward import forward
@@ -94,13 +95,13 @@ MAKERS = {
 
 def round_trip(name: str, data: bytes, frames: FrameTable) -> tuple[Program, Program, np.ndarray]:
     """The program, what became of it, and the errors (n, 3) m that are left."""
-    program = dialect(name).read(data, name="part", frames=frames)
+    program = find_language(name).read(data, name="part", frames=frames)
     assert not program.notes
     model = cases.rigid_model(robot=cases.kr160())
     result = compensate(model, program, settings=BEGINS)
     assert (result.status == Status.COMPENSATED).all()
-    again = dialect(name).read(
-        dialect(name).write(program, result.replacement), name="part", frames=frames
+    again = find_language(name).read(
+        find_language(name).write(program, result.replacement), name="part", frames=frames
     )
     found = difference(program, again, model=model, home=BEGINS.home)
     assert np.linalg.norm(found.error_before, axis=1).min() > 0.2 * MM
@@ -157,7 +158,7 @@ def test_what_is_not_written_is_told() -> None:
     frames, model = table(cases.FRAME, spin_of(T)), cases.rigid_model(robot=cases.kr160())
     told = {}
     for name, make in MAKERS.items():
-        program = dialect(name).read(make(T).encode(), name="part", frames=frames)
+        program = find_language(name).read(make(T).encode(), name="part", frames=frames)
         told[name] = list_unfollowed(
             program, compensate(model, program, settings=BEGINS).replacement
         )

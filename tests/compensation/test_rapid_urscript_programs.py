@@ -11,7 +11,7 @@ from robotrue.core.arm_words import NO_WORD
 from robotrue.core.poses import inverse
 from robotrue.core.rotations import quat_wxyz_from_matrix, rotation_vector_from_matrix
 from robotrue.core.units import DEG, MM
-from robotrue.program.formats import dialect
+from robotrue.program.lang import find_language
 from robotrue.program.program import FrameTable
 from robotrue.robot.configuration import configuration_words
 from robotrue.robot.forward import forward
@@ -58,7 +58,7 @@ def urscript(robot, joints: np.ndarray) -> bytes:
     ("name", "make", "arm"), [("rapid", rapid, "IRB120"), ("urscript", urscript, "UR10")]
 )
 def test_from_bytes_to_compensated_bytes(name, make, arm):
-    robot, language = preset(arm).with_tool(cases.TOOL), dialect(name)
+    robot, language = preset(arm).with_tool(cases.TOOL), find_language(name)
     middle = {"IRB120": [5, 10, -15, 20, 50, 85], "UR10": [15, -80, 90, -100, -80, 20]}[arm]
     joints = np.array(middle) * DEG + np.linspace(0, 0.2, 30)[:, None]
     data = make(robot, joints)

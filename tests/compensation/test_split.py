@@ -20,8 +20,8 @@ from robotrue.core.poses import inverse
 from robotrue.core.rotations import abc_from_matrix, rotation_vector_from_matrix
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ConfigurationError, FormatError
-from robotrue.program.formats import dialect, inserter
 from robotrue.program.insertion import Obstacle
+from robotrue.program.lang import find_inserter, find_language
 from robotrue.program.orientation import OrientationRule
 from robotrue.program.program import FrameTable
 from robotrue.robot.configuration import configuration_words
@@ -49,7 +49,7 @@ class Case:
             CompensationSettings(home=HOME, wrench=np.empty(0) if wrench is None else wrench(p))
             for p in self.programs
         ]
-        self.moves = inserter(name).moves(self.programs)
+        self.moves = find_inserter(name).moves(self.programs)
         results = [
             compensate(self.model, p, settings=s)
             for p, s in zip(self.programs, self.settings, strict=True)
@@ -248,13 +248,13 @@ def test_paths_of_words_stay_within_the_tolerance(name):
     data, table = paths(name)
 
     def read(new=None):
-        return dialect(name).read_job([("part", (new or {}).get("part", data))], frames=table)
+        return find_language(name).read_job([("part", (new or {}).get("part", data))], frames=table)
 
     (program,), model = read(), cases.rigid_model(4)
     settings = [CompensationSettings(home=HOME)]
     result = compensate(model, program, settings=settings[0])
     assert (result.status == Status.COMPENSATED).all()
-    moves = inserter(name).moves((program,))
+    moves = find_inserter(name).moves((program,))
     job = job_moves(model, [program], moves, [result], settings)
     deviation = job_deviation(job, tolerance=TOLERANCE)
     plan = plan_split(job, [program], deviation, TOLERANCE)
@@ -277,7 +277,7 @@ def test_an_arc_of_g_code_becomes_lines_within_the_tolerance():
                          b"N20 M30", b""])  # fmt: skip
 
     def read(new=None):
-        return dialect("sinumerik").read_job(
+        return find_language("sinumerik").read_job(
             [("part", (new or {}).get("part", data))], frames=table
         )
 
@@ -285,7 +285,7 @@ def test_an_arc_of_g_code_becomes_lines_within_the_tolerance():
     assert not program.notes
     settings = [CompensationSettings(home=HOME)]
     result = compensate(model, program, settings=settings[0])
-    moves = inserter("sinumerik").moves((program,))
+    moves = find_inserter("sinumerik").moves((program,))
     job = job_moves(model, [program], moves, [result], settings)
     deviation = job_deviation(job, tolerance=TOLERANCE)
     arcs = np.flatnonzero(moves.across == 2)

@@ -10,13 +10,14 @@ import pytest
 
 from robotrue.core.arm_words import NO_WORD
 from robotrue.errors import FormatError
-from robotrue.program.formats import detect, dialect, dialects, read_job, write_program
+from robotrue.program.formats import detect, read_job, write_program
+from robotrue.program.lang import find_language, language_names
 from robotrue.program.program import FrameTable, Motion, Program, Replacement
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "program"))
 from path_samples import SAMPLES, TABLE
 
-SUFFIXES = tuple(suffix for name in dialects() for suffix in dialect(name).suffixes)
+SUFFIXES = tuple(suffix for name in language_names() for suffix in find_language(name).suffixes)
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +68,7 @@ def test_written_targets_are_read_again(samples: list[Path], tmp_path: Path) -> 
 @pytest.mark.data
 def test_a_cut_off_file_is_refused_by_line_or_kept(samples: list[Path]) -> None:
     for path in samples:
-        data, language = path.read_bytes(), dialect(detect(path.read_bytes(), path.name).name)
+        data, language = path.read_bytes(), find_language(detect(path.read_bytes(), path.name).name)
         for size in range(0, len(data), 7):
             part = data[:size]
             try:
@@ -92,13 +93,13 @@ def test_other_languages_are_not_taken_for_one_of_these(data_dir: Path) -> None:
     others = [p for p in folder.rglob("*") if p.is_file() and p.suffix.lower() not in SUFFIXES]
     assert others
     for path in others:
-        assert max(dialect(name).detect(path.read_bytes()) for name in dialects()) < 0.4
+        assert max(find_language(name).detect(path.read_bytes()) for name in language_names()) < 0.4
 
 
 @pytest.mark.parametrize("name", sorted(SAMPLES))
 def test_paths_of_words_are_told_from_all_others_and_kept(name: str, tmp_path: Path) -> None:
     data = SAMPLES[name]
-    scores = {each: dialect(each).detect(data) for each in dialects()}
+    scores = {each: find_language(each).detect(data) for each in language_names()}
     assert all(0.0 <= score <= 1.0 for score in scores.values())
     assert scores.pop(name) > max(scores.values())
     (tmp_path / "part").write_bytes(data)

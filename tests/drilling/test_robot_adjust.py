@@ -13,7 +13,7 @@ from robotrue.core.units import DEG, MM
 from robotrue.drilling.head import Head, gcode, normal_from_tilt, squaring_move, tilt_between
 from robotrue.drilling.robot_adjust import actual_pose, robot_fragment, squaring_joints
 from robotrue.errors import ConfigurationError, ReachError, ShapeError
-from robotrue.program.formats import dialect
+from robotrue.program.lang import find_language
 from robotrue.program.program import FrameTable
 from robotrue.robot.forward import forward
 
@@ -86,7 +86,7 @@ def test_fragments_say_the_pose(language: str) -> None:
         "[[0,0,0],[1,0,0,0]]];\nPROC main()\n" + text + "ENDPROC\nENDMODULE\n",
         "urscript": "def x():\n" + text + "end\n",
     }[language]
-    program = dialect(language).read(whole.encode(), name="x", frames=FrameTable())
+    program = find_language(language).read(whole.encode(), name="x", frames=FrameTable())
     np.testing.assert_allclose(program.position[0], move.T_base_tool[:3, 3], atol=1e-7)
     off = program.rotation[0] @ move.T_base_tool[:3, :3].T
     assert np.linalg.norm(rotation_vector_from_matrix(off)) < 1e-6

@@ -16,7 +16,7 @@ from robotrue.core.arm_words import NO_WORD
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, RobotrueError, ShapeError
-from robotrue.program.formats import dialect
+from robotrue.program.lang import find_language
 from robotrue.program.program import FrameTable, Motion, Program, Reason, Replacement
 
 Files = tuple[tuple[str, bytes], ...]
@@ -57,7 +57,7 @@ def read(name: str, files: Files, frames: FrameTable) -> tuple[Program, ...]:
     """The programs of a job; warnings are faults."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        return dialect(name).read_job(files, frames=frames)
+        return find_language(name).read_job(files, frames=frames)
 
 
 def write(name: str, programs: Sequence[Program], changes: Sequence[Replacement]) -> Files:
@@ -65,7 +65,7 @@ def write(name: str, programs: Sequence[Program], changes: Sequence[Replacement]
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         return tuple(
-            (program.name, dialect(name).write(program, change))
+            (program.name, find_language(name).write(program, change))
             for program, change in zip(programs, changes, strict=True)
         )
 
@@ -166,7 +166,7 @@ def survives(name: str, files: Files, frames: FrameTable, seed: int, limit: floa
         with limited(limit):
             try:
                 for _, data in files:
-                    if not 0.0 <= dialect(name).detect(data) <= 1.0:
+                    if not 0.0 <= find_language(name).detect(data) <= 1.0:
                         raise Broken("sureness beyond 0..1")
                 programs = read(name, files, frames)
             except RobotrueError as refusal:

@@ -30,7 +30,7 @@ from mutated import damaged
 from written import Pen
 
 from robotrue.errors import ConfigurationError
-from robotrue.program.formats import dialect, dialects
+from robotrue.program.lang import find_language, language_names
 
 POOL = 300
 """Whole programs that damage starts from."""
@@ -113,7 +113,7 @@ def seeds_of(name: str, language: Language, seed: int, samples: Path | None) -> 
     out = [language.writer(Pen.of([seed, 3, k])).files for k in range(POOL)]
     out += [((language.name, language.sample),)] * (POOL // 10)
     for path in sorted(samples.rglob("*")) if samples else ():
-        if path.is_file() and path.suffix.lower() in dialect(name).suffixes:
+        if path.is_file() and path.suffix.lower() in find_language(name).suffixes:
             out += [((path.name, path.read_bytes()),)] * (POOL // 30)
     return out
 
@@ -218,7 +218,7 @@ def main() -> int:
     parser.add_argument("--limit", type=float, default=5.0)
     options = parser.parse_args()
     names = [n for n in options.dialects.split(",") if n] or [
-        n for n in dialects() if n in LANGUAGES
+        n for n in language_names() if n in LANGUAGES
     ]
     tallies: dict[str, Tally] = {}
     try:

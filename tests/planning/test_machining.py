@@ -17,8 +17,8 @@ from robotrue.errors import ConfigurationError, FormatError, ReachError
 from robotrue.planning.arm_scene import to_obstacle
 from robotrue.planning.machining import MachiningSettings, Side, job_program, plan_machining
 from robotrue.planning.transit import scene_without_reflector, transit
-from robotrue.program.formats import dialect
 from robotrue.program.formats.krl_machining import KrlSpeeds, machining_program
+from robotrue.program.lang import find_language
 from robotrue.program.program import FrameTable, Motion
 from robotrue.program.toolpath import Remark, Toolpath
 from robotrue.robot.forward import forward
@@ -67,7 +67,7 @@ def job():
 
 def test_the_program_reads_back_as_the_same_points(job):
     """Tool path -> KRL -> our reader: points within 1 um in base, frames and axes too."""
-    program = dialect("krl").read(krl(job), name="job.src", frames=FrameTable())
+    program = find_language("krl").read(krl(job), name="job.src", frames=FrameTable())
     assert program.notes == ()
     assert (program.reason[program.motion == Motion.LIN] == 0).all()
     lin = np.flatnonzero(program.motion == Motion.LIN)
@@ -83,7 +83,7 @@ def test_the_program_reads_back_as_the_same_points(job):
 
 
 def test_joint_moves_lead_to_the_first_point_of_each_side(job):
-    program = dialect("krl").read(krl(job), name="job.src", frames=FrameTable())
+    program = find_language("krl").read(krl(job), name="job.src", frames=FrameTable())
     ptp = np.flatnonzero(program.motion == Motion.PTP)
     assert len(ptp) == sum(len(m) for m in job.moves)
     np.testing.assert_allclose(program.axes[ptp[0]], program.axes[ptp[-1]], atol=1e-6)  # home

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from robotrue.core.arm_words import NO_WORD
-from robotrue.program.formats import dialect
+from robotrue.program.lang import find_language
 from robotrue.program.program import FrameTable, Program, Replacement
 
 TABLE = FrameTable(tools={"1": np.eye(4)}, bases={"1": np.eye(4)})
@@ -47,7 +47,7 @@ def text(records: str, statements: str) -> str:
 
 def read(program: str | bytes, frames: FrameTable = TABLE) -> Program:
     data = program if isinstance(program, bytes) else program.encode("latin-1")
-    return dialect("fanuc_ls").read(data, name="test.ls", frames=frames)
+    return find_language("fanuc_ls").read(data, name="test.ls", frames=frames)
 
 
 def body(records: str, statements: str, frames: FrameTable = TABLE) -> Program:
@@ -66,6 +66,6 @@ def shifted(program: Program, by_mm: tuple[float, float, float] = (0.0, 0.0, 0.0
 
 def changed_lines(program: Program, change: Replacement) -> list[str]:
     before = program.data.decode("latin-1").splitlines()
-    after = dialect("fanuc_ls").write(program, change).decode("latin-1").splitlines()
+    after = find_language("fanuc_ls").write(program, change).decode("latin-1").splitlines()
     assert len(before) == len(after)
     return [new for old, new in zip(before, after, strict=True) if old != new]

@@ -19,8 +19,8 @@ from robotrue.core.rotations import (
     rotation_vector_from_matrix,
 )
 from robotrue.core.units import DEG, MM
-from robotrue.program.formats import dialect, inserter
 from robotrue.program.insertion import Insertion
+from robotrue.program.lang import find_inserter, find_language
 from robotrue.program.program import FrameTable, Motion, Program
 
 DIALECTS = ("krl", "rapid", "urscript", "jbi", "fanuc_ls")
@@ -158,14 +158,14 @@ def reader(name: str, files: dict[str, bytes], frame: np.ndarray, tool: np.ndarr
 
     def read(new: dict[str, bytes] | None = None) -> tuple[Program, ...]:
         given = [(each, (new or {}).get(each, data)) for each, data in files.items()]
-        return dialect(name).read_job(given, frames=table)
+        return find_language(name).read_job(given, frames=table)
 
     return read
 
 
 def halves(name: str, job: tuple[Program, ...]) -> Insertion:
     """The middle of every line that may be split, and a quarter turn put before every arc."""
-    moves = inserter(name).moves(job)
+    moves = find_inserter(name).moves(job)
     position = np.concatenate([program.position for program in job])
     rotation = np.concatenate([program.rotation for program in job])
     words = np.concatenate([program.words for program in job])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from robotrue.core.arm_words import NO_WORD
-from robotrue.program.formats import dialect
+from robotrue.program.lang import find_language
 from robotrue.program.program import FrameTable, Program, Replacement
 
 TABLE = FrameTable(tools={"1": np.eye(4)}, bases={"2": np.eye(4)})
@@ -29,7 +29,7 @@ def text(points: str, moves: str, *, groups: str = "RB1", attributes: str = "") 
 
 def read(job: str | bytes, frames: FrameTable = TABLE) -> Program:
     data = job if isinstance(job, bytes) else job.encode("latin-1")
-    return dialect("jbi").read(data, name="test.jbi", frames=frames)
+    return find_language("jbi").read(data, name="test.jbi", frames=frames)
 
 
 def body(points: str, moves: str, frames: FrameTable = TABLE, **more: str) -> Program:
@@ -47,4 +47,4 @@ def shifted(program: Program, by_mm: tuple[float, float, float] = (0.0, 0.0, 0.0
 
 
 def written(program: Program, change: Replacement) -> list[str]:
-    return dialect("jbi").write(program, change).decode("latin-1").splitlines()
+    return find_language("jbi").write(program, change).decode("latin-1").splitlines()

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from robotrue.core.arm_words import NO_WORD
-from robotrue.program.formats import dialect, read_job
+from robotrue.program.formats import read_job
+from robotrue.program.lang import find_language
 from robotrue.program.program import FrameTable, Program, Replacement
 
 HEAD = "DEF part()\n$BASE={X 800,Y -100,Z 450,A 15,B 0,C 0}\n$TOOL={X 0,Y 0,Z 215.5,A 0,B 30,C 0}\n"
@@ -15,7 +16,7 @@ HEAD = "DEF part()\n$BASE={X 800,Y -100,Z 450,A 15,B 0,C 0}\n$TOOL={X 0,Y 0,Z 21
 
 def read(text: str | bytes, frames: FrameTable | None = None, name: str = "part.src") -> Program:
     data = text if isinstance(text, bytes) else text.encode("latin-1")
-    return dialect("krl").read(data, name=name, frames=frames or FrameTable())
+    return find_language("krl").read(data, name=name, frames=frames or FrameTable())
 
 
 def body(text: str, frames: FrameTable | None = None) -> Program:
@@ -49,7 +50,7 @@ def replacement(
 
 
 def write(program: Program, change: Replacement) -> str:
-    return dialect("krl").write(program, change).decode("latin-1")
+    return find_language("krl").write(program, change).decode("latin-1")
 
 
 def changed_lines(program: Program, change: Replacement) -> list[str]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from robotrue.core.arm_words import NO_WORD
 from robotrue.core.units import DEG
-from robotrue.program.formats import dialect
+from robotrue.program.lang import find_language
 from robotrue.program.orientation import OrientationRule
 from robotrue.program.program import FrameTable, Program, Reason, Replacement
 
@@ -130,7 +130,7 @@ SAMPLES = {
 
 
 def read(name: str, data: bytes, table: FrameTable = TABLE) -> Program:
-    return dialect(name).read(data, name="part.nc", frames=table)
+    return find_language(name).read(data, name="part.nc", frames=table)
 
 
 def moved(program: Program, shift: np.ndarray, turn: np.ndarray, bend: float = 0.0) -> Replacement:

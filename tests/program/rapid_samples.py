@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from robotrue.core.arm_words import NO_WORD
-from robotrue.program.formats import dialect
+from robotrue.program.lang import find_language
 from robotrue.program.program import FrameTable, Program, Replacement
 
 REST = "[9E9,9E9,9E9,9E9,9E9,9E9]"
@@ -29,7 +29,7 @@ def target(x: float = 1.0, y: float = 2.0, z: float = 3.0, external: str = REST)
 
 def read(text: str | bytes, frames: FrameTable | None = None, name: str = "part.mod") -> Program:
     data = text if isinstance(text, bytes) else text.encode("latin-1")
-    return dialect("rapid").read(data, name=name, frames=frames or FrameTable())
+    return find_language("rapid").read(data, name=name, frames=frames or FrameTable())
 
 
 def module(motions: str, data: str = "", frames: FrameTable | None = None) -> Program:
@@ -59,7 +59,7 @@ def replacement(
 
 
 def write(program: Program, change: Replacement) -> str:
-    return dialect("rapid").write(program, change).decode("latin-1")
+    return find_language("rapid").write(program, change).decode("latin-1")
 
 
 def changed_lines(program: Program, change: Replacement) -> list[str]:

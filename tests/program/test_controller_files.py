@@ -10,8 +10,9 @@ import pytest
 from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import FormatError
-from robotrue.program.controller_files import ControllerFile, read_controller_file
+from robotrue.program.controller_files import ControllerFile
 from robotrue.program.formats import read_job
+from robotrue.program.frames_beside import read_controller_file
 from robotrue.program.program import FrameTable, Reason
 
 CONFIG = """&ACCESS RV1

@@ -16,7 +16,7 @@ from robotrue.core.rotations import (
     quat_wxyz_from_matrix,
 )
 from robotrue.errors import ConfigurationError
-from robotrue.program.controller_frames import FORMS, controller_frame
+from robotrue.program.controller_frames import controller_frame, frame_forms
 
 ANGLE = st.floats(-180.0, 180.0)
 LENGTH = st.floats(-3.0, 3.0)
@@ -57,7 +57,7 @@ def read(form: str, text: str) -> np.ndarray:
     return pose(matrix_from_rotation_vector(np.array(values[3:6])), np.array(values[:3]))
 
 
-@pytest.mark.parametrize("form", sorted(FORMS))
+@pytest.mark.parametrize("form", sorted(frame_forms()))
 @settings(max_examples=20, deadline=None)
 @given(LENGTH, LENGTH, LENGTH, ANGLE, ANGLE, ANGLE)
 def test_read_back_it_is_the_frame(

@@ -12,7 +12,7 @@ from robotrue.core.arm_words import NO_WORD
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import FormatError
-from robotrue.program.formats import dialect
+from robotrue.program.lang import find_language
 from robotrue.program.program import FrameTable, Motion, Reason
 
 MOVE = "L P[1] 200mm/sec FINE ;"
@@ -293,4 +293,4 @@ def test_a_called_program_that_is_given_and_sets_no_number_is_no_matter() -> Non
     for inside, why in (("DO[1]=ON ;", Reason.NONE), ("UFRAME_NUM=2 ;", Reason.UNKNOWN_FRAME)):
         job = [("main.ls", main.replace("/PROG  TEST", "/PROG  MAIN").encode())]
         job.append(("test.ls", text(record(1), f"{inside}\n{MOVE}").encode()))
-        assert dialect("fanuc_ls").read_job(job, frames=TABLE)[0].reason.tolist() == [why]
+        assert find_language("fanuc_ls").read_job(job, frames=TABLE)[0].reason.tolist() == [why]

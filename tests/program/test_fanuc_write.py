@@ -13,7 +13,7 @@ from robotrue.core.arm_words import NO_WORD
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG
 from robotrue.errors import ShapeError
-from robotrue.program.formats import dialect
+from robotrue.program.lang import find_language
 
 MOVE = "L P[1] 800.000mm/sec FINE ;"
 
@@ -23,7 +23,7 @@ def test_only_the_numbers_of_used_positions_change_and_stay_in_their_column() ->
     assert changed_lines(program, shifted(program, (199.9999, 99.99, -0.0001))) == [
         "\tX =  1000.000  mm,\tY =    -0.010  mm,\tZ =   448.750  mm,"
     ]
-    assert dialect("fanuc_ls").write(program, shifted(program)) == program.data
+    assert find_language("fanuc_ls").write(program, shifted(program)) == program.data
 
 
 @pytest.mark.parametrize(
@@ -62,11 +62,11 @@ def test_configurations_change_where_they_are_told_to() -> None:
     expected = ["F U B, -1, 0, 0", "N D T, 0, 0, 0"]
     line = "    UF : 1, UT : 1,        CONFIG : '{}',"
     assert changed_lines(program, change) == [line.format(each) for each in expected]
-    again = read(dialect("fanuc_ls").write(program, change))
+    again = read(find_language("fanuc_ls").write(program, change))
     assert again.words[:2].tolist() == [[1, 1, 0, -1, 0, 0], [0, 0, 1, 0, 0, 0]]
     back = np.where(words == NO_WORD, NO_WORD, program.words)
     undone = replace(shifted(again), words=back)
-    assert dialect("fanuc_ls").write(again, undone) == program.data
+    assert find_language("fanuc_ls").write(again, undone) == program.data
 
 
 def test_axis_values() -> None:
@@ -90,7 +90,7 @@ def test_external_axes_and_other_groups_are_never_rewritten() -> None:
 
 def test_dos_line_ends_are_kept() -> None:
     program = read(text(record(1), MOVE).replace("\n", "\r\n"))
-    out = dialect("fanuc_ls").write(program, shifted(program, (1, 0, 0)))
+    out = find_language("fanuc_ls").write(program, shifted(program, (1, 0, 0)))
     assert out == program.data.replace(b"X =   800.000", b"X =   801.000")
 
 
@@ -100,4 +100,4 @@ def test_what_cannot_be_written() -> None:
         changed_lines(program, shifted(program, (np.nan, 0, 0)))
     other = krl_body("LIN {X 1,Y 2,Z 3,A 4,B 5,C 6}")
     with pytest.raises(ShapeError, match="was not read by the fanuc_ls dialect"):
-        dialect("fanuc_ls").write(other, shifted(other))
+        find_language("fanuc_ls").write(other, shifted(other))

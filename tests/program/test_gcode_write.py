@@ -12,7 +12,7 @@ from path_samples import RULE, SAMPLES, TABLE, moved, read
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ShapeError
-from robotrue.program.formats import dialect
+from robotrue.program.lang import find_language
 from robotrue.program.program import Motion, Program, Reason, Replacement
 
 STILL = np.eye(3)
@@ -29,7 +29,7 @@ def fanuc(text: str) -> Program:
 def written(program: Program, shift: list[list[float]], turn: np.ndarray = STILL) -> list[str]:
     """Lines behind the head after shifts in um."""
     change = moved(program, np.array(shift) * 1e-6, turn)
-    out = dialect(program.dialect).write(program, change).decode().split("\n")
+    out = find_language(program.dialect).write(program, change).decode().split("\n")
     return out[3:-1]
 
 
@@ -101,7 +101,7 @@ def test_a_tool_axis_is_inserted_whole() -> None:
         changed=change.changed, position=change.position, rotation=rotation, axes=change.axes,
         words=change.words,
     )  # fmt: skip
-    out = dialect("sinumerik").write(program, change)
+    out = find_language("sinumerik").write(program, change)
     assert out.split(b"\n")[4] == b"X2.0 A3=-0.00060 B3=-0.00164 C3=1.00000"
     again = read("sinumerik", out)
     miss = RULE.axes_of(again.rotation) - RULE.axes_of(rotation)
@@ -132,7 +132,7 @@ def test_a_bent_arc_goes_through_its_middle() -> None:
     assert written(program, shift)[1] == "G2 X10.0000 Y0.0000 I5.0000 J0.0990"
     again = read(
         "fanuc_gcode",
-        dialect("fanuc_gcode").write(program, moved(program, np.array(shift) * 1e-6, STILL)),
+        find_language("fanuc_gcode").write(program, moved(program, np.array(shift) * 1e-6, STILL)),
     )
     np.testing.assert_allclose(again.position[1] / MM, [5.0, 5.1, 1.0], atol=1e-4)
 
@@ -161,7 +161,7 @@ def test_status_and_axis_values() -> None:
         changed=change.changed, position=change.position, rotation=change.rotation,
         axes=change.axes, words=words,
     )  # fmt: skip
-    lines = dialect("sinumerik").write(program, change).decode().split("\n")
+    lines = find_language("sinumerik").write(program, change).decode().split("\n")
     assert lines[3] == "PTP G1 X1.0 Y1.0 Z1.0 A=1.0 B=2.0 C=3.0 STAT=6 TU=19"
     assert lines[5] == "G1 JT1=10.100 JT2=-69.900 JT3=100.100 JT4=5.100 JT5=60.100 JT6=-19.900"
 
@@ -170,19 +170,20 @@ def test_status_and_axis_values() -> None:
 def test_what_cannot_be_printed_is_refused(name: str) -> None:
     program = read(name, SAMPLES[name])
     with pytest.raises(ShapeError, match="expected finite numbers"):
-        dialect(name).write(program, moved(program, np.full(3, np.nan), STILL))
+        find_language(name).write(program, moved(program, np.full(3, np.nan), STILL))
     other = read(
         "apt" if name != "apt" else "sinumerik", SAMPLES["apt" if name != "apt" else "sinumerik"]
     )
     with pytest.raises(ShapeError):
-        dialect(name).write(program, moved(other, np.zeros(3), STILL))
+        find_language(name).write(program, moved(other, np.zeros(3), STILL))
 
 
 def test_content_names_the_dialect() -> None:
-    from robotrue.program.formats import detect, dialects
+    from robotrue.program.formats import detect
+    from robotrue.program.lang import language_names
 
     for name, data in SAMPLES.items():
-        scores = {each: dialect(each).detect(data) for each in dialects()}
+        scores = {each: find_language(each).detect(data) for each in language_names()}
         assert max(scores, key=lambda each: scores[each]) == name
         assert detect(data, "noname").name == name
     bare = b"N10 G1 X1.0 Y2.0 Z3.0\nN20 X2.0\nN30 Y2.0\n"
@@ -199,9 +200,12 @@ def test_status_in_binary_and_hexadecimal() -> None:
     assert not program.notes
     change = moved(program, np.zeros(3), STILL)
     change = replace(change, words=np.array([[6, 171]]))
-    out = dialect("sinumerik").write(program, change)
+    out = find_language("sinumerik").write(program, change)
     assert out == program.data.replace(b"'B010'", b"'B110'").replace(b"'H11'", b"'HAB'")
-    assert dialect("sinumerik").write(program, moved(program, np.zeros(3), STILL)) == program.data
+    assert (
+        find_language("sinumerik").write(program, moved(program, np.zeros(3), STILL))
+        == program.data
+    )
 
 
 def modal(lines: list[str]) -> list[dict[str, float]]:
@@ -242,7 +246,7 @@ def test_a_point_left_alone_inherits_no_correction(behind: str) -> None:
     turn = matrix_from_abc(np.array([0.3, 0.2, 0.1]) * DEG)
     change = moved(program, np.array([0.4, 0.5, 0.6]) * MM, turn)
     change = replace(change, changed=~left)
-    after = dialect("fanuc_gcode").write(program, change).decode()
+    after = find_language("fanuc_gcode").write(program, change).decode()
     before = program.data.decode()
     assert after != before
     one, other = (modal(text.split("\n")) for text in (before, after))
@@ -274,6 +278,6 @@ def test_a_step_by_conversational_words_takes_nothing_in() -> None:
     change = replace(
         moved(program, np.full((3, 3), 1e-4), STILL), changed=program.reason == Reason.NONE
     )
-    lines = dialect("heidenhain").write(program, change).decode().split("\n")
+    lines = find_language("heidenhain").write(program, change).decode().split("\n")
     assert program.reason.tolist() == [Reason.NONE, Reason.RELATIVE, Reason.NONE]
     assert lines[3] == "L IX+10"

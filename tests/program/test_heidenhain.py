@@ -9,7 +9,7 @@ from path_samples import HEIDENHAIN, RULE, TABLE, moved, read
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, FormatError
-from robotrue.program.formats import dialect
+from robotrue.program.lang import find_language
 from robotrue.program.orientation import OrientationRule
 from robotrue.program.program import FrameTable, Motion, Program, Reason
 
@@ -30,7 +30,7 @@ def written(
     program: Program, shift: list[list[float]], turn: np.ndarray | None = None
 ) -> list[str]:
     change = moved(program, np.array(shift) * 1e-6, np.eye(3) if turn is None else turn)
-    return dialect("heidenhain").write(program, change).decode().split("\n")[3:-2]
+    return find_language("heidenhain").write(program, change).decode().split("\n")[3:-2]
 
 
 def test_lines_and_what_they_leave_out() -> None:

@@ -11,8 +11,8 @@ import pytest
 from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ShapeError
-from robotrue.program.formats import dialect, inserter, register_inserter
 from robotrue.program.insertion import Insertion, Moves, Obstacle, job_rows
+from robotrue.program.lang import find_inserter, find_language
 from robotrue.program.program import FrameTable
 
 FRAME = pose_from_xyz_abc(np.array([900.0, -200.0, 300.0]) * MM, np.array([15.0, -4.0, 8.0]) * DEG)
@@ -40,7 +40,7 @@ def base_positions(job) -> np.ndarray:
 @pytest.mark.parametrize("name", cases.DIALECTS)
 def test_moves_are_those_of_the_path(name):
     _, _, job = case(name)
-    moves = inserter(name).moves(job)
+    moves = find_inserter(name).moves(job)
     assert moves.circular.tolist() == [False, False, False, True, False]
     place = base_positions(job)
     wanted = PATH[:, :3, 3]
@@ -56,7 +56,7 @@ def test_moves_are_those_of_the_path(name):
 @pytest.mark.parametrize("name", cases.DIALECTS)
 def test_what_is_put_in_is_read_where_it_was_put(name):
     _, read, job = case(name)
-    language, insertion = inserter(name), cases.halves(name, job)
+    language, insertion = find_inserter(name), cases.halves(name, job)
     moves = language.moves(job)
     written = language.insert(job, moves, insertion)
     again = read({p.name: data for p, data in zip(job, written, strict=True)})
@@ -78,7 +78,7 @@ def test_what_is_put_in_is_read_where_it_was_put(name):
 @pytest.mark.parametrize("name", cases.DIALECTS)
 def test_nothing_put_in_changes_no_byte(name):
     files, _, job = case(name)
-    language = inserter(name)
+    language = find_inserter(name)
     words = job[0].words.shape[1]
     nothing = Insertion(
         move=np.empty(0, np.int64),
@@ -93,7 +93,7 @@ def test_nothing_put_in_changes_no_byte(name):
 @pytest.mark.parametrize("name", cases.DIALECTS)
 def test_every_line_that_stood_there_stands_there_still(name):
     files, _, job = case(name)
-    language, insertion = inserter(name), cases.halves(name, job)
+    language, insertion = find_inserter(name), cases.halves(name, job)
     written = language.insert(job, language.moves(job), insertion)
     for before, after in zip(files.values(), written, strict=True):
         old, new = before.decode().splitlines(True), after.decode().splitlines(True)
@@ -112,7 +112,7 @@ def test_every_line_that_stood_there_stands_there_still(name):
 
 def text_of(name: str) -> str:
     _, _, job = case(name)
-    language = inserter(name)
+    language = find_inserter(name)
     return language.insert(job, language.moves(job), cases.halves(name, job))[0].decode()
 
 
@@ -154,7 +154,7 @@ def test_ur_copies_blend_within_their_parts():
 def test_ur_blend_beyond_half_a_part_is_refused():
     files = {"part.script": case("urscript")[0]["part.script"].replace(b"r=0.002", b"r=0.090")}
     job = cases.reader("urscript", files, FRAME, TOOL)()
-    language = inserter("urscript")
+    language = find_inserter("urscript")
     with pytest.raises(ConfigurationError, match=r"part.script:5: the blend of 90 mm reaches bey"):
         language.insert(job, language.moves(job), cases.halves("urscript", job))
 
@@ -179,7 +179,7 @@ def test_yaskawa_points_get_the_headers_of_their_own_move():
     data = data.replace(b"C00002=", b"///TOOL 1\r\n///RCONF 1,0,0,0,0,0,0,0\r\nC00002=")
     data = data.replace(b"C00003=", b"///RCONF 0,0,0,0,0,0,0,0\r\nC00003=")
     read = cases.reader("jbi", {"part.jbi": data}, FRAME, TOOL)
-    job, language = read(), inserter("jbi")
+    job, language = read(), find_inserter("jbi")
     (written,) = language.insert(job, language.moves(job), cases.halves("jbi", job))
     (again,) = read({"part.jbi": written})
     by_name = dict(zip([p[:6] for p in written.split(b"\r\n") if p[:2] == b"C0"],
@@ -194,7 +194,7 @@ def test_yaskawa_points_stand_behind_one_that_is_not_read():
     at = data.index(b"C00006=")
     data = data[:at] + b"C00006=1.0,2.0,3.0,4.0,5.0,6.0,7.0" + data[data.index(b"\r\n", at) :]
     read = cases.reader("jbi", {"part.jbi": data}, FRAME, TOOL)
-    job, language = read(), inserter("jbi")
+    job, language = read(), find_inserter("jbi")
     (written,) = language.insert(job, language.moves(job), cases.halves("jbi", job))
     lines = written.split(b"\r\n")
     assert lines.index(b"C00006=1.0,2.0,3.0,4.0,5.0,6.0,7.0") + 1 == next(
@@ -260,15 +260,15 @@ def test_moves_that_are_not_split(name, moves, wanted):
     files = {"a.src" if name == "krl" else "a": text.encode()}
     if name == "krl" and "XP3" in moves:
         files["a.dat"] = f"DEFDAT a\r\nDECL FRAME XP3={given[1]}\r\nENDDAT\r\n".encode()
-    job = dialect(name).read_job(list(files.items()), frames=FrameTable())
-    assert inserter(name).moves(job).obstacle.tolist() == [int(each) for each in wanted]
+    job = find_language(name).read_job(list(files.items()), frames=FrameTable())
+    assert find_inserter(name).moves(job).obstacle.tolist() == [int(each) for each in wanted]
 
 
 def test_an_arc_by_angle_stays_whole():
     text = "DEF a()\r\nPTP {X 1,Y 0,Z 0,A 0,B 0,C 0}\r\nCIRC {X 2,Y 1,Z 0,A 0,B 0,C 0},"
     text += "{X 3,Y 0,Z 0,A 0,B 0,C 0},CA 90.0\r\nLIN {X 9,Y 0,Z 0,A 0,B 0,C 0}\r\nEND\r\n"
-    job = dialect("krl").read_job([("a.src", text.encode())], frames=FrameTable())
-    assert (inserter("krl").moves(job).obstacle != 0).all()
+    job = find_language("krl").read_job([("a.src", text.encode())], frames=FrameTable())
+    assert (find_inserter("krl").moves(job).obstacle != 0).all()
 
 
 FANUC_AND_YASKAWA = [
@@ -293,29 +293,30 @@ def test_numbered_moves_that_are_not_split(name, old, new, wanted):
     files, _, _ = case(name)
     ((key, data),) = files.items()
     job = cases.reader(name, {key: data.replace(old, new, 1)}, FRAME, TOOL)()
-    assert inserter(name).moves(job).obstacle.tolist()[: len(wanted)] == [int(o) for o in wanted]
+    assert find_inserter(name).moves(job).obstacle.tolist()[: len(wanted)] == [
+        int(o) for o in wanted
+    ]
 
 
 def test_obstacles_are_refused_with_their_line():
     _, _, job = case("rapid")
-    moves, insertion = inserter("rapid").moves(job), cases.halves("rapid", job)
+    moves, insertion = find_inserter("rapid").moves(job), cases.halves("rapid", job)
     whole = Moves(
         start=moves.start, via=moves.via, end=moves.end, line=moves.line,
         obstacle=np.full(len(moves), int(Obstacle.LOOP)), spans=moves.spans,
     )  # fmt: skip
     with pytest.raises(ShapeError, match=r"line 8 cannot be split: it stands in a loop"):
-        inserter("rapid").insert(job, whole, insertion)
+        find_inserter("rapid").insert(job, whole, insertion)
     arc = cases.shifted(insertion, motion=np.full(len(insertion), 1))
     with pytest.raises(ShapeError, match="line 12 do not suit it"):
-        inserter("rapid").insert(job, moves, arc)
+        find_inserter("rapid").insert(job, moves, arc)
 
 
 def test_a_dialect_without_insertion_is_named():
     with pytest.raises(ConfigurationError, match=r"moves of a morse program are not split"):
-        inserter("morse")
-    register_inserter("krl", "robotrue.program.formats.krl_insert")
-    with pytest.raises(ConfigurationError, match="krl_insert already"):
-        register_inserter("krl", "elsewhere")
+        find_inserter("morse")
+    with pytest.raises(ConfigurationError, match=r"those of apt, fanuc_gcode, fanuc_ls, jbi, krl"):
+        find_inserter("heidenhain")
 
 
 def test_insertions_are_checked():

@@ -13,7 +13,7 @@ from robotrue.core.arm_words import NO_WORD
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import FormatError, ShapeError
-from robotrue.program.formats import dialect
+from robotrue.program.lang import find_language
 from robotrue.program.program import FrameTable, Motion, Reason
 
 PULSES = "///TOOL 1\n///POSTYPE PULSE\n///PULSE\nC00000=1000,-2000,3000,0,500,-7\n"
@@ -312,4 +312,4 @@ def test_a_called_job_that_is_given_and_sets_no_point_is_no_matter() -> None:
         sub = text(f"{HEAD}C00000={P}", f"{inside}\nMOVL C00000").replace("//NAME ", "//NAME SUB#")
         sub = re.sub(r"//NAME .*", "//NAME SUB", sub)
         job = [("main.jbi", main.encode()), ("sub.jbi", sub.encode())]
-        assert dialect("jbi").read_job(job, frames=TABLE)[0].reason.tolist() == [why]
+        assert find_language("jbi").read_job(job, frames=TABLE)[0].reason.tolist() == [why]

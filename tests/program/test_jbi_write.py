@@ -13,7 +13,7 @@ from robotrue.core.arm_words import NO_WORD
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG
 from robotrue.errors import ShapeError
-from robotrue.program.formats import dialect
+from robotrue.program.lang import find_language
 from robotrue.program.program import FrameTable
 
 
@@ -29,7 +29,7 @@ def test_only_the_numbers_of_used_points_change() -> None:
     program = body(points, "MOVL C00000 V=800.000")
     moved = shifted(program, (0.0312, 0.0, -0.0001))
     assert changed(program, moved) == ["C00000=800.031,-100.000,448.750,180.0000,-0.0000,15.0000"]
-    assert dialect("jbi").write(program, shifted(program)) == program.data
+    assert find_language("jbi").write(program, shifted(program)) == program.data
 
 
 @pytest.mark.parametrize(
@@ -53,7 +53,7 @@ def test_gimbal_lock_keeps_the_split(ry: str) -> None:
     program = body(f"{HEAD}C00000=0,0,0,-12.0000,{ry},33.0000", "MOVL C00000")
     spin = matrix_from_abc(np.array([0.0, 0.0, 0.2 * DEG]))
     change = replace(shifted(program), rotation=program.rotation @ spin)
-    out = dialect("jbi").write(program, change)
+    out = find_language("jbi").write(program, change)
     assert np.abs(read(out).rotation - change.rotation).max() < 1e-3 * DEG
     rx, _, rz = (float(v) for v in out.split(b"C00000=")[1].split(b"\n")[0].split(b",")[3:])
     assert abs(rx + 12.0) < 0.21
@@ -77,7 +77,7 @@ def test_new_words_get_a_header_of_their_own_and_the_old_ones_come_back() -> Non
     words[1] = [0, NO_WORD, NO_WORD, 1, NO_WORD, NO_WORD]
     words[3, 2] = 0
     change = replace(shifted(program), words=words)
-    out = dialect("jbi").write(program, change)
+    out = find_language("jbi").write(program, change)
     assert out.decode().splitlines()[7:16] == [
         "///RCONF 1,0,0,0,0,0,0,0",
         f"C00000={P}",
@@ -94,10 +94,10 @@ def test_new_words_get_a_header_of_their_own_and_the_old_ones_come_back() -> Non
     np.testing.assert_array_equal(again.words, expected)
     assert not again.notes  # NPOS still counts the points
     back = np.where(words == NO_WORD, NO_WORD, program.words)
-    undone = dialect("jbi").write(again, replace(shifted(again), words=back))
+    undone = find_language("jbi").write(again, replace(shifted(again), words=back))
     np.testing.assert_array_equal(read(undone).words, program.words)
     unchanged = replace(change, changed=np.zeros(4, dtype=bool))
-    assert dialect("jbi").write(program, unchanged) == program.data
+    assert find_language("jbi").write(program, unchanged) == program.data
 
 
 def test_twenty_four_fields_and_dos_line_ends_are_kept() -> None:
@@ -107,7 +107,7 @@ def test_twenty_four_fields_and_dos_line_ends_are_kept() -> None:
     program = read(job)
     words = np.full_like(program.words, NO_WORD)
     words[0, 0] = 0
-    out = dialect("jbi").write(program, replace(shifted(program, (1, 0, 0)), words=words))
+    out = find_language("jbi").write(program, replace(shifted(program, (1, 0, 0)), words=words))
     extra = b"///RCONF 0" + fields[1:].encode() + b"\r\nC00000=801.000"
     assert out == program.data.replace(b"C00000=800.000", extra)
 
@@ -120,4 +120,4 @@ def test_what_cannot_be_written() -> None:
         written(program, shifted(program).take(np.array([0, 0])))
     other = krl_body("LIN {X 1,Y 2,Z 3,A 4,B 5,C 6}")
     with pytest.raises(ShapeError, match="was not read by the jbi dialect"):
-        dialect("jbi").write(other, shifted(other))
+        find_language("jbi").write(other, shifted(other))

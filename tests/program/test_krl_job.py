@@ -14,7 +14,7 @@ from robotrue.core.units import DEG, MM
 from robotrue.errors import FormatError
 from robotrue.program.external_axes import ExternalAxis
 from robotrue.program.formats import read_job, write_program
-from robotrue.program.formats.krl import DIALECT
+from robotrue.program.lang.krl import LANGUAGE
 from robotrue.program.program import FrameTable, Motion, Program, Reason
 
 CAMROB = (
@@ -218,7 +218,7 @@ def test_a_camrob_path_begins_where_the_program_takes_the_arm(tmp_path: Path) ->
 
 
 def test_the_files_a_program_names() -> None:
-    names = DIALECT.named_files
+    names = LANGUAGE.name_files
     assert names(b'CR_process_file("a.csv",1)\nX = CR_PROCESS_FILE (\r\n "b.csv")') == (
         "a.csv",
         "b.csv",
@@ -236,7 +236,7 @@ def test_global_points_that_are_compensated_are_told() -> None:
     dat += f"GLOBAL DECL FRAME gf[2]\ngf[1]={pose}\nENDDAT\n"
     for text, told in ((dat, True), (dat.replace("GLOBAL ", ""), False)):
         files = [("a.src", src.encode()), ("a.dat", text.encode())]
-        program = DIALECT.read_job(files, frames=FrameTable())[1]
+        program = LANGUAGE.read_job(files, frames=FrameTable())[1]
         assert program.reason.tolist() == [Reason.NONE] * 3
         assert (
             any("a.dat: 2 targets are GLOBAL points (gp, gf)" in n for n in program.notes) == told

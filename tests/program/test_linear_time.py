@@ -16,10 +16,11 @@ import pytest
 from path_samples import SAMPLES, TABLE
 
 from robotrue.errors import RobotrueError
-from robotrue.program.controller_files import read_controller_file
-from robotrue.program.formats import detect, dialect, dialects, inserter, write_program
+from robotrue.program.formats import detect, write_program
 from robotrue.program.formats.stated_feeds import stated_feeds
+from robotrue.program.frames_beside import read_controller_file
 from robotrue.program.insertion import Inserter
+from robotrue.program.lang import find_inserter, find_language, language_names
 from robotrue.program.program import FrameTable, Reason, Replacement
 
 STEEP = 8.0
@@ -257,10 +258,12 @@ def steep(
 
 def used(name: str, file: str) -> Callable[[bytes], None]:
     """All that is done with a program of a dialect: read, its feeds, written, its moves."""
-    inserts: Inserter | None = None if name == "heidenhain" else inserter(name)
+    inserts: Inserter | None = None if name == "heidenhain" else find_inserter(name)
 
     def work(data: bytes) -> None:
-        job = dialect(name).read_job([(file, data)], frames=TABLE if name in SAMPLES else NONE)
+        job = find_language(name).read_job(
+            [(file, data)], frames=TABLE if name in SAMPLES else NONE
+        )
         for program in job:
             stated_feeds(program)
             keep = Replacement(
@@ -277,11 +280,11 @@ def used(name: str, file: str) -> Callable[[bytes], None]:
 NONE = FrameTable()
 
 
-@pytest.mark.parametrize("name", dialects())
+@pytest.mark.parametrize("name", language_names())
 def test_programs_here_are_read(name: str) -> None:
     file, program = PROGRAMS[name]
     plain = filled(program, b"between", b"", 0)
-    (read,) = dialect(name).read_job([(file, plain)], frames=TABLE)
+    (read,) = find_language(name).read_job([(file, plain)], frames=TABLE)
     assert len(read) >= 2
     assert detect(plain, "noname").name == name
 
@@ -294,16 +297,18 @@ def test_a_megabyte_of_anything_is_told_from_a_program_at_once(worst: bytes) -> 
     assert not steep(told, lambda size: of(worst, size), size=1 << 18, most=1 << 20)
 
 
-@pytest.mark.parametrize("name", dialects())
+@pytest.mark.parametrize("name", language_names())
 def test_what_is_no_program_is_refused_in_linear_time(name: str) -> None:
     work, found = used(name, PROGRAMS[name][0]), {}
     for worst in WORST:
-        found[worst] = steep(dialect(name).detect, lambda size, w=worst: b"x 1\n" + of(w, size))
+        found[worst] = steep(
+            find_language(name).detect, lambda size, w=worst: b"x 1\n" + of(w, size)
+        )
         found[worst] += steep(work, lambda size, w=worst: of(w, size))
     assert not {key: why for key, why in found.items() if why}
 
 
-@pytest.mark.parametrize("name", dialects())
+@pytest.mark.parametrize("name", language_names())
 @pytest.mark.parametrize("place", PLACES, ids=bytes.decode)
 def test_worst_characters_in_a_program_take_linear_time(name: str, place: bytes) -> None:
     file, program = PROGRAMS[name]
@@ -337,7 +342,7 @@ def test_moves_to_computed_elements_take_linear_time() -> None:
 
     work = used("krl", "job.src")
     assert not steep(work, program, size=1 << 15, most=1 << 17)  # beyond the bound
-    (read,) = dialect("krl").read_job([("job.src", program(1 << 16))], frames=NONE)
+    (read,) = find_language("krl").read_job([("job.src", program(1 << 16))], frames=NONE)
     assert (read.reason == Reason.EXPRESSION).all()
     assert "is computed" in " ".join(read.notes)
 

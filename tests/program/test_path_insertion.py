@@ -12,8 +12,8 @@ from robotrue.core.arm_words import NO_WORD
 from robotrue.core.rotations import matrix_from_rotation_vector, rotation_vector_from_matrix
 from robotrue.core.units import DEG
 from robotrue.errors import ConfigurationError
-from robotrue.program.formats import dialect, inserter
 from robotrue.program.insertion import Insertion, Obstacle
+from robotrue.program.lang import find_inserter, find_language
 from robotrue.program.orientation import OrientationRule
 from robotrue.program.program import FrameTable
 
@@ -49,14 +49,14 @@ OBSTACLES = {
 
 
 def read(name: str, data: bytes):
-    return dialect(name).read_job([("part", data)], frames=TABLE)
+    return find_language(name).read_job([("part", data)], frames=TABLE)
 
 
 @pytest.mark.parametrize("name", PROGRAMS)
 def test_moves_from_row_to_row(name):
     job = read(name, PROGRAMS[name])
     assert not (job[0].reason != 0).any(), job[0].notes
-    found = inserter(name).moves(job)
+    found = find_inserter(name).moves(job)
     if name in ("sinumerik", "fanuc_gcode") and job[0].motion[0] == 1:
         assert found.obstacle[0] == Obstacle.START  # where the program begins
         found = found.obstacle[1:]
@@ -68,7 +68,7 @@ def test_moves_from_row_to_row(name):
 @pytest.mark.parametrize("name", PROGRAMS)
 def test_thirds_of_lines_are_read_where_they_were_put(name):
     job = read(name, PROGRAMS[name])
-    language, program = inserter(name), job[0]
+    language, program = find_inserter(name), job[0]
     moves = language.moves(job)
     rows = np.flatnonzero((moves.obstacle == 0) & (moves.via < 0))
     start, end = moves.start[rows], moves.end[rows]
@@ -104,7 +104,7 @@ def test_thirds_of_lines_are_read_where_they_were_put(name):
 @pytest.mark.parametrize("name", PROGRAMS)
 def test_what_stood_there_stands_there_still(name):
     job = read(name, PROGRAMS[name])
-    language = inserter(name)
+    language = find_inserter(name)
     new = language.insert(job, language.moves(job), halves(name, job))[0].splitlines()
     at = 0
     for line in PROGRAMS[name].splitlines():  # in order; a block may say words it left out
@@ -116,7 +116,7 @@ def test_what_stood_there_stands_there_still(name):
 
 def halves(name: str, job) -> Insertion:
     del name
-    moves = inserter(job[0].dialect).moves(job)
+    moves = find_inserter(job[0].dialect).moves(job)
     rows = np.flatnonzero((moves.obstacle == 0) & (moves.via < 0))
     middle = (job[0].position[moves.start[rows]] + job[0].position[moves.end[rows]]) / 2.0
     return Insertion(
@@ -145,7 +145,7 @@ ARCS = {
 def test_arcs_of_a_plane_become_lines(name, chosen):
     """Each in three parts; arcs that are left whole stay the arcs they were."""
     job = read(name, ARCS[name])
-    program, language = job[0], inserter(name)
+    program, language = job[0], find_inserter(name)
     assert not (program.reason != 0).any(), program.notes
     moves = language.moves(job)
     arcs = np.flatnonzero(moves.across == 2)
@@ -188,7 +188,7 @@ def test_arcs_of_a_plane_become_lines(name, chosen):
 
 def test_blocks_say_what_they_need_and_no_more():
     job = read("sinumerik", PROGRAMS["sinumerik"])
-    language = inserter("sinumerik")
+    language = find_inserter("sinumerik")
     lines = language.insert(job, language.moves(job), halves("", job))[0].split(b"\r\n")
     down = next(i for i, line in enumerate(lines) if b"; down" in line)
     assert (
@@ -202,5 +202,5 @@ def test_blocks_say_what_they_need_and_no_more():
 
 def test_heidenhain_is_refused_by_name():
     with pytest.raises(ConfigurationError, match="moves of a heidenhain program are not split"):
-        inserter("heidenhain")
+        find_inserter("heidenhain")
     assert "krl" in cases.DIALECTS

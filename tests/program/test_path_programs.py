@@ -9,7 +9,7 @@ from path_samples import APT, CSV, RULE, moved, read
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import FormatError
-from robotrue.program.formats import dialect
+from robotrue.program.lang import find_language
 from robotrue.program.program import FrameTable, Program, Reason
 
 TILT = matrix_from_abc(np.array([0.0, 0.0, 0.1]) * DEG)
@@ -28,7 +28,7 @@ def written(
     program: Program, shift: list[list[float]], turn: np.ndarray | None = None
 ) -> list[str]:
     change = moved(program, np.array(shift) * 1e-6, np.eye(3) if turn is None else turn)
-    return dialect(program.dialect).write(program, change).decode().split("\n")
+    return find_language(program.dialect).write(program, change).decode().split("\n")
 
 
 def test_points_of_a_real_list() -> None:
@@ -73,7 +73,7 @@ def test_an_axis_that_was_left_out_is_inserted_where_it_differs() -> None:
         changed=change.changed, position=change.position, rotation=rotation, axes=change.axes,
         words=change.words,
     )  # fmt: skip
-    out = dialect("apt").write(program, change).decode().split("\n")
+    out = find_language("apt").write(program, change).decode().split("\n")
     assert out[2:4] == [
         "GOTO/1,2,3,0.00000,0.00000,1.00000",
         "GOTO/4,5,6,-0.00060,-0.00164,1.00000 $$ a",

@@ -11,7 +11,8 @@ from rapid_samples import FRAMES, REST, T_FIXTURE, module, move, read, replaceme
 from robotrue.core.arm_words import NO_WORD
 from robotrue.core.units import DEG
 from robotrue.errors import FormatError
-from robotrue.program.formats import detect, dialect, read_job
+from robotrue.program.formats import detect, read_job
+from robotrue.program.lang import find_language
 from robotrue.program.program import FrameTable, Motion, Reason
 
 EXPRESSION = Reason.EXPRESSION
@@ -306,9 +307,9 @@ def test_harmless_routines_and_data_no_other_module_can_change() -> None:
 
 
 def test_frames_of_the_module_beside() -> None:
-    language = dialect("rapid")
-    assert language.companions("x/Part.mod") == ("CalibData.mod", "CalibData.modx")
-    assert language.companions("CalibData.mod") == ()
+    language = find_language("rapid")
+    assert language.name_companions("x/Part.mod") == ("CalibData.mod", "CalibData.modx")
+    assert language.name_companions("CalibData.mod") == ()
     text = f"MODULE part\nPROC main()\n{move(target())}ENDPROC\nENDMODULE"
     files = [("part.mod", text.encode()), ("CalibData.mod", (FRAMES + "ENDMODULE").encode())]
     main, beside = language.read_job(files, frames=FrameTable())
@@ -378,15 +379,15 @@ def test_names_with_letters_beyond_ascii(encoding: str) -> None:
     door = np.eye(4)
     door[2, 3] = 0.75
     frames = FrameTable(bases={"wTürÄ": door})
-    program = dialect("rapid").read(data, name="part.mod", frames=frames)
+    program = find_language("rapid").read(data, name="part.mod", frames=frames)
     assert program.reason.tolist() == [Reason.NONE] * 2
     assert program.T_base_frame[program.frame[0]][2, 3] == 0.75
     assert program.T_flange_tool[program.tool[0]][2, 3] == 0.1
-    assert dialect("rapid").write(program, replacement(program)) == data
+    assert find_language("rapid").write(program, replacement(program)) == data
 
 
 def test_names_are_told_as_they_are_written() -> None:
-    program = dialect("rapid").read(NAMES.encode(), name="part.mod", frames=FrameTable())
+    program = find_language("rapid").read(NAMES.encode(), name="part.mod", frames=FrameTable())
     assert program.reason.tolist() == [Reason.UNKNOWN_FRAME, Reason.NONE]
     assert any("wtürä" in note.lower() for note in program.notes)
 
@@ -401,7 +402,7 @@ def test_arc_welding_moves() -> None:
         f"ArcLEnd {a},v30,seam,weld,fine,t\\WObj:=wobj0;\nSpotL {a},v30,gun,spot,t;\n"
         "ENDPROC\nENDMODULE\n"
     )
-    program = dialect("rapid").read(text.encode(), name="part.mod", frames=FrameTable())
+    program = find_language("rapid").read(text.encode(), name="part.mod", frames=FrameTable())
     assert program.motion.tolist() == [
         *(Motion.LIN, Motion.ARC_VIA, Motion.ARC_END, Motion.LIN, Motion.UNUSED),
     ]
@@ -413,8 +414,8 @@ def test_a_target_of_another_module_is_told() -> None:
     data = f"MODULE points\nCONST robtarget p10:={target()};\nENDMODULE\n"
     text = f"{FRAMES}PROC main()\n{move('p10')}{move('p20')}ENDPROC\nENDMODULE\n"
     files = [("part.mod", text.encode()), ("points.mod", data.encode())]
-    first, second = dialect("rapid").read_job(files, frames=FrameTable())
+    first, second = find_language("rapid").read_job(files, frames=FrameTable())
     assert first.reason.tolist() == [EXPRESSION] * 2
     assert any("'p10' stands in points.mod: declare it in" in note for note in first.notes)
     assert any("'p20' is in no file of this program" in note for note in first.notes)
-    assert dialect("rapid").write(second, replacement(second)) == data.encode()
+    assert find_language("rapid").write(second, replacement(second)) == data.encode()

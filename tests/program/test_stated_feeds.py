@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from path_samples import TABLE
 
-from robotrue.program.formats import dialect
 from robotrue.program.formats.stated_feeds import stated_feeds
+from robotrue.program.lang import find_language
 from robotrue.program.program import FrameTable
 
 NAN, FAST = np.nan, np.inf
@@ -85,5 +85,5 @@ def test_stated_feeds(name: str) -> None:
     table = TABLE if name in ("sinumerik", "fanuc_gcode", "heidenhain", "apt") else FrameTable()
     for end in ("\n", "\r\n"):
         data = text.replace("\n", end).encode()
-        program = dialect(name).read(data, name="part.x", frames=table)
+        program = find_language(name).read(data, name="part.x", frames=table)
         np.testing.assert_allclose(stated_feeds(program), want, rtol=1e-12, err_msg=repr(end))

@@ -7,8 +7,9 @@ import pytest
 
 from robotrue.core.rotations import matrix_from_rotation_vector
 from robotrue.errors import FormatError, ShapeError
-from robotrue.program.formats import detect, dialect
+from robotrue.program.formats import detect
 from robotrue.program.formats.urscript_write import nearest_rotation_vector
+from robotrue.program.lang import find_language
 from robotrue.program.program import FrameTable, Motion, Program, Reason, Replacement
 
 P = "p[0.100000, -0.200000, 0.300000, 3.114716, 0.410060, 0.000000]"
@@ -18,7 +19,7 @@ UNKNOWN, UNUSED = int(Reason.UNKNOWN_FRAME), int(Reason.UNUSED)
 
 
 def read(text: str, frames: FrameTable | None = None) -> Program:
-    return dialect("urscript").read(
+    return find_language("urscript").read(
         text.encode("latin-1"), name="part.script", frames=frames or FrameTable()
     )
 
@@ -44,7 +45,7 @@ def change(
 
 
 def lines(program: Program, what: Replacement) -> list[str]:
-    out = dialect("urscript").write(program, what).decode("latin-1").splitlines()
+    out = find_language("urscript").write(program, what).decode("latin-1").splitlines()
     before = program.data.decode("latin-1").splitlines()
     return [new for old, new in zip(before, out, strict=True) if old != new]
 
@@ -54,8 +55,8 @@ def test_detected_by_content() -> None:
     assert detect(b"def f():\n  set_tcp(tool)\nend\n", "noname").name == "urscript"
     assert detect(b"whatever", "x.script").name == "urscript"
     python = b"import urx\ndef f():\n    movel(p[0,0,0,0,0,0])\n    rob.movel([1])\n"
-    assert dialect("urscript").detect(python) < 0.4
-    assert dialect("urscript").detect(b"def f():\n    rob.movel(x)\n") < 0.4
+    assert find_language("urscript").detect(python) < 0.4
+    assert find_language("urscript").detect(b"def f():\n    rob.movel(x)\n") < 0.4
 
 
 def test_every_motion() -> None:
@@ -197,7 +198,7 @@ def test_half_a_turn_keeps_its_vector() -> None:
 def test_values_that_cannot_be_written() -> None:
     program = script(f"movel({P})")
     with pytest.raises(ShapeError, match=r"part\.script:2: the new target is .*nan"):
-        dialect("urscript").write(program, change(program, by_m=float("nan")))
+        find_language("urscript").write(program, change(program, by_m=float("nan")))
 
 
 @pytest.mark.parametrize(

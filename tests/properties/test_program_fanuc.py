@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from robotrue.core.arm_words import NO_WORD
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
-from robotrue.program.formats import dialect
+from robotrue.program.lang import find_language
 from robotrue.program.program import FrameTable, Program, Reason, Replacement
 
-LS = dialect("fanuc_ls")
+LS = find_language("fanuc_ls")
 TABLE = FrameTable(tools={"1": np.eye(4)}, bases={"1": np.eye(4), "2": np.eye(4)})
 
 number = st.builds(

@@ -13,8 +13,8 @@ from languages import LANGUAGES
 from written import Pen
 
 from robotrue.core.arm_words import NO_WORD
-from robotrue.program.formats import dialect, inserter
 from robotrue.program.insertion import Insertion, Moves
+from robotrue.program.lang import find_inserter, find_language
 from robotrue.program.program import Motion, Program
 
 SEEDS = 20
@@ -52,13 +52,13 @@ def middles(job: tuple[Program, ...], moves: Moves, rows: np.ndarray) -> Inserti
 
 @pytest.mark.parametrize("name", NAMES)
 def test_moves_and_targets_of_generated_programs_stay_what_they_were(name):
-    language, put = inserter(name), 0
+    language, put = find_inserter(name), 0
     for seed in range(SEEDS):
         made = LANGUAGES[name].writer(Pen.of(seed))
 
         def read(new, made=made):
             files = [(key, new.get(key, data)) for key, data in made.files]
-            return dialect(name).read_job(files, frames=made.frames)
+            return find_language(name).read_job(files, frames=made.frames)
 
         job = read({})
         moves = language.moves(job)

@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from robotrue.core.arm_words import NO_WORD
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
-from robotrue.program.formats import dialect
+from robotrue.program.lang import find_language
 from robotrue.program.program import FrameTable, Program, Reason, Replacement
 
-JBI = dialect("jbi")
+JBI = find_language("jbi")
 RATIOS = np.array([1000.0, -1200.0, 1100.0, 800.0, -700.0, 500.0])
 TABLE = FrameTable(tools={"1": np.eye(4)}, bases={"2": np.eye(4)}, pulses_per_degree=RATIOS)
 

@@ -12,10 +12,10 @@ from robotrue.core.arm_words import NO_WORD
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import FormatError
-from robotrue.program.formats import dialect
+from robotrue.program.lang import find_language
 from robotrue.program.program import FrameTable, Program, Replacement
 
-KRL = dialect("krl")
+KRL = find_language("krl")
 
 number = st.builds(
     lambda sign, whole, point, digits: sign + str(whole) + (point + digits if point else ""),

@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 
 from robotrue.core.arm_words import NO_WORD
 from robotrue.errors import FormatError
-from robotrue.program.formats import dialect
+from robotrue.program.lang import find_language
 from robotrue.program.program import FrameTable, Reason, Replacement
 
-KRL = dialect("krl")
+KRL = find_language("krl")
 SAMPLE = b"""&ACCESS RVP
 DEF part( )
 INTERRUPT DECL 3 WHEN $IN[1]==TRUE DO h( )

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
-from robotrue.program.formats import dialect
+from robotrue.program.lang import find_language
 from robotrue.program.program import Motion, Program, Reason
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "program"))
@@ -159,7 +159,7 @@ def test_zero_correction_is_the_identity(name: str, data: st.DataObject) -> None
     source = data.draw(GENERATED[name])
     program = read(name, source)
     assert len(program)
-    assert dialect(name).write(program, moved(program, *STILL)) == source
+    assert find_language(name).write(program, moved(program, *STILL)) == source
 
 
 def half_digits(program: Program) -> np.ndarray:
@@ -183,7 +183,7 @@ def test_what_is_written_is_read_again(name: str, data: st.DataObject, seed: int
     n = len(program)
     shift = rng.normal(0.0, 1.0, (n, 3)) * MM
     change = moved(program, shift, matrix_from_abc(rng.normal(0.0, 0.1, (n, 3)) * DEG), 0.01)
-    out = dialect(name).write(program, change)
+    out = find_language(name).write(program, change)
     again = read(name, out)
     np.testing.assert_array_equal(again.motion, program.motion)
     use = program.reason == Reason.NONE
@@ -207,7 +207,10 @@ def test_what_is_written_is_read_again(name: str, data: st.DataObject, seed: int
         kept
     ].all()
     back = read(
-        name, dialect(name).write(again, moved(again, program.position - again.position, np.eye(3)))
+        name,
+        find_language(name).write(
+            again, moved(again, program.position - again.position, np.eye(3))
+        ),
     )
     home = np.abs(back.position - program.position).max(axis=1)
     assert (home <= half_digits(program))[use & ~arcs].all()
@@ -222,7 +225,7 @@ PIECES = [
 
 
 def damaged_or_refused(name: str, data: bytes) -> bool:
-    return read_or_refused(lambda d: read(name, d), dialect(name), moved, "part.nc", data)
+    return read_or_refused(lambda d: read(name, d), find_language(name), moved, "part.nc", data)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -255,6 +258,6 @@ def test_any_bytes(name: str, data: bytes) -> None:
 def test_only_numbers_and_words_change() -> None:
     for name, source in SAMPLES.items():
         program = read(name, source)
-        out = dialect(name).write(program, moved(program, np.full(3, 1e-3), np.eye(3)))
+        out = find_language(name).write(program, moved(program, np.full(3, 1e-3), np.eye(3)))
         strip = re.compile(rb"[ ]?\b(?:[XYZ]|T[XYZ]|[IJ]|R|CR)=?[+-]?[\d.]+|[+-]?\d*\.?\d+|[ ]")
         assert strip.sub(b"", out) == strip.sub(b"", source)

@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from robotrue.core.arm_words import NO_WORD
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
-from robotrue.program.formats import dialect
+from robotrue.program.lang import find_language
 from robotrue.program.program import FrameTable, Program, Reason, Replacement
 
-RAPID = dialect("rapid")
+RAPID = find_language("rapid")
 HEAD = """MODULE part
 PERS tooldata t1:=[TRUE,[[0,0,215.5],[1,0,0,0]],[2,[0,0,15],[1,0,0,0],0,0,0]];
 PERS wobjdata w1:=[FALSE,TRUE,"",[[800,-100,450],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from robotrue.core.rotations import matrix_from_rotation_vector
 from robotrue.core.units import DEG, MM
-from robotrue.program.formats import dialect
+from robotrue.program.lang import find_language
 from robotrue.program.program import FrameTable, Program, Reason, Replacement
 
-UR = dialect("urscript")
+UR = find_language("urscript")
 
 
 @st.composite

@@ -8,7 +8,7 @@ import pytest
 from robotrue.core.poses import inverse
 from robotrue.core.units import MM, UM
 from robotrue.errors import ConfigurationError, FormatError
-from robotrue.program.formats import dialect
+from robotrue.program.lang import find_language
 from robotrue.program.program import FrameTable, Motion
 from robotrue.program.target_poses import target_poses
 from robotrue.simulation.flange_hole import (
@@ -46,7 +46,7 @@ def hole():
 @pytest.fixture(scope="module")
 def program(cell, hole):
     data = hole_program(hole, cell.known.robot)
-    return dialect("krl").read(data, name="hole.src", frames=FrameTable())
+    return find_language("krl").read(data, name="hole.src", frames=FrameTable())
 
 
 def test_the_written_krl_is_read_back(program, hole, cell):

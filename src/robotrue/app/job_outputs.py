@@ -4,14 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
 
 from robotrue.app.outputs import check_output, require_suffix
 from robotrue.errors import ConfigurationError
-from robotrue.program.formats import dialect
-
-_G_CODE: Final = ("sinumerik", "fanuc_gcode")
-"""Their files go by each other's suffixes."""
+from robotrue.program.lang import find_language, languages
 
 
 def job_outputs(names: Sequence[str], folder: Path, output: Path, language: str) -> list[Path]:
@@ -34,7 +30,7 @@ def job_outputs(names: Sequence[str], folder: Path, output: Path, language: str)
     else:
         _require_language(output, names[0], language)
         paths = [output]
-        beside = {each.lower() for each in dialect(language).companions(names[0])}
+        beside = {each.lower() for each in find_language(language).name_companions(names[0])}
         for name in map(Path, names[1:]):
             alike = name.stem.lower() == Path(names[0]).stem.lower() and name.name.lower() in beside
             paths.append(output.with_name(output.stem + name.suffix if alike else name.name))
@@ -53,13 +49,12 @@ def job_outputs(names: Sequence[str], folder: Path, output: Path, language: str)
 
 def _require_language(output: Path, source: str, language: str) -> None:
     """Refuses a name that says another language than that of the program, or no program at all."""
-    own = dialect(language)
-    kin = [dialect(name) for name in _G_CODE if language in _G_CODE] or [own]
-    suffixes = [suffix for each in kin for suffix in each.suffixes]
+    own = find_language(language)
+    kin = [each for each in languages().values() if own.family and each.family == own.family]
+    suffixes = [suffix for each in kin or [own] for suffix in each.suffixes]
     usual = Path(source).suffix.lower()
-    tables = [".csv"] if language == "toolpath_csv" else []
     what = f"a program in {own.name}, as {source} is,"
-    require_suffix(output, what, tuple(dict.fromkeys([usual, *tables, *suffixes])))
+    require_suffix(output, what, tuple(dict.fromkeys([usual, *own.table_suffixes, *suffixes])))
 
 
 def _require_other(path: Path, originals: Sequence[Path], *, several: bool) -> None:

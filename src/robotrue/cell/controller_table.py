@@ -15,8 +15,9 @@ from robotrue.core.poses import pose, pose_from_xyz_abc
 from robotrue.core.rotations import abc_from_matrix, matrix_from_quat_wxyz
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
-from robotrue.program.controller_files import ControllerFile, read_controller_file
+from robotrue.program.controller_files import ControllerFile
 from robotrue.program.external_axes import ExternalAxis
+from robotrue.program.frames_beside import read_controller_file
 from robotrue.program.orientation import OrientationRule
 from robotrue.program.program import FrameTable
 

@@ -25,8 +25,8 @@ from robotrue.compensation.status import Status
 from robotrue.core.arrays import IntArray
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ConfigurationError
-from robotrue.program.formats import inserter
 from robotrue.program.insertion import Obstacle
+from robotrue.program.lang import find_inserter
 from robotrue.program.program import Program
 
 _WORST: Final = 10
@@ -130,7 +130,7 @@ def look_between(
         ConfigurationError: No model, a dialect without insertion, too many targets.
         FormatError: The split job does not read as it should.
     """
-    model, moves = _require_model(model, options), inserter(job[0].dialect).moves(job)
+    model, moves = _require_model(model, options), find_inserter(job[0].dialect).moves(job)
     results = [compensate(model, p, settings=s) for p, s in zip(job, settings, strict=True)]
     whole = job_moves(model, job, moves, results, settings)
     tolerance = None if options.tolerance_um is None else options.tolerance_um * UM

@@ -33,6 +33,7 @@ from robotrue.core.rotations import matrix_from_rotation_vector, wrap
 from robotrue.core.units import DEG, UM
 from robotrue.errors import ConfigurationError
 from robotrue.program.cut_path import CutPath, cut_path
+from robotrue.program.lang import languages
 from robotrue.program.program import Program
 from robotrue.robot.configuration import configuration_words, renew_words
 from robotrue.robot.forward import forward, walk
@@ -43,8 +44,6 @@ from robotrue.robot.spin import SpinPath, SpinSettings, limit_cost, refined_way,
 
 GAIN: Final = 0.05
 """Share of the cost that must be won, else a run stays as it is written."""
-PRINTED: Final = ("krl", "rapid", "urscript", "jbi", "fanuc_ls")
-"""Dialects that print attitudes in full."""
 _STEP: Final = 45.0 * DEG
 """rad a joint may turn between two points of a straight move."""
 _TRIES: Final = 3
@@ -178,7 +177,8 @@ def choose_spins(
 
 def _require_printed(program: Program) -> None:
     """Refuses a program whose rotation about the tool axis is not its own to choose."""
-    if program.dialect not in PRINTED:
+    language = languages().get(program.dialect)
+    if language is None or not language.prints_attitude:
         raise ConfigurationError(
             f"a {program.dialect} program does not print the rotation about the tool axis in full: "
             "what is chosen could not be written.",

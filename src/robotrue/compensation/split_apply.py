@@ -21,8 +21,9 @@ from robotrue.compensation.split_shapes import JobMoves, along, job_poses, loads
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.units import MM
 from robotrue.errors import FormatError
-from robotrue.program.formats import inserter, write_program
+from robotrue.program.formats import write_program
 from robotrue.program.insertion import Moves, job_rows
+from robotrue.program.lang import find_inserter
 from robotrue.program.program import Program
 from robotrue.robot.statics import Load
 
@@ -64,7 +65,7 @@ def split_job(
         ConfigurationError: The dialect cannot put targets in.
         FormatError: What was written does not read as the planned path.
     """
-    language = inserter(programs[0].dialect)
+    language = find_inserter(programs[0].dialect)
     bent = tuple(programs)
     if any(each.changed.any() for each in plan.vias):
         bent = reread(

@@ -20,12 +20,11 @@ from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.columns import Column, Columns, concat
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError, StepError
+from robotrue.program.lang import languages
 from robotrue.program.program import Motion, Program, Reason
 
 NAMED: Final = 5
 """Steps told one by one."""
-_FOLLOWING: Final = ("krl", "fanuc_ls", "sinumerik", "fanuc_gcode", "heidenhain", "apt")
-"""Dialects whose relative targets start from where the one before was commanded."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -138,11 +137,16 @@ def job_steps(parts: Sequence[tuple[Program, IntArray, Array]]) -> Steps:
     Args:
         parts: As :func:`steps_of`, in the order of the job.
     """
-    one = [part for part in parts if part[0].dialect == "krl" and len(part[0].path)]
+    one = [part for part in parts if _is_one_text(part[0])]
     texts = [one] if one else []
     texts += [[part] for part in parts if not any(part is each for each in one)]
     apart = [replace(steps_of(text), head=None, tail=None) for text in texts]
     return join_steps(apart)
+
+
+def _is_one_text(program: Program) -> bool:
+    language = languages().get(program.dialect)
+    return language is not None and language.one_text and len(program.path) > 0
 
 
 def join_steps(parts: Iterable[Steps]) -> Steps:
@@ -174,7 +178,8 @@ def _columns(
     known = np.maximum(row, 0)
     left = ~np.isin(status, (Status.COMPENSATED, Status.UNCHANGED_NO_ERROR))[known] | (row < 0)
     follows = (program.reason[known] == Reason.RELATIVE) & (row >= 0)
-    if program.dialect not in _FOLLOWING:
+    language = languages().get(program.dialect)
+    if language is None or not language.steps_from_command:
         follows[:] = False
     size = np.where(left, 0.0, np.linalg.norm(shift, axis=1)[known])
     reached = motion != Motion.PTP

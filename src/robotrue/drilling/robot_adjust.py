@@ -7,9 +7,7 @@ is where it was.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -18,14 +16,13 @@ from robotrue.calibration.model import ErrorModel, Query
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.poses import pose
 from robotrue.core.rotations import (
-    abc_from_matrix,
     matrix_from_rotation_vector,
-    quat_wxyz_from_matrix,
     rotation_vector_from_matrix,
 )
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.head import tilt_between
 from robotrue.errors import ConfigurationError, ConvergenceError, ReachError, ShapeError
+from robotrue.program.lang import languages
 from robotrue.robot.forward import forward, joint_jacobian, walk
 from robotrue.robot.statics import NO_LOAD, Load
 
@@ -157,48 +154,21 @@ def _require_near(model: ErrorModel, before: Array, after: Array) -> None:
         )
 
 
-def _krl(T: Array) -> str:
-    x, y, z = T[:3, 3] / MM
-    a, b, c = abc_from_matrix(T[:3, :3]) / DEG
-    return f"LIN {{X {x:.4f},Y {y:.4f},Z {z:.4f},A {a:.5f},B {b:.5f},C {c:.5f}}}\n"
-
-
-def _rapid(T: Array) -> str:
-    place = ",".join(f"{v:.4f}" for v in T[:3, 3] / MM)
-    turn = ",".join(f"{v:.9f}" for v in quat_wxyz_from_matrix(T[:3, :3]))
-    return (
-        "ConfL\\Off;\n"
-        f"MoveL [[{place}],[{turn}],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],"
-        "v20,fine,drill\\WObj:=base;\n"
-        "ConfL\\On;\n"
-    )
-
-
-def _urscript(T: Array) -> str:
-    values = [*T[:3, 3], *rotation_vector_from_matrix(T[:3, :3])]
-    return f"movel(p[{','.join(f'{v:.7f}' for v in values)}],a=0.2,v=0.02)\n"
-
-
-ROBOT: Final[Mapping[str, Callable[[Array], str]]] = MappingProxyType(
-    {"krl": _krl, "rapid": _rapid, "urscript": _urscript}
-)
-"""From the pose to command (4, 4), tool in base, to one straight move in the robot's base."""
-
-
 def robot_fragment(language: str, T_base_tool: Array) -> str:
     """Returns one straight move to a pose in the robot's own base, without approximation.
 
     In RAPID the tool is called ``drill`` and the work object ``base``: one at the robot's base.
 
     Args:
-        language: ``"krl"``, ``"rapid"`` or ``"urscript"``.
+        language: One that prints a move: ``"krl"``, ``"rapid"`` or ``"urscript"``.
         T_base_tool: (4, 4), what the controller is told.
 
     Raises:
         ConfigurationError: Another language.
     """
-    if language not in ROBOT:
+    printers = {known.name: known.print_move for known in languages().values() if known.print_move}
+    if language not in printers:
         raise ConfigurationError(
-            f"no fragments in {language!r}; there are {', '.join(ROBOT)}.", hint="--as krl"
+            f"no fragments in {language!r}; there are {', '.join(printers)}.", hint="--as krl"
         )
-    return ROBOT[language](T_base_tool)
+    return printers[language](T_base_tool)

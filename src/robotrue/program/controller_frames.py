@@ -8,23 +8,16 @@ world at the height of axis 2) the difference has to be added there.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
-import numpy as np
-
 from robotrue.core.arrays import Array, frozen
-from robotrue.core.rotations import (
-    abc_from_matrix,
-    quat_wxyz_from_matrix,
-    rotation_vector_from_matrix,
-)
-from robotrue.core.units import DEG, MM
+from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError
+from robotrue.program.lang import languages
+from robotrue.program.language import FrameForm, TableForm
 
-ANY: Final = 1_000_000
-"""Last number where frames have names and the number says nothing."""
 FIRST: Final = 1
 """Entry of a controller's table that is filled where none is stated."""
 
@@ -44,6 +37,12 @@ class ControllerFrame:
     text: str
 
 
+def frame_forms() -> Mapping[str, FrameForm]:
+    """Returns the forms a frame can be printed in, by name."""
+    forms = [language.frame_form for language in languages().values() if language.frame_form]
+    return {form.name: form for form in forms}
+
+
 def controller_frame(
     T_base_part: Array, form: str, *, name: str = "part", number: int = FIRST
 ) -> ControllerFrame:
@@ -51,92 +50,16 @@ def controller_frame(
 
     Args:
         T_base_part: (4, 4) m.
-        form: ``krl``, ``rapid``, ``fanuc``, ``yaskawa``, ``ur`` or ``g54``.
+        form: A name of :func:`frame_forms`.
         name: Of the part; becomes a variable name.
         number: Of the controller's frame table.
 
     Raises:
         ConfigurationError: An unknown form, or a number the controller does not have.
     """
-    if form not in FORMS:
-        raise ConfigurationError(
-            f"frame format {form!r}, expected {', '.join(FORMS)}.", hint="--frame-format krl"
-        )
-    low, high, write = FORMS[form]
-    if not low <= number <= high:
-        raise ConfigurationError(
-            f"frame number {number} of {form}, allowed {low} to {high}.",
-            hint=f"--frame-number {low}",
-        )
-    T: Array = frozen(T_base_part, (4, 4), "T_base_part")
-    return write(T[:3, 3] / MM, T[:3, :3], _word(name), number)
-
-
-def _krl(xyz: Array, R: Array, name: str, number: int) -> ControllerFrame:
-    x, y, z = (_mm(v) for v in xyz)
-    a, b, c = (_deg(v) for v in abc_from_matrix(R) / DEG)
-    values = f"{{X {x},Y {y},Z {z},A {a},B {b},C {c}}}"
-    return ControllerFrame(
-        system="KUKA KRL",
-        order="R = Rz(A) Ry(B) Rx(C), deg",
-        text=f"; {name} in base, mm; R = Rz(A) Ry(B) Rx(C), deg\n"
-        f"$BASE={values}\nBASE_DATA[{number}]={values}\n",
-    )
-
-
-def _rapid(xyz: Array, R: Array, name: str, number: int) -> ControllerFrame:
-    x, y, z = (_mm(v) for v in xyz)
-    q = ",".join(f"{v:.9f}" for v in quat_wxyz_from_matrix(R) + 0.0)
-    return ControllerFrame(
-        system="ABB RAPID",
-        order="unit quaternion [q1,q2,q3,q4] = [w,x,y,z]",
-        text=f"! {name} as user frame, mm; [q1,q2,q3,q4] = [w,x,y,z]\n"
-        f'PERS wobjdata w_{name[:29]}:=[FALSE,TRUE,"",[[{x},{y},{z}],[{q}]],'
-        "[[0,0,0],[1,0,0,0]]];\n",
-    )
-
-
-def _fanuc(xyz: Array, R: Array, name: str, number: int) -> ControllerFrame:
-    x, y, z = (_mm(v) for v in xyz)
-    r, p, w = (_deg(v) for v in abc_from_matrix(R) / DEG)
-    return ControllerFrame(
-        system="Fanuc",
-        order="R = Rz(R) Ry(P) Rx(W), deg",
-        text=f"UFRAME[{number}] {name}, mm; R = Rz(R) Ry(P) Rx(W), deg\n"
-        f"X: {x}  Y: {y}  Z: {z}\nW: {w}  P: {p}  R: {r}\n",
-    )
-
-
-def _yaskawa(xyz: Array, R: Array, name: str, number: int) -> ControllerFrame:
-    x, y, z = (_mm(v) for v in xyz)
-    rz, ry, rx = (_deg(v) for v in abc_from_matrix(R) / DEG)
-    return ControllerFrame(
-        system="Yaskawa",
-        order="R = Rz(Rz) Ry(Ry) Rx(Rx), deg",
-        text=f"User frame {number} {name}, mm; R = Rz(Rz) Ry(Ry) Rx(Rx), deg\n"
-        f"X: {x}  Y: {y}  Z: {z}\nRx: {rx}  Ry: {ry}  Rz: {rz}\n",
-    )
-
-
-def _ur(xyz: Array, R: Array, name: str, number: int) -> ControllerFrame:
-    position = ", ".join(f"{v * MM:.7f}" for v in xyz + 0.0)
-    vector = ", ".join(f"{v:.9f}" for v in rotation_vector_from_matrix(R) + 0.0)
-    return ControllerFrame(
-        system="Universal Robots",
-        order="rotation vector (rx, ry, rz): axis times angle, rad",
-        text=f"# {name} in base, m; rotation vector, rad\n{name} = p[{position}, {vector}]\n",
-    )
-
-
-def _g54(xyz: Array, R: Array, name: str, number: int) -> ControllerFrame:
-    x, y, z = (_mm(v) for v in xyz)
-    c, b, a = (_deg(v) for v in abc_from_matrix(R) / DEG)
-    return ControllerFrame(
-        system=f"G{53 + number} work offset",
-        order="R = Rz(C) Ry(B) Rx(A): about z, then the new y, then the new x, deg",
-        text=f"; {name}, mm; R = Rz(C) Ry(B) Rx(A), deg\n"
-        f"G{53 + number} X{x} Y{y} Z{z} A{a} B{b} C{c}\n"
-        f"$P_UIFR[{number}]=CTRANS(X,{x},Y,{y},Z,{z}):CROT(X,{a},Y,{b},Z,{c})\n",
+    tables = {name: (form, form.frame) for name, form in frame_forms().items()}
+    return _print_entry(
+        "frame", frozen(T_base_part, (4, 4), "T_base_part"), tables, form, name, number
     )
 
 
@@ -147,106 +70,44 @@ def controller_tool(
 
     Args:
         T_flange_tool: (4, 4) m.
-        form: ``krl``, ``rapid``, ``fanuc``, ``yaskawa`` or ``ur``.
+        form: A name of :func:`frame_forms` that takes tools.
         name: Of the tool.
         number: Of the controller's tool table.
 
     Raises:
         ConfigurationError: An unknown form, or a number the controller does not have.
     """
-    if form not in TOOLS:
+    tables = {name: (form, form.tool) for name, form in frame_forms().items() if form.tool}
+    return _print_entry(
+        "tool", frozen(T_flange_tool, (4, 4), "T_flange_tool"), tables, form, name, number
+    )
+
+
+def _print_entry(
+    what: str,
+    T: Array,
+    tables: Mapping[str, tuple[FrameForm, TableForm]],
+    asked: str,
+    name: str,
+    number: int,
+) -> ControllerFrame:
+    if asked not in tables:
         raise ConfigurationError(
-            f"tool format {form!r}, expected {', '.join(TOOLS)}.", hint="--tool-format krl"
+            f"{what} format {asked!r}, expected {', '.join(tables)}.", hint=f"--{what}-format krl"
         )
-    low, high, write = TOOLS[form]
-    if not low <= number <= high:
+    form, table = tables[asked]
+    if not table.first <= number <= table.last:
         raise ConfigurationError(
-            f"tool number {number} of {form}, allowed {low} to {high}.",
-            hint=f"--tool-number {low}",
+            f"{what} number {number} of {asked}, allowed {table.first} to {table.last}.",
+            hint=f"--{what}-number {table.first}",
         )
-    T: Array = frozen(T_flange_tool, (4, 4), "T_flange_tool")
-    frame = FORMS[form][2](T[:3, 3] / MM, T[:3, :3], _word(name), 1)
+    text = table.print(T[:3, 3] / MM, T[:3, :3], _make_word(name), number)
     return ControllerFrame(
-        system=frame.system,
-        order=frame.order,
-        text=write(T[:3, 3] / MM, T[:3, :3], _word(name), number),
+        system=form.system.format(form.counted_from + number), order=form.order, text=text
     )
 
 
-def _krl_tool(xyz: Array, R: Array, name: str, number: int) -> str:
-    x, y, z = (_mm(v) for v in xyz)
-    a, b, c = (_deg(v) for v in abc_from_matrix(R) / DEG)
-    values = f"{{X {x},Y {y},Z {z},A {a},B {b},C {c}}}"
-    return (
-        f"; {name} in the flange, mm; R = Rz(A) Ry(B) Rx(C), deg\n"
-        f"$TOOL={values}\nTOOL_DATA[{number}]={values}\n"
-    )
-
-
-def _rapid_tool(xyz: Array, R: Array, name: str, number: int) -> str:
-    x, y, z = (_mm(v) for v in xyz)
-    q = ",".join(f"{v:.9f}" for v in quat_wxyz_from_matrix(R) + 0.0)
-    return (
-        f"! {name} in the flange, mm; [q1,q2,q3,q4] = [w,x,y,z]; mass and centre are not known\n"
-        f"PERS tooldata t_{name[:29]}:=[TRUE,[[{x},{y},{z}],[{q}]],"
-        "[0.001,[0,0,0.001],[1,0,0,0],0,0,0]];\n"
-    )
-
-
-def _fanuc_tool(xyz: Array, R: Array, name: str, number: int) -> str:
-    x, y, z = (_mm(v) for v in xyz)
-    r, p, w = (_deg(v) for v in abc_from_matrix(R) / DEG)
-    return (
-        f"UTOOL[{number}] {name}, mm; R = Rz(R) Ry(P) Rx(W), deg\n"
-        f"X: {x}  Y: {y}  Z: {z}\nW: {w}  P: {p}  R: {r}\n"
-    )
-
-
-def _yaskawa_tool(xyz: Array, R: Array, name: str, number: int) -> str:
-    rotation = (abc_from_matrix(R) / DEG)[::-1]
-    values = ",".join([*(f"{v + 0.0:.3f}" for v in xyz), *(f"{v + 0.0:.4f}" for v in rotation)])
-    return (
-        "; in TOOL.CND: X,Y,Z mm, Rx,Ry,Rz deg, R = Rz(Rz) Ry(Ry) Rx(Rx)\n"
-        f"//TOOL {number}\n///NAME {name[:16]}\n{values}\n"
-    )
-
-
-def _ur_tool(xyz: Array, R: Array, name: str, number: int) -> str:
-    position = ", ".join(f"{v * MM:.7f}" for v in xyz + 0.0)
-    vector = ", ".join(f"{v:.9f}" for v in rotation_vector_from_matrix(R) + 0.0)
-    return f"# {name} in the flange, m; rotation vector, rad\nset_tcp(p[{position}, {vector}])\n"
-
-
-TOOLS: Final[dict[str, tuple[int, int, Callable[[Array, Array, str, int], str]]]] = {
-    "krl": (1, 128, _krl_tool),
-    "rapid": (1, ANY, _rapid_tool),
-    "fanuc": (1, 30, _fanuc_tool),
-    "yaskawa": (0, 63, _yaskawa_tool),
-    "ur": (1, ANY, _ur_tool),
-}
-"""Name of each form, first and last number of the tool table, and its writer."""
-
-
-FORMS: Final[dict[str, tuple[int, int, Callable[[Array, Array, str, int], ControllerFrame]]]] = {
-    "krl": (1, 128, _krl),
-    "rapid": (1, ANY, _rapid),
-    "fanuc": (1, 61, _fanuc),
-    "yaskawa": (1, 63, _yaskawa),
-    "ur": (1, ANY, _ur),
-    "g54": (1, 6, _g54),
-}
-"""Name of each form, first and last number of the frame table, and its writer."""
-
-
-def _mm(value: float) -> str:
-    return f"{np.round(value, 4) + 0.0:.4f}"
-
-
-def _deg(value: float) -> str:
-    return f"{np.round(value, 6) + 0.0:.6f}"
-
-
-def _word(name: str) -> str:
+def _make_word(name: str) -> str:
     """A variable name every one of the languages takes."""
     word = re.sub(r"[^A-Za-z0-9_]", "_", name) or "part"
     return word if word[0].isalpha() else f"p_{word}"

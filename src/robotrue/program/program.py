@@ -6,10 +6,10 @@ as they are; a dialect remembers where each number stands and rewrites only what
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Annotated, Any, Literal, Protocol, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
 
@@ -169,40 +169,3 @@ class FrameTable:
     orientation: OrientationRule = field(default_factory=OrientationRule)
     start: Array = field(default_factory=lambda: np.empty(0))
     harmless_routines: tuple[str, ...] = ()
-
-
-class Dialect(Protocol):
-    """One controller language: a leaf file that registers itself by name."""
-
-    name: str
-    suffixes: tuple[str, ...]
-
-    def detect(self, data: bytes) -> float:
-        """Returns 0..1: how surely these bytes are in this dialect."""
-        ...
-
-    def read(self, data: bytes, *, name: str, frames: FrameTable) -> Program:
-        """Returns the program.
-
-        Raises:
-            FormatError: The bytes are not in this dialect, with the line.
-        """
-        ...
-
-    def companions(self, name: str) -> tuple[str, ...]:
-        """Returns the names of files that belong to a file of this name, if they exist."""
-        ...
-
-    def read_job(
-        self, files: Sequence[tuple[str, bytes]], *, frames: FrameTable
-    ) -> tuple[Program, ...]:
-        """Returns one program per (name, bytes), read together: points of one, motions of another.
-
-        Raises:
-            FormatError: The bytes are not in this dialect, with the file and line.
-        """
-        ...
-
-    def write(self, program: Program, replacement: Replacement) -> bytes:
-        """Returns the source bytes with the changed numbers, and only those, replaced."""
-        ...

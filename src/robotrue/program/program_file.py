@@ -14,19 +14,20 @@ import os
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Protocol, cast
+from typing import Final
 
 import numpy as np
 
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.files import sha256
 from robotrue.errors import ConfigurationError, FormatError
-from robotrue.program.controller_files import with_files_beside
-from robotrue.program.formats import detect, dialect, read_job
+from robotrue.program.formats import detect, read_job
 from robotrue.program.formats.job_files import companion_paths, gather_files
-from robotrue.program.program import Dialect, FrameTable, Program, Reason, Replacement
+from robotrue.program.frames_beside import with_files_beside
+from robotrue.program.lang import find_language
+from robotrue.program.language import Cutter, Language
+from robotrue.program.program import FrameTable, Program, Reason, Replacement
 from robotrue.program.program_chunk import (
     ChunkLines,
     ChunkRules,
@@ -34,9 +35,6 @@ from robotrue.program.program_chunk import (
     ReadChunk,
     Whole,
 )
-
-if TYPE_CHECKING:
-    from robotrue.program.formats.file_survey import Survey
 
 CHUNK: Final = 50_000
 """Targets of a chunk of a long file."""
@@ -49,23 +47,6 @@ BESIDE: Final = 250 << 20
 _LOOKED_AT: Final = 1 << 20
 _COUNT: Final = re.compile(r"\b\d+ targets")
 """In a note on the skeleton: too few."""
-_CUTTERS: Final = {
-    "krl": "robotrue.program.formats.krl_chunks",
-    "rapid": "robotrue.program.formats.line_chunks",
-    "urscript": "robotrue.program.formats.line_chunks",
-}
-
-
-class Cutter(Protocol):
-    """What the module of a dialect that can cut long files offers."""
-
-    def survey_file(self, language: str, name: str, frames: FrameTable, targets: int) -> Survey:
-        """Returns the survey of a file of this name, not yet run."""
-        ...
-
-    def read_lines(self, data: bytes, rules: ChunkRules) -> ReadChunk:
-        """Returns the targets of some lines; lines, frames and reasons are those of the lines."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -193,7 +174,7 @@ def _mib(count: int) -> str:
     return f"{count / 2**20:.0f} MiB of memory"
 
 
-def find_longest(path: Path) -> tuple[Path, Dialect]:
+def find_longest(path: Path) -> tuple[Path, Language]:
     """Returns the longest of a program file and those beside it, and their dialect.
 
     Raises:
@@ -225,10 +206,12 @@ def outline_job(
     """
     path = Path(path)
     longest, language = find_longest(path)
-    if language.name not in _CUTTERS:
+    if language.cutter is None:
         return Whole(why=f"programs in {language.name} have no outline")
     frames, beside = with_files_beside(path, language.name, frames)
-    survey = _cutter(language.name).survey_file(language.name, longest.name, frames, targets)
+    survey = language.cutter().survey_file(longest.name, frames, targets)
+    if isinstance(survey, Whole):
+        return survey
     refused = survey.run(longest)
     if refused is not None:
         return refused
@@ -281,7 +264,7 @@ def read_chunk(data: bytes, lines: ChunkLines, content: Program | ChunkRules) ->
     if isinstance(content, Program):
         return ReadChunk(content)
     rules = content
-    program, head, foot = _cutter(rules.dialect).read_lines(data, rules)
+    program, head, foot = _require_cutter(rules.dialect).read_lines(data, rules)
     line = program.line + lines.line
     stretch = np.searchsorted(lines.rule_from, line - 1, side="right") - 1
     rule = rules.table[lines.rule[stretch]]
@@ -307,9 +290,12 @@ def write_chunk(chunk: ReadChunk, replacement: Replacement) -> bytes:
     Raises:
         ShapeError: A changed row has a value that cannot be written.
     """
-    data = dialect(chunk.program.dialect).write(chunk.program, replacement)
+    data = find_language(chunk.program.dialect).write(chunk.program, replacement)
     return data[chunk.head : len(data) - chunk.foot]
 
 
-def _cutter(language: str) -> Cutter:
-    return cast(Cutter, import_module(_CUTTERS[language]))
+def _require_cutter(name: str) -> Cutter:
+    make = find_language(name).cutter
+    if make is None:
+        raise ConfigurationError(f"programs in {name} have no outline.", hint="read them whole.")
+    return make()

@@ -42,7 +42,7 @@ def _compensate_program() -> None:
 
     from robotrue.calibration.calibrated_model import CalibratedModel
     from robotrue.compensation.compensate import compensate
-    from robotrue.program.formats import dialect
+    from robotrue.program.lang import find_language
     from robotrue.program.program import FrameTable
     from robotrue.simulation.flange_hole import FlangeHole, hole_program
     from robotrue.simulation.presets import deng2022
@@ -56,7 +56,7 @@ def _compensate_program() -> None:
         repeatability=0.0,
         white=0.0,
     )
-    krl = dialect("krl")
+    krl = find_language("krl")
     program = krl.read(hole_program(FlangeHole(), robot), name="warm_up.src", frames=FrameTable())
     krl.write(program, compensate(model, program).replacement)
 

@@ -1,4 +1,4 @@
-"""Controller dialects by name, and the two verbs that use them: read a job, write a program.
+"""Programs of every language: read a job, write a program.
 
 A program on a controller is often more than one file: the motions in a ``.src``, the points in the
 ``.dat`` beside it. A job is all of them, one :class:`Program` each::
@@ -8,49 +8,24 @@ A program on a controller is often more than one file: the motions in a ``.src``
         replacement = ...
         write_atomic(folder / program.name, write_program(program, replacement))
 
-A dialect is a leaf file with a module-level ``DIALECT``; :func:`register` names it, and it is
-imported when it is first asked for.
+Which languages there are says :mod:`robotrue.program.lang`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
-from typing import Final, Protocol, cast, runtime_checkable
+from typing import Final
 
 from robotrue.core.files import read_bytes
-from robotrue.errors import ConfigurationError, FormatError
-from robotrue.program.controller_files import with_files_beside
+from robotrue.errors import FormatError
 from robotrue.program.formats.job_files import gather_files, named_last, paths_of
-from robotrue.program.insertion import Inserter
-from robotrue.program.program import Dialect, FrameTable, Program, Replacement
+from robotrue.program.frames_beside import with_files_beside
+from robotrue.program.lang import find_language, language_names
+from robotrue.program.language import Language
+from robotrue.program.program import FrameTable, Program, Replacement
 
-_MODULES: Final[dict[str, str]] = {
-    "apt": "robotrue.program.formats.apt_program",
-    "fanuc_gcode": "robotrue.program.formats.fanuc_gcode",
-    "fanuc_ls": "robotrue.program.formats.fanuc_ls",
-    "heidenhain": "robotrue.program.formats.heidenhain",
-    "jbi": "robotrue.program.formats.jbi",
-    "krl": "robotrue.program.formats.krl",
-    "rapid": "robotrue.program.formats.rapid",
-    "sinumerik": "robotrue.program.formats.sinumerik",
-    "toolpath_csv": "robotrue.program.formats.csv_program",
-    "urscript": "robotrue.program.formats.urscript",
-}
-_INSERTERS: Final[dict[str, str]] = {
-    "apt": "robotrue.program.formats.path_insert",
-    "fanuc_gcode": "robotrue.program.formats.path_insert",
-    "krl": "robotrue.program.formats.krl_insert",
-    "sinumerik": "robotrue.program.formats.path_insert",
-    "toolpath_csv": "robotrue.program.formats.path_insert",
-    "fanuc_ls": "robotrue.program.formats.fanuc_insert",
-    "jbi": "robotrue.program.formats.jbi_insert",
-    "rapid": "robotrue.program.formats.rapid_insert",
-    "urscript": "robotrue.program.formats.urscript_insert",
-}
-"""Dialects that can put targets into a program."""
 _INSTEAD: Final = {
     ".urp": "give the .script that the pendant saves beside it.",
     ".tp": "export the program as text (.LS); TP is its binary form.",
@@ -62,62 +37,7 @@ _SURE: Final = 0.4
 _LOOKED_AT: Final = 1 << 18
 
 
-def register(name: str, module: str) -> None:
-    """Adds a dialect: ``module`` is imported on first use and holds it as ``DIALECT``.
-
-    Raises:
-        ConfigurationError: The name is taken by another module.
-    """
-    if _MODULES.get(name, module) != module:
-        raise ConfigurationError(f"dialect {name!r} is already {_MODULES[name]}.")
-    _MODULES[name] = module
-
-
-def dialects() -> tuple[str, ...]:
-    """Returns the registered names, sorted."""
-    return tuple(sorted(_MODULES))
-
-
-def dialect(name: str) -> Dialect:
-    """Returns a dialect by its name.
-
-    Raises:
-        ConfigurationError: No dialect has this name.
-    """
-    if name not in _MODULES:
-        raise ConfigurationError(
-            f"no dialect is called {name!r}.", hint=f"one of {', '.join(dialects())}."
-        )
-    return cast(Dialect, import_module(_MODULES[name]).DIALECT)
-
-
-def register_inserter(name: str, module: str) -> None:
-    """Adds what puts targets into programs of a dialect; ``module`` holds it as ``INSERTER``.
-
-    Raises:
-        ConfigurationError: The dialect has another already.
-    """
-    if _INSERTERS.get(name, module) != module:
-        raise ConfigurationError(f"targets are put into {name!r} by {_INSERTERS[name]} already.")
-    _INSERTERS[name] = module
-
-
-def inserter(name: str) -> Inserter:
-    """Returns what puts targets into programs of a dialect.
-
-    Raises:
-        ConfigurationError: This dialect has no way to do so.
-    """
-    if name not in _INSERTERS:
-        raise ConfigurationError(
-            f"moves of a {name} program are not split; robotrue splits those of "
-            f"{', '.join(sorted(_INSERTERS)) or 'no dialect'}.",
-            hint="leave --split away.",
-        )
-    return cast(Inserter, import_module(_INSERTERS[name]).INSERTER)
-
-
-def detect(data: bytes, name: str) -> Dialect:
+def detect(data: bytes, name: str) -> Language:
     """Returns the dialect of a file from its content and, where that is not enough, its name.
 
     A file whose content no dialect recognises goes to the one that owns its suffix, so that the
@@ -126,7 +46,7 @@ def detect(data: bytes, name: str) -> Dialect:
     Raises:
         FormatError: Neither content nor suffix belongs to a registered dialect.
     """
-    known = [dialect(each) for each in dialects()]
+    known = [find_language(name) for name in language_names()]
     text = b"" if b"\0" in data[:_LOOKED_AT] else data
     best, sure = known[0], -1.0
     for each in known:
@@ -142,7 +62,7 @@ def detect(data: bytes, name: str) -> Dialect:
         if suffix in each.suffixes:
             return each
     raise FormatError(
-        f"not a program robotrue reads; it knows {', '.join(dialects())}.",
+        f"not a program robotrue reads; it knows {', '.join(language_names())}.",
         source=name,
         line=1,
         hint=_INSTEAD.get(suffix, "give the file the controller runs, with its own suffix."),
@@ -171,7 +91,7 @@ def read_job(
         FormatError: A file cannot be read, is not in a registered dialect, or in another than the
             first.
     """
-    every = [dialect(name) for name in dialects()]
+    every = [find_language(name) for name in language_names()]
     paths = named_last(paths_of(path, {s for each in every for s in each.suffixes}), every)
     first = read_bytes(paths[0])
     language = detect(first, paths[0].name)
@@ -209,19 +129,9 @@ def read_program(path: str | Path, frames: FrameTable | None = None) -> Program:
     return job[0]
 
 
-@runtime_checkable
-class Partial(Protocol):
-    """A dialect that cannot say all of a target."""
-
-    def list_unfollowed(self, program: Program, replacement: Replacement) -> tuple[str, ...]:
-        """Returns what the written file cannot say of the new targets, one sentence each."""
-        ...
-
-
 def list_unfollowed(program: Program, replacement: Replacement) -> tuple[str, ...]:
     """Returns what the written program cannot say of a replacement, one sentence each."""
-    language = dialect(program.dialect)
-    return language.list_unfollowed(program, replacement) if isinstance(language, Partial) else ()
+    return find_language(program.dialect).losses(program, replacement)
 
 
 def write_program(program: Program, replacement: Replacement) -> bytes:
@@ -231,4 +141,4 @@ def write_program(program: Program, replacement: Replacement) -> bytes:
         ConfigurationError: Its dialect is not registered.
         ShapeError: A changed row has a value that cannot be written.
     """
-    return dialect(program.dialect).write(program, replacement)
+    return find_language(program.dialect).write(program, replacement)

@@ -5,21 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol, runtime_checkable
 
 from robotrue.core.files import read_bytes
 from robotrue.errors import FormatError
-from robotrue.program.controller_files import HELD
-from robotrue.program.program import Dialect
-
-
-@runtime_checkable
-class NamesFiles(Protocol):
-    """A dialect whose programs name further files of their job."""
-
-    def named_files(self, data: bytes) -> tuple[str, ...]:
-        """Returns the names of files beside the program that its text names."""
-        ...
+from robotrue.program.frames_beside import frame_file_names
+from robotrue.program.language import Language
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,12 +41,12 @@ def paths_of(given: str | Path | Sequence[str | Path], suffixes: Iterable[str]) 
     """
     paths = [Path(given)] if isinstance(given, str | Path) else [Path(each) for each in given]
     if len(paths) == 1 and paths[0].is_dir():
-        wanted = set(suffixes)
+        wanted, frame_files = set(suffixes), frame_file_names()
         found = [
             each
             for each in sorted(paths[0].iterdir())
             if each.suffix.lower() in wanted
-            and each.name.lower() not in HELD
+            and each.name.lower() not in frame_files
             and not each.name.startswith("$")  # KUKA's own
         ]
         if not found:
@@ -76,7 +66,7 @@ def paths_of(given: str | Path | Sequence[str | Path], suffixes: Iterable[str]) 
     return paths
 
 
-def named_last(paths: Sequence[Path], languages: Iterable[Dialect]) -> list[Path]:
+def named_last(paths: Sequence[Path], languages: Iterable[Language]) -> list[Path]:
     """Returns the files with those behind the others that another of them names.
 
     Raises:
@@ -84,16 +74,16 @@ def named_last(paths: Sequence[Path], languages: Iterable[Dialect]) -> list[Path
     """
     named: set[str] = set()
     for language in languages if len(paths) > 1 else ():
-        if isinstance(language, NamesFiles):
+        if language.name_files:
             mine = [path for path in paths if path.suffix.lower() in language.suffixes]
-            named |= {name for path in mine for name in language.named_files(read_bytes(path))}
+            named |= {name for path in mine for name in language.name_files(read_bytes(path))}
     return sorted(paths, key=lambda path: path.name in named)
 
 
-def companion_paths(path: Path, language: Dialect) -> list[Path]:
+def companion_paths(path: Path, language: Language) -> list[Path]:
     """Returns the files that lie beside a program because of its name."""
     found: list[Path] = []
-    for name in language.companions(path.name):
+    for name in language.name_companions(path.name):
         beside = path.with_name(name)
         if beside.is_file() and not any(beside.samefile(one) for one in (path, *found)):
             found.append(beside)
@@ -101,7 +91,7 @@ def companion_paths(path: Path, language: Dialect) -> list[Path]:
 
 
 def gather_files(
-    paths: Sequence[Path], language: Dialect, *, instead: Mapping[str, bytes] | None = None
+    paths: Sequence[Path], language: Language, *, instead: Mapping[str, bytes] | None = None
 ) -> JobFiles:
     """Returns the files of a job in the order they are read.
 
@@ -131,8 +121,8 @@ def gather_files(
         for beside in companion_paths(path, language):
             take(beside)
     named: set[str] = set()
-    if isinstance(language, NamesFiles):
-        named = {name for _, data in files for name in language.named_files(data)}
+    if language.name_files:
+        named = {name for _, data in files for name in language.name_files(data)}
         for name in sorted(named):
             take(paths[0].with_name(name))
     return JobFiles(paths[0].parent, first, frozenset(named), tuple(files))

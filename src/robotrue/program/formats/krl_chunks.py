@@ -77,25 +77,6 @@ def with_clauses(found: Scan) -> Scan:
     return replace(found, line_kind=kind)
 
 
-def survey_file(language: str, name: str, frames: FrameTable, targets: int) -> Survey | Whole:
-    """Returns the survey of a ``.src`` or ``.dat``, not yet run, or why it cannot be cut."""
-    if frames.external:
-        return Whole(why="external axes in the kinematic chain need every target at once")
-    if frames.fixed_tool:
-        return Whole(why="a part on the robot is read whole")
-    of_file = PointSurvey if name.lower().endswith(".dat") else MotionSurvey
-    return of_file(name, targets, axes_at_rest=frames.external_axes_at_rest)
-
-
-def read_lines(data: bytes, rules: ChunkRules) -> ReadChunk:
-    """Returns the targets of some lines of a ``.src`` or ``.dat``."""
-    frames = FrameTable(external_axes_at_rest=rules.external_axes_at_rest)
-    lines = scan(data, name=rules.name)
-    lines = as_motions(lines) if rules.name.lower().endswith(".dat") else with_clauses(lines)
-    walk = KrlWalk([lines], [rules.name], Frames(frames, rules.name))
-    return ReadChunk(Builder(walk, 0, frames).program(0))
-
-
 class MotionSurvey(KrlSurvey):
     """One pass over a ``.src``."""
 
@@ -190,3 +171,27 @@ def _motions(
         targets[line] += 1
         kind[line] = max(kind[line], what)
     return targets, kind, axis_first
+
+
+class KrlCutter:
+    """Reads long ``.src`` and ``.dat`` files."""
+
+    def survey_file(self, name: str, frames: FrameTable, targets: int) -> Survey | Whole:
+        """Returns the survey of a ``.src`` or ``.dat``, not yet run, or why it cannot be cut."""
+        if frames.external:
+            return Whole(why="external axes in the kinematic chain need every target at once")
+        if frames.fixed_tool:
+            return Whole(why="a part on the robot is read whole")
+        of_file = PointSurvey if name.lower().endswith(".dat") else MotionSurvey
+        return of_file(name, targets, axes_at_rest=frames.external_axes_at_rest)
+
+    def read_lines(self, data: bytes, rules: ChunkRules) -> ReadChunk:
+        """Returns the targets of some lines of a ``.src`` or ``.dat``."""
+        frames = FrameTable(external_axes_at_rest=rules.external_axes_at_rest)
+        lines = scan(data, name=rules.name)
+        lines = as_motions(lines) if rules.name.lower().endswith(".dat") else with_clauses(lines)
+        walk = KrlWalk([lines], [rules.name], Frames(frames, rules.name))
+        return ReadChunk(Builder(walk, 0, frames).program(0))
+
+
+CUTTER: Final = KrlCutter()

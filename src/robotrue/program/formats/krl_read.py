@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Sequence
-from typing import Final
 
 from robotrue.errors import FormatError
 from robotrue.program.formats.krl_build import Builder
@@ -12,16 +10,8 @@ from robotrue.program.formats.krl_frames import Frames
 from robotrue.program.formats.krl_job import is_job, read_parts
 from robotrue.program.formats.krl_scan import STATEMENT, Scan, scan
 from robotrue.program.formats.krl_walk import KrlWalk
+from robotrue.program.lang import languages
 from robotrue.program.program import FrameTable, Program
-
-_SIGNS: Final = (
-    (rb"(?m)^[^\S\n]*+/PROG\b", "a Fanuc LS program"),
-    (rb"(?m)^/JOB\b", "a Yaskawa JBI job"),
-    (rb"(?im)^[^\S\n]*+MODULE\s+\w|\bMove[LJC]\s", "an ABB RAPID module"),
-    (rb"(?m)^[^\S\n]*+(def\s+\w+\(\):|movel\()", "a UR script"),
-    (rb"(?m)^[^\S\n]*+GOTO\s*/", "APT or CL data"),
-    (rb"(?m)^[^\S\n]*+(%|N?\d*+[^\S\n]*+G0?[0-3]\b)", "ISO G-code"),
-)
 
 
 def read_krl(files: Sequence[tuple[str, bytes]], frames: FrameTable) -> tuple[Program, ...]:
@@ -107,7 +97,8 @@ def _check_encoding(data: bytes, name: str) -> None:
 
 def _refuse(found: Scan, name: str) -> None:
     text = found.data
-    guess = next((what for sign, what in _SIGNS if re.search(sign, text)), None)
+    signs = [(language.sign, language.called) for language in languages().values()]
+    guess = next((called for sign, called in signs if sign and sign.search(text)), "")
     why = f"it looks like {guess}" if guess else "no DEF, DEFDAT, point or motion was found"
     line = next((i for i, kind in enumerate(found.line_kind.tolist()) if kind), 0)
     shown = found.code(line).strip()[:60] if len(found.line_kind) else ""

@@ -17,9 +17,9 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from robotrue.core.arrays import IntArray
-from robotrue.program.formats import dialect
 from robotrue.program.formats.file_survey import Survey, WindowLines
 from robotrue.program.formats.text_lines import line_starts
+from robotrue.program.lang import find_language
 from robotrue.program.program import FrameTable
 from robotrue.program.program_chunk import ChunkRules, ReadChunk, Whole
 
@@ -84,91 +84,47 @@ def _line_edges(data: bytes) -> IntArray:
     return np.append(starts[starts < len(data)], len(data))
 
 
-def survey_file(language: str, name: str, frames: FrameTable, targets: int) -> LineSurvey | Whole:
-    """Returns the survey of a file of this name, not yet run, or why it cannot be cut."""
-    if frames.external and language == "rapid":
-        return Whole(why="external axes in the kinematic chain need every target at once")
-    return LineSurvey(name, targets, _FORMS[language])
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LineCutter:
+    """Reads the long files of a language whose plain motions are lines.
+
+    Attributes:
+        form: Of those lines.
+        moved_frames: External axes in the chain are in frames of the program, not in a target.
+    """
+
+    form: LineForm
+    moved_frames: bool = False
+
+    def survey_file(self, name: str, frames: FrameTable, targets: int) -> LineSurvey | Whole:
+        """Returns the survey of a file of this name, not yet run, or why it cannot be cut."""
+        if frames.external and self.moved_frames:
+            return Whole(why="external axes in the kinematic chain need every target at once")
+        return LineSurvey(name, targets, self.form)
+
+    def read_lines(self, data: bytes, rules: ChunkRules) -> ReadChunk:
+        """Returns the targets of some lines; their data stand between a head and a foot."""
+        form, keys = self.form, Keys()
+        text = np.frombuffer(data, np.uint8).copy()
+        for start, end in pairwise(_line_edges(data).tolist()):
+            plain = form.plain.fullmatch(data, start, end)
+            if plain:
+                keys.add(form.key(plain))
+            else:
+                line = text[start:end]
+                line[(line != 10) & (line != 13)] = 32
+        head, foot, frames = form.around(keys)
+        program = find_language(rules.dialect).read(
+            head + text.tobytes() + foot, name=rules.name, frames=frames
+        )
+        line_of = program.line - head.count(b"\n")
+        program = replace(program, data=head + data + foot, line=line_of)
+        return ReadChunk(program, len(head), len(foot))
 
 
-def read_lines(data: bytes, rules: ChunkRules) -> ReadChunk:
-    """Returns the targets of some lines; their data stand between a head and a foot."""
-    form, keys = _FORMS[rules.dialect], Keys()
-    text = np.frombuffer(data, np.uint8).copy()
-    for start, end in pairwise(_line_edges(data).tolist()):
-        plain = form.plain.fullmatch(data, start, end)
-        if plain:
-            keys.add(form.key(plain))
-        else:
-            line = text[start:end]
-            line[(line != 10) & (line != 13)] = 32
-    head, foot, frames = form.around(keys)
-    program = dialect(rules.dialect).read(
-        head + text.tobytes() + foot, name=rules.name, frames=frames
-    )
-    line_of = program.line - head.count(b"\n")
-    program = replace(program, data=head + data + foot, line=line_of)
-    return ReadChunk(program, len(head), len(foot))
+NUMBER: Final = rb"[-+]?(?:\d++\.?+\d*+|\.\d++)(?:[eE][-+]?\d+)?"
 
 
-_NUMBER: Final = rb"[-+]?(?:\d++\.?+\d*+|\.\d++)(?:[eE][-+]?\d+)?"
-
-
-def _items(item: bytes, count: int) -> bytes:
+def list_items(item: bytes, count: int) -> bytes:
     """Returns a pattern of so many items with commas between."""
     return rb"\s*,\s*".join([item] * count)
-
-
-_ABSENT: Final = rb"(?:9[eE]\+?0?9|0(?:\.0*)?)"
-_TARGET: Final = (
-    rb"\[\s*\[" + _items(_NUMBER, 3) + rb"\]\s*,\s*\[" + _items(_NUMBER, 4) + rb"\]\s*,\s*\["
-    + _items(rb"-?\d+", 4) + rb"\]\s*,\s*\[" + _items(_ABSENT, 6) + rb"\]\s*\]"
-)  # fmt: skip
-_AXES: Final = rb"\[\s*\[" + _items(_NUMBER, 6) + rb"\]\s*,\s*\[" + _items(_ABSENT, 6) + rb"\]\s*\]"
-_VALUE: Final = rb"(?:\w+|\[[\d.,eE+\-\s]*\])"
-
-
-def _around_rapid(keys: Keys) -> tuple[bytes, bytes, FrameTable]:
-    tools, works = ({key[k].decode("ascii") for key in keys} for k in (1, 2))
-    frames = FrameTable(
-        tools={name: np.eye(4) for name in tools if name.lower() != "tool0"},
-        bases={name: np.eye(4) for name in works if name.lower() not in ("", "wobj0")},
-    )
-    return b"MODULE m\nPROC p()\n", b"\nENDPROC\nENDMODULE\n", frames
-
-
-_SIX: Final = rb"\[\s*" + _items(_NUMBER, 6) + rb"\s*\]"
-
-
-def _around_urscript(keys: Keys) -> tuple[bytes, bytes, FrameTable]:
-    named = sorted({frame for frame, _ in keys if frame})
-    frames = b"".join(b"  %b = p[0,0,0,0,0,0]\n" % name for name in named)
-    return b"def p():\n" + frames, b"\nend\n", FrameTable()
-
-
-_FORMS: Final = {
-    "rapid": LineForm(
-        plain=re.compile(
-            rb"[ \t]*Move(?:(?:L|J|(?P<via>C))[ \t]+"
-            + _TARGET + rb"(?(via)\s*,\s*" + _TARGET + rb")"
-            rb"|(?P<key_axes>AbsJ)[ \t]+" + _AXES + rb"(?:\\NoEOffs)?)"
-            rb"\s*,\s*" + _VALUE + rb"(?:\\[VT]:=[\d.]+)?\s*,\s*" + _VALUE
-            + rb"\s*,\s*(?P<key_tool>\w+)"
-            rb"\s*,?\s*(?:\\WObj\s*:=\s*(?P<key_work>\w+)\s*)?;[ \t]*(?:![^\r\n]*)?[\r\n]*",
-            re.IGNORECASE,
-        ),
-        idle=re.compile(rb"[ \t]*(?:![^\r\n]*)?[\r\n]*"),
-        around=_around_rapid,
-    ),
-    "urscript": LineForm(
-        plain=re.compile(
-            rb"[ \t]*move(?:[lpj]\(\s*(?:p" + _SIX
-            + rb"|pose_trans\(\s*(?P<key_frame>[A-Za-z_]\w*)\s*,\s*p" + _SIX + rb"\s*\))"
-            + rb"|(?P<via>c)\(\s*p" + _SIX + rb"\s*,\s*p" + _SIX
-            + rb"|(?P<key_axes>j)\(\s*" + _SIX
-            + rb")\s*(?:,[\w\s=.,+\-]*)?\)[ \t]*(?:#[^\r\n]*)?[\r\n]*"
-        ),
-        idle=re.compile(rb"[ \t]*(?:#[^\r\n]*)?[\r\n]*"),
-        around=_around_urscript,
-    ),
-}  # fmt: skip

@@ -9,7 +9,14 @@ from __future__ import annotations
 import re
 from typing import Final
 
-from robotrue.program.formats.path_dialect import PathDialect
+from robotrue.core.arrays import Array
+from robotrue.program.lang.word_languages import (
+    list_losses,
+    path_inserter,
+    toolpath_feeds,
+    write_words,
+)
+from robotrue.program.language import Language, read_each
 from robotrue.program.program import FrameTable, Program
 
 _POINT: Final = re.compile(
@@ -27,6 +34,22 @@ def _read(data: bytes, name: str, frames: FrameTable) -> Program:
     return read_apt_program(data, name, frames)
 
 
-DIALECT: Final = PathDialect(
-    name="apt", suffixes=(".apt", ".cls", ".cl", ".ncl", ".aptsource"), score=_score, reader=_read
+def _feeds(program: Program) -> Array:
+    from robotrue.program.formats.apt import read_apt
+
+    return toolpath_feeds(program, read_apt)
+
+
+LANGUAGE: Final = Language(
+    name="apt",
+    suffixes=(".apt", ".cls", ".cl", ".ncl", ".aptsource"),
+    score=_score,
+    reader=read_each(_read),
+    writer=write_words,
+    called="APT or CL data",
+    sign=re.compile(rb"(?m)^[^\S\n]*+GOTO\s*/"),
+    inserter=path_inserter,
+    feeds=_feeds,
+    losses=list_losses,
+    steps_from_command=True,
 )

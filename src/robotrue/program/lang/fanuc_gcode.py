@@ -9,8 +9,16 @@ from __future__ import annotations
 import re
 from typing import Final
 
-from robotrue.program.formats.path_dialect import PathDialect, is_other_language
-from robotrue.program.formats.sinumerik import moves_score
+from robotrue.program.lang.sinumerik import moves_score
+from robotrue.program.lang.word_languages import (
+    G_CODE,
+    g_code_feeds,
+    is_other_language,
+    list_losses,
+    path_inserter,
+    write_words,
+)
+from robotrue.program.language import Language, read_each
 from robotrue.program.program import FrameTable, Program
 
 _OWN: Final = re.compile(
@@ -32,6 +40,15 @@ def _read(data: bytes, name: str, frames: FrameTable) -> Program:
     return read_gcode(data, name, FANUC, frames)
 
 
-DIALECT: Final = PathDialect(
-    name="fanuc_gcode", suffixes=(".nc", ".tap", ".cnc", ".ngc"), score=_score, reader=_read
+LANGUAGE: Final = Language(
+    name="fanuc_gcode",
+    suffixes=(".nc", ".tap", ".cnc", ".ngc"),
+    score=_score,
+    reader=read_each(_read),
+    writer=write_words,
+    inserter=path_inserter,
+    feeds=g_code_feeds,
+    losses=list_losses,
+    steps_from_command=True,
+    family=G_CODE,
 )

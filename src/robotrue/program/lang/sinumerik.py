@@ -9,7 +9,17 @@ from __future__ import annotations
 import re
 from typing import Final
 
-from robotrue.program.formats.path_dialect import PathDialect, is_other_language
+from robotrue.core.arrays import Array
+from robotrue.program.frame_text import print_abc, print_mm
+from robotrue.program.lang.word_languages import (
+    G_CODE,
+    g_code_feeds,
+    is_other_language,
+    list_losses,
+    path_inserter,
+    write_words,
+)
+from robotrue.program.language import FrameForm, Language, TableForm, read_each
 from robotrue.program.program import FrameTable, Program
 
 _OWN: Final = re.compile(
@@ -41,6 +51,34 @@ def _read(data: bytes, name: str, frames: FrameTable) -> Program:
     return read_gcode(data, name, SINUMERIK, frames)
 
 
-DIALECT: Final = PathDialect(
-    name="sinumerik", suffixes=(".mpf", ".spf", ".arc"), score=_score, reader=_read
+def _print_frame(xyz: Array, R: Array, name: str, number: int) -> str:
+    x, y, z = print_mm(xyz)
+    c, b, a = print_abc(R)
+    return (
+        f"; {name}, mm; R = Rz(C) Ry(B) Rx(A), deg\n"
+        f"G{53 + number} X{x} Y{y} Z{z} A{a} B{b} C{c}\n"
+        f"$P_UIFR[{number}]=CTRANS(X,{x},Y,{y},Z,{z}):CROT(X,{a},Y,{b},Z,{c})\n"
+    )
+
+
+LANGUAGE: Final = Language(
+    name="sinumerik",
+    suffixes=(".mpf", ".spf", ".arc"),
+    score=_score,
+    reader=read_each(_read),
+    writer=write_words,
+    called=G_CODE,
+    sign=re.compile(rb"(?im)^[^\S\n]*+(%|N?\d*+[^\S\n]*+G0?[0-3]\b)"),
+    inserter=path_inserter,
+    feeds=g_code_feeds,
+    frame_form=FrameForm(
+        name="g54",
+        system="G{} work offset",
+        counted_from=53,
+        order="R = Rz(C) Ry(B) Rx(A): about z, then the new y, then the new x, deg",
+        frame=TableForm(first=1, last=6, print=_print_frame),
+    ),
+    losses=list_losses,
+    steps_from_command=True,
+    family=G_CODE,
 )

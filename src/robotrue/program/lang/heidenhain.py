@@ -1,0 +1,63 @@
+"""Heidenhain conversational programs with five axes: M128, FUNCTION TCPM, LN.
+
+What is read: L and LN with X, Y, Z, A, B, C or a tool axis TX, TY, TZ; CC with C, and CR; MM and
+INCH. What is left out is kept from before, and inserted where it no longer holds.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array
+from robotrue.core.units import MM
+from robotrue.program.formats.stated_feeds import FLAGS, PLAIN, RAPID, last_stated
+from robotrue.program.formats.text_lines import line_starts
+from robotrue.program.lang.word_languages import list_losses, write_words
+from robotrue.program.language import Language, read_each
+from robotrue.program.program import FrameTable, Program
+
+_HEAD: Final = re.compile(rb"(?im)^[ \t]*+(?:0++[ \t]++)?BEGIN PGM\b")
+_LINE: Final = re.compile(rb"(?m)^[ \t]*+N?\d++[ \t]++(?:LN?|CC?)[ \t]++[IXYZ]")
+_FEED: Final = re.compile(
+    rb";[^\r\n]*|\bF(?:" + PLAIN + rb"|(?P<max>MAX)|(?P<odd>AUTO|[UZQ]))", FLAGS
+)
+
+
+def _score(data: bytes) -> float:
+    return 0.7 * bool(_HEAD.search(data)) + 0.3 * bool(_LINE.search(data))
+
+
+def _read(data: bytes, name: str, frames: FrameTable) -> Program:
+    from robotrue.program.formats.heidenhain_read import read_heidenhain
+
+    return read_heidenhain(data, name, frames)
+
+
+def _feeds(program: Program) -> Array:
+    place, value, once = [], [], []
+    known = b"INCH" not in program.data[:4096].upper()
+    for match in _FEED.finditer(program.data):
+        if match["max"]:
+            once.append(match.start())
+        elif match[1] or match["odd"]:
+            place.append(match.start())
+            value.append(float(match[1]) * MM / 60.0 if match[1] and known else np.nan)
+    feed = last_stated(program, place, value)
+    fast = np.searchsorted(line_starts(program.data), np.array(once, dtype=np.int64), side="right")
+    feed[np.isin(program.line, fast)] = RAPID
+    return feed
+
+
+LANGUAGE: Final = Language(
+    name="heidenhain",
+    suffixes=(".h",),
+    score=_score,
+    reader=read_each(_read),
+    writer=write_words,
+    feeds=_feeds,
+    losses=list_losses,
+    steps_from_command=True,
+)
