@@ -8,7 +8,8 @@ import numpy as np
 from hypothesis import strategies as st
 
 from robotrue.errors import FormatError
-from robotrue.program.program import Dialect, Program, Replacement
+from robotrue.program.language import Language
+from robotrue.program.program import Program, Replacement
 
 Edits = list[tuple[float, int, bytes]]
 """Where (share of the bytes), how many bytes go, and what comes in their place."""
@@ -31,7 +32,7 @@ def edited(data: bytes, changes: Edits) -> bytes:
 
 
 def read_or_refused(
-    read: Callable[[bytes], Program], dialect: Dialect, moved: Moved, source: str, data: bytes
+    read: Callable[[bytes], Program], dialect: Language, moved: Moved, source: str, data: bytes
 ) -> bool:
     """Whether the data were read; then their zero correction is the data themselves."""
     try:
