@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robotrue.calibration.evidence import PriorGroup, Sums, sums_of
+from robotrue.calibration.evidence import PriorGroup, Sums, SumsBuilder
 from robotrue.calibration.observations import (
     CHANNELS,
     PoseObservation,
@@ -155,26 +155,23 @@ class Design:
         """Returns the sums of lengths and, where orientations were measured, of angles."""
         size = int(self.active.sum())
         posed = any(isinstance(o, PoseObservation) for o in self.observations)
-        stated = self.instrument(chosen)
-        out = []
-        for channel in range(CHANNELS if posed else 1):
-            sums = sums_of(self._blocks(channel, chosen), size)
-            least = float(stated[channel] / (stated[channel] + self.noise[channel]))
-            out.append(replace(sums, least=least) if self.few else sums)
-        return out
-
-    def _blocks(
-        self, channel: int, chosen: BoolArray | None
-    ) -> Iterator[tuple[Array, Array, float]]:
+        builders = [SumsBuilder(size) for _ in range(CHANNELS if posed else 1)]
         for item in self.rows(chosen):
-            place = slice(3 * channel, 3 * channel + 3)
-            if item.values.shape[1] <= 3 * channel:
-                continue
+            numbers = item.values.shape[1]
             weight = self.weights[item.rows]
             root = np.sqrt(weight)[:, None]
-            counted = consistency(item.values.shape[1], self.loss) * 3.0 * float((weight > 0).sum())
-            columns = (item.columns[:, place] * root[:, :, None]).reshape(-1, item.columns.shape[2])
-            yield columns, (item.values[:, place] * root).reshape(-1), counted
+            counted = consistency(numbers, self.loss) * 3.0 * float((weight > 0).sum())
+            for channel in range(numbers // 3):
+                place = slice(3 * channel, 3 * channel + 3)
+                columns = (item.columns[:, place] * root[:, :, None]).reshape(-1, size)
+                values = (item.values[:, place] * root).reshape(-1)
+                builders[channel].add(columns, values, counted)
+        stated = self.instrument(chosen)
+        out = []
+        for channel, builder in enumerate(builders):
+            least = float(stated[channel] / (stated[channel] + self.noise[channel]))
+            out.append(replace(builder.sums(), least=least) if self.few else builder.sums())
+        return out
 
     def groups(self, scales: dict[str, float]) -> list[PriorGroup]:
         """Returns the groups over the active columns, with scales by name where known."""

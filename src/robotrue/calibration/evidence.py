@@ -27,7 +27,7 @@ from typing import Final
 
 import numpy as np
 from scipy.linalg import eigh
-from scipy.linalg.lapack import dpotrf, dtrtri
+from scipy.linalg.lapack import dlauum, dpotrf, dtrtri
 from scipy.special import wrightomega
 
 from robotrue.core.arrays import Array, BoolArray, IntArray
@@ -132,6 +132,7 @@ class Weights:
         groups: With the scales learned.
         noise: (c,) tau of each channel, relative to the whitening.
         determined: (g,) gamma of each group.
+        spent: (c,) degrees of freedom that each channel gave; they sum to the number determined.
         evidence: Log marginal likelihood, up to the whitening's own constant.
         steps: Fixed-point steps taken.
     """
@@ -141,12 +142,50 @@ class Weights:
     groups: tuple[PriorGroup, ...]
     noise: Array
     determined: Array
+    spent: Array
     evidence: float
     steps: int
 
     def scale(self, name: str) -> float:
         """Returns the learned sd of a group."""
         return next(g.sd for g in self.groups if g.name == name)
+
+
+class SumsBuilder:
+    """Adds up the rows of one noise channel, block by block, over p columns."""
+
+    def __init__(self, size: int) -> None:
+        self._gram, self._pull = np.zeros((size, size)), np.zeros(size)
+        self._power, self._count = 0.0, 0.0
+        self._rows = 0
+        self._kept: list[tuple[Array, Array]] = []
+
+    def add(self, columns: Array, values: Array, count: float) -> None:
+        """Adds whitened rows: columns (k, p), values (k,), numbers that count."""
+        self._gram += columns.T @ columns
+        self._pull += columns.T @ values
+        self._power += float(values @ values)
+        self._count += count
+        self._rows += len(values)
+        if self._few:
+            self._kept.append((columns, values))
+        else:
+            self._kept.clear()
+
+    @property
+    def _few(self) -> bool:
+        return self._rows <= FEW_PER_COLUMN * len(self._pull)
+
+    def sums(self) -> Sums:
+        """Returns the sums of the rows so far; the rows too where they are few."""
+        found = Sums(gram=self._gram, pull=self._pull, power=self._power, count=self._count)
+        if not self._kept:
+            return found
+        return replace(
+            found,
+            columns=np.concatenate([columns for columns, _ in self._kept]),
+            values=np.concatenate([values for _, values in self._kept]),
+        )
 
 
 def sums_of(blocks: Iterable[tuple[Array, Array, float]], size: int) -> Sums:
@@ -156,25 +195,10 @@ def sums_of(blocks: Iterable[tuple[Array, Array, float]], size: int) -> Sums:
         blocks: (columns (k, p), values (k,), numbers that count) each.
         size: p.
     """
-    gram, pull, power, count = np.zeros((size, size)), np.zeros(size), 0.0, 0.0
-    kept: list[tuple[Array, Array]] = []
-    rows = 0
-    for columns, values, number in blocks:
-        gram += columns.T @ columns
-        pull += columns.T @ values
-        power += float(values @ values)
-        count += number
-        rows += len(values)
-        if rows <= FEW_PER_COLUMN * size:
-            kept.append((columns, values))
-    found = Sums(gram=gram, pull=pull, power=power, count=count)
-    if not kept or rows > FEW_PER_COLUMN * size:
-        return found
-    return replace(
-        found,
-        columns=np.concatenate([columns for columns, _ in kept]),
-        values=np.concatenate([values for _, values in kept]),
-    )
+    builder = SumsBuilder(size)
+    for columns, values, count in blocks:
+        builder.add(columns, values, count)
+    return builder.sums()
 
 
 def prior_sd(groups: Sequence[PriorGroup], size: int) -> Array:
@@ -204,7 +228,7 @@ def posterior(
         ConvergenceError: The precision is not positive definite (rows with huge values).
     """
     if all(s.few for s in channels):
-        return _posterior_of_few(channels, groups, noise, rooted or len(channels) > 1)
+        return _posterior_of_few(channels, groups, noise, rooted)
     size = len(channels[0].pull)
     sd = prior_sd(groups, size)
     precision = sum(s.gram / t for s, t in zip(channels, noise, strict=True))
@@ -223,15 +247,22 @@ def posterior(
     mean = sd * unit
     left = (inverse**2).sum(axis=0)  # posterior over prior variance
     evidence = -float(unit @ unit) / 2.0 - float(np.log(np.diagonal(factor)).sum())
-    return _weights(channels, groups, noise, mean, left, inverse * sd, evidence)
+    spent = np.zeros(len(channels))
+    if len(channels) > 1:
+        covariance, _ = dlauum(inverse, lower=1)  # its lower triangle, of weights over prior sd
+        for k in range(1, len(channels)):
+            gram = channels[k].gram.T  # symmetric, in the order of the covariance
+            both = 2.0 * sd @ (covariance * gram) @ sd
+            spent[k] = (both - (sd**2 * np.diagonal(covariance)) @ np.diagonal(gram)) / noise[k]
+    return _weights(channels, groups, noise, mean, left, inverse * sd, evidence, spent)
 
 
 def _posterior_of_few(
     channels: Sequence[Sums], groups: Sequence[PriorGroup], noise: Array, rooted: bool
 ) -> Weights:
-    """The same posterior from K = 1 + B B' = U (1 + s^2) U', B = whitened columns times prior sd.
+    """The same posterior from K = 1 + B B' = L L', B = whitened columns times prior sd.
 
-    The root is the symmetric one of 1 - B' K^-1 B, taken from the right: R = (1 - V d V') sd.
+    A channel has spent the trace of 1 - K^-1 over its own rows.
     """
     sd = prior_sd(groups, len(channels[0].pull))
     scale = 1.0 / np.sqrt(np.asarray(noise))
@@ -242,19 +273,34 @@ def _posterior_of_few(
             f"the rows of {len(sd)} weights are not finite.",
             hint="look for wild rows or units in the measurements.",
         )
-    square, left_vectors = eigh(columns @ columns.T, driver="evd")
+    kernel = columns @ columns.T
+    factor, fault = dpotrf(kernel + np.eye(len(kernel)), lower=1, clean=1)
+    if fault:
+        raise ConvergenceError(
+            f"the covariance of {len(kernel)} numbers is not positive definite (row {fault}).",
+            hint="look for wild rows or units in the measurements.",
+        )
+    inverse, _ = dtrtri(factor, lower=1)
+    turned = inverse @ columns
+    unit = turned.T @ (inverse @ values)
+    left = np.maximum(1.0 - (turned**2).sum(axis=0), 0.0)
+    root = _root_of_few(kernel, columns) * sd if rooted else np.empty((0, 0))
+    evidence = -float(unit @ unit) / 2.0 - float(np.log(np.diagonal(factor)).sum())
+    given = 1.0 - (inverse**2).sum(axis=0)
+    ends = np.cumsum([len(s.values) for s in channels])
+    spent = np.array([float(part.sum()) for part in np.split(given, ends[:-1])])
+    return _weights(channels, groups, noise, sd * unit, left, root, evidence, spent)
+
+
+def _root_of_few(kernel: Array, columns: Array) -> Array:
+    """The symmetric root of 1 - B' K^-1 B, from K = U (1 + s^2) U'."""
+    square, left_vectors = eigh(kernel, driver="evd")
     square = np.maximum(square, 0.0)
     turned = left_vectors.T @ columns
-    shrunk = turned / (1.0 + square)[:, None]
-    unit = shrunk.T @ (left_vectors.T @ values)
-    left = np.maximum(1.0 - (turned * shrunk).sum(axis=0), 0.0)
-    root = np.empty((0, 0))
-    if rooted:
-        grown = np.sqrt(1.0 + square)
-        root = np.eye(len(sd)) - turned.T @ (turned / (grown * (1.0 + grown))[:, None])
-        root *= sd
-    evidence = -float(unit @ unit) / 2.0 - 0.5 * float(np.log1p(square).sum())
-    return _weights(channels, groups, noise, sd * unit, left, root, evidence)
+    grown = np.sqrt(1.0 + square)
+    return np.asarray(
+        np.eye(columns.shape[1]) - turned.T @ (turned / (grown * (1.0 + grown))[:, None])
+    )
 
 
 def _weights(
@@ -265,17 +311,23 @@ def _weights(
     left: Array,
     root: Array,
     evidence: float,
+    spent: Array,
 ) -> Weights:
-    """Puts a posterior together; ``left`` is posterior over prior variance."""
+    """Puts a posterior together; ``left`` is posterior over prior variance.
+
+    The first channel has spent what the others have not.
+    """
     misfit = [s.power - 2.0 * mean @ s.pull + mean @ s.gram @ mean for s in channels]
     for s, t, m in zip(channels, noise, misfit, strict=True):
         evidence -= 0.5 * (s.count * float(np.log(2.0 * np.pi * t)) + float(m) / t)
+    determined = np.array([float((1.0 - left[g.columns]).sum()) for g in groups])
     return Weights(
         mean=mean,
         root=root,
         groups=tuple(groups),
         noise=np.asarray(noise, dtype=np.float64),
-        determined=np.array([float((1.0 - left[g.columns]).sum()) for g in groups]),
+        determined=determined,
+        spent=np.array([determined.sum() - spent[1:].sum(), *spent[1:]]),
         evidence=evidence,
         steps=0,
     )
@@ -318,10 +370,9 @@ def _move_scales(at: Weights, channels: Sequence[Sums]) -> tuple[tuple[PriorGrou
             group = replace(group, sd=float(pulled_scale(squares[k], seen[k], group.rest)))
         groups.append(group)
     noise = np.empty(len(channels))
-    spent = _count_spent(at, channels)
     for k, s in enumerate(channels):
         misfit = float(s.power - 2.0 * at.mean @ s.pull + at.mean @ s.gram @ at.mean)
-        free = max(s.count - spent[k], 0.05 * s.count)
+        free = max(s.count - at.spent[k], 0.05 * s.count)
         noise[k] = max(max(misfit, 1e-30) / free, s.least)
     return tuple(groups), noise
 
@@ -370,16 +421,6 @@ def held_scales(groups: Sequence[PriorGroup], squares: Array, seen: Array) -> di
         pull = float((hold * (logs(common) - rest - common)).sum()) - COMMON_HOLD * common
         low, high = (common, high) if pull > 0.0 else (low, common)
     return dict(zip(held, np.exp(0.5 * logs(common)).tolist(), strict=True))
-
-
-def _count_spent(at: Weights, channels: Sequence[Sums]) -> Array:
-    """Degrees of freedom each channel gave; they sum to the number determined."""
-    total = float(at.determined.sum())
-    out = np.zeros(len(channels))
-    for k in range(1, len(channels)):
-        out[k] = float(np.einsum("ij,ij->", at.root @ channels[k].gram, at.root)) / at.noise[k]
-    out[0] = total - out[1:].sum()
-    return out
 
 
 def spread(root: Array, columns: Array) -> Array:
