@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -54,7 +54,7 @@ class Figure(Columns):
         low, high = np.percentile(self.ours, [5.0, 95.0])
         return float(low), float(high)
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> dict[str, object]:
         """Returns JSON values."""
         low, high = self.quartiles
         bottom, top = self.range90
@@ -101,7 +101,7 @@ class Reproduction:
     remarks: tuple[str, ...] = ()
     source: str = ""
 
-    def document(self) -> dict[str, Any]:
+    def document(self) -> dict[str, object]:
         """Returns JSON values."""
         return {
             "simulated": True,

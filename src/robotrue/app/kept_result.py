@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from robotrue.app.job_files import BLOCKS, VALUES
 from robotrue.app.job_places import JobPlaces, hide_in_values, plain_block, without_folder
@@ -18,7 +17,7 @@ from robotrue.store.workspace import Transaction
 
 def keep_result(
     result: Result, into: Transaction, context: WorkspaceContext, places: JobPlaces
-) -> Mapping[str, Any]:
+) -> Mapping[str, object]:
     """Leaves a document of the kind of the job; returns the result of the job.
 
     Its files are those that were written and the JSON values of the result; what a terminal would

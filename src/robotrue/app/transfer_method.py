@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 from robotrue.app.context import Context
@@ -20,6 +21,7 @@ from robotrue.calibration.deng2022.readings import (
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.sources import TransferSource
 from robotrue.calibration.training_summary import TrainingSummary
+from robotrue.core.document_decoder import decode
 from robotrue.core.regions import CylinderRegion, describe_region
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError, ObservabilityError
@@ -136,21 +138,33 @@ def parse_cylinder(option: str, text: str | None) -> CylinderRegion | None:
     return region
 
 
+@dataclass(frozen=True, slots=True)
+class _SubSpaceRow:
+    """A sub-space of the paper's method, as the training summary keeps it."""
+
+    angle_deg: float
+    poses: int
+    largest_pair_distance_m: float
+    ridge: float
+
+
 def sub_space_blocks(summary: TrainingSummary) -> Iterable[Block]:
     """Returns the sub-spaces and the readings of the paper's method; nothing for another one."""
     if summary.method != METHOD:
         return
-    parts, stated = summary["sub_spaces"], DengReadings(**summary["readings"])
+    parts = decode(tuple[_SubSpaceRow, ...], summary["sub_spaces"], key="summary.sub_spaces")
+    stated = decode(DengReadings, summary["readings"], key="summary.readings")
+    inflation = decode(float, summary["inflation"], key="summary.inflation")
     yield Table(
         title="sub-spaces of the target",
         columns=("", "turned by deg", "target poses", "furthest pair mm", "lambda"),
         rows=tuple(
             (
                 str(k + 1),
-                f"{part['angle_deg']:.4g}",
-                str(part["poses"]),
-                f"{part['largest_pair_distance_m'] / MM:.3f}",
-                f"{part['ridge']:.0e}",
+                f"{part.angle_deg:.4g}",
+                str(part.poses),
+                f"{part.largest_pair_distance_m / MM:.3f}",
+                f"{part.ridge:.0e}",
             )
             for k, part in enumerate(parts)
         ),
@@ -161,6 +175,6 @@ def sub_space_blocks(summary: TrainingSummary) -> Iterable[Block]:
         rows=(
             ("readings", ", ".join(other) or "corrected"),
             ("boosting rounds", str(summary["rounds"])),
-            ("variance widened by", f"{summary['inflation']:.2f}"),
+            ("variance widened by", f"{inflation:.2f}"),
         ),
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -18,11 +20,20 @@ from robotrue.calibration.terms.term import Term
 from robotrue.calibration.terms.term_registry import STANDARD, term_of
 from robotrue.core.archive import Archive, archive_reader
 from robotrue.core.arrays import Array
+from robotrue.core.document_decoder import decode
 from robotrue.errors import ArchiveError
 from robotrue.robot.model import RobotModel, moment_slice
 
 HEAVIEST: Final = 1e5
 """kg m, first moment of a link that no arm has."""
+
+
+@dataclass(frozen=True, slots=True)
+class _PhysicsDocument:
+    """Geometry and compliance inside the archive of a learned model."""
+
+    schema: int
+    document: Mapping[str, object]
 
 
 @archive_reader
@@ -34,7 +45,7 @@ def read_rigid_flexible(archive: Archive) -> CalibratedModel:
     """
     archive.expect(RIGID_FLEXIBLE, SCHEMA)
     document = archive.document
-    stations = [int(k) for k in document["stations"]]
+    stations = decode(list[int], document["stations"], key="stations")
     T_tracker_base = archive.array("T_tracker_base")
     if T_tracker_base.ndim != 3:
         raise ArchiveError(f"T_tracker_base has shape {T_tracker_base.shape}.")
@@ -45,7 +56,8 @@ def read_rigid_flexible(archive: Archive) -> CalibratedModel:
     if errors.shape != robot.errors.shape or not _are_sizes(errors, robot.dof, 10.0, HEAVIEST):
         raise ArchiveError("errors are not those of an arm.")
     _check_covariance(covariance, robot.dof)
-    repeatability, white = float(document["repeatability"]), float(document["white"])
+    repeatability = decode(float, document["repeatability"], key="repeatability")
+    white = decode(float, document["white"], key="white")
     if not (0.0 <= repeatability < 1.0 and 0.0 <= white < 1.0):
         raise ArchiveError(f"repeatability {repeatability:g} m, white noise {white:g} m.")
     return CalibratedModel(
@@ -56,9 +68,10 @@ def read_rigid_flexible(archive: Archive) -> CalibratedModel:
         white=white,
         T_tracker_base=dict(zip(stations, T_tracker_base, strict=True)),
         reflectors={
-            int(k): _reflector(archive, int(k), robot.dof) for k in document.get("reflectors", ())
+            k: _reflector(archive, k, robot.dof)
+            for k in decode(list[int], document.get("reflectors", ()), key="reflectors")
         },
-        summary=dict(document["summary"]),
+        summary=decode(dict[str, object], document["summary"], key="summary"),
         inflation=_read_inflation(document.get("inflation", 1.0)),
     )
 
@@ -72,11 +85,12 @@ def read_learned(archive: Archive) -> CalibratedModel:
     """
     archive.expect(LEARNED, SCHEMA)
     document = archive.document
+    stated = decode(_PhysicsDocument, document["physics"], key="physics")
     physics = read_rigid_flexible(
         Archive(
             kind=RIGID_FLEXIBLE,
-            schema=int(document["physics"]["schema"]),
-            document=document["physics"]["document"],
+            schema=stated.schema,
+            document=stated.document,
             arrays={
                 name.removeprefix("physics/"): array
                 for name, array in archive.arrays.items()
@@ -108,7 +122,7 @@ def read_learned(archive: Archive) -> CalibratedModel:
             )
             for k, reflector in physics.reflectors.items()
         },
-        summary=dict(document["summary"]),
+        summary=decode(dict[str, object], document["summary"], key="summary"),
         terms=tuple(term for term, _ in restored),
         values=values,
         columns=columns,
@@ -128,7 +142,8 @@ def _restore_terms(archive: Archive, robot: RobotModel) -> list[tuple[Term, Arra
     restored: list[tuple[Term, Array]] = []
     for name in STANDARD:
         restored.append(term_of(name).restore(robot, archive.document, archive.arrays))
-    for name, document in archive.document.get("terms", {}).items():
+    further = archive.document.get("terms", {})
+    for name, document in decode(dict[str, dict[str, object]], further, key="terms").items():
         start = f"terms/{name}/"
         own = {k.removeprefix(start): a for k, a in archive.arrays.items() if k.startswith(start)}
         restored.append(term_of(name).restore(robot, document, own))
@@ -137,7 +152,7 @@ def _restore_terms(archive: Archive, robot: RobotModel) -> list[tuple[Term, Arra
 
 def _read_inflation(stated: object) -> float:
     """The factor on a covariance."""
-    inflation = float(str(stated))
+    inflation = decode(float, stated, key="inflation")
     if not 0.0 < inflation < 1e6:
         raise ArchiveError("the factor on the covariance of the learned error is damaged.")
     return inflation

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.training_summary import read_step
 from robotrue.core.archive import archive_bytes
 from robotrue.core.files import sha256
 from robotrue.core.model_identity import ModelIdentity
@@ -74,7 +75,7 @@ def provenance_of(model: ErrorModel) -> Provenance:
     Raises:
         ArchiveError: The model's summary holds something else in its place.
     """
-    recorded = [source for step in history(model) for source in step.get("sources", ())]
+    recorded = [source for step in history(model) for source in read_step(step).sources]
     return provenance_from(model.training_summary().provenance, before=recorded)
 
 
@@ -83,7 +84,7 @@ def merged_document(models: Sequence[ErrorModel], *data: Provenance) -> dict[str
     return merge([*map(provenance_of, models), *data]).to_document()
 
 
-def history(model: ErrorModel) -> list[dict[str, Any]]:
+def history(model: ErrorModel) -> list[dict[str, object]]:
     """Returns the steps that made the model, oldest first; a plain fit is one step."""
     summary = model.training_summary()
     if summary.lineage:

@@ -15,6 +15,7 @@ from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.training_summary import TrainingSummary
 from robotrue.core.archive import Archive, archive_reader
 from robotrue.core.arrays import Array
+from robotrue.core.document_decoder import decode
 from robotrue.errors import ModelMismatchError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel
@@ -128,7 +129,7 @@ def from_archive(archive: Archive) -> NominalModel:
         ArchiveError: Another kind, a newer schema, or parts that are missing or cannot be.
     """
     archive.expect(KIND, SCHEMA)
-    repeatability = float(archive.document["repeatability"])
+    repeatability = decode(float, archive.document["repeatability"], key="repeatability")
     return NominalModel(
         robot=robot_from(archive), settings=FitSettings(repeatability=repeatability)
     )

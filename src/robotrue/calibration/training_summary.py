@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 
 from robotrue.core.arrays import Array
+from robotrue.core.document_decoder import decode
+
+T = TypeVar("T")
+U = TypeVar("U")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,8 +27,8 @@ class Unseen:
     """
 
     name: str
-    cure: str
-    harmless: bool
+    cure: str = ""
+    harmless: bool = False
     terms: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -43,6 +47,32 @@ class EstimatedParameter:
     kind: str
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrainingStep:
+    """A step of the lineage of a model.
+
+    Attributes:
+        step: ``fit``, ``update``, ``transfer``, ...
+        rows: Measured poses it added.
+        data_sha256: Of their joints and positions.
+        sources: Files they were read from.
+    """
+
+    step: str = ""
+    rows: int = 0
+    data_sha256: str = ""
+    sources: tuple[str, ...] = ()
+
+
+def read_step(stated: Mapping[str, object]) -> TrainingStep:
+    """Returns an entry of :attr:`TrainingSummary.lineage`.
+
+    Raises:
+        ArchiveError: A value of another type.
+    """
+    return decode(TrainingStep, stated, key="summary.lineage")
+
+
 def describe_parameters(
     names: Iterable[str], values: Array, sd: Array, kinds: Iterable[str]
 ) -> dict[str, dict[str, object]]:
@@ -56,7 +86,7 @@ def describe_parameters(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class TrainingSummary(Mapping[str, Any]):
+class TrainingSummary(Mapping[str, object]):
     """The summary of a model. As a mapping it is its JSON document.
 
     Properties of what a model never recorded are empty or None.
@@ -65,9 +95,9 @@ class TrainingSummary(Mapping[str, Any]):
         document: JSON values; lengths are SI.
     """
 
-    document: Mapping[str, Any] = field(default_factory=dict)
+    document: Mapping[str, object] = field(default_factory=dict)
 
-    def __getitem__(self, key: str) -> Any:
+    def __getitem__(self, key: str) -> object:
         """Returns a JSON value."""
         return self.document[key]
 
@@ -87,17 +117,17 @@ class TrainingSummary(Mapping[str, Any]):
     @property
     def rows(self) -> int:
         """Number of measured poses."""
-        return int(self.document.get("rows", 0))
+        return self._read("rows", int, 0)
 
     @property
     def target_rows(self) -> int:
         """Of those, how many a transfer took from the target itself."""
-        return int(self.document.get("target_rows", 0))
+        return self._read("target_rows", int, 0)
 
     @property
     def screened_rows(self) -> tuple[int, ...]:
         """Rows (from 0) that carry no weight."""
-        return tuple(int(row) for row in self.document.get("screened_rows", ()))
+        return self._read("screened_rows", tuple[int, ...], ())
 
     @property
     def data_sha256(self) -> str:
@@ -107,7 +137,7 @@ class TrainingSummary(Mapping[str, Any]):
     @property
     def sources(self) -> tuple[str, ...]:
         """Files of the rows."""
-        return tuple(str(source) for source in self.document.get("sources", ()))
+        return self._read("sources", tuple[str, ...], ())
 
     @property
     def provenance(self) -> object:
@@ -115,9 +145,9 @@ class TrainingSummary(Mapping[str, Any]):
         return self.document.get("provenance")
 
     @property
-    def lineage(self) -> tuple[Mapping[str, Any], ...]:
-        """Steps that made the model after its first fit, oldest first."""
-        return tuple(self.document.get("lineage") or ())
+    def lineage(self) -> tuple[Mapping[str, object], ...]:
+        """Steps that made the model after its first fit, oldest first; see :func:`read_step`."""
+        return self._read("lineage", tuple[dict[str, object], ...], ())
 
     @property
     def verdict(self) -> str:
@@ -127,20 +157,12 @@ class TrainingSummary(Mapping[str, Any]):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Sentences about what to watch."""
-        return tuple(str(line) for line in self.document.get("doubts", ()))
+        return self._read("doubts", tuple[str, ...], ())
 
     @property
     def unseen(self) -> tuple[Unseen, ...]:
         """Combinations of parameters the data could not see."""
-        return tuple(
-            Unseen(
-                name=str(entry["name"]),
-                cure=str(entry.get("cure", "")),
-                harmless=bool(entry.get("harmless", False)),
-                terms={str(k): float(v) for k, v in entry.get("terms", {}).items()},
-            )
-            for entry in self.document.get("unseen", ())
-        )
+        return self._read("unseen", tuple[Unseen, ...], ())
 
     @property
     def joint_range(self) -> Array | None:
@@ -151,8 +173,8 @@ class TrainingSummary(Mapping[str, Any]):
     @property
     def parameters(self) -> Mapping[str, EstimatedParameter] | None:
         """Robot parameters by name."""
-        stated = self.document.get("parameters")
-        if not isinstance(stated, Mapping):
+        stated = self._read("parameters", dict[str, dict[str, float | str]], None)
+        if stated is None:
             return None
         return {
             name: EstimatedParameter(
@@ -189,23 +211,31 @@ class TrainingSummary(Mapping[str, Any]):
     @property
     def drift_scales(self) -> Mapping[str, float]:
         """Of a transfer: how far the target is from its source, by group."""
-        return dict(self.document.get("drift_scales", {}))
+        return self._read("drift_scales", dict[str, float], {})
 
     @property
     def drift_defaults(self) -> Mapping[str, float]:
         """What of that is usual."""
-        return dict(self.document.get("drift_defaults", {}))
+        return self._read("drift_defaults", dict[str, float], {})
 
     @property
-    def selection(self) -> Mapping[str, Any] | None:
+    def selection(self) -> Mapping[str, object] | None:
         """JSON values of how the method was selected, if it was."""
-        return self.document.get("selection")
+        return self._read("selection", dict[str, object], None)
 
     @property
-    def guard(self) -> Mapping[str, Any] | None:
+    def guard(self) -> Mapping[str, object] | None:
         """JSON values of the verdict on a transfer, if it was guarded."""
-        return self.document.get("guard")
+        return self._read("guard", dict[str, object], None)
 
     def _number(self, key: str) -> float | None:
-        value = self.document.get(key)
-        return None if value is None else float(value)
+        return self._read(key, float, None)
+
+    def _read(self, key: str, kind: type[T], missing: U) -> T | U:
+        """Returns the entry of a key; ``missing`` where the model never recorded it.
+
+        Raises:
+            ArchiveError: It is of another type.
+        """
+        stated = self.document.get(key)
+        return missing if stated is None else decode(kind, stated, key=f"summary.{key}")

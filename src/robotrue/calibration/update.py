@@ -9,7 +9,7 @@ campaigns is the business of :mod:`robotrue.calibration.transfer`.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -30,7 +30,7 @@ from robotrue.calibration.new_rows import (
 )
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.terms.smooth import add_centres
-from robotrue.calibration.training_summary import describe_parameters
+from robotrue.calibration.training_summary import TrainingSummary, describe_parameters, read_step
 from robotrue.core.arrays import Array
 from robotrue.errors import ModelMismatchError
 from robotrue.measurement.measurement_set import MeasurementSet
@@ -141,20 +141,20 @@ def without_nuisances(belief: Belief, rows: NewRows) -> Belief:
 
 
 def renew_summary(
-    summary: dict[str, Any], lineage: list[dict[str, Any]], belief: Belief
+    summary: dict[str, object], lineage: list[dict[str, object]], belief: Belief
 ) -> dict[str, object]:
     """Returns the summary after a step: rows, parameters and lineage are new."""
-    known = dict(summary.get("parameters", {}))
+    known = TrainingSummary(summary).parameters or {}
     place = [i for i, name in enumerate(parameter_names(belief.robot.dof)) if name in known]
     parameters = describe_parameters(
         known,
         belief.errors[place],
         np.sqrt(belief.variance[place]),
-        [entry["class"] for entry in known.values()],
+        [parameter.kind for parameter in known.values()],
     )
     return {
         **summary,
-        "rows": sum(int(step.get("rows", 0)) for step in lineage),
+        "rows": sum(read_step(step).rows for step in lineage),
         "parameters": parameters,
         "lineage": lineage,
     }

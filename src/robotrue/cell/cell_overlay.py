@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -27,25 +26,25 @@ def overlay_cell(cell: Cell, place: Cell) -> Cell:
         ModelMismatchError: Its arm is another one, or counts its axes in another way.
     """
     _require_same_arm(cell.robot, place)
-    changes: dict[str, Any] = {}
+    overlaid = cell
     if place.part is not None:
-        changes.update(part=place.part, T_base_frame=place.T_base_frame)
+        overlaid = replace(overlaid, part=place.part, T_base_frame=place.T_base_frame)
     elif "base" in place.tables:
-        changes["T_base_frame"] = place.T_base_frame
+        overlaid = replace(overlaid, T_base_frame=place.T_base_frame)
     if "tool" in place.tables:
-        changes["robot"] = cell.robot.with_tool(place.robot.T_flange_tool)
+        overlaid = replace(overlaid, robot=cell.robot.with_tool(place.robot.T_flange_tool))
     if "payload" in place.tables:
-        changes["payload"] = place.payload
+        overlaid = replace(overlaid, payload=place.payload)
     if place.says_of_controller:
-        changes["controller"] = place.controller
-    if not changes:
+        overlaid = replace(overlaid, controller=place.controller)
+    if overlaid is cell:
         raise ConfigurationError(
             "the cell states nothing that is used beside a model: no [base], [tool], [payload] or "
             "[controller], and no part frame.",
             source=place.source or None,
             hint="write what holds now into it, or leave --cell out.",
         )
-    return replace(cell, **changes)
+    return overlaid
 
 
 def _require_same_arm(robot: RobotModel, place: Cell) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -97,7 +97,6 @@ def _from_dh(table: RobotTable, path: Path) -> RobotModel:
 
 
 def _with_lists(robot: RobotModel, table: RobotTable) -> RobotModel:
-    changes: dict[str, Any] = {}
     for key in (
         "limits_deg",
         "mass_kg",
@@ -115,17 +114,16 @@ def _with_lists(robot: RobotModel, table: RobotTable) -> RobotModel:
             )
     if table.joint_map is not None and table.dh is None:
         raise ConfigurationError("robot.joint_map is given without dh.", hint="leave it out.")
-    if table.limits_deg is not None:
-        changes["limits"] = np.array(table.limits_deg) * DEG
-    if table.total_mass_kg is not None:
-        changes["total_mass"] = table.total_mass_kg
-    if table.mass_kg is not None:
-        changes["link_mass"] = np.array(table.mass_kg)
-    if table.centre_of_mass_mm is not None:
-        changes["link_com"] = np.array(table.centre_of_mass_mm) * MM
-    if table.gravity_m_per_s2 is not None:
-        changes["gravity"] = _gravity(np.array(table.gravity_m_per_s2))
-    return replace(robot, **changes) if changes else robot
+    limits, mass, centre = table.limits_deg, table.mass_kg, table.centre_of_mass_mm
+    gravity = table.gravity_m_per_s2
+    return replace(
+        robot,
+        limits=robot.limits if limits is None else np.array(limits) * DEG,
+        total_mass=robot.total_mass if table.total_mass_kg is None else table.total_mass_kg,
+        link_mass=robot.link_mass if mass is None else np.array(mass),
+        link_com=robot.link_com if centre is None else np.array(centre) * MM,
+        gravity=robot.gravity if gravity is None else _gravity(np.array(gravity)),
+    )
 
 
 def _gravity(vector: Array) -> Array:

@@ -11,6 +11,7 @@ from typing import Final, get_args
 from pydantic import BaseModel, ValidationError
 
 from robotrue.cell.schema import CellFile
+from robotrue.core.document_decoder import expected_value, join_key, show_value
 from robotrue.errors import ConfigurationError
 
 _HEADER: Final = re.compile(r"\s*+(\[\[?)([^\[\]]++)\]\]?\s*+(?:#.*)?")
@@ -49,39 +50,17 @@ def _message(
     facts: Mapping[str, object],
     value: object,
 ) -> tuple[str, str | None]:
-    key = _join_key(where)
-    shown = repr(value) if len(repr(value)) <= 60 else repr(value)[:57] + "..."
+    key = join_key(where)
     if kind == "extra_forbidden":
         known = _known_keys(schema, where[:-1])
         near = [k for k in known if k.startswith(f"{where[-1]}_")] or difflib.get_close_matches(
             str(where[-1]), known, n=1, cutoff=0.5
         )
-        hint = f"{_join_key((*where[:-1], near[0]))}." if near else "remove the key."
+        hint = f"{join_key((*where[:-1], near[0]))}." if near else "remove the key."
         return f"unknown key {key}; allowed are {', '.join(known)}.", hint
     if kind == "missing":
         return f"{key} is missing.", None
-    expected = {
-        "literal_error": f"expected {facts.get('expected')}",
-        "float_type": "expected a number",
-        "finite_number": "expected a finite number",
-        "greater_than": f"expected above {facts.get('gt', 0):g}",
-        "greater_than_equal": f"expected {facts.get('ge', 0):g} or more",
-        "less_than_equal": f"expected {facts.get('le', 0):g} or less",
-        "int_type": "expected a whole number",
-        "list_type": "expected a list",
-        "string_type": "expected text in quotation marks",
-        "too_short": f"expected {facts.get('min_length')} values",
-        "too_long": f"expected {facts.get('max_length')} values",
-    }.get(kind, "expected a table" if "model" in kind or "dict" in kind else "not allowed here")
-    return f"{key} is {shown}, {expected}.", None
-
-
-def _join_key(where: Sequence[str | int]) -> str:
-    """Returns ``robot.dh[2].d_mm`` for ("robot", "dh", 1, "d_mm"); rows count from one."""
-    out = ""
-    for part in where:
-        out += f"[{part + 1}]" if isinstance(part, int) else f"{'.' if out else ''}{part}"
-    return out
+    return f"{key} is {show_value(value)}, {expected_value(kind, facts)}.", None
 
 
 def _known_keys(schema: type[BaseModel], where: Sequence[str | int]) -> list[str]:

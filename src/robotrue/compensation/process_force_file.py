@@ -57,7 +57,7 @@ ENTRIES: Final = (
     "name", "axes", "force_N", "moment_Nm", "lines", "moves", "program", "csv", "milling",
     "feeds_mm_per_s",
 )  # fmt: skip
-Milling: TypeAlias = Callable[[Mapping[str, Any]], Array]
+Milling: TypeAlias = Callable[[Mapping[str, object]], Array]
 """From the keys of ``milling`` to a wrench (6,) N, N m in path axes."""
 LARGEST: Final = 1e5
 """N or N m; more is another unit."""
@@ -83,7 +83,7 @@ def read_force(path: str | Path, *, milling: Milling | None = None) -> Described
 
 
 def _parts(
-    path: Path, text: str, stated: Mapping[str, Any], milling: Milling | None
+    path: Path, text: str, stated: Mapping[str, object], milling: Milling | None
 ) -> tuple[Part, ...]:
     for key in stated:
         if key != "force":
@@ -110,7 +110,7 @@ def _parts(
 class _ForceEntry:
     """One ``[[force]]`` table, and where it stands."""
 
-    def __init__(self, path: Path, text: str, number: int, stated: Mapping[str, Any]) -> None:
+    def __init__(self, path: Path, text: str, number: int, stated: Mapping[str, object]) -> None:
         self.path, self.stated = path, stated
         self._text, self._number = text, number
 

@@ -20,11 +20,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Final, ParamSpec, TypeVar
+from typing import Final, ParamSpec, TypeVar
 
 import numpy as np
 
 from robotrue.core.arrays import Array
+from robotrue.core.document_decoder import REMAKE
 from robotrue.core.files import read_bytes, sha256, write_atomic
 from robotrue.errors import ArchiveError, RobotrueError
 
@@ -78,7 +79,7 @@ class Archive:
 
     kind: str
     schema: int
-    document: Mapping[str, Any]
+    document: Mapping[str, object]
     arrays: Mapping[str, Array]
 
     def __post_init__(self) -> None:
@@ -149,7 +150,7 @@ def archive_reader(read: Callable[P, T]) -> Callable[P, T]:
             said = cause.message if isinstance(cause, RobotrueError) else repr(cause)
             raise ArchiveError(
                 f"contents are incomplete or damaged ({said[:200]}).",
-                hint="make the file again, or fetch it from its backup.",
+                hint=REMAKE,
             ) from cause
 
     return reads
@@ -213,11 +214,12 @@ def archive_from(data: bytes, *, source: str | Path | None = None) -> Archive:
             source=source,
             hint="calibrate again, or fetch the file from its backup.",
         ) from cause
-    if head.get("format") != FORMAT or not isinstance(head.get("format_version", 0), int):
+    version = head.get("format_version", 0)
+    if head.get("format") != FORMAT or not isinstance(version, int):
         raise ArchiveError("a zip file, but not a robotrue archive.", source=source)
-    if head.get("format_version", 0) > FORMAT_VERSION:
+    if version > FORMAT_VERSION:
         raise ArchiveError(
-            f"archive format {head['format_version']}, this robotrue reads up to {FORMAT_VERSION}.",
+            f"archive format {version}, this robotrue reads up to {FORMAT_VERSION}.",
             source=source,
             hint="update robotrue.",
         )
@@ -231,7 +233,7 @@ def archive_from(data: bytes, *, source: str | Path | None = None) -> Archive:
     return Archive(kind=kind, schema=schema, document=document, arrays=arrays)
 
 
-def _unpack(data: bytes) -> tuple[dict[str, Any], dict[str, Array]]:
+def _unpack(data: bytes) -> tuple[dict[str, object], dict[str, Array]]:
     """Head and arrays; whatever is wrong with them is one of ``_DAMAGE``."""
     with zipfile.ZipFile(io.BytesIO(data)) as bundle:
         entries = bundle.infolist()

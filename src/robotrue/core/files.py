@@ -10,7 +10,7 @@ import tomllib
 import uuid
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 from robotrue.errors import ConfigurationError, FormatError, RobotrueError
 
@@ -156,7 +156,7 @@ def utf8_text(
         ) from None
 
 
-def read_toml(path: str | Path, *, example: str) -> tuple[dict[str, Any], str]:
+def read_toml(path: str | Path, *, example: str) -> tuple[dict[str, object], str]:
     """Returns the tables of a TOML file and its text, for the lines of later faults.
 
     Args:
@@ -170,7 +170,7 @@ def read_toml(path: str | Path, *, example: str) -> tuple[dict[str, Any], str]:
     return parse_toml(read_bytes(path), path, example=example)
 
 
-def parse_toml(data: bytes, path: str | Path, *, example: str) -> tuple[dict[str, Any], str]:
+def parse_toml(data: bytes, path: str | Path, *, example: str) -> tuple[dict[str, object], str]:
     """Returns the tables in the content of a file and its text; see :func:`read_toml`.
 
     Raises:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final, Literal
+from typing import Final, Literal
 
 from robotrue.errors import ModelMismatchError
 
@@ -54,13 +54,14 @@ class ModelIdentity:
         return {"kind": self.kind, "robot": self.robot, "sha256": self.sha256}
 
 
-def identity_from(document: Mapping[str, Any]) -> ModelIdentity:
+def identity_from(document: object) -> ModelIdentity:
     """Returns the identity that :meth:`ModelIdentity.document` made.
 
     Raises:
         ModelMismatchError: Something is missing or of another kind.
     """
-    kind, robot, digest = (document.get(key) for key in ("kind", "robot", "sha256"))
+    stated = document if isinstance(document, Mapping) else {}
+    kind, robot, digest = (stated.get(key) for key in ("kind", "robot", "sha256"))
     if kind not in ("nominal", "calibrated") or not isinstance(digest, str):
         raise ModelMismatchError(
             f"a model identity with kind {kind!r} and sha256 {digest!r}, expected nominal or "

@@ -18,13 +18,14 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from io import FileIO
-from math import isfinite
+from math import isfinite, nan
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from robotrue.core.arrays import Array
+from robotrue.core.document_decoder import decode
 from robotrue.core.provenance import MEASURED
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.adjust import move_document, surface_document
@@ -34,7 +35,7 @@ from robotrue.drilling.foot_model import NormalModel, estimate_tilt
 from robotrue.drilling.hole_session import SIMULATED, HoleAnswer, MovedHole
 from robotrue.drilling.journal_lines import foreign_line, whole_lines
 from robotrue.drilling.production import RecordUpdate, record_of, update_model
-from robotrue.errors import FormatError, ModelMismatchError
+from robotrue.errors import ArchiveError, FormatError, ModelMismatchError
 
 SAME_TILT: Final = 1e-6 * DEG
 """rad; tilts of one model at one clamp differ by less, after their way through the journal."""
@@ -120,6 +121,37 @@ def step_document(
         "version": step.model.version,
         "frozen": 0 if step.model.frozen is None else step.model.frozen.version,
     }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _MoveLine:
+    """The line of a hole that was moved for; NaN where a machine does not state a position."""
+
+    d_mm: tuple[float, ...]
+    force_N: float
+    z_mm: float
+    approach: str
+    a_deg: float
+    b_deg: float
+    version: int
+    X_mm: float = nan
+    Y_mm: float = nan
+    at_A_deg: float = nan
+    at_B_deg: float = nan
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _ReferenceLine:
+    """The line of a reference, as :class:`BookedReference`."""
+
+    hole: str
+    left_a_deg: float
+    left_b_deg: float
+    truth: str
+    version: int
+    simulated: bool = False
+    sigma_deg: float | None = None
+    watch_records: int | None = None
 
 
 class Journal(AbstractContextManager["Journal"]):
@@ -213,15 +245,15 @@ class Journal(AbstractContextManager["Journal"]):
         references: list[BookedReference] = []
         for number, entry in enumerate(entries, start=1):
             try:
-                if entry["kind"] == "answer":
+                if entry.kind == "answer":
                     answered += 1
-                    if entry["status"] == "move":
-                        waiting[entry["hole"]] = _read_move(entry)
-                elif (moved := waiting.pop(entry["hole"], None)) is not None:
-                    references.append(_booked_reference(entry, moved))
-                version = int(entry["version"])
-            except (ValueError, KeyError, TypeError) as cause:
+                    if entry.status == "move":
+                        waiting[entry.hole] = _read_move(entry.document)
+                elif (moved := waiting.pop(entry.hole, None)) is not None:
+                    references.append(_booked_reference(entry.document, moved))
+            except ArchiveError as cause:
                 raise foreign_line(self._path, number) from cause
+            version = entry.version
         if whole < len(data):
             self._file.truncate(whole)
         return JournalState(
@@ -229,30 +261,31 @@ class Journal(AbstractContextManager["Journal"]):
         )
 
 
-def _read_move(entry: Mapping[str, Any]) -> MovedHole:
+def _read_move(entry: Mapping[str, object]) -> MovedHole:
+    line = decode(_MoveLine, entry)
     clamps = Clamps(
-        readings=np.array([entry["d_mm"]], dtype=np.float64) * MM,
-        force=np.array([entry["force_N"]], dtype=np.float64),
-        height=np.array([entry["z_mm"]], dtype=np.float64) * MM,
-        approach=(str(entry["approach"]),),
-        place=np.array([[float(entry.get(name, np.nan)) for name in PLACE]]) * MM,
-        axes=np.array([[float(entry.get(f"at_{n}_deg", np.nan)) for n in "AB"]]) * DEG,
+        readings=np.array([line.d_mm]) * MM,
+        force=np.array([line.force_N]),
+        height=np.array([line.z_mm]) * MM,
+        approach=(line.approach,),
+        place=np.array([[line.X_mm, line.Y_mm]]) * MM,
+        axes=np.array([[line.at_A_deg, line.at_B_deg]]) * DEG,
     )
-    tilt = np.array([float(entry[f"{n}_deg"]) for n in "ab"]) * DEG
-    return MovedHole(clamps=clamps, tilt=tilt, version=int(entry["version"]))
+    tilt = np.array([line.a_deg, line.b_deg]) * DEG
+    return MovedHole(clamps=clamps, tilt=tilt, version=line.version)
 
 
-def _booked_reference(entry: Mapping[str, Any], moved: MovedHole) -> BookedReference:
-    sigma, records = entry.get("sigma_deg"), entry.get("watch_records")
+def _booked_reference(entry: Mapping[str, object], moved: MovedHole) -> BookedReference:
+    line = decode(_ReferenceLine, entry)
     return BookedReference(
-        hole=str(entry["hole"]),
+        hole=line.hole,
         moved=moved,
-        left=np.array([float(entry[f"left_{n}_deg"]) for n in "ab"]) * DEG,
-        truth=str(entry["truth"]),
-        sigma=None if sigma is None else float(sigma) * DEG,
-        simulated=entry.get("simulated") is True,
-        version=int(entry["version"]),
-        records=None if records is None else int(records),
+        left=np.array([line.left_a_deg, line.left_b_deg]) * DEG,
+        truth=line.truth,
+        sigma=None if line.sigma_deg is None else line.sigma_deg * DEG,
+        simulated=line.simulated,
+        version=line.version,
+        records=line.watch_records,
     )
 
 

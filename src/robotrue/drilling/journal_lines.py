@@ -3,10 +3,32 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Literal
 
-from robotrue.errors import FormatError
+from robotrue.core.document_decoder import decode
+from robotrue.errors import ArchiveError, FormatError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JournalEntry:
+    """A line of a journal.
+
+    Attributes:
+        kind: An answer to the machine, or a reference it measured afterwards.
+        hole: Its name.
+        status: ``move``, ``refused``, ``recorded`` or ``alarm``.
+        version: Of the model.
+        document: All that the line states.
+    """
+
+    kind: Literal["answer", "reference"]
+    hole: str
+    status: str
+    version: int
+    document: Mapping[str, object] = field(default_factory=dict)
 
 
 def foreign_line(source: str | Path, number: int) -> FormatError:
@@ -21,7 +43,7 @@ def foreign_line(source: str | Path, number: int) -> FormatError:
 
 def whole_lines(
     data: bytes, *, source: str | Path, first: int = 1
-) -> tuple[list[dict[str, Any]], int]:
+) -> tuple[list[JournalEntry], int]:
     """Returns the entries of all lines that have their end, and how many bytes those are.
 
     Args:
@@ -33,14 +55,11 @@ def whole_lines(
         FormatError: A line that is none of a journal; with its number.
     """
     whole = data.rfind(b"\n") + 1
-    out = []
+    entries = []
     for number, line in enumerate(data[:whole].splitlines(), start=first):
         try:
-            entry = json.loads(line)
-            if entry["kind"] not in ("answer", "reference"):
-                raise KeyError(entry["kind"])
-            str(entry["hole"]), str(entry["status"]), int(entry["version"])
-        except (ValueError, KeyError, TypeError, RecursionError) as cause:
+            stated = json.loads(line)
+            entries.append(replace(decode(JournalEntry, stated), document=stated))
+        except (ValueError, ArchiveError, RecursionError) as cause:
             raise foreign_line(source, number) from cause
-        out.append(entry)
-    return out, whole
+    return entries, whole

@@ -23,6 +23,7 @@ from robotrue.calibration.learners.posterior import Solved
 from robotrue.core.archive import Archive, archive_reader
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.columns import Column, Columns
+from robotrue.core.document_decoder import decode
 from robotrue.core.units import UM
 from robotrue.dynamics.deviation_kernel import (
     DRIFT,
@@ -278,7 +279,8 @@ def deviation_from_archive(archive: Archive) -> DeviationModel:
     """
     archive.expect(KIND, SCHEMA, hint="a deviation model is what `robotrue dynamics fit` writes.")
     # Until schema 2 the zero was taken to stay where it was, until 3 to drift as far as settings.
-    settings = DeviationSettings(**({"force_drift": 0.0} | archive.document["settings"]))
+    stated = decode(dict[str, float], archive.document["settings"], key="settings")
+    settings = DeviationSettings(**{"force_drift": 0.0} | stated)
     theta = archive.array("theta")
     return DeviationModel(
         arm=arm_from(archive),

@@ -14,13 +14,14 @@ the sensor from the tool's side.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
 import numpy as np
 
 from robotrue.core.archive import Archive, archive_reader
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.columns import Column, Columns
+from robotrue.core.document_decoder import decode
 from robotrue.core.provenance import MEASURED, Provenance, provenance_from
 from robotrue.core.rotations import skew
 from robotrue.core.units import MM, STANDARD_GRAVITY
@@ -92,12 +93,25 @@ def held_tool_from_archive(archive: Archive) -> HeldTool:
         ArchiveError: Another kind, damaged, or written by a newer robotrue.
     """
     archive.expect(KIND, SCHEMA)
-    values: dict[str, Any] = {name: float(archive.document[name]) for name in _NUMBERS}
-    if not all(0.0 <= value < np.inf for value in values.values()) or values["mass"] > _HEAVIEST:
-        raise ArchiveError(f"a held tool with {values}.")
-    values |= {name: archive.array(name) for name in _VECTORS}
+    stated = {name: archive.document[name] for name in _NUMBERS}
+    numbers = decode(dict[str, float], stated)
+    if not all(0.0 <= value < np.inf for value in numbers.values()) or numbers["mass"] > _HEAVIEST:
+        raise ArchiveError(f"a held tool with {numbers}.")
     origin = provenance_from(archive.document.get("provenance"))
-    return HeldTool(**values, provenance=origin)
+    return HeldTool(
+        mass=numbers["mass"],
+        mass_sd=numbers["mass_sd"],
+        condition=numbers["condition"],
+        force_noise=numbers["force_noise"],
+        moment_noise=numbers["moment_noise"],
+        centre=archive.array("centre"),
+        weight_in_base=archive.array("weight_in_base"),
+        force_offset=archive.array("force_offset"),
+        moment_offset=archive.array("moment_offset"),
+        centre_sd=archive.array("centre_sd"),
+        force_offset_sd=archive.array("force_offset_sd"),
+        provenance=origin,
+    )
 
 
 def identify_held_tool(R_base_sensor: Array, readings: Array) -> HeldTool:

@@ -18,6 +18,7 @@ from robotrue.calibration.archive import robot_from
 from robotrue.core.archive import Archive
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.columns import Column, Columns
+from robotrue.core.document_decoder import decode
 from robotrue.core.provenance import provenance_from
 from robotrue.dynamics.deviation_physics import CompliantArm
 from robotrue.dynamics.windows import WindowSet
@@ -108,19 +109,29 @@ def windows_arrays(windows: WindowSet) -> Mapping[str, Array]:
     return {name: getattr(windows, name) for name in (*_ARRAYS, "measured")}
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _WindowsDocument:
+    """What of a :class:`WindowSet` is no array of numbers."""
+
+    passes: tuple[str, ...]
+    source: str
+    zero_taken: tuple[bool, ...] = ()
+    provenance: object = None
+
+
 def windows_from(archive: Archive) -> WindowSet:
     """Returns the windows that an archive keeps.
 
     Raises:
         ArchiveError: An array is missing, or holds what no quantity amounts to.
     """
-    document = archive.document
+    stated = decode(_WindowsDocument, dict(archive.document))
     return WindowSet(
-        passes=tuple(document["passes"]),
-        zero_taken=np.array(document.get("zero_taken", []), dtype=bool),
-        source=str(document["source"]),
+        passes=stated.passes,
+        zero_taken=np.array(stated.zero_taken, dtype=bool),
+        source=stated.source,
         measured=archive.array("measured", finite=False),
-        provenance=provenance_from(document.get("provenance"), before=[document["source"]]),
+        provenance=provenance_from(stated.provenance, before=[stated.source]),
         **{name: archive.array(name) for name in _ARRAYS},
     )
 

@@ -19,6 +19,7 @@ import numpy as np
 from robotrue.core.archive import Archive, archive_reader
 from robotrue.core.arrays import Array
 from robotrue.core.columns import Column, Columns
+from robotrue.core.document_decoder import decode
 from robotrue.core.provenance import MEASURED, Provenance, provenance_from
 from robotrue.dynamics.frf import AXES, ComplexArray
 from robotrue.errors import ArchiveError, ConfigurationError, ShapeError
@@ -139,6 +140,17 @@ class ModalModel(Columns):
         return Archive(kind=KIND, schema=SCHEMA, document=document, arrays=arrays)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _ModalDocument:
+    """What of a :class:`ModalModel` is no array."""
+
+    response_axes: tuple[str, ...]
+    excitation_axes: tuple[str, ...]
+    valid_hz: tuple[float, float]
+    source: str
+    provenance: object = None
+
+
 @archive_reader
 def modal_model_from_archive(archive: Archive) -> ModalModel:
     """Returns the model of an archive.
@@ -147,8 +159,8 @@ def modal_model_from_archive(archive: Archive) -> ModalModel:
         ArchiveError: Another kind, damaged, or written by a newer robotrue.
     """
     archive.expect(KIND, SCHEMA)
-    document = archive.document
-    low, high = (float(v) for v in document["valid_hz"])
+    stated = decode(_ModalDocument, dict(archive.document))
+    low, high = stated.valid_hz
     if not 0.0 <= low < high:
         raise ArchiveError(f"a modal model that is valid from {low:g} to {high:g} Hz.")
     return ModalModel(
@@ -157,9 +169,9 @@ def modal_model_from_archive(archive: Archive) -> ModalModel:
         upper=archive.array("upper"),
         lower=archive.array("lower"),
         static=archive.array("static", finite=False) if "static" in archive.arrays else None,
-        response_axes=tuple(document["response_axes"]),
-        excitation_axes=tuple(document["excitation_axes"]),
+        response_axes=stated.response_axes,
+        excitation_axes=stated.excitation_axes,
         valid=(low, high),
-        source=str(document["source"]),
-        provenance=provenance_from(document.get("provenance"), before=[document["source"]]),
+        source=stated.source,
+        provenance=provenance_from(stated.provenance, before=[stated.source]),
     )

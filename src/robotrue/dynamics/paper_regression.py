@@ -19,6 +19,7 @@ from robotrue.calibration.archive import robot_arrays, robot_document
 from robotrue.core.archive import Archive, archive_reader
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.columns import Columns
+from robotrue.core.document_decoder import decode
 from robotrue.dynamics.components import SHARE, Components, components_of
 from robotrue.dynamics.deviation_physics import CompliantArm, physics_terms
 from robotrue.dynamics.learned_deviation import (
@@ -196,20 +197,22 @@ def paper_from_archive(archive: Archive) -> PaperModel:
         ArchiveError: Another kind, damaged, or written by a newer robotrue.
     """
     archive.expect(KIND, SCHEMA, hint="it is what `robotrue dynamics fit --method jin2022` writes.")
-    document = archive.document
+    document = dict(archive.document)
+    count = decode(int, document["components"], key="components")
+    numbers = decode(dict[str, float], {name: document[name] for name in (*_MACHINE, "held_out_m")})
     return PaperModel(
         arm=arm_from(archive),
         windows=windows_from(archive),
         components=Components(
-            count=int(document["components"]),
+            count=count,
             **{name: archive.array(name) for name in _COMPONENTS},
         ),
         machine=SupportVectors(
             vectors=archive.array("vectors"),
             weights=archive.array("weights"),
-            **{name: float(document[name]) for name in _MACHINE},
+            **{name: numbers[name] for name in _MACHINE},
         ),
-        held_out=float(document["held_out_m"]),
+        held_out=numbers["held_out_m"],
     )
 
 

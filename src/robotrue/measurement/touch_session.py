@@ -189,7 +189,7 @@ def _sessions() -> TypeAdapter[ProbingSession]:
     return TypeAdapter(ProbingSession)
 
 
-def session_of(document: Mapping[str, object]) -> ProbingSession:
+def session_of(document: object) -> ProbingSession:
     """Returns a session from its JSON values; keys it does not know are passed over.
 
     Raises:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from robotrue.core.files import read_bytes, sha256, write_atomic
 from robotrue.core.model_identity import ModelIdentity, identity_from, require_same_model
@@ -97,7 +97,7 @@ def read_identity(program: str | Path, data: bytes | str) -> ProgramIdentity | N
     if document.get("program_sha256") != _digest(data):
         return None
     return ProgramIdentity(
-        model=identity_from(document.get("model") or {}),
+        model=identity_from(document.get("model")),
         compensated=bool(document.get("compensated")),
         part=str(document.get("part", "")),
         made_from=str(document.get("made_from", "")),
@@ -106,7 +106,7 @@ def read_identity(program: str | Path, data: bytes | str) -> ProgramIdentity | N
     )
 
 
-def _document(path: Path) -> dict[str, Any]:
+def _document(path: Path) -> dict[str, object]:
     try:
         found = json.loads(read_bytes(path).decode("utf-8"))
     except ValueError as cause:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
+from robotrue.calibration.training_summary import read_step
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.catalogue import DEFAULT_LANG
 from robotrue.core.units import DEG, MM
@@ -293,18 +294,16 @@ def _parameters(parameters: Sequence[Parameter], t: ReportTexts) -> Section:
     return Section(title=t("cert.identified"), blocks=(table,))
 
 
-def _lineage(lineage: Sequence[Mapping[str, Any]], t: ReportTexts) -> Section:
+def _lineage(lineage: Sequence[Mapping[str, object]], t: ReportTexts) -> Section:
     rows = tuple(
         (
             k + 1,
-            t(f"step.{step['step']}")
-            if step.get("step") in ("fit", "update", "transfer")
-            else str(step.get("step", "")),
-            int(step.get("rows", 0)),
-            str(step.get("data_sha256", ""))[:16],
-            "; ".join(str(s) for s in step.get("sources", ())),
+            t(f"step.{step.step}") if step.step in ("fit", "update", "transfer") else step.step,
+            step.rows,
+            step.data_sha256[:16],
+            "; ".join(step.sources),
         )
-        for k, step in enumerate(lineage)
+        for k, step in enumerate(map(read_step, lineage))
     )
     names = ("lineage.number", "lineage.step", "lineage.rows", "lineage.hash", "lineage.sources")
     return Section(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -46,6 +46,6 @@ class SideContour(Plot):
 
         return Drawing(draw=draw, height=4.2)
 
-    def _json_more(self) -> dict[str, Any]:
+    def _json_more(self) -> dict[str, object]:
         """Returns the outlines."""
         return {"outlines_mm": [(outline / MM).tolist() for outline in self.outlines]}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import cycle
-from typing import Annotated, Any, ClassVar, Final, Literal
+from typing import Annotated, ClassVar, Final, Literal, TypedDict
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -170,20 +170,39 @@ class PoseCurves(Plot):
         ax.set_title("mean error, mm")
 
 
-def _assign_looks(series: tuple[PoseSeries, ...]) -> list[dict[str, Any]]:
+class Look(TypedDict):
+    """How Matplotlib draws a curve."""
+
+    color: str
+    marker: str
+    linestyle: str
+    linewidth: float
+    markersize: float
+    markeredgewidth: float
+
+
+def _assign_looks(series: tuple[PoseSeries, ...]) -> list[Look]:
     """Returns the line style of each curve: ours set off, peers in turn."""
     peers = cycle(PEERS)
-    names = ("color", "marker", "linestyle", "linewidth", "markersize")
-    looks: list[dict[str, Any]] = []
+    looks: list[Look] = []
     for curve in series:
         match curve.role:
             case "ours":
-                look = (AFTER, "o", "-", 2.6, 7.0)
+                color, marker, style, width, size = AFTER, "o", "-", 2.6, 7.0
             case "published":
-                look = (INK, "*", "none", 0.0, 12.0)
+                color, marker, style, width, size = INK, "*", "none", 0.0, 12.0
             case "peer":
-                look = (*next(peers), 1.5, 5.0)
-        looks.append({**dict(zip(names, look, strict=True)), "markeredgewidth": 0.0})
+                (color, marker, style), width, size = next(peers), 1.5, 5.0
+        looks.append(
+            Look(
+                color=color,
+                marker=marker,
+                linestyle=style,
+                linewidth=width,
+                markersize=size,
+                markeredgewidth=0.0,
+            )
+        )
     return looks
 
 

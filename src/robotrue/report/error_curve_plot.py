@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -33,7 +33,7 @@ class ErrorCurves(Plot):
     kind: ClassVar[str] = "error-curves"
     json_keys: ClassVar[Mapping[str, str]] = {"regions": "names"}
 
-    def _json_more(self) -> dict[str, Any]:
+    def _json_more(self) -> dict[str, object]:
         return {"errors_mm": nullable(self.errors / MM)}
 
     def drawing(self, words: ReportTexts) -> Drawing:

@@ -13,7 +13,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final, TypedDict
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from robotrue.errors import ConvergenceError
 from robotrue.report.export_losses import (
     ExportableModel,
     Loss,
+    LossDocument,
     loss_document,
     losses,
     measure_loss,
@@ -72,6 +73,34 @@ WHERE: Final[Mapping[str, Mapping[str, str]]] = {
 """Where a maker's controller keeps them."""
 
 
+class FrameRow(TypedDict):
+    """A frame as a controller prints it."""
+
+    xyz_mm: list[float]
+    abc_deg: list[float]
+
+
+class ControllerSheet(LossDocument):
+    """The JSON values of a controller sheet; ``where`` names the controller's own tables."""
+
+    format: str
+    format_version: int
+    robot: str
+    simulated: bool
+    maker: str
+    model_sha256: str
+    joint_zero_offset_deg: dict[str, float]
+    joint_zero_meaning: str
+    tool: FrameRow
+    tool_meaning: str
+    base: FrameRow
+    base_meaning: str
+    where: dict[str, str]
+    cannot_take: list[str]
+    nominal_misses_rms_mm: float
+    nominal_misses_largest_mm: float
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ControllerExport:
     """The sheet.
@@ -88,7 +117,7 @@ class ControllerExport:
     before: Loss
     total: Loss
     lost: tuple[Loss, ...]
-    document: Mapping[str, object]
+    document: ControllerSheet
 
     def text(self) -> str:
         """Returns the sheet to read."""
@@ -161,7 +190,7 @@ def _free(dof: int) -> IntArray:
 
 def _document(
     robot: RobotModel, found: ExportableModel, lost: Sequence[Loss], before: Loss, total: Loss
-) -> Mapping[str, object]:
+) -> ControllerSheet:
     sign = np.ones(robot.dof) if robot.controller is None else robot.controller.sign
     offset = sign * np.linalg.solve(robot.joint_map, robot.error("theta"))
     maker = robot.maker if robot.maker in WHERE else "generic"
@@ -186,14 +215,14 @@ def _document(
     }
 
 
-def _frame(T: Array) -> dict[str, list[float]]:
+def _frame(T: Array) -> FrameRow:
     return {
         "xyz_mm": (T[:3, 3] / MM).tolist(),
         "abc_deg": (abc_from_matrix(T[:3, :3]) / DEG).tolist(),
     }
 
 
-def _text(d: Mapping[str, Any]) -> str:
+def _text(d: ControllerSheet) -> str:
     lines = [
         simulation_mark(d["simulated"], f"{MARK}: ")
         + f"Controller sheet, {d['robot']}, calibrated by robotrue",
@@ -202,11 +231,13 @@ def _text(d: Mapping[str, Any]) -> str:
         f"Joint zeros ({d['joint_zero_meaning']}), deg; {d['where']['joint zeros']}",
         *(f"  {name}  {value:+.5f}" for name, value in d["joint_zero_offset_deg"].items()),
     ]
-    for name in ("tool", "base"):
-        frame = d[name]
+    for title, frame, meaning, where in (
+        ("Tool", d["tool"], d["tool_meaning"], d["where"]["tool"]),
+        ("Base", d["base"], d["base_meaning"], d["where"]["base"]),
+    ):
         lines += [
             "",
-            f"{name.capitalize()} ({d[f'{name}_meaning']}); {d['where'][name]}",
+            f"{title} ({meaning}); {where}",
             "  X {:.4f} mm  Y {:.4f} mm  Z {:.4f} mm".format(*frame["xyz_mm"]),
             "  A {:.5f} deg  B {:.5f} deg  C {:.5f} deg".format(*frame["abc_deg"]),
         ]

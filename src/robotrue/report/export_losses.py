@@ -6,9 +6,9 @@ the distance between where the model says the tool point is with that part and w
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, TypedDict
 
 import numpy as np
 
@@ -197,7 +197,24 @@ def mean_position(tables: MeanTables, joints: Array, load: Load) -> Array:
     return np.asarray(position)
 
 
-def loss_document(lost: Sequence[Loss], total: Loss) -> Mapping[str, object]:
+class LeftOutRow(TypedDict):
+    """A part of a model that an export leaves out, alone; mm."""
+
+    part: str
+    rms_mm: float
+    largest_mm: float
+
+
+class LossDocument(TypedDict):
+    """What an export leaves out, see :func:`loss_document`."""
+
+    left_out: list[LeftOutRow]
+    together_rms_mm: float
+    together_largest_mm: float
+    measured_on: str
+
+
+def loss_document(lost: Sequence[Loss], total: Loss) -> LossDocument:
     """Returns JSON values: what was left out, mm."""
     return {
         "left_out": [

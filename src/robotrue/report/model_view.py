@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final, TypedDict
 
 import numpy as np
 
 from robotrue.calibration.model import ErrorModel
-from robotrue.calibration.training_summary import TrainingSummary
+from robotrue.calibration.training_summary import EstimatedParameter, TrainingSummary
 from robotrue.core.units import DEG, MM
 from robotrue.report.warning_groups import group_warnings
 from robotrue.robot.model import UNITS, parameter_names
@@ -17,48 +17,75 @@ SHOP: Final = {"m": ("mm", MM), "rad": ("deg", DEG), "1": ("ppm", 1e-6)}
 MDEG: Final = 1e-3 * DEG
 
 
-def list_geometric_errors(model: ErrorModel) -> dict[str, dict[str, Any]]:
+class GeometricRow(TypedDict):
+    """A geometric error, see :func:`list_geometric_errors`."""
+
+    value: float
+    sd: float
+    unit: str
+    known: str
+
+
+class StiffnessRow(TypedDict):
+    """Stiffness and compliance of a drive, see :func:`stiffness`."""
+
+    Nm_per_rad: float | None
+    sd_Nm_per_rad: float | None
+    compliance_rad_per_Nm: float
+    compliance_sd_rad_per_Nm: float
+    known: str
+
+
+class DriveRow(TypedDict):
+    """Ripple and backlash of a drive, see :func:`drive_errors`."""
+
+    ripple_mdeg: float
+    strongest: int | None
+    backlash_mdeg: float
+
+
+def list_geometric_errors(model: ErrorModel) -> dict[str, GeometricRow]:
     """Returns value, standard deviation, unit and class of every geometric error.
 
     Lengths in mm, angles in deg, gear ratios in 1e-6. ``known`` is ``seen``, ``weakly seen`` or
     ``prior only``; parameters the method does not estimate are left out.
     """
-    out = {}
+    out: dict[str, GeometricRow] = {}
     for name, row in _read_estimates(model).items():
         unit, size = SHOP.get(_si_unit(name), ("", 1.0))
         if unit:
             out[name] = {
-                "value": row["value"] / size,
-                "sd": row["sd"] / size,
+                "value": row.value / size,
+                "sd": row.sd / size,
                 "unit": unit,
-                "known": row["class"],
+                "known": row.kind,
             }
     return out
 
 
-def stiffness(model: ErrorModel) -> dict[str, dict[str, Any]]:
+def stiffness(model: ErrorModel) -> dict[str, StiffnessRow]:
     """Returns stiffness and standard deviation per joint, N m/rad; None where none is known.
 
     The estimate is of the compliance c; stiffness is 1/c with standard deviation sd(c)/c^2, which
     says nothing where sd(c) is not well below c.
     """
-    out: dict[str, dict[str, object]] = {}
+    out: dict[str, StiffnessRow] = {}
     for name, row in _read_estimates(model).items():
         if not name.startswith("compliance"):
             continue
-        value, sd = row["value"], row["sd"]
+        value, sd = row.value, row.sd
         told = value > 0.0 and sd < 0.5 * value
         out[f"joint {name.removeprefix('compliance')}"] = {
             "Nm_per_rad": 1.0 / value if told else None,
             "sd_Nm_per_rad": sd / value**2 if told else None,
             "compliance_rad_per_Nm": value,
             "compliance_sd_rad_per_Nm": sd,
-            "known": row["class"],
+            "known": row.kind,
         }
     return out
 
 
-def drive_errors(model: ErrorModel) -> dict[str, dict[str, Any]]:
+def drive_errors(model: ErrorModel) -> dict[str, DriveRow]:
     """Returns ripple and backlash of each joint of a model that has learned them, in 1e-3 deg.
 
     ``ripple_mdeg`` is the root mean square over a turn, ``strongest`` the cycles per revolution of
@@ -131,12 +158,12 @@ def harmless_remark(summary: TrainingSummary) -> list[str]:
     ]
 
 
-def _read_estimates(model: ErrorModel) -> dict[str, dict[str, Any]]:
+def _read_estimates(model: ErrorModel) -> dict[str, EstimatedParameter]:
     """The parameters of the summary, or, of a model that keeps no table there, its mean and sd."""
     stated = model.training_summary().parameters
     if stated is not None:
         return {
-            name: {"value": parameter.value, "sd": parameter.sd, "class": parameter.kind}
+            name: parameter
             for name in parameter_names(model.robot.dof)
             if (parameter := stated.get(name)) is not None and parameter.kind != "fixed"
         }
@@ -149,7 +176,7 @@ def _read_estimates(model: ErrorModel) -> dict[str, dict[str, Any]]:
     if belief is not None:
         spread = np.sqrt(belief.variance[: len(errors)])
     return {
-        name: {"value": float(value), "sd": float(sd), "class": "not recorded"}
+        name: EstimatedParameter(value=float(value), sd=float(sd), kind="not recorded")
         for name, value, sd in zip(names, errors, spread, strict=True)
         if value != 0.0
     }

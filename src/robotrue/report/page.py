@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
@@ -39,8 +40,13 @@ def report_html(content: ReportContent) -> str:
     )
 
 
-def page_document(content: ReportContent) -> dict[str, Any]:
-    """Returns what page and print set, every number already in words, drawings as inline SVG."""
+def page_document(content: ReportContent, redraw: Callable[[str], str] = str) -> dict[str, object]:
+    """Returns what page and print set, every number already in words, drawings as inline SVG.
+
+    Args:
+        content: Of the page.
+        redraw: What becomes of the SVG of a drawing.
+    """
     words = ReportTexts(lang=content.lang)
     mark = simulation_mark(content.simulated, f" {words('page.footer_simulated')}")
     lists = ((words("page.unseen"), content.unseen), (words("page.doubts"), content.doubts))
@@ -56,7 +62,8 @@ def page_document(content: ReportContent) -> dict[str, Any]:
                 "title": section.title,
                 "text": section.text,
                 "blocks": [
-                    _block(block, f"s{i}b{k}", words) for k, block in enumerate(section.blocks)
+                    _block(block, f"s{i}b{k}", words, redraw)
+                    for k, block in enumerate(section.blocks)
                 ],
             }
             for i, section in enumerate(content.sections)
@@ -86,7 +93,9 @@ def _tile(tile: KeyFigure, words: ReportTexts) -> dict[str, str]:
     }
 
 
-def _block(block: Block, key: str, words: ReportTexts) -> dict[str, object]:
+def _block(
+    block: Block, key: str, words: ReportTexts, redraw: Callable[[str], str]
+) -> dict[str, object]:
     head: dict[str, object] = {
         "title": block.title,
         "caption": block.caption,
@@ -94,7 +103,7 @@ def _block(block: Block, key: str, words: ReportTexts) -> dict[str, object]:
         "table": [],
     }
     if not isinstance(block, ReportTable):
-        return head | {"svg": block.svg(key, words)}
+        return head | {"svg": redraw(block.svg(key, words))}
     wordy = [any(isinstance(row[k], str) for row in block.rows) for k in range(len(block.columns))]
     return head | {
         "columns": [

@@ -9,7 +9,7 @@ import json
 import re
 from importlib.resources import files
 from types import ModuleType
-from typing import Any, Final
+from typing import Final
 
 from robotrue.errors import ConfigurationError, MissingExtraError
 from robotrue.report.content import ReportContent
@@ -92,13 +92,9 @@ def _typst() -> ModuleType:
     return typst
 
 
-def _document(content: ReportContent, fonts: tuple[str, ...]) -> dict[str, Any]:
+def _document(content: ReportContent, fonts: tuple[str, ...]) -> dict[str, object]:
     """What the template prints: the document of the page, its drawings as files of their own."""
-    document = page_document(content)
-    for section in document["sections"]:
-        for block in section["blocks"]:
-            if block["svg"]:
-                block["svg"] = standalone_svg(block["svg"], ", ".join(fonts))
+    document = page_document(content, lambda svg: standalone_svg(svg, ", ".join(fonts)))
     return document | {
         "lang": HTML_LANG[content.lang][:2],
         "fonts": list(fonts),

@@ -18,9 +18,10 @@ import tempfile
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import IO, Any, BinaryIO, Final, cast
+from typing import IO, BinaryIO, Final, cast
 
 from sqlalchemy import (
     Connection,
@@ -36,6 +37,7 @@ from sqlalchemy import (
 from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
+from robotrue.core.document_decoder import decode
 from robotrue.errors import ArchiveError, ConfigurationError, ModelMismatchError
 from robotrue.store import journal
 from robotrue.store.blobs import CHUNK
@@ -103,7 +105,7 @@ def import_project(
     try:
         with zipfile.ZipFile(path) as bundle:
             manifest = manifest_of(bundle, source)
-            require_members(bundle, manifest["members"], source, most, workspace.folder)
+            require_members(bundle, manifest.members, source, most, workspace.folder)
             with tempfile.TemporaryDirectory(dir=workspace.folder) as folder:
                 return _import(workspace, bundle, manifest, source, Path(folder))
     except BROKEN as cause:
@@ -113,15 +115,15 @@ def import_project(
 def _import(
     workspace: Workspace,
     bundle: zipfile.ZipFile,
-    manifest: Mapping[str, Any],
+    manifest: Manifest,
     source: str,
     folder: Path,
 ) -> ExchangeTotals:
-    members = manifest["members"]
+    members = manifest.members
     engine = engine_at(folder, None)
     try:
         with writing(engine) as connection:
-            migrate(connection, manifest["schema"])
+            migrate(connection, manifest.schema)
             _read_tables(bundle, members, connection, source)
             migrate(connection)
             _require_sound(connection, members, source)
@@ -133,7 +135,7 @@ def _import(
                     into.keep(cast(BinaryIO, stream), place=place)
             with engine.connect() as connection:
                 rows = _merge(into.session, connection, source)
-            detail = {"from": manifest.get("workspace"), "rows": rows, "files": len(files)}
+            detail = {"from": manifest.workspace, "rows": rows, "files": len(files)}
             journal.record(into, "imported", "workspace", workspace.id, detail=detail)
     except SQLAlchemyError as cause:
         raise damage_error(
@@ -141,12 +143,12 @@ def _import(
         ) from cause
     finally:
         engine.dispose()
-    size = sum(members[name]["size"] for name in files)
+    size = sum(members[name].size for name in files)
     return ExchangeTotals(rows=rows, files=len(files), bytes=size)
 
 
 def _read_tables(
-    bundle: zipfile.ZipFile, members: Mapping[str, Any], connection: Connection, source: str
+    bundle: zipfile.ZipFile, members: Mapping[str, Member], connection: Connection, source: str
 ) -> None:
     """Fills a database of the schema the rows were written with."""
     found = MetaData()
@@ -183,7 +185,7 @@ def _row(table: Table, line: bytes, source: str) -> dict[str, object]:
     return stated
 
 
-def _require_sound(connection: Connection, members: Mapping[str, object], source: str) -> None:
+def _require_sound(connection: Connection, members: Mapping[str, Member], source: str) -> None:
     """Refuses rows that no robotrue writes, whatever their hash."""
     held = Base.metadata.tables
     blobs = {f"{r.place}/{r.sha256}" for r in connection.execute(select(held["blobs"]))}
@@ -267,7 +269,37 @@ def _only_one_latest(session: Session, table: Table) -> None:
         )
 
 
-def manifest_of(bundle: zipfile.ZipFile, source: str) -> dict[str, Any]:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Member:
+    """A file of an export.
+
+    Attributes:
+        sha256: Of its bytes.
+        size: In bytes.
+    """
+
+    sha256: str
+    size: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Manifest:
+    """What an export states of itself.
+
+    Attributes:
+        format_version: Of the export.
+        schema: Of the database its rows are from.
+        members: Its files by name.
+        workspace: It was made of.
+    """
+
+    format_version: int
+    schema: str
+    members: Mapping[str, Member]
+    workspace: str | None = None
+
+
+def manifest_of(bundle: zipfile.ZipFile, source: str) -> Manifest:
     """Returns the manifest.
 
     Raises:
@@ -281,26 +313,27 @@ def manifest_of(bundle: zipfile.ZipFile, source: str) -> dict[str, Any]:
         stated = json.loads(bundle.read(MANIFEST))
         if stated.get("format") != FORMAT:
             raise ArchiveError("a zip file, but not an export of robotrue.", source=source)
-        version, schema, members = stated["format_version"], stated["schema"], stated["members"]
-        if int(version) > FORMAT_VERSION:
+        manifest = decode(Manifest, stated)
+        if manifest.format_version > FORMAT_VERSION:
             raise ArchiveError(
-                f"an export of format {version}, this robotrue reads up to {FORMAT_VERSION}.",
+                f"an export of format {manifest.format_version}, this robotrue reads up to "
+                f"{FORMAT_VERSION}.",
                 source=source,
                 hint="update robotrue.",
             )
-        if not _SCHEMA.fullmatch(schema) or not isinstance(members, dict):
-            raise ValueError("schema or members")
-        require_known(schema)
-        for entry in members.values():
-            if not re.fullmatch("[0-9a-f]{64}", entry["sha256"]) or not 0 <= int(entry["size"]):
+        if not _SCHEMA.fullmatch(manifest.schema):
+            raise ValueError("schema")
+        require_known(manifest.schema)
+        for entry in manifest.members.values():
+            if not re.fullmatch("[0-9a-f]{64}", entry.sha256) or not 0 <= entry.size:
                 raise ValueError("a member's hash or size")
     except (KeyError, ValueError, TypeError, AttributeError, RecursionError) as cause:
         raise damage_error(source, f"its manifest is none ({cause})") from cause
-    return cast(dict[str, Any], stated)
+    return manifest
 
 
 def require_members(
-    bundle: zipfile.ZipFile, members: Mapping[str, Any], source: str, most: int, folder: Path
+    bundle: zipfile.ZipFile, members: Mapping[str, Member], source: str, most: int, folder: Path
 ) -> None:
     """Passes if the members are those of the manifest, and no more than may be.
 
@@ -317,10 +350,10 @@ def require_members(
             continue
         if not _MEMBER.fullmatch(info.filename):
             raise damage_error(source, f"a member is called {info.filename[:60]!r}")
-        if info.file_size != members[info.filename]["size"]:
+        if info.file_size != members[info.filename].size:
             raise damage_error(source, f"{info.filename} is not as long as the manifest says")
         name = info.filename.partition("/")[2]
-        if not info.filename.startswith("tables/") and members[info.filename]["sha256"] != name:
+        if not info.filename.startswith("tables/") and members[info.filename].sha256 != name:
             raise damage_error(source, f"{info.filename} is not named by its hash")
     expanded = sum(info.file_size for info in bundle.infolist())
     packed = sum(info.compress_size for info in bundle.infolist())
@@ -336,7 +369,7 @@ def require_members(
 class Checked:
     """A member that is read no further than it should be, and whose hash is what it should be."""
 
-    def __init__(self, stream: IO[bytes], name: str, entry: Mapping[str, Any], source: str) -> None:
+    def __init__(self, stream: IO[bytes], name: str, entry: Member, source: str) -> None:
         self._stream, self._name, self._entry, self._source = stream, name, entry, source
         self._digest, self._size = hashlib.sha256(), 0
 
@@ -353,18 +386,16 @@ class Checked:
     def _check(self, piece: bytes) -> bytes:
         self._digest.update(piece)
         self._size += len(piece)
-        whole = self._size == self._entry["size"]
-        if self._size > self._entry["size"] or (not piece and not whole):
+        whole = self._size == self._entry.size
+        if self._size > self._entry.size or (not piece and not whole):
             raise damage_error(self._source, f"{self._name} is not as long as the manifest says")
-        if whole and self._digest.hexdigest() != self._entry["sha256"]:
+        if whole and self._digest.hexdigest() != self._entry.sha256:
             raise damage_error(self._source, f"{self._name} does not match its hash")
         return piece
 
 
 @contextlib.contextmanager
-def member(
-    bundle: zipfile.ZipFile, name: str, entry: Mapping[str, Any], source: str
-) -> Iterator[Checked]:
+def member(bundle: zipfile.ZipFile, name: str, entry: Member, source: str) -> Iterator[Checked]:
     """Gives a member to read.
 
     Raises:

@@ -94,7 +94,7 @@ def _insert(
     return _write(into, noun, id, version, columns, links, attachments, "changed")
 
 
-def _clean(columns: Mapping[str, Any]) -> dict[str, object]:
+def _clean(columns: Mapping[str, object]) -> dict[str, object]:
     """The columns as any database keeps them: JSON values, text of whole characters, no NUL."""
     clean = {
         key: json_values(value) if isinstance(value, Mapping) else value

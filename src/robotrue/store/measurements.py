@@ -19,6 +19,7 @@ import pyarrow.parquet as pq
 
 from robotrue.calibration.lineage import data_hash
 from robotrue.core.arrays import Array
+from robotrue.core.document_decoder import decode
 from robotrue.core.provenance import provenance_from
 from robotrue.errors import ArchiveError, ConfigurationError, ImplausibleDataError
 from robotrue.measurement.measurement_set import MeasurementSet
@@ -217,6 +218,18 @@ def samples_bytes(rows: MeasurementSet) -> bytes:
     return buffer.getvalue()
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _SamplesHead:
+    """What a file of measurements states beside its columns."""
+
+    format_version: int
+    dof: int
+    frame: str
+    group_names: tuple[str, ...]
+    sources: tuple[str, ...]
+    provenance: object = None
+
+
 def read_samples(path: Path) -> MeasurementSet:
     """Returns the set in a Parquet file.
 
@@ -224,7 +237,7 @@ def read_samples(path: Path) -> MeasurementSet:
         ArchiveError: Damaged, of something else, or of a newer robotrue.
     """
     head, table = _open_samples(path, None)
-    dof = int(head["dof"])
+    dof = head.dof
     values: dict[str, Any] = {}
     for each in fields(MeasurementSet):
         if each.name not in _SHAPES:
@@ -233,12 +246,10 @@ def read_samples(path: Path) -> MeasurementSet:
         columns = [table.column(name).to_numpy() for name in column_names(each.name, dof)]
         values[each.name] = np.stack(columns, axis=1).reshape(table.num_rows, *shape)
     return MeasurementSet(
-        frame="base" if head["frame"] == "base" else "tracker",
-        group_names=tuple(head["group_names"]),
-        sources=tuple(head["sources"]),
-        provenance=provenance_from(
-            head.get("provenance"), before=(*head["sources"], *head["group_names"])
-        ),
+        frame="base" if head.frame == "base" else "tracker",
+        group_names=head.group_names,
+        sources=head.sources,
+        provenance=provenance_from(head.provenance, before=(*head.sources, *head.group_names)),
         **values,
     )
 
@@ -275,20 +286,20 @@ def read_rows(path: Path, query: RowQuery) -> RowPage:
     return RowPage(index=page.astype(np.float64), columns=columns, total=len(index))
 
 
-def _open_samples(path: Path, columns: Sequence[str] | None) -> tuple[dict[str, Any], pa.Table]:
+def _open_samples(path: Path, columns: Sequence[str] | None) -> tuple[_SamplesHead, pa.Table]:
     try:
         table = pq.read_table(path, columns=columns)
-        head = json.loads(table.schema.metadata[_KEY])
-        version = int(head["format_version"])
-    except (pa.ArrowException, OSError, ValueError, KeyError, TypeError) as cause:
+        head = decode(_SamplesHead, json.loads(table.schema.metadata[_KEY]))
+    except (pa.ArrowException, OSError, ValueError, KeyError, TypeError, ArchiveError) as cause:
         raise ArchiveError(
             f"not measurements of robotrue, or damaged ({cause}).",
             source=path,
             hint="fetch the file from its backup.",
         ) from cause
-    if version > FORMAT_VERSION:
+    if head.format_version > FORMAT_VERSION:
         raise ArchiveError(
-            f"measurements of format {version}, this robotrue reads up to {FORMAT_VERSION}.",
+            f"measurements of format {head.format_version}, this robotrue reads up to "
+            f"{FORMAT_VERSION}.",
             source=path,
             hint="update robotrue.",
         )

@@ -10,7 +10,7 @@ from base64 import b64decode, b64encode
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -20,14 +20,11 @@ from robotrue.cell.cell import Cell
 from robotrue.cell.cell_text import portable_text
 from robotrue.cell.config import parse_cell
 from robotrue.core.archive import Archive, archive_from, archive_reader, write_archive
+from robotrue.core.document_decoder import decode
 from robotrue.core.files import read_bytes
 from robotrue.errors import ArchiveError
-from robotrue.measurement.tracker import TrackerSpecification
-from robotrue.program.external_axes import ExternalAxis
-from robotrue.program.orientation import OrientationRule
-from robotrue.program.program import FrameTable
 from robotrue.robot.model import RobotModel
-from robotrue.robot.statics import Load
+from robotrue.store.cell_schema_1 import cell_of_schema_1
 
 CELL_SCHEMA: Final = 2
 ZIP: Final = b"PK"
@@ -96,27 +93,45 @@ def pack_cell(cell: Cell) -> dict[str, object]:
     }
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CellDocument:
+    """A cell inside a model file.
+
+    Attributes:
+        source: Name of the cell file.
+        digest: SHA-256 of its bytes.
+        text: The file.
+        files: It names, in base 64.
+    """
+
+    source: str
+    digest: str
+    text: str
+    files: dict[str, str]
+
+
 @archive_reader
-def unpack_cell(stated: Mapping[str, Any], robot: RobotModel) -> Cell:
+def unpack_cell(stated: Mapping[str, object], robot: RobotModel) -> Cell:
     """Returns the cell from :func:`pack_cell` and the nominal robot of the model.
 
     Raises:
         ArchiveError: The document is incomplete, damaged or of a newer schema.
     """
-    schema = int(stated.get("schema", 0))
+    schema = decode(int, stated.get("schema", 0), key="cell.schema")
     if not 1 <= schema <= CELL_SCHEMA:
         raise ArchiveError(
-            f"cell schema {stated['schema']}, this robotrue reads up to {CELL_SCHEMA}.",
+            f"cell schema {schema}, this robotrue reads up to {CELL_SCHEMA}.",
             hint="update robotrue.",
         )
     if schema == 1:
-        cell = _cell_of_schema_1(stated, robot)
+        cell = cell_of_schema_1(stated, robot)
     else:
-        files = {str(name): b64decode(data) for name, data in stated["files"].items()}
-        cell = parse_cell(stated["text"].encode(), stated["source"], files=files)
+        document = decode(CellDocument, stated, key="cell")
+        files = {name: b64decode(data) for name, data in document.files.items()}
+        cell = parse_cell(document.text.encode(), document.source, files=files)
         # The model says which arm it is of; the file may name a preset that changed since.
         arm = robot.nominal().with_tool(cell.robot.T_flange_tool)
-        cell = replace(cell, robot=arm, digest=stated["digest"])
+        cell = replace(cell, robot=arm, digest=document.digest)
     for name in ("T_flange_target", "T_base_frame"):
         check_pose(getattr(cell, name), name)
     check_pose(cell.robot.T_flange_tool, "T_flange_tool")
@@ -124,66 +139,3 @@ def unpack_cell(stated: Mapping[str, Any], robot: RobotModel) -> Cell:
     if not ((mass < 1e5).all() and (np.abs(com) < 100.0).all() and cell.target_sigma < 10.0):
         raise ArchiveError("payload or target of the cell in this model file cannot be.")
     return cell
-
-
-def _cell_of_schema_1(stated: Mapping[str, Any], robot: RobotModel) -> Cell:
-    """Returns the cell of a document of schema 1 and of the nominal robot of its model.
-
-    Raises:
-        LookupError: An entry is missing; other entries raise what NumPy and :class:`Cell` do.
-    """
-    position = stated["tracker_position"]
-    compliance = [np.nan if c is None else c for c in stated["compliance_prior"]]
-    return Cell(
-        robot=robot.nominal().with_tool(np.array(stated["T_flange_tool"])),
-        T_flange_target=np.array(stated["T_flange_target"]),
-        target_sigma=float(stated["target_sigma"]),
-        T_base_frame=np.array(stated["T_base_frame"]),
-        frame=stated["frame"],
-        tracker_position=None if position is None else np.array(position),
-        tracker=TrackerSpecification(**stated["tracker"]),
-        repeatability=stated["repeatability"],
-        payload=Load(
-            mass=np.array([float(stated["payload_mass"])]),
-            com=np.array(stated["payload_com"])[None],
-        ),
-        compliance_prior=np.array(compliance),
-        controller=_read_controller(stated.get("controller", {})),
-        source=stated["source"],
-        digest=stated["digest"],
-    )
-
-
-def _read_controller(stated: Mapping[str, Any]) -> FrameTable:
-    if not stated:
-        return FrameTable()
-    pulses = stated["pulses_per_degree"]
-    return FrameTable(
-        bases={key: np.array(matrix) for key, matrix in stated["bases"].items()},
-        tools={key: np.array(matrix) for key, matrix in stated["tools"].items()},
-        external=tuple(_read_axis(axis) for axis in stated["external"]),
-        external_axes_at_rest=bool(stated["external_axes_at_rest"]),
-        fixed_tool=stated["fixed_tool"],
-        harmless_routines=tuple(stated.get("harmless_routines", ())),
-        orientation=OrientationRule(
-            angles=stated["orientation"]["angles"],
-            cutter=np.array(stated["orientation"]["cutter"]),
-            spin=stated["orientation"]["spin"],
-        ),
-        pulses_per_degree=None if pulses is None else np.array(pulses),
-        start=np.array(stated.get("start", [])),
-    )
-
-
-def _read_axis(stated: Mapping[str, Any]) -> ExternalAxis:
-    point, per_pulse = stated["point"], stated["per_pulse"]
-    return ExternalAxis(
-        number=int(stated["number"]),
-        name=stated["name"],
-        direction=np.array(stated["direction"]),
-        point=None if point is None else np.array(point),
-        at=float(stated["at"]),
-        carries_robot=bool(stated["carries_robot"]),
-        frames=tuple(stated["frames"]),
-        per_pulse=np.nan if per_pulse is None else float(per_pulse),
-    )

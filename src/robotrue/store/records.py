@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any, Generic, TypeVar
 
+from robotrue.calibration.training_summary import read_step
+from robotrue.core.document_decoder import decode
 from robotrue.core.provenance import Provenance, provenance_from
 from robotrue.store.query_defaults import LIMIT, SORT
 
@@ -101,6 +103,15 @@ class ItemRecord:
         return tuple(each for each in self.attachments if each.role == role)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _SourcesDetail:
+    """Names of sources in the detail of a record."""
+
+    sources: tuple[object, ...] = ()
+    groups: tuple[object, ...] = ()
+    history: tuple[dict[str, object], ...] = ()
+
+
 def provenance_of_record(record: ItemRecord) -> Provenance:
     """Returns the provenance in the detail of a record; measured, where it says nothing of it.
 
@@ -109,11 +120,13 @@ def provenance_of_record(record: ItemRecord) -> Provenance:
     """
     detail = record.detail
     session = detail.get("session")
-    stated = session if isinstance(session, Mapping) else detail
-    if detail.get("provenance") is None and isinstance(stated.get("simulated"), bool):
-        return Provenance(simulated=stated["simulated"])
-    steps = [name for step in detail.get("history", ()) for name in step.get("sources", ())]
-    before = (*detail.get("sources", ()), *detail.get("groups", ()), *steps)
+    about = session if isinstance(session, Mapping) else detail
+    simulated = about.get("simulated")
+    if detail.get("provenance") is None and isinstance(simulated, bool):
+        return Provenance(simulated=simulated)
+    stated = decode(_SourcesDetail, dict(detail))
+    steps = [name for step in stated.history for name in read_step(step).sources]
+    before = (*stated.sources, *stated.groups, *steps)
     return provenance_from(detail.get("provenance"), before=before)
 
 

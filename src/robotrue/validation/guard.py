@@ -18,6 +18,7 @@ import numpy as np
 
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.training_summary import TrainingSummary
+from robotrue.core.document_decoder import decode
 from robotrue.core.json_values import json_values
 from robotrue.core.progress import Progress
 from robotrue.core.units import MM
@@ -149,11 +150,12 @@ def _use_requested(selection: Selection, requested: str) -> Selection:
 
 def verdict_from_summary(summary: TrainingSummary) -> tuple[GuardVerdict, Selection | None] | None:
     """Returns what the guard wrote into a training summary, None if there was no guard."""
-    if not isinstance(summary.guard, Mapping):
+    stated = summary.guard
+    if stated is None:
         return None
     names = {"gain_m": "gain", "noise_m": "noise"}
-    known = {names.get(k, k): v for k, v in summary.guard.items() if v is not None}
-    verdict = GuardVerdict(**{**known, "doubts": tuple(known["doubts"])})
+    known = {names.get(k, k): v for k, v in stated.items() if v is not None}
+    verdict = decode(GuardVerdict, known, key="summary.guard")
     contest = summary.selection if verdict.checked else None
     return verdict, None if contest is None else selection_from_summary(contest)
 

@@ -101,4 +101,6 @@ def entries_after(path: Path, after: int, *, name: str) -> Entries:
             )
         file.seek(start)
         found, taken = whole_lines(file.read(MOST), source=name)
-    return Entries(entries=found, next=start + taken, size=size, anew=anew)
+    return Entries(
+        entries=[dict(entry.document) for entry in found], next=start + taken, size=size, anew=anew
+    )

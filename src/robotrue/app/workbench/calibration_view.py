@@ -9,7 +9,12 @@ from robotrue.calibration.lineage import provenance_of
 from robotrue.calibration.model import ErrorModel
 from robotrue.core.provenance import merge
 from robotrue.measurement.measurement_set import MeasurementSet
-from robotrue.report.model_view import drive_errors, list_geometric_errors, stiffness
+from robotrue.report.model_view import (
+    StiffnessRow,
+    drive_errors,
+    list_geometric_errors,
+    stiffness,
+)
 from robotrue.report.warning_groups import group_warnings
 from robotrue.store import items, measurements, models
 from robotrue.store.nouns import MODEL
@@ -47,7 +52,7 @@ def show_model(workspace: Workspace, model_id: str, version: int) -> bytes:
     )
 
 
-def _stiffness(model: ErrorModel) -> dict[str, dict[str, object]]:
+def _stiffness(model: ErrorModel) -> dict[str, StiffnessRow]:
     return {name: row for name, row in stiffness(model).items() if row["Nm_per_rad"] is not None}
 
 

@@ -96,6 +96,6 @@ def _journal(path: Path) -> dict[str, object]:
     entries, _ = whole_lines(path.read_bytes(), source=path.name)
     if not entries:
         raise ConfigurationError("a journal without a line.", source=path.name)
-    holes = len({each["hole"] for each in entries})
-    simulated = any(each.get("simulated") is True for each in entries)
+    holes = len({entry.hole for entry in entries})
+    simulated = any(entry.document.get("simulated") is True for entry in entries)
     return {"holes": holes, "entries": len(entries), "simulated": simulated}

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -21,6 +21,7 @@ from robotrue.calibration.learners.posterior import correlation
 from robotrue.calibration.learners.tradaboost import TrAdaBoostR2, combine_rounds, round_shares
 from robotrue.core.arrays import Array
 from robotrue.core.columns import Column, Columns
+from robotrue.core.document_decoder import decode
 from robotrue.core.units import MM
 
 _LEAST_WEIGHT: Final = 1e-12  # as the boosting gives its learners
@@ -206,8 +207,19 @@ def learner(readings: DengReadings) -> GaussianProcess:
     )
 
 
+@dataclass(frozen=True, slots=True)
+class _CommitteeDocument:
+    """What of a :class:`Committee` is no array."""
+
+    amplitude: float
+    noise: float
+    kernel: Kernel
+    mean: Mean
+    combination: str
+
+
 def restore_committee(
-    document: Mapping[str, Any], arrays: Mapping[str, Array], prefix: str
+    document: Mapping[str, object], arrays: Mapping[str, Array], prefix: str
 ) -> Committee:
     """Returns the committee kept by :meth:`Committee.document` and :meth:`Committee.arrays`.
 
@@ -215,13 +227,14 @@ def restore_committee(
         KeyError: A part is missing.
     """
     parts = {name: np.asarray(arrays[prefix + name]) for name in _ARRAYS}
+    stated = decode(_CommitteeDocument, document)
     committee = Committee(
         **parts,
-        amplitude=float(document["amplitude"]),
-        noise=float(document["noise"]),
-        kernel=document["kernel"],
-        mean=document["mean"],
-        combination=str(document["combination"]),
+        amplitude=stated.amplitude,
+        noise=stated.noise,
+        kernel=stated.kernel,
+        mean=stated.mean,
+        combination=stated.combination,
         learners=(),
     )
     isotropic = committee.kernel == "isotropic"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from robotrue.calibration.model import Prediction, Query
 from robotrue.calibration.training_summary import TrainingSummary
 from robotrue.core.archive import Archive, archive_reader
 from robotrue.core.arrays import Array, IntArray, frozen
+from robotrue.core.document_decoder import decode
 from robotrue.core.regions import CylinderRegion, contains, coordinates_of
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import (
@@ -234,7 +235,7 @@ def from_archive(archive: Archive) -> PoseModel:
         archive.array(name)
     document = archive.document
     experts = []
-    for k, stated in enumerate(document["experts"]):
+    for k, stated in enumerate(decode(list[dict[str, object]], document["experts"], key="experts")):
         angle, radius, height = archive.array(f"expert{k}/limits").tolist()
         experts.append(
             Expert(
@@ -249,21 +250,21 @@ def from_archive(archive: Archive) -> PoseModel:
         experts=tuple(experts),
         reference=archive.array("reference"),
         outside="nearest" if document["outside"] == "nearest" else "raise",
-        summary=dict(document["summary"]),
+        summary=decode(dict[str, object], document["summary"], key="summary"),
     )
 
 
-def _white(stated: Any) -> float:
+def _white(stated: object) -> float:
     """A standard deviation in m, of a file."""
-    value = float(stated)
+    value = decode(float, stated, key="white")
     if not 0.0 <= value < 1.0:
         raise ArchiveError(f"a white noise of {value:g} m.")
     return value
 
 
-def _inflation(stated: Any) -> float:
+def _inflation(stated: object) -> float:
     """A factor on a variance, of a file."""
-    value = float(stated)
+    value = decode(float, stated, key="inflation")
     if not 0.0 < value < np.inf:
         raise ArchiveError(f"an inflation of the variance of {value:g}.")
     return value

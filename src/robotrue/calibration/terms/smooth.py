@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Annotated, Any, ClassVar, Final, Self
+from typing import Annotated, ClassVar, Final, Self
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -29,6 +29,7 @@ from robotrue.calibration.mean_tables import MeanTables
 from robotrue.calibration.terms.term import ArmPostures, Carry, Effect, Term
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.columns import Column, Columns
+from robotrue.core.document_decoder import decode
 from robotrue.errors import ArchiveError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.forward import Sensitivity
@@ -280,7 +281,7 @@ class SmoothResidual(Term):
 
     @classmethod
     def restore(
-        cls, robot: RobotModel, document: Mapping[str, Any], arrays: Mapping[str, Array]
+        cls, robot: RobotModel, document: Mapping[str, object], arrays: Mapping[str, Array]
     ) -> tuple[Self, Array]:
         """Returns the term and its parameters.
 
@@ -288,7 +289,8 @@ class SmoothResidual(Term):
             ArchiveError: A damaged basis.
         """
         centres, scale = arrays["smooth_centres"], arrays["smooth_scale"]
-        amplitude, size = float(document["amplitude"]), 2 * robot.dof
+        amplitude = decode(float, document["amplitude"], key="amplitude")
+        size = 2 * robot.dof
         if (
             centres.ndim != 2
             or centres.shape[1] != size

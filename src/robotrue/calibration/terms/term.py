@@ -15,7 +15,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, ClassVar, Literal, Self, TypeAlias
+from typing import Annotated, ClassVar, Literal, Self, TypeAlias
 
 import numpy as np
 
@@ -175,7 +175,7 @@ class Term(ABC):
     @classmethod
     @abstractmethod
     def restore(
-        cls, robot: RobotModel, document: Mapping[str, Any], arrays: Mapping[str, Array]
+        cls, robot: RobotModel, document: Mapping[str, object], arrays: Mapping[str, Array]
     ) -> tuple[Self, Array]:
         """Returns the term and its parameters (k,) from what it archived.
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, Final, Literal, TypeAlias, get_args
+from typing import Final, Literal, TypeAlias, get_args
 
+from robotrue.core.document_decoder import decode
 from robotrue.errors import ConfigurationError
 
 JoinRule: TypeAlias = Literal["order", "name", "time"]
@@ -83,10 +84,7 @@ def build_joint_list(stated: object, source: Path | None) -> JointList:
             f"known are {', '.join(sorted(known))}.",
             source=source,
         )
-    values: dict[str, Any] = dict(stated)
+    values: dict[str, object] = dict(stated)
     folder = Path() if source is None else source.parent
     values["file"] = folder / str(values["file"])
-    try:
-        return JointList(**values)
-    except TypeError as cause:
-        raise ConfigurationError(f"joint_list: {cause}.", source=source) from cause
+    return decode(JointList, values, key="joint_list", error=ConfigurationError, source=source)

@@ -11,8 +11,9 @@ from dataclasses import dataclass, field, fields
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Final, Literal, TypeAlias, get_args
+from typing import Final, Literal, TypeAlias, get_args
 
+from robotrue.core.document_decoder import decode
 from robotrue.core.files import read_toml
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ConfigurationError
@@ -278,14 +279,13 @@ def build_mapping(stated: Mapping[str, object], source: Path | None = None) -> C
     )
     if "joint_list" in stated:
         stated = {"joints": ()} | stated
-    values: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in stated.items()}
+    values: dict[str, object] = {
+        k: tuple(v) if isinstance(v, list) else v for k, v in stated.items()
+    }
     for group in (*GROUPS, "optional", "ignore", "monuments"):  # one column needs no list
         if isinstance(values.get(group), str):
             values[group] = (values[group],)
-    try:
-        return ColumnMapping(**values)
-    except TypeError as cause:
-        raise ConfigurationError(f"column mapping: {cause}.", source=source) from cause
+    return decode(ColumnMapping, values, key="mapping", error=ConfigurationError, source=source)
 
 
 @cache

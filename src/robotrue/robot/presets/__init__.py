@@ -15,7 +15,7 @@ import unicodedata
 from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any, Final
+from typing import Final, Required, TypedDict, cast
 
 import numpy as np
 
@@ -23,14 +23,9 @@ from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 from robotrue.robot.makers import count_axes
-from robotrue.robot.model import Configuration, RobotModel
+from robotrue.robot.model import Configuration, Convention, RobotModel
 
 FOLDER: Final = Path(__file__).parent
-_KEYS: Final = frozenset({
-    "name", "order", "maker", "rated_payload_kg", "convention", "dh", "joint_map", "axes_sign",
-    "axes_offset_deg", "limits_deg", "limits_rad", "axis_limits_deg", "mass_kg",
-    "centre_of_mass_mm",
-})  # fmt: skip
 _BRANDS: Final = (
     "kukalbr",
     "kuka",
@@ -47,19 +42,39 @@ _BRANDS: Final = (
 )
 
 
+class _PresetTable(TypedDict, total=False):
+    """The keys of a preset."""
+
+    name: Required[str]
+    maker: Required[str]
+    convention: Required[Convention]
+    dh: Required[list[Mapping[str, float]]]
+    order: int
+    rated_payload_kg: float
+    joint_map: list[list[float]]
+    axes_sign: list[float]
+    axes_offset_deg: list[float]
+    limits_deg: list[list[float]]
+    limits_rad: list[list[float]]
+    axis_limits_deg: list[list[float]]
+    mass_kg: list[float]
+    centre_of_mass_mm: list[list[float]]
+
+
 @cache
-def _preset_tables() -> dict[str, Mapping[str, Any]]:
+def _preset_tables() -> dict[str, _PresetTable]:
     """Reads the files of this folder; returns their tables by the name of the robot."""
     tables = []
     for path in sorted(FOLDER.glob("*.toml")):
         table = tomllib.loads(path.read_text(encoding="utf-8"))
-        unknown = sorted(table.keys() - _KEYS)
+        known = sorted(_PresetTable.__annotations__)
+        unknown = sorted(table.keys() - set(known))
         if unknown:
             raise ConfigurationError(
-                f"unknown key {unknown[0]}; allowed in a preset are {', '.join(sorted(_KEYS))}.",
+                f"unknown key {unknown[0]}; allowed in a preset are {', '.join(known)}.",
                 source=path,
             )
-        tables.append(table)
+        tables.append(cast(_PresetTable, table))  # of this package, and tested
     tables.sort(key=lambda table: (table.get("order", len(tables) + 1), table["name"]))
     return {table["name"]: table for table in tables}
 
@@ -71,8 +86,8 @@ def preset_names() -> tuple[str, ...]:
 
 def rated_payload(name: str) -> float | None:
     """Returns the rated payload in kg of a preset, by its full name; None where it is not known."""
-    table = _preset_tables().get(name, {})
-    return float(table["rated_payload_kg"]) if "rated_payload_kg" in table else None
+    table = _preset_tables().get(name)
+    return None if table is None else table.get("rated_payload_kg")
 
 
 def preset(name: str) -> RobotModel:
@@ -141,7 +156,7 @@ def read_dh(rows: Sequence[Mapping[str, float]]) -> tuple[Array, Array, Array, A
     return theta_deg * DEG, alpha_deg * DEG, d_mm * MM, a_mm * MM
 
 
-def _joint_limits(table: Mapping[str, Any], counting: Configuration) -> Array:
+def _joint_limits(table: _PresetTable, counting: Configuration) -> Array:
     """Returns the limits (n, 2) rad of q."""
     if "limits_rad" in table:
         return np.array(table["limits_rad"], dtype=np.float64)
