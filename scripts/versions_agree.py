@@ -21,7 +21,7 @@ def main() -> int:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     versions = {
         "pyproject.toml": project["version"],
-        "src/robotrue/__init__.py": found("src/robotrue/__init__.py", r'^__version__ = "([^"]+)"'),
+        "src/robotrue/version.py": found("src/robotrue/version.py", r'^__version__ = "([^"]+)"'),
         "CHANGELOG.md": found("CHANGELOG.md", r"^## (\d+\.\d+\.\d+)"),
         "CITATION.cff": found("CITATION.cff", r'^version: "?([^"\n]+)"?'),
     }

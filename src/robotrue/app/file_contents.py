@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -75,7 +75,8 @@ def describe_file(path: Path, mapping: Path | None) -> PlainResult:
         rows, remarks = _measurements(path, mapping)
         document, origin = measurement_document(rows), rows.provenance
         document |= {"notes": remarks} if remarks else {}
-    return PlainResult(values=document, shown=_facts(path, document), provenance=origin)
+    shown = document_blocks(path.name, document)
+    return PlainResult(values=document, shown=shown, provenance=origin)
 
 
 def _model_result(path: Path, stored: ModelFile) -> PlainResult:
@@ -323,9 +324,10 @@ def _measurements(path: Path, mapping: Path | None) -> tuple[MeasurementSet, lis
     return run.rows, remarks
 
 
-def _facts(path: Path, document: dict[str, Any]) -> tuple[Block, ...]:
+def document_blocks(name: str, document: Mapping[str, Any]) -> tuple[Block, ...]:
+    """Returns a document of this file as facts, its remarks as notes, under a name."""
     told = Facts(
-        title=f"{path.name}: {document['holds']}",
+        title=f"{name}: {document['holds']}",
         rows=tuple(
             (key.replace("_", " "), _tell_value(key, value))
             for key, value in document.items()

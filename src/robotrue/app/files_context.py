@@ -62,12 +62,13 @@ class FilesContext(OpenedInputs):
         minimum: int | None = None,
     ) -> MeasurementSet:
         """Returns the rows of measurement files as one set."""
-        from robotrue.app.measured_rows import read_together
+        from robotrue.app.measured_rows import join_rows
         from robotrue.measurement.plausibility import FEWEST_POSES
 
         paths = [_path(each) for each in references]
+        sets = [self.unchecked_rows(cell, path, mapping) for path in paths]
         least = FEWEST_POSES if minimum is None else minimum
-        return read_together(cell, paths, mapping, reporter=self, minimum=least)
+        return join_rows(cell, sets, [str(path) for path in paths], reporter=self, minimum=least)
 
     def unchecked_rows(
         self, cell: Cell, reference: Reference, mapping: Path | None = None

@@ -44,7 +44,7 @@ def plan_page(cell: Cell, plan: PosePlan, origin: Provenance) -> str:
                 KeyFigure(label="floor", value=expected.floor_mean / MM, unit="mm"),
             ),
             sections=(
-                Section(title="Accuracy", blocks=(_draw_curve(plan),)),
+                Section(title="Accuracy", blocks=(draw_accuracy_curve(plan),)),
                 Section(title="Candidates", blocks=(_list_rejected(plan),)),
                 Section(title="Poses", blocks=(_list_poses(plan),)),
             ),
@@ -57,7 +57,7 @@ def plan_page(cell: Cell, plan: PosePlan, origin: Provenance) -> str:
     )
 
 
-def _draw_curve(plan: PosePlan) -> PoseCurves:
+def draw_accuracy_curve(plan: PosePlan) -> PoseCurves:
     """The expected error against the number of poses, planned and at random."""
     n, expected = len(plan), plan.expected
     counts = np.arange(min(FIRST, n), n + 1)

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from robotrue import __version__
+from robotrue.version import __version__
 
 app = typer.Typer(
     name="robotrue",

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from html import escape
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
@@ -33,6 +33,7 @@ PAGE_WIDTH: Final = 10.0
 """Inches a page gives a drawing."""
 TITLE_HEIGHT: Final = 0.4
 """Inches a picture's title takes."""
+AnyFigure = TypeVar("AnyFigure", bound=Figure)
 
 _SETTINGS: Final[dict[Any, Any]] = {
     "svg.fonttype": "none",  # text stays text: searchable, in the page's font
@@ -156,6 +157,27 @@ def png(drawing: Drawing, *, title: str = "") -> bytes:
         stream = io.BytesIO()
         figure.savefig(stream, format="png", dpi=150, metadata={"Software": None})
     return stream.getvalue()
+
+
+def stack_drawings(kind: type[AnyFigure], drawings: Sequence[Drawing], *, title: str) -> AnyFigure:
+    """Returns one figure of several drawings below each other, in the light palette.
+
+    Args:
+        kind: Class of the figure.
+        drawings: From above to below.
+        title: A line above all; empty leaves it out.
+    """
+    heights = [each.height for each in drawings]
+    above = TITLE_HEIGHT if title else 0.0
+    with mpl.rc_context(_SETTINGS | {"figure.facecolor": CARD, "savefig.facecolor": "auto"}):
+        figure = kind(figsize=(PAGE_WIDTH, sum(heights) + above), layout="constrained")
+        parts = figure.subfigures(len(drawings), 1, height_ratios=heights, squeeze=False)
+        for part, drawing in zip(parts[:, 0], drawings, strict=True):
+            axes = part.subplots(drawing.rows, drawing.panels, squeeze=False)
+            drawing.draw(list(axes.ravel()))
+        if title:
+            figure.suptitle(title, x=0.01, ha="left", color=INK, fontsize=13.0)
+    return figure
 
 
 def _two_decimals(number: re.Match[str]) -> str:

@@ -16,13 +16,13 @@ from typing import Any, BinaryIO, Final
 
 from sqlalchemy import Connection, Table, select
 
-from robotrue import __version__
 from robotrue.core.files import atomic_stream
 from robotrue.store.blobs import CHUNK, require_whole, stored_path
 from robotrue.store.jobs import OVER
 from robotrue.store.migrate import HEAD
 from robotrue.store.schema import Base, WorkspaceRow
 from robotrue.store.workspace import Workspace, now
+from robotrue.version import __version__
 
 FORMAT: Final = "robotrue-project"
 FORMAT_VERSION: Final = 1

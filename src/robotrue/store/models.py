@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
-from robotrue import __version__
 from robotrue.calibration.lineage import history, identity_of, provenance_of
 from robotrue.store import items
 from robotrue.store.layout import copy_files
@@ -14,6 +13,7 @@ from robotrue.store.model_file import ModelFile, read_model
 from robotrue.store.nouns import MODEL, ModelRecord
 from robotrue.store.records import Ref, links_to
 from robotrue.store.workspace import Transaction, Workspace
+from robotrue.version import __version__
 
 FILE: Final = "model"
 

@@ -16,7 +16,6 @@ from sqlalchemy import Connection, Engine, insert, select
 from sqlalchemy.exc import IntegrityError, InterfaceError, OperationalError
 from sqlalchemy.orm import Session
 
-from robotrue import __version__
 from robotrue.core.files import read_bytes, write_atomic
 from robotrue.errors import ArchiveError, ConfigurationError, FormatError, ModelMismatchError
 from robotrue.store.blobs import BLOBS, Staging, require_whole, stored_path, sweep
@@ -24,6 +23,7 @@ from robotrue.store.database import WRITING, engine_at, may_write, read_only, un
 from robotrue.store.locks import POSIX, hold_alone, hold_shared
 from robotrue.store.migrate import HEAD, migrate, require_known, revision_of
 from robotrue.store.schema import BlobRow, WorkspaceRow
+from robotrue.version import __version__
 
 MARK: Final = "workspace.json"
 LOCK: Final = "lock"

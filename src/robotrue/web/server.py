@@ -16,9 +16,9 @@ from fastapi.responses import HTMLResponse
 from starlette.exceptions import HTTPException
 from starlette.staticfiles import StaticFiles
 
-from robotrue import __version__
 from robotrue.errors import ConfigurationError, RobotrueError
 from robotrue.store.workspace import Workspace
+from robotrue.version import __version__
 from robotrue.web.answers import Answers
 from robotrue.web.api import api_router
 from robotrue.web.faults import refusal

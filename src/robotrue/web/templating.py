@@ -9,10 +9,10 @@ from typing import Final
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
-from robotrue import __version__
 from robotrue.core.provenance import simulation_mark
 from robotrue.report.theme import DARK, LIGHT, STYLE
 from robotrue.store.records import ItemRecord, provenance_of_record
+from robotrue.version import __version__
 from robotrue.web.icons import PATHS
 from robotrue.web.language import LANGUAGES
 

@@ -78,14 +78,17 @@ class Calibrated:
 
     def blocks(self) -> Iterable[Block]:
         """Returns what was learned, and what was not."""
-        from robotrue.report.model_view import remarks, result_facts
+        yield from model_blocks(self.model)
 
-        summary = self.model.training_summary()
-        yield Facts(
-            title=f"calibration of {self.model.robot.name}", rows=tuple(result_facts(summary))
-        )
-        for line in remarks(self.model):
-            yield Note(line)
+
+def model_blocks(model: ErrorModel) -> Iterable[Block]:
+    """Returns what a model learned, and what it did not."""
+    from robotrue.report.model_view import remarks, result_facts
+
+    facts = result_facts(model.training_summary())
+    yield Facts(title=f"calibration of {model.robot.name}", rows=tuple(facts))
+    for line in remarks(model):
+        yield Note(line)
 
 
 def run(request: CalibrateRequest, context: Context) -> Calibrated:

@@ -87,6 +87,11 @@ class ProgramDifference:
         """Returns JSON values; um and deg."""
         return {"files": [{"file": name, **found.summary()} for name, found in self.files]}
 
+    def rows(self) -> Iterable[Sequence[str]]:
+        """Returns the values of ``COLUMNS`` for every target, blank where one is not known."""
+        for name, found in self.files:
+            yield from _rows(name, found)
+
     def blocks(self) -> Iterable[Block]:
         """Returns the targets that moved most, and the counts, of each file."""
         for name, found in self.files:
@@ -126,12 +131,13 @@ def run(request: DiffRequest, context: Context) -> ProgramDifference:
     before = context.program_files([request.before])
     after = context.program_files([request.after], folder="after")
     files = compare_jobs(before, after, cell, model, force, home)
+    compared = ProgramDifference(files=tuple(files), provenance=origin)
     if request.output is not None:
         output = context.output(request.output)
-        rows = [row for name, found in files for row in _rows(name, found)]
+        rows = list(compared.rows())
         write_atomic(output, (mark_line(origin) + csv_text([COLUMNS, *rows])).encode())
         context.wrote(f"{len(rows)} targets", output)
-    return ProgramDifference(files=tuple(files), provenance=origin)
+    return compared
 
 
 def _rows(name: str, found: Difference) -> Iterable[Sequence[str]]:

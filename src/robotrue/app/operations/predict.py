@@ -15,7 +15,8 @@ from robotrue.app.request_fields import CalibratedModel, Columns, table_output
 from robotrue.core.provenance import Provenance
 
 if TYPE_CHECKING:
-    pass
+    from robotrue.calibration.model import Prediction
+    from robotrue.measurement.formats.measured_files import QueryTable
 
 
 class PredictRequest(Request):
@@ -29,9 +30,11 @@ class PredictRequest(Request):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Predictions:
-    """Predicted errors in short.
+    """Predicted errors.
 
     Attributes:
+        queries: What was asked, one row each.
+        prediction: Error and covariance of each row.
         n: Predictions.
         mean_mm: Mean length of the predicted error.
         max_mm: Largest length of the predicted error.
@@ -40,6 +43,8 @@ class Predictions:
         provenance: Of the model.
     """
 
+    queries: QueryTable
+    prediction: Prediction
     n: int
     mean_mm: float
     max_mm: float
@@ -107,6 +112,8 @@ def run(request: PredictRequest, context: Context) -> Predictions:
     write_atomic(output, (mark_line(origin) + "\n".join(lines) + "\n").encode())
     size = np.linalg.norm(prediction.error, axis=1) / MM
     return Predictions(
+        queries=queries,
+        prediction=prediction,
         n=len(queries),
         mean_mm=float(size.mean()),
         max_mm=float(size.max()),

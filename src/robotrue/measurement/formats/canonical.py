@@ -74,10 +74,15 @@ def write_canonical(path: str | Path, measurements: MeasurementSet) -> None:
     Raises:
         FormatError: The file cannot be written, or orientation was measured on some rows only.
     """
-    write_columns(path, _columns(measurements), measurements.provenance)
+    write_columns(path, canonical_columns(measurements), measurements.provenance)
 
 
-def _columns(m: MeasurementSet) -> dict[str, list[str]]:
+def canonical_columns(m: MeasurementSet) -> dict[str, list[str]]:
+    """Returns the canonical columns of a set by name, every number with all its digits.
+
+    Raises:
+        FormatError: Orientation or payload is known for some rows only.
+    """
     names = canonical_mapping(m.dof)
     out = number_columns(names.joints, m.joints / DEG) | number_columns(
         names.position, m.position / MM

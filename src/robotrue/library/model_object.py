@@ -1,0 +1,290 @@
+"""Error models: calibrated, transferred, loaded; and what they predict."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias, Union, Unpack
+
+import numpy as np
+import numpy.typing as npt
+
+from robotrue.app.operations.calibrate import Calibrated, model_blocks
+from robotrue.app.operations.predict import Predictions
+from robotrue.app.operations.transfer import Transferred
+from robotrue.app.presentation import Block
+from robotrue.app.reporting import Message
+from robotrue.calibration.lineage import provenance_of
+from robotrue.calibration.training_summary import TrainingSummary
+from robotrue.core.provenance import Provenance
+from robotrue.core.units import MM
+from robotrue.errors import ConfigurationError
+from robotrue.library.cell_object import RobotCell
+from robotrue.library.measurement_object import (
+    CellSource,
+    MeasuredSource,
+    Measurements,
+    TableSource,
+    cell_of,
+    joint_columns_deg,
+    named_columns,
+    place_cell,
+    place_columns,
+    place_measured,
+    place_table,
+)
+from robotrue.library.objects_context import ObjectsContext
+from robotrue.library.operation_call import call_operation, open_context, with_options_of
+from robotrue.library.option_types import CalibrateOptions, TransferOptions
+from robotrue.library.prediction_object import PredictedErrors
+from robotrue.library.presented import Presented
+from robotrue.store.model_file import ModelFile, read_model, write_model
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from robotrue.library.pictures import Picture
+
+WRENCH: tuple[str, ...] = ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm")
+ModelSource: TypeAlias = Union[str, Path, "Model"]
+"""A model, or the path of its file."""
+KnownSource: TypeAlias = Union[str, Path, "Model", Measurements]
+"""What is known before a transfer: a model or measured poses, or a file of either."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Model(Presented):
+    """An error model and the cell it was measured in.
+
+    Attributes:
+        stored: Model, cell and archive.
+        shown: What the operation that made it shows.
+        messages: What was reported meanwhile.
+    """
+
+    stored: ModelFile
+    shown: tuple[Block, ...]
+    messages: tuple[Message, ...] = ()
+
+    @property
+    def cell(self) -> RobotCell:
+        """The cell it was measured in."""
+        return RobotCell(cell=self.stored.cell)
+
+    @property
+    def training(self) -> TrainingSummary:
+        """Method, rows, held-out result, parameters with standard deviations; SI."""
+        return self.stored.model.training_summary()
+
+    @property
+    def method(self) -> str:
+        """The method that was used."""
+        return self.training.method
+
+    @property
+    def provenance(self) -> Provenance:
+        """Of the poses it was learned from."""
+        return provenance_of(self.stored.model)
+
+    def predict(
+        self,
+        queries: TableSource | None = None,
+        *,
+        joints_deg: npt.ArrayLike | None = None,
+        payload_kg: npt.ArrayLike | None = None,
+        wrench: npt.ArrayLike | None = None,
+        mapping: str | Path | None = None,
+    ) -> PredictedErrors:
+        """Returns the error and its standard deviation at every query.
+
+        Args:
+            queries: A file, or a table with the columns of one.
+            joints_deg: (n, dof) or (dof,), in place of queries.
+            payload_kg: Of each row, or one for all; the payload of the cell if left out.
+            wrench: (n, 6) or (6,) N and N m on the tool, base axes.
+            mapping: Column mapping (TOML) of a file of another layout.
+
+        Raises:
+            ConfigurationError: Neither queries nor joints, or both.
+            ModelMismatchError: Another number of joints than the model's.
+        """
+        with open_context() as context:
+            if queries is not None and joints_deg is None:
+                if payload_kg is not None or wrench is not None:
+                    raise ConfigurationError("payload_kg and wrench are columns of the queries.")
+                place = place_table(context, queries)
+            else:
+                place = _place_queries(context, queries, joints_deg, payload_kg, wrench)
+            fields = {
+                "model": self.place(context),
+                "queries": place,
+                "output": context.new_file("predictions.csv"),
+                "mapping": mapping,
+            }
+            call = call_operation(context, "predict", Predictions, fields)
+        return PredictedErrors(model=self.stored.model, result=call.result, messages=call.messages)
+
+    def save(self, path: str | Path) -> None:
+        """Writes the model file, as ``robotrue calibrate -o`` does."""
+        write_model(path, self.stored.model, self.stored.cell)
+
+    def place(self, context: ObjectsContext, name: str = "model") -> Path:
+        """Returns the file that stands for the model in a context."""
+        return context.add_model(self.stored, f"{name}.robotrue")
+
+    def blocks(self) -> Iterable[Block]:
+        """Returns what was learned, and what was not."""
+        return self.shown
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """Returns the identified errors: value, sd and unit of each, and how well it is known."""
+        import pandas as pd
+
+        from robotrue.report.model_view import list_geometric_errors
+
+        rows = list_geometric_errors(self.stored.model)
+        frame = pd.DataFrame(list(rows.values()), columns=["value", "sd", "unit", "known"])
+        frame.insert(0, "parameter", list(rows))
+        return frame
+
+    def plot(self) -> Picture:
+        """Returns the identified errors with intervals of plus and minus two sd, by unit."""
+        from robotrue.library.pictures import draw_intervals, make_picture
+
+        table = self.to_dataframe()
+        table = table[table["sd"] > 0.0]
+        if table.empty:
+            raise ConfigurationError(f"a {self.method} model has no parameters to show.")
+        drawings = [
+            draw_intervals(
+                list(rows["parameter"]), rows["value"].to_numpy(), 2.0 * rows["sd"].to_numpy(),
+                str(unit), "actual minus nominal, with plus and minus two standard deviations",
+            )
+            for unit, rows in table.groupby("unit", sort=False)
+        ]  # fmt: skip
+        mark = "SIMULATED: " if self.simulated else ""
+        return make_picture(drawings, title=f"{mark}identified errors of {self.cell.robot}")
+
+    def _describe(self) -> str:
+        summary = self.training
+        held_out = summary.held_out_mean
+        reached = "" if held_out is None else f", {held_out / MM:.3f} mm on held-out blocks"
+        return f"model of {self.cell.robot}: {summary.method}, {summary.rows} poses{reached}"
+
+
+def load_model(path: str | Path) -> Model:
+    """Returns the model of a file that ``save`` or the command line wrote.
+
+    Raises:
+        ArchiveError: Not a model file, damaged, or from a newer robotrue.
+    """
+    stored = read_model(path)
+    return Model(stored=stored, shown=tuple(model_blocks(stored.model)))
+
+
+def model_of(model: ModelSource) -> Model:
+    """Returns the model, loaded if it is a path."""
+    return model if isinstance(model, Model) else load_model(model)
+
+
+@with_options_of("calibrate", "cell", "measurements", "output")
+def calibrate(
+    cell: CellSource, *data: MeasuredSource, **options: Unpack[CalibrateOptions]
+) -> Model:
+    """Returns the error model that the measured poses show.
+
+    Args:
+        cell: The cell, or the path of its cell.toml.
+        data: Measured poses, files or tables; one or more.
+        options: See below.
+
+    Raises:
+        ObservabilityError: Too few measurements for what is asked.
+        ImplausibleDataError: Numbers that cannot be this robot's.
+    """
+    with open_context() as context:
+        fields = {
+            "cell": place_cell(context, cell),
+            "measurements": [place_measured(context, each) for each in data],
+            "output": context.new_file("model.robotrue"),
+            **options,
+        }
+        call = call_operation(context, "calibrate", Calibrated, fields)
+        stored = read_model(call.result.output)
+        shown = tuple(call.result.blocks())
+    return Model(stored=stored, shown=shown, messages=call.messages)
+
+
+@with_options_of("transfer", "cell", "measurements", "output", "source")
+def transfer(
+    cell: CellSource,
+    *data: MeasuredSource,
+    from_region: KnownSource | None = None,
+    from_campaign: KnownSource | None = None,
+    from_unit: KnownSource | None = None,
+    **options: Unpack[TransferOptions],
+) -> Model:
+    """Returns a model that carries what is known to another region, date or arm, under guard.
+
+    Args:
+        cell: The target's cell, or the path of its cell.toml.
+        data: Poses measured at the target.
+        from_region: Known of another region, the same arm and time.
+        from_campaign: Known of another time, the same arm.
+        from_unit: Known of another arm of the type.
+        options: See below.
+
+    Raises:
+        ObservabilityError: Nothing can be used.
+    """
+    known = {"region": from_region, "campaign": from_campaign, "unit": from_unit}
+    with open_context() as context:
+        fields = {
+            "cell": place_cell(context, cell_of(cell)),
+            "measurements": [place_measured(context, each) for each in data],
+            "output": context.new_file("model.robotrue"),
+            "source": [
+                f"{relation}={_place_known(context, each, relation)},{relation}"
+                for relation, each in known.items()
+                if each is not None
+            ],
+            **options,
+        }
+        call = call_operation(context, "transfer", Transferred, fields)
+        stored = read_model(call.result.output)
+        shown = tuple(call.result.blocks())
+    return Model(stored=stored, shown=shown, messages=call.messages)
+
+
+def _place_known(context: ObjectsContext, known: KnownSource, name: str) -> Path:
+    if isinstance(known, Model):
+        return known.place(context, name)
+    return place_measured(context, known)
+
+
+def _place_queries(
+    context: ObjectsContext,
+    queries: TableSource | None,
+    joints_deg: npt.ArrayLike | None,
+    payload_kg: npt.ArrayLike | None,
+    wrench: npt.ArrayLike | None,
+) -> Path:
+    """The file of queries that were given as arrays.
+
+    Raises:
+        ConfigurationError: No joints, or joints beside a table.
+    """
+    if joints_deg is None or queries is not None:
+        raise ConfigurationError(
+            "state either a table of queries or joints_deg.",
+            hint="joints_deg=[[0, -90, 90, 0, 0, 0]]",
+        )
+    columns = joint_columns_deg(joints_deg)
+    count = len(np.atleast_2d(np.asarray(joints_deg)))
+    if payload_kg is not None:
+        columns.append(("payload_kg", np.broadcast_to(np.asarray(payload_kg), (count,))))
+    if wrench is not None:
+        rows = np.broadcast_to(np.asarray(wrench, dtype=np.float64), (count, 6))
+        columns += named_columns(rows, WRENCH, "wrench")
+    return place_columns(context, "queries.csv", columns)

@@ -1,0 +1,90 @@
+"""Options of the library's functions; made by ``scripts/library_options.py``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal, TypedDict
+
+
+class CalibrateOptions(TypedDict, total=False):
+    """Options of ``calibrate``, beside what the function states."""
+
+    method: Literal["auto", "nominal", "geometric", "elastic", "ripple", "gp"]
+    mapping: str | Path | None
+    cure: str | None
+    report: str | Path | None
+
+
+class TransferOptions(TypedDict, total=False):
+    """Options of ``transfer``, beside what the function states."""
+
+    mapping: str | Path | None
+    report: str | Path | None
+    curve: bool
+    method: Literal["auto", "deng2022"]
+    sub_spaces: int | None
+    source_region: str | None
+    target_region: str | None
+    attitude: Literal["turning", "fixed"]
+    rounds: int
+    boosting: Literal["corrected", "literal"]
+    reading: str | Sequence[str]
+
+
+class ValidateOptions(TypedDict, total=False):
+    """Options of ``validate``, beside what the function states."""
+
+    mapping: str | Path | None
+    report: str | Path | None
+
+
+class CompensateOptions(TypedDict, total=False):
+    """Options of ``compensate``, beside what the function states."""
+
+    part: str | None
+    wrench: str | None
+    force: str | Path | None
+    cutter: str | None
+    start: str | None
+    free_spin: bool
+    axis_targets: bool
+    max_shift_mm: float
+    max_step_mm: float
+    allow_steps: bool
+    workers: int | None
+    dask: str | None
+    split_um: float | None
+    split_limit: int
+    deviation: bool
+
+
+class PlanOptions(TypedDict, total=False):
+    """Options of ``plan``, beside what the function states."""
+
+    poses: int
+    region: str | None
+    program: str | Path | None
+    within: str | None
+    payloads: str | Sequence[str]
+    approach: Literal["one-side", "as-it-comes"]
+    criterion: Literal["I", "D"]
+    tolerance_um: float
+    recorded: str | Path | None
+    candidates: int
+    seed: int
+    krl: str | Path | None
+    trigger_output: int
+    report: str | Path | None
+    method: Literal["information", "hierarchical"]
+    source_region: str | None
+    target_region: str | None
+    sub_spaces: int
+    grid: str
+    turns_deg: str
+    target_poses: int
+    further: float
+    target_rule: Literal["random", "boundary", "corners", "space-filling"]
+    attitude: Literal["turning", "fixed"]
+    tool_abc_deg: str
+    posture_deg: str | None
