@@ -20,6 +20,9 @@ from robotrue.errors import RobotrueError as RobotrueError
 from robotrue.version import __version__ as __version__
 
 if TYPE_CHECKING:
+    from robotrue.library.any_operation import OperationResult as OperationResult
+    from robotrue.library.any_operation import operations as operations
+    from robotrue.library.any_operation import run as run
     from robotrue.library.cell_object import RobotCell as RobotCell
     from robotrue.library.cell_object import make_cell as make_cell
     from robotrue.library.cell_object import read_cell as read_cell
@@ -30,9 +33,6 @@ if TYPE_CHECKING:
     from robotrue.library.model_object import calibrate as calibrate
     from robotrue.library.model_object import load_model as load_model
     from robotrue.library.model_object import transfer as transfer
-    from robotrue.library.outcome import Outcome as Outcome
-    from robotrue.library.outcome import operations as operations
-    from robotrue.library.outcome import run as run
     from robotrue.library.plan_object import PosesToMeasure as PosesToMeasure
     from robotrue.library.plan_object import plan as plan
     from robotrue.library.practice import write_practice_cell as write_practice_cell
@@ -48,7 +48,7 @@ HOMES: Final = {
     "cell_object": ("RobotCell", "make_cell", "read_cell", "robots"),
     "measurement_object": ("Measurements", "read_measurements"),
     "model_object": ("Model", "calibrate", "load_model", "transfer"),
-    "outcome": ("Outcome", "operations", "run"),
+    "any_operation": ("OperationResult", "operations", "run"),
     "plan_object": ("PosesToMeasure", "plan"),
     "practice": ("write_practice_cell",),
     "prediction_object": ("PredictedErrors",),

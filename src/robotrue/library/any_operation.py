@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Outcome(Presented):
+class OperationResult(Presented):
     """What an operation returned.
 
     Attributes:
@@ -100,7 +100,7 @@ def operations() -> dict[str, str]:
     return {each.name: each.help for each in listings() if each.command}
 
 
-def run(operation: str, /, **options: object) -> Outcome:
+def run(operation: str, /, **options: object) -> OperationResult:
     """Returns the result of any operation of the command line.
 
     Args:
@@ -124,7 +124,9 @@ def run(operation: str, /, **options: object) -> Outcome:
             for name, value in options.items()
         }
         call = call_operation(context, operation, object, fields)
-    return Outcome(operation=operation, result=cast(Result, call.result), messages=call.messages)
+    return OperationResult(
+        operation=operation, result=cast(Result, call.result), messages=call.messages
+    )
 
 
 def _place_object(context: ObjectsContext, value: object) -> object:
