@@ -18,10 +18,10 @@ from robotrue.library.operation_call import command_fields
 
 ROOT = Path(__file__).resolve().parents[2]
 NAMES = [
-    "Measurements", "Model", "OperationResult", "PosesToMeasure", "PredictedErrors", "RewrittenProgram",
-    "RobotCell", "RobotProgram", "RobotrueError", "Validation", "__version__", "calibrate",
-    "compensate", "load_model", "make_cell", "operations", "plan", "read_cell",
-    "read_measurements", "read_program", "robots", "run", "transfer", "validate",
+    "Measurements", "Model", "OperationResult", "PosesToMeasure", "PredictedErrors",
+    "RewrittenProgram", "RobotCell", "RobotProgram", "RobotrueError", "Validation",
+    "__version__", "calibrate", "compensate", "load_model", "make_cell", "operations", "plan",
+    "read_cell", "read_measurements", "read_program", "robots", "run", "transfer", "validate",
     "write_practice_cell",
 ]  # fmt: skip
 
