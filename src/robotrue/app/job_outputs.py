@@ -27,6 +27,8 @@ def job_outputs(names: Sequence[str], folder: Path, output: Path, language: str)
     """
     if output.is_dir():
         paths = [output / name for name in names]
+        for folder in dict.fromkeys(path.parent for path in paths):
+            folder.mkdir(parents=True, exist_ok=True)
     else:
         _require_language(output, names[0], language)
         paths = [output]

@@ -26,12 +26,19 @@ class ControllerFile:
         bases: Work frames (4, 4) in the robot base, by number.
         tools: Tools (4, 4) on the flange, by number.
         notes: What it holds and cannot be used, one sentence each.
+        T_base_world: The controller's world frame (4, 4) in the robot base, where the file says it;
+            frames of other files of this controller stand in it.
+        declarations: The file holds variables that programs name.
+        pulses_per_degree: (6,) signed, where the file says them.
     """
 
     name: str
     bases: dict[str, Array] = field(default_factory=dict)
     tools: dict[str, Array] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    T_base_world: Array | None = None
+    declarations: bool = False
+    pulses_per_degree: Array | None = None
 
 
 def all_finite(numbers: Sequence[str]) -> bool:

@@ -20,6 +20,9 @@ from robotrue.program.controller_files import ControllerFile
 from robotrue.program.lang import find_language, languages
 from robotrue.program.program import FrameTable
 
+_SYSTEM: Final = ("System", "SYSTEM", "Mada", "MaDa", "MADA")
+"""Folders of a KUKA controller beside that of its programs."""
+_ABOVE: Final = 3
 _SAME: Final = 1e-6
 """m and rad; a frame that differs by less is the one printed with fewer digits."""
 
@@ -42,30 +45,69 @@ def read_controller_file(name: str, data: bytes) -> ControllerFile | None:
     return None if kind is None else kind.read(name, text)
 
 
-def with_files_beside(path: Path, dialect: str, given: FrameTable) -> tuple[FrameTable, list[str]]:
+def with_files_beside(
+    path: Path, dialect: str, given: FrameTable, *, root: Path | None = None
+) -> tuple[FrameTable, list[str]]:
     """Returns the table with what files beside a program hold, and what to say of it.
 
     What the cell says goes before what a file says.
+
+    Args:
+        path: A file of the job.
+        dialect: Its language.
+        given: What the cell says.
+        root: Folder of the whole job, searched with all below it; only that of the file, and the
+            controller's own folders near it, if not given.
 
     Raises:
         FormatError: A file that cannot be read.
     """
     bases, tools = dict(given.bases), dict(given.tools)
-    notes: list[str] = []
+    table, notes, declared = given, list[str](), list[tuple[str, bytes]]()
+    found = []
+    for beside in _frame_files(path, dialect, root):
+        data = read_bytes(beside)
+        one = read_controller_file(beside.name, data)
+        if one is None:
+            continue
+        found.append(one)
+        if one.declarations:
+            declared.append((beside.name, data))
+        if one.T_base_world is not None and np.array_equal(table.T_base_world, np.eye(4)):
+            table = replace(table, T_base_world=one.T_base_world)
+        if one.pulses_per_degree is not None and table.pulses_per_degree is None:
+            table = replace(table, pulses_per_degree=one.pulses_per_degree)
+    for one in found:
+        notes += one.notes
+        in_base = {key: table.T_base_world @ matrix for key, matrix in one.bases.items()}
+        for side, have, new in (("base", bases, in_base), ("tool", tools, one.tools)):
+            notes += _differing(side, one.name, have, new)
+            have.update({key: matrix for key, matrix in new.items() if key not in have})
+    return replace(table, bases=bases, tools=tools, declarations=tuple(declared)), notes
+
+
+def _frame_files(path: Path, dialect: str, root: Path | None) -> list[Path]:
+    """Returns the files of the controller that belong to a job, those beside it first.
+
+    Of files of one name in several folders the nearest counts.
+    """
     kind = find_language(dialect).frame_files
     wanted = {name.lower() for name in kind.names} if kind else set()
-    folder = sorted(path.parent.iterdir()) if wanted and path.parent.is_dir() else []
-    for beside in folder:
-        if beside.name.lower() not in wanted or beside.name == path.name or not beside.is_file():
-            continue
-        found = read_controller_file(beside.name, read_bytes(beside))
-        if found is None:
-            continue
-        notes += found.notes
-        for side, have, new in (("base", bases, found.bases), ("tool", tools, found.tools)):
-            notes += _differing(side, beside.name, have, new)
-            have.update({key: matrix for key, matrix in new.items() if key not in have})
-    return replace(given, bases=bases, tools=tools), notes
+    if not wanted or not path.parent.is_dir():
+        return []
+    folders = [path.parent]
+    if root is not None:
+        folders += [each for each in sorted(root.rglob("*")) if each.is_dir()]
+    else:
+        above = list(path.parent.resolve().parents)[:_ABOVE]
+        folders += [each / name for each in above for name in _SYSTEM]
+    out: dict[str, Path] = {}
+    for folder in folders:
+        for beside in sorted(folder.iterdir()) if folder.is_dir() else []:
+            name = beside.name.lower()
+            if name in wanted and name not in out and beside.name != path.name and beside.is_file():
+                out[name] = beside
+    return list(out.values())
 
 
 def _differing(

@@ -140,6 +140,10 @@ class FrameTable:
     Attributes:
         T_base_frame: Default work frame (4, 4) when the program sets none.
         T_flange_tool: Default tool (4, 4) when the program sets none.
+        T_base_world: World frame of the controller (4, 4) in the robot base: KUKA's bases are
+            written in it ($ROBROOT says where the robot stands).
+        declarations: Name and bytes of data files of the controller that are read for names alone
+            (KUKA's ``$config.dat``).
         bases: Work frames by the controller's number or name.
         tools: Tools by the controller's number or name.
         external: Axes that carry the robot or work frames, in the order from the floor up.
@@ -160,6 +164,8 @@ class FrameTable:
 
     T_base_frame: Array = field(default_factory=lambda: np.eye(4))
     T_flange_tool: Array = field(default_factory=lambda: np.eye(4))
+    T_base_world: Array = field(default_factory=lambda: np.eye(4))
+    declarations: tuple[tuple[str, bytes], ...] = ()
     bases: Mapping[str, Array] = field(default_factory=dict)
     tools: Mapping[str, Array] = field(default_factory=dict)
     external: tuple[ExternalAxis, ...] = ()

@@ -92,25 +92,60 @@ def read_job(
             first.
     """
     every = [find_language(name) for name in language_names()]
-    paths = named_last(paths_of(path, {s for each in every for s in each.suffixes}), every)
-    first = read_bytes(paths[0])
-    language = detect(first, paths[0].name)
-    job = gather_files(paths, language, instead={paths[0].name: first})
+    given = [Path(path)] if isinstance(path, str | Path) else [Path(each) for each in path]
+    root = given[0] if len(given) == 1 and given[0].is_dir() else None
+    found = paths_of(path, {s for each in every for s in each.suffixes})
+    paths, language = _of_one_language(named_last(found, every), root)
+    job = gather_files(paths, language, root=root)
     for name, data in job.files[1 : job.given]:
-        other = language if name in job.named else detect(data, name)
+        other = language if name in job.named or "/" in name else detect(data, name)
         if other.name != language.name:
             raise FormatError(
                 f"{name} is a program in {other.name}, {paths[0].name} one in {language.name}.",
                 source=paths[0].with_name(name),
                 hint="give the files of one job.",
             )
-    table, notes = with_files_beside(paths[0], language.name, frames or FrameTable())
+    table, notes = with_files_beside(paths[0], language.name, frames or FrameTable(), root=root)
     files = [(name, (instead or {}).get(name, data)) for name, data in job.files]
     programs = language.read_job(files, frames=table)
     if notes:
         programs = (replace(programs[0], notes=(*programs[0].notes, *notes)), *programs[1:])
     named = programs[: job.given]
     return named + tuple(program for program in programs[job.given :] if len(program))
+
+
+def _of_one_language(paths: list[Path], root: Path | None) -> tuple[list[Path], Language]:
+    """Returns the files of a job and their language.
+
+    Files below a folder that are in no language for sure, or in another, are no programs of it.
+    """
+    deep = [path for path in paths if root is not None and path.parent != root]
+    if len(deep) < len(paths):
+        first = next(path for path in paths if path not in set(deep))
+        language = detect(read_bytes(first), first.name)
+    else:
+        sure = [(_surest(path), path) for path in deep]
+        names = [language.name for language, _ in sure if language is not None]
+        if not names:
+            return deep, detect(read_bytes(deep[0]), deep[0].name)
+        language = find_language(max(dict.fromkeys(names), key=names.count))
+    inside = set(deep)
+    kept = [
+        path
+        for path in paths
+        if path not in inside
+        or (path.suffix.lower() in language.suffixes and language.detect(read_bytes(path)) >= _SURE)
+    ]
+    return kept, language
+
+
+def _surest(path: Path) -> Language | None:
+    """Returns the language a file is in for sure, None if it is in none."""
+    data = read_bytes(path)
+    if b"\0" in data[:_LOOKED_AT]:
+        return None
+    best = max((find_language(name) for name in language_names()), key=lambda one: one.detect(data))
+    return best if best.detect(data) >= _SURE else None
 
 
 def read_program(path: str | Path, frames: FrameTable | None = None) -> Program:

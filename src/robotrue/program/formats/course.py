@@ -38,6 +38,15 @@ class Course:
         self._handlers: set[str] = set()
         self.barriers = 0
 
+    def __len__(self) -> int:
+        return len(self._steps)
+
+    def between(self, first: int, last: int) -> Course:
+        """Returns the part of the walk from one place up to another, with nothing set in it."""
+        part = Course()
+        part._steps += [step for step in self._steps[1:] if first <= step.at < last]
+        return part
+
     def set(self, at: int, key: Hashable, version: int) -> None:
         """Gives a thing a version (>= 0; 0 is what it was at first) from here on."""
         self._sets.setdefault(key, []).append(_Step(at, "set", version=version))

@@ -44,10 +44,11 @@ def paths_of(given: str | Path | Sequence[str | Path], suffixes: Iterable[str]) 
         wanted, frame_files = set(suffixes), frame_file_names()
         found = [
             each
-            for each in sorted(paths[0].iterdir())
+            for each in [*sorted(paths[0].iterdir()), *_files_below(paths[0])]
             if each.suffix.lower() in wanted
             and each.name.lower() not in frame_files
             and not each.name.startswith("$")  # KUKA's own
+            and each.is_file()
         ]
         if not found:
             raise FormatError(
@@ -64,6 +65,21 @@ def paths_of(given: str | Path | Sequence[str | Path], suffixes: Iterable[str]) 
             hint="copy the job into one folder, as it lies on the controller.",
         )
     return paths
+
+
+def _files_below(folder: Path) -> list[Path]:
+    """Returns the files in the folders of a folder, at any depth; those with a dot are left out."""
+    out = []
+    for each in sorted(folder.rglob("*")):
+        parts = each.relative_to(folder).parts
+        if len(parts) > 1 and not any(part.startswith(".") for part in parts):
+            out.append(each)
+    return out
+
+
+def name_in_job(path: Path, root: Path | None) -> str:
+    """Returns what a file of a job is called: with its folders where the job is a folder."""
+    return path.name if root is None else path.relative_to(root).as_posix()
 
 
 def named_last(paths: Sequence[Path], languages: Iterable[Language]) -> list[Path]:
@@ -91,7 +107,11 @@ def companion_paths(path: Path, language: Language) -> list[Path]:
 
 
 def gather_files(
-    paths: Sequence[Path], language: Language, *, instead: Mapping[str, bytes] | None = None
+    paths: Sequence[Path],
+    language: Language,
+    *,
+    instead: Mapping[str, bytes] | None = None,
+    root: Path | None = None,
 ) -> JobFiles:
     """Returns the files of a job in the order they are read.
 
@@ -99,18 +119,21 @@ def gather_files(
         paths: The files named by the user.
         language: Theirs.
         instead: Bytes to take for files of these names; what stands on the disk is not read.
+        root: The folder the job is, if it is one.
 
     Raises:
         FormatError: A file cannot be read.
     """
     files: list[tuple[str, bytes]] = []
-    taken: list[Path] = []
+    taken: set[tuple[int, int]] = set()
 
     def take(path: Path) -> None:
-        if path.is_file() and not any(path.samefile(other) for other in taken):
-            taken.append(path)
-            given = (instead or {}).get(path.name)
-            files.append((path.name, read_bytes(path) if given is None else given))
+        stat = path.stat() if path.is_file() else None
+        if stat is not None and (stat.st_dev, stat.st_ino) not in taken:
+            taken.add((stat.st_dev, stat.st_ino))
+            name = name_in_job(path, root)
+            given = (instead or {}).get(name)
+            files.append((name, read_bytes(path) if given is None else given))
 
     for path in paths:
         if not path.is_file():
@@ -125,4 +148,4 @@ def gather_files(
         named = {name for _, data in files for name in language.name_files(data)}
         for name in sorted(named):
             take(paths[0].with_name(name))
-    return JobFiles(paths[0].parent, first, frozenset(named), tuple(files))
+    return JobFiles(root or paths[0].parent, first, frozenset(named), tuple(files))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from dataclasses import replace
+from typing import Final, NamedTuple, TypedDict
 
 import numpy as np
 
@@ -14,15 +15,24 @@ from robotrue.program.formats.krl_columns import lean, si_columns, target_column
 from robotrue.program.formats.krl_flow import BASE, FOREIGN_BASE, ON_ROBOT, TOOL, differing
 from robotrue.program.formats.krl_frames import UNSURE
 from robotrue.program.formats.krl_modal import Visits, inherit, inherit_external, visits
+from robotrue.program.formats.krl_notes import conflict_notes, incomplete_notes
 from robotrue.program.formats.krl_scan import INLINE_ARC, NOT_CONSTANT, STATEMENT, Scan
 from robotrue.program.formats.krl_walk import MOTION_OF, KrlWalk
 from robotrue.program.formats.krl_write import KrlSpans
 from robotrue.program.formats.target_notes import absent_routine
+from robotrue.program.formats.written_out import WrittenOut
 from robotrue.program.held import turned_round
 from robotrue.program.program import FrameTable, Motion, Program, Reason
 
 _MOTION_OF_KIND: Final = np.array([int(MOTION_OF.get(kind, -1)) for kind in range(INLINE_ARC + 1)])
 _SIDES: Final = (("base", BASE), ("tool", TOOL))
+
+
+class _WrittenSpans(TypedDict, total=False):
+    """What the spans hold of targets that are written out."""
+
+    written: WrittenOut
+    bound: BoolArray
 
 
 class Settled(NamedTuple):
@@ -75,7 +85,7 @@ class Builder:
         calls = table[:, FOREIGN_BASE:]
         first = calls[calls > 0].min(initial=np.iinfo(np.int64).max)
         calls[calls < 0] = first
-        return np.array(ways.line), table[:, [BASE, TOOL, ON_ROBOT, FOREIGN_BASE, -1]]
+        return np.array(ways.line[: len(table)]), table[:, [BASE, TOOL, ON_ROBOT, FOREIGN_BASE, -1]]
 
     def _taint(self) -> None:
         paths: dict[str, list[str]] = {}
@@ -143,14 +153,14 @@ class Builder:
         line = found.agg_line[agg].astype(np.int64) + 1
         reason, notes = self._frame_reasons(state, is_axis)
         reason[conflicts] = Reason.UNKNOWN_FRAME
-        notes += _conflict_notes(name, line[conflicts])
+        notes += conflict_notes(name, line[conflicts])
         if external is not None and file == self.main and _some(np.isnan(external)):
             inherit_external(external, self._path(file, agg, motion, np.zeros(len(agg), np.bool_)))
         frame, bases, said = self._external(external, state[:, BASE], reason, name, is_axis)
         notes += said
         reason[motion == Motion.UNUSED] = Reason.UNUSED
         reason[incomplete] = Reason.INCOMPLETE
-        notes += _incomplete_notes(name, line, incomplete & ~mixed)
+        notes += incomplete_notes(name, line, incomplete & ~mixed)
         for row, why in self._list_flagged(file, agg):
             reason[row] = why
         self._pair_arcs(file, agg, motion, reason)
@@ -179,9 +189,24 @@ class Builder:
             T_flange_tool=np.array(self.frames.matrices["tool"]),
             held=held,
             notes=tuple(dict.fromkeys(notes)),
-            spans=_spans(found, agg, is_axis, partial, donor, (donor >= 0) & ~free),
+            spans=replace(
+                _spans(found, agg, is_axis, partial, donor, (donor >= 0) & ~free),
+                **self._written(file, agg),
+            ),
             path=self._moves(file, agg, motion),
         )
+
+    def _written(self, file: int, agg: IntArray) -> _WrittenSpans:
+        """Returns the targets that are written out, and which hang on others that are moved to."""
+        mine = sorted((a, *what) for (f, a), what in self.story.written.items() if f == file)
+        if not mine:
+            return {}
+        moved = {d.variable for d in self.story.definitions if (d.file, d.agg) in self.story.uses}
+        row, start, end = np.array([each[:3] for each in mine], np.int64).T
+        return {
+            "written": WrittenOut(row=np.searchsorted(agg, row), start=start, end=end),
+            "bound": np.array([bool(each[3] & moved) for each in mine]),
+        }
 
     def _find_held(self, state: IntArray, is_axis: BoolArray) -> BoolArray:
         """Returns the rows whose part the robot carries along a tool that stands; empty: none."""
@@ -293,6 +318,7 @@ class Builder:
             return np.zeros(0, np.int64), np.zeros((0, 6), np.int64)
         torn = mixed.copy()
         torn[[row for row, _ in self._list_flagged(file, agg)]] = True
+        torn[np.searchsorted(agg, [a for f, a in self.story.written if f == file])] = True
         path = self._path(file, agg, motion, torn)
         return inherit(values, path, axis.astype(np.int64), state[:, :3])
 
@@ -424,24 +450,6 @@ class Builder:
                 worst = next((int(reason[r]) for r in rows if reason[r] > 0), 0)
                 for row in rows:
                     reason[row] = reason[row] or worst
-
-
-def _conflict_notes(name: str, lines: IntArray) -> list[str]:
-    return [
-        f"{name}:{line}: this point is used with more than one base or tool; it is not compensated."
-        for line in lines[:5].tolist()
-    ]
-
-
-def _incomplete_notes(name: str, line: IntArray, rows: BoolArray) -> list[str]:
-    at = np.flatnonzero(rows)
-    if not len(at):
-        return []
-    return [
-        f"{name}:{line[at[0]]}: {len(at)} targets from this line on leave components out, and what "
-        "they inherit is not known; they are not compensated, but follow the target before them "
-        "where it is. Write all six components."
-    ]
 
 
 def _some(lacking: BoolArray) -> bool:

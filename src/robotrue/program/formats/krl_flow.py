@@ -9,8 +9,10 @@ are not compensated. A subprogram is summed up as what it does to the frames it 
 from __future__ import annotations
 
 from collections import defaultdict, deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Final, NamedTuple
+
+from robotrue.program.formats.krl_builtin import HARMLESS
 
 BASE: Final = 0
 TOOL: Final = 1
@@ -33,30 +35,12 @@ _FOUND: Final[Value] = (AS_FOUND,) * _COLUMNS
 _NOWHERE: Final[Value] = (UNREACHED,) * _COLUMNS
 _START: Final[Value] = (0,) * _COLUMNS
 
-# Calls that leave frames alone: operators, statements and functions of the controller itself.
-_HARMLESS: Final = frozenset(
-    """and or not exor b_and b_or b_exor b_not if while until for switch case wait sec halt return
-    repeat to step then do sin cos tan acos atan2 sqrt abs round trunc inv_pos forward inverse
-    toframe invop pulse bas cr_process_file signal cast_from cast_to copen cclose cread cwrite
-    sread swrite strlen strcomp strcopy stradd strfind strclear strdeclen strtoint strtoreal
-    strtobool b_not varstate get_sig_inf set_sys_data wait_for on_error_proceed err_raise msg
-    msgnotify msgquit msgdialog msgstate set_kdo_values timer_limit spline spl lin ptp circ slin
-    sptp scirc lin_rel ptp_rel circ_rel trigger interrupt when delay distance path prio onstart
-    anin anout pto ezero delete_backward_buffer svel_cp svel_joint stool stool2 sbase sipo_mode
-    sload
-    ir_stopm rob_stop rob_stop_release is_key_pressed set_krl_msg set_krl_dlg exists_krl_msg
-    exists_krl_dlg clear_krl_msg krl_fopen krl_fclose krl_fread krl_fwrite krl_fputs cioctl lk
-    strtoframe strtopos strtoe6pos mbx_rec wsostatus
-    sacc_cp sacc_joint sapo sapo_ptp sori_typ sjerk sgear_jerk use_cm_pro_values ek k_root k_type
-    k_offs time_block""".split()
-)
-
 
 class Ways(NamedTuple):
     """The solved graph, one entry per node in the order of lines.
 
     Attributes:
-        line: Zero-based line from which the value holds.
+        line: Zero-based line from which the value holds; behind them those of copied routines.
         value: What holds.
         what: What to say of a node at which ways differ.
         handlers: Interrupt and trigger routines that change frames, so that they may change
@@ -89,7 +73,7 @@ class Flow:
     """
 
     def __init__(self, harmless: Iterable[str] = ()) -> None:
-        self._harmless = _HARMLESS.union(harmless)
+        self._harmless = HARMLESS.union(harmless)
         self._line: list[int] = []
         self._what: list[str] = []
         self._before: list[list[int]] = []
@@ -109,6 +93,9 @@ class Flow:
         self._handlers: set[str] = set()
         self._triggers: set[int] = set()
         self._resumes = False
+        self._drawn = -1
+        self._instead: dict[tuple[int, str], int] = {}
+        self.copied = -1
         self.pending: list[tuple[int, int, int]] = [(0, 0, 0)]
         self.start(0, "")
 
@@ -147,12 +134,70 @@ class Flow:
         node = self._add(line, [self._at], "comes from an FDAT_ACT that depends on the way here")
         self._takes[node] = True
 
-    def call(self, line: int, names: Iterable[str]) -> None:
-        """Passes through other routines, of this file or not."""
-        names = tuple(name for name in names if name not in self._harmless)
-        if names:
-            node = self._add(line, [self._at], "depends on the way a called subprogram took")
-            self._calls[node] = names
+    def call(self, line: int, names: Iterable[str]) -> int:
+        """Passes through other routines, of this file or not; returns the node, -1 if none."""
+        names = tuple(name for name in names if not self.is_harmless(name))
+        if not names:
+            return -1
+        node = self._add(line, [self._at], "depends on the way a called subprogram took")
+        self._calls[node] = names
+        return node
+
+    def is_harmless(self, name: str) -> bool:
+        """Returns whether a routine leaves frames alone wherever it stands."""
+        return name.partition("@")[0] in self._harmless
+
+    def rename(self, frames: Mapping[tuple[int, int], int]) -> None:
+        """Gives frames their indices: from column and index that stood for one."""
+        for node, sets in enumerate(self._sets):
+            if sets:
+                self._sets[node] = tuple((c, frames.get((c, index), index)) for c, index in sets)
+
+    def sets_frames(self, name: str) -> list[tuple[int, int]]:
+        """Returns column and index of what a routine sets itself."""
+        routine = self._names.get(name, -1)
+        nodes = [node for node, of in enumerate(self._routine) if of == routine]
+        return [pair for node in nodes for pair in self._sets[node]]
+
+    def calls_of(self, name: str) -> list[int]:
+        """Returns the nodes of a routine that call others."""
+        routine = self._names.get(name, -1)
+        return [n for n, of in enumerate(self._routine) if of == routine and self._calls[n]]
+
+    def copy_routine(self, name: str, frames: Mapping[tuple[int, int], int]) -> dict[int, int]:
+        """Enters a copy of a routine for one call, with other frames; returns its nodes by node.
+
+        The copy is :attr:`copied`; nothing is moved to within it.
+        """
+        if self._drawn < 0:
+            self.leave()
+            self._drawn = len(self._line)
+        routine = self._names[name]
+        nodes = [node for node, of in enumerate(self._routine) if of == routine]
+        new = {node: len(self._line) + k for k, node in enumerate(nodes)}
+        self.copied = len(self._first)
+        self._first.append(new[self._first[routine]])
+        self._last.append([new[node] for node in self._last[routine] if node in new])
+        for node in nodes:
+            self._line.append(self._line[node])
+            self._what.append(self._what[node])
+            self._before.append([new[each] for each in self._before[node] if each in new])
+            sets = self._sets[node]
+            self._sets.append(tuple((c, frames.get((c, index), index)) for c, index in sets))
+            self._takes.append(self._takes[node])
+            self._calls.append(self._calls[node])
+            self._routine.append(self.copied)
+        self._jumps += [
+            (new[at], self.copied, to) for at, of, to in self._jumps if of == routine and at in new
+        ]
+        for (of, label), node in list(self._labels.items()):
+            if of == routine:
+                self._labels[self.copied, label] = new[node]
+        return new
+
+    def lead(self, node: int, name: str, copy: int) -> None:
+        """Makes a call of a routine one of a copy of it."""
+        self._instead[node, name] = copy
 
     def handler(self, name: str) -> None:
         """Names a routine that an interrupt or trigger may start at any line."""
@@ -240,7 +285,9 @@ class Flow:
 
     def solve(self) -> Ways:
         """Returns what holds at every node."""
-        self.leave()
+        if self._drawn < 0:
+            self.leave()
+            self._drawn = len(self._line)
         for node, routine, name in self._jumps:
             place = self._labels.get((routine, name), -1)
             if place >= 0 and node >= 0:
@@ -261,7 +308,10 @@ class Flow:
             for name in sorted(self._handlers & self._names.keys())
             if set(effect[self._names[name]][: ON_ROBOT + 1]) - {AS_FOUND, UNREACHED}
         ]
-        return Ways(self._line, value, self._what, changing, self._foreign(), self._find_lost())
+        drawn = self._drawn
+        return Ways(
+            self._line, value[:drawn], self._what, changing, self._foreign(), self._find_lost()
+        )
 
     def _foreign(self) -> dict[int, tuple[str, ...]]:
         """Returns the routines in no file that each one-based line calls."""
@@ -310,7 +360,7 @@ class Flow:
         for node, names in enumerate(self._calls):
             for name in names:
                 if name in self._names:
-                    callers[self._names[name]].append(node)
+                    callers[self._called(node, name)].append(node)
         out, into = [_NOWHERE] * len(self._line), [_NOWHERE] * len(self._line)
         effect = [_NOWHERE] * len(self._first)
         first = set(self._first)
@@ -351,7 +401,7 @@ class Flow:
         if self._takes[node]:
             self._take(node, new)
         for name in self._calls[node]:
-            routine = self._names.get(name, -1)
+            routine = self._called(node, name)
             if routine < 0:
                 new[FOREIGN_BASE] = new[FOREIGN_TOOL] = self._line[node] + 1
                 continue
@@ -363,6 +413,10 @@ class Flow:
                 elif does != AS_FOUND:
                     new[column] = does
         return tuple(new)
+
+    def _called(self, node: int, name: str) -> int:
+        """Returns the routine, or the copy of it, that a node calls; -1 if it is in no file."""
+        return self._instead.get((node, name), self._names.get(name, -1))
 
     def _take(self, node: int, new: list[int]) -> None:
         pending = new[PENDING]
@@ -386,7 +440,7 @@ class Flow:
         """Returns what each routine is entered with; one that nothing here calls, the defaults."""
         calls = [
             (node, self._names[name])
-            for node, names in enumerate(self._calls)
+            for node, names in enumerate(self._calls[: self._drawn])
             for name in names
             if name in self._names
         ]

@@ -44,6 +44,26 @@ def read_fdat(text: str) -> Inline:
     return Inline(found.get("TOOL_NO"), found.get("BASE_NO"), on_robot)
 
 
+class DeferredFrame(NamedTuple):
+    """A frame that is computed.
+
+    Attributes:
+        side: ``base`` or ``tool``.
+        place: Index that stands for it.
+        line: Zero-based, of the main text.
+        text: The expression.
+        numbered: It is the number of the frame.
+        stored: Numbered frames as the program had set them up to here.
+    """
+
+    side: str
+    place: int
+    line: int
+    text: str
+    numbered: bool
+    stored: dict[tuple[str, str], int]
+
+
 UNSURE: Final = 2
 """Of who holds the part: not known."""
 
@@ -153,7 +173,8 @@ class Frames:
                 "leaves components out or computes them",
                 "write all of X, Y, Z, A, B, C as numbers",
             )
-        return self.index_frame(side, pose_from_xyz_abc(values[:3] * MM, values[3:] * DEG))
+        written = pose_from_xyz_abc(values[:3] * MM, values[3:] * DEG)
+        return self.index_frame(side, self.in_robot(side, written))
 
     def number(self, side: str, line: int, number: str | None, *, coupled: bool = False) -> int:
         """Returns the index of a numbered frame: set in the program, in the table, or 0.
@@ -180,7 +201,7 @@ class Frames:
         if matrix is not None:
             return self.index_frame(side, matrix, number)
         if number == "0":
-            return self.index_frame(side, np.eye(4))
+            return self.index_frame(side, self.in_robot(side, np.eye(4)))
         return self.unknown(
             side,
             line,
@@ -188,8 +209,11 @@ class Frames:
             f"add {side} {number} to the cell ([[controller.{side}]])",
         )
 
-    def expression(self, side: str, line: int, text: str, variables: Mapping[str, Array]) -> int:
-        """Returns the index of what stands right of ``$BASE=`` or ``$TOOL=``, not an aggregate."""
+    def find_expression(self, side: str, line: int, text: str) -> int | None:
+        """Returns the index of what stands right of ``$BASE=`` or ``$TOOL=``, not an aggregate.
+
+        None is returned of what has to be evaluated.
+        """
         text = text.strip()
         match = _OF_FORM.match(text)
         if match and self.scope.name(match[2]) in self.fdat and side == match[1][:4].lower():
@@ -198,21 +222,43 @@ class Frames:
         if side == "base" and _EXTERNAL.match(text):
             return self._external_base(line, text)
         match = _DATA.match(text)
-        if match and match[1].lower() == side:
+        if match and match[1].lower() == side and match[2].isdecimal():
             return self.number(side, line, match[2])
         if text.lower() in _IDENTITY:
-            return self.index_frame(side, np.eye(4))
-        if self.scope.name(text) in variables:
-            return self.aggregate(side, line, variables[self.scope.name(text)])
+            at_robot = text.lower() == "$robroot"
+            return self.index_frame(side, np.eye(4) if at_robot else self.in_robot(side, np.eye(4)))
+        return None
+
+    def named(self, side: str, line: int, text: str, why: str, cure: str) -> int:
+        """Returns the index of a frame the cell's table has by name, else of one not known."""
         matrix = _lookup(self._choose_table(side), text)
         if matrix is not None:
             return self.index_frame(side, matrix, text)
         return self.unknown(
             side,
             line,
-            f"is {text[:40]!r}, which the program does not hold as numbers",
-            f"write the {side} as numbers, or add it to the cell by this name",
+            f"is {text[:40]!r}, which the program does not hold as numbers"
+            + (f" ({why})" if why else ""),
+            cure or f"write the {side} as numbers, or add it to the cell by this name",
         )
+
+    def reserve(self, side: str) -> int:
+        """Returns a new index that stands for a frame not known yet."""
+        self.matrices[side].append(np.full((4, 4), np.nan))
+        return len(self.matrices[side]) - 1
+
+    def rename(self, index: Mapping[tuple[str, int], int]) -> None:
+        """Gives numbered frames their indices: from side and index that stood for one."""
+        for (side, number), one in self._data.items():
+            self._data[side, number] = index.get((side, one), one)
+
+    def in_robot(self, side: str, matrix: Array) -> Array:
+        """Returns a frame as the program writes it, in the robot base; tools as they are."""
+        return matrix if side == "tool" else self.table.T_base_world @ matrix
+
+    def stored_numbers(self) -> dict[tuple[str, str], int]:
+        """Returns the numbered frames as the program has set them so far."""
+        return dict(self._data)
 
     def holder(self, text: str) -> int:
         """Returns 0 for ``#BASE``, 1 for ``#TCP``, ``UNSURE`` for what is not known."""
@@ -246,6 +292,11 @@ class Frames:
             f"number {number or '?'} follows an external axis",
             "describe the axis and this base in the cell ([[controller.external]])",
         )
+
+    def differs_later(self, side: str, number: str, stored: Mapping[tuple[str, str], int]) -> bool:
+        """Returns whether a numbered frame is set to something else than it was at some line."""
+        key = side, plain_key(number)
+        return key in self._data and self._data[key] != stored.get(key, -1)
 
     def store(self, side: str, number: str, index: int) -> None:
         """Remembers ``BASE_DATA[n]`` or ``TOOL_DATA[n]`` as the program writes it."""

@@ -19,6 +19,7 @@ import numpy as np
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
+from robotrue.program.formats.krl_write import KrlSpans
 from robotrue.program.formats.move_trail import (
     UNKNOWN,
     Trail,
@@ -141,6 +142,8 @@ class _Reader:
         self.program, self.starts = program, line_starts(program.data)
         self.data, self.lines = program.data, program.line.tolist()
         self.next, self.spline, self.own = 0, False, own
+        spans = program.spans
+        self.written = set(spans.written.start.tolist()) if isinstance(spans, KrlSpans) else set()
 
     def read(self) -> None:
         """Reads every line."""
@@ -216,7 +219,9 @@ class _Reader:
             self.trail.lose()
             return
         inline = self._inline(number)
-        rows = [self._row(found[i + 1], inline) for i in range(len(found.groups()))]
+        rows = [
+            self._row(found[i + 1], found.start(i + 1), inline) for i in range(len(found.groups()))
+        ]
         via = rows[0] if len(rows) == 2 else UNKNOWN
         tail = self.data[found.end() : end].rstrip()
         if kind in (b"PTP", b"SPL"):
@@ -241,7 +246,10 @@ class _Reader:
             self.next += 1
         return out
 
-    def _row(self, operand: bytes, inline: list[int]) -> int:
+    def _row(self, operand: bytes, start: int, inline: list[int]) -> int:
+        if start in self.written:  # a stored target that is written out in its move
+            inline[:1] = []
+            return UNKNOWN
         if operand[:1] == b"{":
             return inline.pop(0) if inline else UNKNOWN
         known = self.stored.get(_name(operand), [])

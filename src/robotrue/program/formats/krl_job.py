@@ -25,10 +25,10 @@ from robotrue.program.program import FrameTable, Program, Reason
 
 File: TypeAlias = tuple[str, bytes]
 Build: TypeAlias = Callable[
-    [Sequence[File], FrameTable, Sequence[tuple[int, str]], Sequence[str]], Builder
+    [Sequence[File], FrameTable, Sequence[tuple[int, str]], Sequence[str], Sequence[File]], Builder
 ]
 """Reads files with one main program at most: files, frames, from which line of the main one on a
-name is that of which file, CAMRob files there are."""
+name is that of which file, CAMRob files there are, the files the main one is made of."""
 
 _JOINED: Final = "<job>"
 _NAMED_LINE: Final = re.compile(re.escape(_JOINED) + r":(\d+)")
@@ -53,11 +53,11 @@ def read_parts(files: Sequence[File], frames: FrameTable, build: Build) -> tuple
     text = _Text.of(mains) if len(mains) > 1 else None
     beside = [name for name, _ in paths]
     if text is None:
-        builder = build([*mains, *stores], frames, (), beside)
+        builder = build([*mains, *stores], frames, (), beside, ())
         found = {name: builder.program(k) for k, (name, _) in enumerate([*mains, *stores])}
     else:
         try:
-            builder = build([(_JOINED, text.data), *stores], frames, text.owners(), beside)
+            builder = build([(_JOINED, text.data), *stores], frames, text.owners(), beside, mains)
         except FormatError as cause:
             raise text.place_error(cause) from cause
         found = dict(zip(text.names, text.parts(builder.program(0)), strict=True))
@@ -248,4 +248,6 @@ def _part_of(spans: KrlSpans, rows: slice, place: int) -> KrlSpans:
         partial=spans.partial[inside] - rows.start,
         donor=np.where(donor >= 0, donor - rows.start, donor),
         owed=spans.owed[inside],
+        written=spans.written.part(rows, place),
+        bound=spans.bound[(spans.written.row >= rows.start) & (spans.written.row < rows.stop)],
     )

@@ -8,6 +8,7 @@ from robotrue.errors import FormatError
 from robotrue.program.formats.krl_build import Builder
 from robotrue.program.formats.krl_frames import Frames
 from robotrue.program.formats.krl_job import is_job, read_parts
+from robotrue.program.formats.krl_resolve import resolve
 from robotrue.program.formats.krl_scan import STATEMENT, Scan, scan
 from robotrue.program.formats.krl_walk import KrlWalk
 from robotrue.program.lang import languages
@@ -31,6 +32,7 @@ def _build(
     frames: FrameTable,
     owners: Sequence[tuple[int, str]] = (),
     beside: Collection[str] = (),
+    parts: Sequence[tuple[str, bytes]] = (),
 ) -> Builder:
     """Returns the builder of the programs of one main file and its data files.
 
@@ -39,6 +41,7 @@ def _build(
         frames: What they name but do not hold.
         owners: From which line of the main file on names are those of which file.
         beside: Names of the CAMRob files there are.
+        parts: The files the main file is made of, if it is several.
     """
     names = [name for name, _ in files]
     for name, data in files:
@@ -53,8 +56,12 @@ def _build(
         walk.scope.share(files[i][1] for i in stores)
     for file in stores:
         walk.data_file(file)
+    for name, data in frames.declarations:
+        walk.outside_file(name, data)
+    walk.scope.share_routines((name, data) for name, data in parts or [files[i] for i in mains])
     for file in mains:
         walk.main_file(file)
+    resolve(walk)
     main = mains[0] if mains else -1
     if not walk.story.has_def:
         _require_content(walk, main)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from robotrue.program.program import Motion, Reason
@@ -44,6 +44,8 @@ class ParsedKrl:
         called_files: CAMRob files whose targets the robot moves through.
         lost: (line, motion) of moves to a target that is not known.
         shared: Names of GLOBAL points of the data files.
+        written: (file, aggregate) of targets that are written out: first byte and end of the text
+            they take the place of, and the variables they are computed from.
         spelled: Names of called routines as the program writes them, by lower case.
     """
 
@@ -59,3 +61,4 @@ class ParsedKrl:
     spelled: dict[str, str]
     lost: list[tuple[int, Motion]]
     shared: set[str]
+    written: dict[tuple[int, int], tuple[int, int, frozenset[str]]] = field(default_factory=dict)

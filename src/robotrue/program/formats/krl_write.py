@@ -11,7 +11,7 @@ number standing after two or more blanks keeps its column. S and T keep their ba
 from __future__ import annotations
 
 import io
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -22,6 +22,7 @@ from robotrue.core.compiled import PLAIN, compiled
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ShapeError
 from robotrue.program.euler import renew_abc
+from robotrue.program.formats.krl_scan import COMPONENTS, EXTERNAL, STATUS
 from robotrue.program.formats.number_kernels import (
     SLACK,
     copy_bytes,
@@ -29,6 +30,12 @@ from robotrue.program.formats.number_kernels import (
     place,
     put_number,
     put_whole,
+)
+from robotrue.program.formats.written_out import (
+    NONE_WRITTEN,
+    WrittenOut,
+    put_texts,
+    shift_places,
 )
 from robotrue.program.program import Program, Replacement
 
@@ -66,6 +73,9 @@ class KrlSpans:
         partial: (p,) rows with components left out that they inherit, in the order of motion.
         donor: (p, 6) the row each left-out component is inherited from, -1 if it is written.
         owed: (p, 6) left-out components that are inserted when the inherited value is not right.
+        written: Rows that are written out.
+        bound: (w,) a stored target they are computed from is moved to as well: they are written
+            out with every change of the file.
     """
 
     token: Ints
@@ -78,6 +88,8 @@ class KrlSpans:
     partial: IntArray
     donor: IntArray
     owed: BoolArray
+    written: WrittenOut = NONE_WRITTEN
+    bound: BoolArray = field(default_factory=lambda: np.zeros(0, np.bool_))
 
 
 def write_krl(program: Program, replacement: Replacement) -> bytes:
@@ -98,6 +110,9 @@ def write_krl(program: Program, replacement: Replacement) -> bytes:
         raise ShapeError(f"changed has shape {changed.shape}, expected ({len(program)},).")
     if not changed.any():
         return program.data
+    if len(spans.written.row):
+        program, replacement, spans = _write_out(program, replacement, spans, changed)
+        changed = np.asarray(replacement.changed)
     # What a target leaves out hangs on targets before it: such a program is one piece.
     step = _ROWS if not len(spans.partial) else max(len(program), 1)
     out, source = io.BytesIO(), np.frombuffer(program.data, np.uint8)
@@ -113,6 +128,46 @@ def write_krl(program: Program, replacement: Replacement) -> bytes:
         _write_rows(program, replacement, spans, changed, rows, source[begin:end], begin, out)
         begin = end
     return out.getvalue()
+
+
+def _write_out(
+    program: Program, replacement: Replacement, spans: KrlSpans, changed: BoolArray
+) -> tuple[Program, Replacement, KrlSpans]:
+    """Returns all three with the rows that are written out in their places, and done."""
+    written = spans.written
+    chosen = np.flatnonzero(changed[written.row] | spans.bound).tolist()
+    rows = written.row[chosen].tolist()
+    texts = []
+    for row in rows:
+        one = slice(row, row + 1)
+        values, _ = _new_values(program, replacement, spans, changed, one)
+        first = int(spans.token[row])
+        tokens = range(first, first + int(spans.tokens[row]))
+        words = replacement.words[row].tolist() if changed[row] else [-1, -1]
+        texts.append(_aggregate(spans, tokens, values[0], words))
+    data, places, moved = put_texts(program.data, written, chosen, texts)
+    left = np.array(changed)
+    left[written.row] = False
+    start = shift_places(spans.start.astype(np.int64), places, moved).astype(np.int32)
+    spans = replace(spans, start=start)
+    return replace(program, data=data), replace(replacement, changed=left), spans
+
+
+def _aggregate(spans: KrlSpans, tokens: range, values: Array, words: list[int]) -> bytes:
+    """Returns a target in braces: new pose or axes, the rest as it was."""
+    parts = []
+    for token in tokens:
+        code, value = int(spans.component[token]), float(spans.value[token])
+        if code < EXTERNAL:
+            decimals = 4 if code < 3 else 6 if code < 6 else 5
+            text = f"{values[code % 6] + 0.0:.{decimals}f}"
+        elif code < STATUS:
+            text = repr(value)
+        else:
+            word = words[code - STATUS]
+            text = str(int(value) if word < 0 else word)
+        parts.append(f"{COMPONENTS[code]} {text}")
+    return ("{" + ",".join(parts) + "}").encode("ascii")
 
 
 def _behind(spans: KrlSpans, row: int) -> int:

@@ -9,12 +9,14 @@ written is told in :mod:`robotrue.program.formats.krl_write`.
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from robotrue.core.arrays import Array
+from robotrue.core.poses import inverse
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.program.controller_files import (
@@ -59,6 +61,12 @@ _KUKA: Final = re.compile(
     re.IGNORECASE | re.MULTILINE,
 )
 _CONFIG: Final = re.compile(r"^[ \t]*DEFDAT[ \t]+\$CONFIG\b", re.IGNORECASE | re.MULTILINE)
+_MACHINE: Final = re.compile(r"^[ \t]*DEFDAT[ \t]+\$MACHINE\b", re.IGNORECASE | re.MULTILINE)
+_ROBROOT: Final = re.compile(
+    r"^[ \t]*(?:DECL[ \t]+)?(?:FRAME[ \t]+)?\$ROBROOT[ \t]*=[ \t]*"
+    r"\{(?:[ \t]*FRAME[ \t]*:)?([^{}]*)\}",
+    re.IGNORECASE | re.MULTILINE,
+)
 _KUKA_PART: Final = re.compile(rf"[ \t]*([XYZABC])[ \t]+({NUMBER})[ \t]*", re.IGNORECASE)
 _ON_MACHINE: Final = re.compile(
     r"^[ \t]*MACHINE_FRAME_DAT[ \t]*\[[ \t]*(\d{1,9})[ \t]*\][ \t]*=[ \t]*\{[ \t]*"
@@ -145,7 +153,12 @@ def _feeds(program: Program) -> Array:
 
 
 def _read_config(name: str, text: str) -> ControllerFile:
-    """The frames of a ``$config.dat``; not bases that stand on another machine than the robot."""
+    """The frames of a ``$config.dat``; not bases that stand on another machine than the robot.
+
+    Of a ``$machine.dat`` where the robot stands in the world.
+    """
+    if not _CONFIG.search(text):
+        return _read_machine(name, text)
     out = ControllerFile(name=name)
     notes = []
     machine = {int(n): int(m) for n, m in _ON_MACHINE.findall(text)}
@@ -163,7 +176,19 @@ def _read_config(name: str, text: str) -> ControllerFile:
             continue
         xyz, abc = ([values[letter] for letter in word] for word in ("XYZ", "ABC"))
         (out.bases if side == "BASE" else out.tools)[number] = frame_of(xyz, abc)
-    return ControllerFile(name=name, bases=out.bases, tools=out.tools, notes=tuple(notes))
+    return replace(out, notes=tuple(notes), declarations=True)
+
+
+def _read_machine(name: str, text: str) -> ControllerFile:
+    match = _ROBROOT.search(text)
+    if match is None:
+        return ControllerFile(name=name)
+    parts = [_KUKA_PART.fullmatch(part) for part in match[1].split(",")]
+    values = {part[1].upper(): float(part[2]) for part in parts if part}
+    if len(values) != 6 or not np.isfinite([*values.values()]).all():
+        raise unreadable_frame(name, text, match.start(), "$ROBROOT")
+    xyz, abc = ([values[letter] for letter in word] for word in ("XYZ", "ABC"))
+    return ControllerFile(name=name, T_base_world=inverse(frame_of(xyz, abc)))
 
 
 def _aggregate(xyz: Array, R: Array) -> str:
@@ -206,8 +231,8 @@ LANGUAGE: Final = Language(
     cutter=_cutter,
     feeds=_feeds,
     frame_files=FrameFiles(
-        names=("$config.dat",),
-        recognise=lambda text: bool(_CONFIG.search(text)),
+        names=("$config.dat", "$machine.dat"),
+        recognise=lambda text: bool(_CONFIG.search(text) or _MACHINE.search(text)),
         read=_read_config,
     ),
     frame_form=FrameForm(
