@@ -18,12 +18,12 @@ import argparse
 import sys
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from real_arms import CHI2_95, ROOT, examine, nominal_y, points
 
-from robotrue.calibration.drift_prior import DriftScales
+from robotrue.calibration.drift_prior import NO_DRIFT
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel, Query, require_belief
 from robotrue.calibration.new_rows import new_rows
@@ -37,7 +37,6 @@ from robotrue.robot.model import RobotModel
 from robotrue.robot.presets import preset
 from robotrue_reproductions.deng2022 import scenarios
 
-NONE = DriftScales(**{f.name: 0.0 for f in fields(DriftScales)})
 QUICK_ROWS = 1500
 CANDIDATES = 500
 TEST_ROWS = 1000
@@ -116,7 +115,7 @@ def contestants(
     if case.relation == "region":
         yield "source", lambda: model
     else:
-        yield "source", lambda: fit_transfer(robot, known, given, scales=NONE, learn=False)
+        yield "source", lambda: fit_transfer(robot, known, given, scales=NO_DRIFT, learn=False)
     if len(known):
         leaning = FitSettings(lean_on_prior=True)
         yield "target", lambda: alone(robot, known, leaning)

@@ -12,6 +12,7 @@ from robotrue.calibration.archive import open_model
 from robotrue.calibration.averaging import average_models
 from robotrue.calibration.methods import FitSettings, fit
 from robotrue.calibration.model import Query
+from robotrue.calibration.transfer import TransferSource, fit_transfer
 from robotrue.calibration.update import update_model
 from robotrue.core.poses import pose
 from robotrue.core.rotations import matrix_from_rotation_vector
@@ -74,6 +75,24 @@ def test_an_average_is_saved_updated_and_inverted_like_any_model(fits):
     assert average.mean_tables() is not None
     after = update_model(average, rows, settings=SETTINGS).predict(query)
     assert np.linalg.det(after.covariance).max() < np.linalg.det(stated.covariance).max()
+
+
+def test_a_residual_over_more_centres_is_averaged_with_one_over_fewer():
+    rows = rows_of("base")
+    source = TransferSource(model=fit(arm(), rows, settings=SETTINGS), relation="region")
+    moved = fit_transfer(arm(), rows.subset(np.arange(12)), [source], SETTINGS)
+    further = TransferSource(model=moved, relation="region")
+    fewer = fit_transfer(arm(), None, [further], SETTINGS)
+    more = fit_transfer(arm(), rows.subset(np.arange(12, 24)), [further], SETTINGS)
+    average = average_models([more, fewer], np.array([0.5, 0.5]))
+    query = Query(joints=postures(arm(), 25, np.random.default_rng(8)), load=PAYLOAD)
+    parts = [model.predict(query) for model in (more, fewer)]
+    mean = 0.5 * (parts[0].error + parts[1].error)
+    np.testing.assert_allclose(average.predict(query).error, mean, atol=2e-6)
+    spread = 0.5 * sum(np.trace(p.covariance, axis1=1, axis2=2) for p in parts)
+    spread += 0.25 * ((parts[0].error - parts[1].error) ** 2).sum(axis=1)
+    stated = np.trace(average.predict(query).covariance, axis1=1, axis2=2)
+    np.testing.assert_allclose(stated, spread, rtol=0.03)
 
 
 def test_an_average_of_one_is_that_model(fits):

@@ -14,7 +14,7 @@ from robotrue.calibration.learned import LearnedParts, fit_learned
 from robotrue.calibration.lineage import model_hash
 from robotrue.calibration.methods import FitSettings, fit
 from robotrue.calibration.model import Query
-from robotrue.calibration.transfer import TransferSource, fit_transfer, student
+from robotrue.calibration.transfer import TransferSource, carry_source, fit_transfer, student
 from robotrue.core.archive import read_archive, write_archive
 from robotrue.core.poses import pose
 from robotrue.core.rotations import matrix_from_rotation_vector
@@ -163,6 +163,18 @@ def test_shuffled_labels_give_a_wide_answer_and_no_crash(source, moved):
     position = forward(arm(), base.joints)[:, :3, 3] + offsets[order]
     model = carried(source, replace(base, position=position))
     assert model.training_summary()["white_sd_m"] > 3.0 * source.training_summary()["white_sd_m"]
+
+
+def test_a_source_as_it_is_only_learns_where_the_new_tracker_is(source, moved):
+    known, test = moved
+    given = TransferSource(model=source)
+    model = carry_source(arm(), known, given, SETTINGS)
+    before = fit_transfer(arm(), None, [given], SETTINGS)
+    np.testing.assert_array_equal(model.errors, before.errors)
+    error, inside = examined(model, test)
+    assert examined(carried(source, known), test)[0] < error < 8e-4  # the reflector is 0.6 mm off
+    assert inside >= 0.9
+    assert carry_source(arm(), None, given, SETTINGS).T_tracker_base == {}
 
 
 def test_two_campaigns_know_more_than_one(source, moved):

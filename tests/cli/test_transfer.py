@@ -33,7 +33,8 @@ def test_a_model_as_source_wins_and_says_why(cli, few):
         "source-only",
         "target-only",
     ]
-    assert "pooled" not in table
+    assert "pooled" in table  # the posterior of a model takes new poses as those of its campaign
+    assert "  learned " not in table  # it asks for the poses of the source
     assert "is used: transfer has 0.0" in got.err
     verdict = read_model(few / "new.rtm").model.training_summary()["guard"]
     assert verdict["winner"] in ("transfer", "source-only")

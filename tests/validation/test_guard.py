@@ -11,9 +11,10 @@ from validation_fakes import FakeModel, arm, measured
 
 from robotrue.errors import ObservabilityError, ShapeError
 from robotrue.robot.forward import forward
+from robotrue.validation.contest import decide, drop_excluded, weigh
 from robotrue.validation.guard import select_guarded, verdict_from_summary
 from robotrue.validation.learning_curve import learning_curve
-from robotrue.validation.selection import select
+from robotrue.validation.selection import hold_out, select
 
 
 def bend(joints):
@@ -89,6 +90,21 @@ def test_never_worse_than_the_target_alone_by_more_than_the_error_bar(size, seed
         # The gain is a mean over folds, of one or two rows each; the table one over rows.
         gain = scores["target-only"] - scores[verdict.winner]
         assert verdict.gain == pytest.approx(gain, abs=0.5 * verdict.noise)
+
+
+def test_only_what_the_winner_beats_by_more_than_the_noise_is_excluded():
+    target = measured(12, error=bend)
+    candidates = {
+        "near": believes(lambda joints: 1e-6 + bend(joints)),
+        "first": believes(bend),
+        "wrong": believes(lambda joints: 2e-3 + bend(joints)),
+    }
+    trials = hold_out(candidates, target)
+    contest = replace(decide(trials), winner="first")
+    assert drop_excluded(trials, contest, list(candidates)) == ["near", "first"]
+    weighed = weigh(trials, contest, ["near", "first"])
+    assert sum(weighed.weights.values()) == pytest.approx(1.0)
+    assert "the average of the candidates that are not excluded" in weighed.reason
 
 
 @pytest.mark.parametrize(("rows", "said"), [(0, "no target pose was measured"), (2, "only 2")])

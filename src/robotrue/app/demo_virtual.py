@@ -37,7 +37,8 @@ from robotrue.simulation.plans import VALIDATION, Region, random_joints
 from robotrue.simulation.presets import STIFFNESS, VirtualCell, deng2022, reflector_at_tool
 from robotrue.simulation.virtual_tracker import measure
 from robotrue.store.model_file import write_model
-from robotrue.validation.selection import select, with_summary
+from robotrue.validation.selection import select
+from robotrue.validation.summary_notes import with_summary
 from robotrue.validation.validate import validate
 
 CALIBRATION_POSES: Final = 80

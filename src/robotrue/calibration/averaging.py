@@ -17,7 +17,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robotrue.calibration.belief import Belief, with_harmonics, with_term
+from robotrue.calibration.belief import (
+    Belief,
+    add_variance,
+    with_centres,
+    with_harmonics,
+    with_term,
+)
 from robotrue.calibration.calibrated_model import CalibratedModel, Reflector, model_of
 from robotrue.calibration.terms.smooth import SmoothResidual
 from robotrue.calibration.terms.term import Term
@@ -66,8 +72,7 @@ def average_models(models: Sequence[CalibratedModel], weights: Array) -> Calibra
     first = models[0]
     if len(models) == 1:
         return first
-    if any(not np.array_equal(m.robot.T_flange_tool, first.robot.T_flange_tool) for m in models):
-        raise ConfigurationError("models of different tool points cannot be averaged.")
+    refuse_strangers(models)
     share = np.asarray(weights, dtype=np.float64) / float(np.sum(weights))
     members = _align_members(models, share)
     shifts = {k: _station_shifts(models, k) for k in sorted(first.T_tracker_base)}
@@ -93,6 +98,25 @@ def average_models(models: Sequence[CalibratedModel], weights: Array) -> Calibra
     return _renew_parameters(average, members)
 
 
+def refuse_strangers(models: Sequence[CalibratedModel]) -> None:
+    """Refuses models that have no average with the first one.
+
+    Raises:
+        ConfigurationError: Models of different tool points, without the tracker frames or the
+            reflectors of the first one, or with different smooth residuals.
+    """
+    first = models[0]
+    if any(not np.array_equal(m.robot.T_flange_tool, first.robot.T_flange_tool) for m in models):
+        raise ConfigurationError("models of different tool points cannot be averaged.")
+    for what, keys in (
+        ("tracker frames", [m.T_tracker_base.keys() for m in models]),
+        ("reflectors", [m.reflectors.keys() for m in models]),
+    ):
+        if any(not keys[0] <= others for others in keys):
+            raise ConfigurationError(f"models without the {what} of the first have no average.")
+    _only_smooth([model.belief() for model in models])
+
+
 def _align_members(models: Sequence[CalibratedModel], share: Array) -> list[_Member]:
     """The models over the terms of all, in one order."""
     beliefs = [model.belief() for model in models]
@@ -113,10 +137,13 @@ def _align_members(models: Sequence[CalibratedModel], share: Array) -> list[_Mem
         terms[smooth.name] = replace(smooth, amplitude=float(np.sqrt(amplitude)))
     members = []
     for model, belief, weight in zip(models, beliefs, share.tolist(), strict=True):
-        if smooth is not None and not belief.smooth.size:
-            belief = with_term(belief, smooth, np.arange(0))
         root, places = _add_places(model, belief.root)
-        aligned = _arrange(replace(belief, root=root), tuple(terms.values()))
+        belief = replace(belief, root=root)
+        if smooth is not None:
+            belief = _widen_smooth(belief, smooth)
+        more = np.zeros((len(belief.root) - len(root), 3))
+        places = {k: np.vstack([place, more]) for k, place in places.items()}
+        aligned = _arrange(belief, tuple(terms.values()))
         members.append(_Member(model=model, weight=weight, belief=aligned, places=places))
     return members
 
@@ -136,11 +163,32 @@ def _share_moments(members: Sequence[_Member], share: Array) -> Array:
 
 
 def _only_smooth(beliefs: Sequence[Belief]) -> SmoothResidual | None:
-    """The smooth residual that some of the models have; it must be one and the same basis."""
+    """The smooth residual that some of the models have; its basis begins with those of all."""
     found = [belief.smooth for belief in beliefs if belief.smooth.size]
-    if any(not np.array_equal(s.basis.centres, found[0].basis.centres) for s in found):
-        raise ConfigurationError("models with different smooth residuals cannot be averaged.")
-    return found[0] if found else None
+    if not found:
+        return None
+    longest = max(found, key=lambda smooth: smooth.size)
+    for smooth in found:
+        begun = longest.basis.centres[: len(smooth.basis.centres)]
+        if not (
+            np.array_equal(smooth.basis.scale, longest.basis.scale)
+            and np.array_equal(smooth.basis.centres, begun)
+        ):
+            raise ConfigurationError("models with different smooth residuals cannot be averaged.")
+    return longest
+
+
+def _widen_smooth(belief: Belief, smooth: SmoothResidual) -> Belief:
+    """The belief over the centres of another's residual; where it has one, as unsure there."""
+    own = belief.smooth
+    if not own.size:
+        return with_term(belief, smooth, np.arange(0))
+    if own.size == smooth.size:
+        return belief
+    wider = with_centres(belief, smooth.basis)
+    variance = np.zeros(len(wider.mean))
+    variance[belief.place(own.name).stop : wider.place(own.name).stop] = own.amplitude**2
+    return add_variance(wider, variance)
 
 
 def _arrange(belief: Belief, terms: tuple[Term, ...]) -> Belief:

@@ -16,7 +16,7 @@ covariance (Kass and Steffey 1989, eq. 3.5, with the delta method for the mean's
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Final, Literal, TypeAlias, get_args
 
 import numpy as np
@@ -97,6 +97,10 @@ DEFAULTS: Final[Mapping[Relation, DriftScales]] = {
 """Same campaign: half an hour of warming. Months: the stand, the reflector and the encoders
 referenced anew, 1 to 2 K (12 um per m and K). Another arm of the type: tolerances of manufacture,
 placed anew; its gears are alike in kind and not in phase."""
+
+
+NO_DRIFT: Final = DriftScales(**{scale.name: 0.0 for scale in fields(DriftScales)})
+"""Nothing has changed: source and target are one campaign."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

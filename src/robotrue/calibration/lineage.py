@@ -17,6 +17,8 @@ from robotrue.core.provenance import Provenance, merge, provenance_from
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import nominal_identity
 
+RANGES: Final = ("joint_range_rad", "position_range_m")
+"""What a summary says of the region its rows cover."""
 _HASHES: Final[dict[int, str]] = {}
 """By the identity of models that exist."""
 
@@ -58,9 +60,10 @@ def widen_region(summary: Mapping[str, object], measurements: MeasurementSet) ->
     in another frame than the base's say nothing of the region.
     """
     ranges: dict[str, object] = {}
-    later = {"joint_range_rad": measurements.joints}
+    joint_range, position_range = RANGES
+    later = {joint_range: measurements.joints}
     if measurements.frame == "base":
-        later["position_range_m"] = measurements.position
+        later[position_range] = measurements.position
     for name, values in later.items():
         stated = np.asarray(summary.get(name, ()), dtype=np.float64)
         if len(values) and stated.shape == (2, values.shape[1]):

@@ -136,6 +136,35 @@ def fit_transfer(
     )
 
 
+def carry_source(
+    robot: RobotModel,
+    target: MeasurementSet | None,
+    source: TransferSource,
+    settings: FitSettings,
+) -> CalibratedModel:
+    """Returns a source as it is, widened by what its relation lets change.
+
+    The target rows say where a new tracker frame and further reflectors are, and nothing else; the
+    arm counts as noise of the size of its uncertainty at them.
+
+    Raises:
+        As :func:`fit_transfer`.
+    """
+    model = fit_transfer(robot, None, [source], settings)
+    if target is None or target.frame == "base" or source.relation == "region":
+        return model
+    lead = _without_base(replace(model.belief(), T_tracker_base={}))
+    rows = new_rows(lead, points_only(target), settings, fresh=True)
+    pieces = rows.pieces(rows.prior(lead))
+    spreads = [((piece.columns[:, :, : lead.end] @ lead.root.T) ** 2).mean() for piece in pieces]
+    noise = lead.noise + np.array([float(np.mean(spreads)) * len(lead.root), 0.0])
+    certain = replace(lead, root=np.zeros((0, lead.end)))
+    placed, rows = condition_on_rows(rows.prior(certain), rows, noise, np.ones(rows.count))
+    arm = np.hstack([lead.root, np.zeros((len(lead.root), rows.nuisances))])
+    placed = replace(placed, root=np.vstack([placed.root, arm]))
+    return model_of(_with_gauge(placed, rows, source.relation), model.summary)
+
+
 def _model_of_source(
     robot: RobotModel, source: TransferSource, settings: FitSettings, method: str
 ) -> ErrorModel:

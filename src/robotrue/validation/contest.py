@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Final
 
@@ -192,25 +192,42 @@ def decide(trials: Trials) -> Selection:
     )
 
 
-def weigh(trials: Trials, selection: Selection) -> Selection:
-    """Returns the selection with the weights of an average over the candidates.
+def find_voters(trials: Trials, selection: Selection) -> list[str]:
+    """Returns the candidates that may have a share in an average, in the order of the contest.
 
     One that falls back to an earlier candidate adds nothing to it; one that could not be fitted has
     no vote; :data:`BASELINE` has none unless it won.
     """
-    names = [
+    return [
         name
         for name in trials.scored
         if not _find_twin(name, trials) and (name != BASELINE or name == selection.winner)
     ]
-    if len(names) < 2:
-        return selection
+
+
+def drop_excluded(trials: Trials, selection: Selection, names: Sequence[str]) -> list[str]:
+    """Returns the names without candidates that the winner beats by more than the noise."""
+    kept = []
+    for name in names:
+        gain, noise = (0.0, 0.0)
+        if name != selection.winner:
+            gain, noise = trials.gain(name, selection.winner)
+        if gain <= noise:
+            kept.append(name)
+    return kept
+
+
+def weigh(trials: Trials, selection: Selection, names: Sequence[str]) -> Selection:
+    """Returns the selection with the weights of an average over the named candidates."""
     weights = stack_weights([trials.scored[name].scores for name in names])
     shares = dict(zip(names, weights.tolist(), strict=True))
     said = ", ".join(f"{name} {share:.2f}" for name, share in shares.items())
+    whose = "none is excluded: the model is their average"
+    if len(names) < len(find_voters(trials, selection)):
+        whose = "the model is the average of the candidates that are not excluded,"
     reason = (
-        f"{selection.reason} With {len(trials.fold_of_row)} held-out poses none is excluded: the "
-        f"model is their average by held-out density ({said})."
+        f"{selection.reason} With {len(trials.fold_of_row)} held-out poses {whose} by held-out "
+        f"density ({said})."
     )
     return replace(selection, reason=reason, weights=shares)
 

@@ -13,7 +13,7 @@ from robotrue.core.units import MM
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.validation.doctor import Diagnosis, NamedCause
 from robotrue.validation.doctor_suspicion import CauseName
-from robotrue.validation.selection import with_summary
+from robotrue.validation.summary_notes import with_summary
 
 SIX_WORDS: Final[Mapping[CauseName, str]] = {
     "instrument-moved": "Tracker moved while poses were measured",

@@ -5,6 +5,9 @@ candidate, the transfer, is believed until another beats it by more than the noi
 use the target poses alone speak last. So whatever is chosen is, on held-out target poses, never
 worse than the target poses alone by more than the noise of that comparison.
 
+The choice is one of name. With few target poses the model is the average, by held-out density, of
+the candidates that the chosen one does not beat by more than the noise: ten poses cannot say more.
+
 Without target poses nothing can be checked; the model then says so.
 """
 
@@ -12,10 +15,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from typing import Final, TypeAlias
 
 import numpy as np
 
+from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.training_summary import TrainingSummary
 from robotrue.core.document_decoder import decode
@@ -25,17 +30,21 @@ from robotrue.core.units import MM
 from robotrue.errors import ObservabilityError, RobotrueError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.statics import Load
+from robotrue.validation.candidate_average import average_candidates
 from robotrue.validation.contest import (
     UNKNOWN,
     CandidateResults,
     Selection,
     Trials,
     decide,
+    drop_excluded,
+    find_voters,
     selection_from_summary,
 )
 from robotrue.validation.metrics import wilson_interval
-from robotrue.validation.selection import hold_out, with_summary
+from robotrue.validation.selection import AVERAGED_ROWS, hold_out
 from robotrue.validation.splits import random_folds
+from robotrue.validation.summary_notes import with_summary
 
 Candidate: TypeAlias = Callable[[MeasurementSet | None], ErrorModel]
 """Fits a model from the target rows it is given (None without any) and from what it holds."""
@@ -122,6 +131,10 @@ def select_guarded(
         transfers = {requested: transfers[requested], **transfers}
     verdict = _verdict(selection, trials, tuple(transfers), tuple(alone), target, reach, doubts)
     model = candidates[selection.winner](target)
+    if not requested and rows < AVERAGED_ROWS and isinstance(model, CalibratedModel):
+        names = drop_excluded(trials, selection, find_voters(trials, selection))
+        others = {n: partial(candidates[n], target) for n in names if n != selection.winner}
+        model, selection = average_candidates(model, others, trials, selection)
     return _with_verdict(model, verdict, {"selection": selection.summary()})
 
 

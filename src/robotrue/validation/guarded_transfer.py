@@ -2,8 +2,8 @@
 
 ==================  ==============================================================================
 ``transfer``        physics: the sources' posterior, widened by drift, moved by the target rows
-``pooled``          one fit of source and target rows together, as if they were one campaign
-``source-only``     the fit of a source as it is
+``pooled``          the sources' posterior moved by the target rows, as if they were one campaign
+``source-only``     a source as it is, widened by drift; target rows only place a new tracker frame
 ``learned``         boosted Gaussian processes on poses, no knowledge of the arm (method ``gp``)
 ``target-only``     geometry and compliance from the target rows, the rest from the prior
 ``target-only gp``  and ripple and a smooth rest
@@ -16,19 +16,19 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
+from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.deng2022.boosted_poses import fit_boosted_poses
-from robotrue.calibration.drift_prior import DriftScales
+from robotrue.calibration.drift_prior import NO_DRIFT, DriftScales
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.sources import TransferSource
-from robotrue.calibration.transfer import fit_transfer
+from robotrue.calibration.transfer import carry_source, fit_transfer
 from robotrue.core.progress import Progress
-from robotrue.errors import ObservabilityError, RobotrueError
-from robotrue.measurement.measurement_set import MeasurementSet, concatenate
+from robotrue.errors import ModelMismatchError, ObservabilityError, RobotrueError
+from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel
 from robotrue.validation.guard import Candidate, select_guarded
-from robotrue.validation.selection import with_summary
 from robotrue.validation.source_check import (
     admit_sources,
     check_rows,
@@ -37,6 +37,7 @@ from robotrue.validation.source_check import (
     prior_doubts,
     target_doubts,
 )
+from robotrue.validation.summary_notes import with_summary
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,9 +119,7 @@ def select_transfer(
     )
     summary = model.training_summary()
     more = drift_doubts(summary)
-    if not more:
-        return model
-    return with_summary(model, {"doubts": [*summary.warnings, *more]})
+    return with_summary(model, {"doubts": [*summary.warnings, *more]}) if more else model
 
 
 def contestants(
@@ -206,59 +205,56 @@ def _transfers(
     if not known:
         return {}
     ready = [TransferSource(model=m, relation=s.relation, name=s.name) for s, m in known]
-    measured = [s for s, _ in known if s.measurements is not None]
-    sets = [s.measurements for s in measured if s.measurements is not None]
+    sets = [s.measurements for s, _ in known if s.measurements is not None]
 
     def transfer(rows: MeasurementSet | None) -> ErrorModel:
         return fit_transfer(robot, rows, ready, settings, scales=drift)
 
     def pool(rows: MeasurementSet | None) -> ErrorModel:
-        together = _together(sets, rows, [s.relation == "region" for s in measured])
-        return _richest(robot, together, settings, method)
+        for source, model in known:
+            _require_frame(source, model, rows)
+        return fit_transfer(robot, rows, ready, settings, scales=NO_DRIFT, learn=False)
 
     def learn(rows: MeasurementSet | None) -> ErrorModel:
         if rows is None:
             raise ObservabilityError("no target pose to learn from.")
         return fit_boosted_poses(robot, rows, sets, settings)
 
-    out: dict[str, Candidate] = {"transfer": transfer}
-    if measured:
-        out["pooled"] = pool
-        if method == "gp":
-            out["learned"] = learn
-    for source, model in known:
+    out: dict[str, Candidate] = {"transfer": transfer, "pooled": pool}
+    if sets and method == "gp":
+        out["learned"] = learn
+    for source in ready:
         name = "source-only" if len(known) == 1 else f"source-only {source.name}"
-        out[name] = partial(_keep_as_it_is, source, model)
+        out[name] = partial(_carry_as_it_is, robot, source, settings)
     return out
 
 
-def _keep_as_it_is(
-    source: TransferSource, model: ErrorModel, rows: MeasurementSet | None
+def _carry_as_it_is(
+    robot: RobotModel, source: TransferSource, settings: FitSettings, rows: MeasurementSet | None
 ) -> ErrorModel:
-    if rows is not None and _elsewhere(source, rows):
+    model = source.model
+    if isinstance(model, CalibratedModel):
+        return carry_source(robot, rows, source, settings)
+    if model is None or (rows is not None and _elsewhere(source, rows)):
         raise ObservabilityError(
             f"source {source.name} does not know where the tracker of the target stands."
         )
     return model
 
 
-def _together(
-    sets: Sequence[MeasurementSet], rows: MeasurementSet | None, same_stand: Sequence[bool]
-) -> MeasurementSet:
-    """All rows; tracker set-ups of another campaign get numbers of their own.
+def _require_frame(source: TransferSource, model: ErrorModel, rows: MeasurementSet | None) -> None:
+    """Refuses to pool positions in base with those of a tracker whose stand is not known.
 
     Raises:
-        ShapeError: Sets in different frames.
+        ModelMismatchError: They are.
     """
-    out = [] if rows is None or not len(rows) else [rows]
-    used = max((int(s.station.max()) for s in (*out, *sets)), default=0)
-    for measured, same in zip(sets, same_stand, strict=True):
-        if measured.frame == "tracker" and not same and (out or len(sets) > 1):
-            numbers = measured.station - int(measured.station.min()) + used + 1
-            measured = replace(measured, station=numbers)
-            used = int(numbers.max())
-        out.append(measured)
-    return concatenate(out)
+    stations = getattr(model, "T_tracker_base", {})
+    measured = "tracker" if stations else "base"
+    if rows is not None and rows.frame != measured:
+        raise ModelMismatchError(
+            f"source {source.name} and the target differ in number of joints or in frame: "
+            f"{measured} and {rows.frame}."
+        )
 
 
 def _alone(robot: RobotModel, settings: FitSettings, richest: str) -> dict[str, Candidate]:

@@ -15,13 +15,12 @@ Cost is bounded by rule, not by luck: at most :data:`MOST_TRAIN` rows fit a fold
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import replace
 from functools import partial
-from typing import Final, TypeAlias, cast
+from typing import Final, TypeAlias
 
 import numpy as np
 
-from robotrue.calibration.averaging import average_models
 from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.learned import share_waves
 from robotrue.calibration.methods import METHODS
@@ -34,6 +33,7 @@ from robotrue.errors import ConvergenceError, RobotrueError, ShapeError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel
 from robotrue.robot.statics import Load
+from robotrue.validation.candidate_average import average_candidates
 from robotrue.validation.contest import (
     BASELINE,
     CandidateResults,
@@ -41,7 +41,7 @@ from robotrue.validation.contest import (
     Selection,
     Trials,
     decide,
-    weigh,
+    find_voters,
 )
 from robotrue.validation.evaluation import Evaluation, evaluate
 from robotrue.validation.metrics import coverage, log_density
@@ -53,6 +53,7 @@ from robotrue.validation.splits import (
     spatial_regions,
 )
 from robotrue.validation.stacking import student_scores
+from robotrue.validation.summary_notes import with_summary
 
 FitFunction: TypeAlias = Callable[[MeasurementSet], ErrorModel]
 """Fits a model on the rows it is given."""
@@ -181,17 +182,6 @@ def _join_folds(results: Sequence[Evaluation]) -> CandidateResults:
     )
 
 
-def with_summary(model: ErrorModel, more: Mapping[str, object]) -> ErrorModel:
-    """Returns the model with further JSON values in its training summary, where it can take them.
-
-    Only a dataclass with a ``summary`` field can; any other model comes back as it is.
-    """
-    if not is_dataclass(model) or "summary" not in {f.name for f in fields(model)}:
-        return model
-    summary = {**model.training_summary(), **more}
-    return cast(ErrorModel, replace(cast(object, model), summary=summary))
-
-
 def _predictable(measurements: MeasurementSet, split: Split) -> Split | None:
     """The split without held-out rows of reflectors it has no other rows of; None if none stay."""
     target = measurements.target
@@ -265,36 +255,15 @@ def fit_auto(
         )
     model = candidates[selection.winner](measurements)
     if len(measurements) < AVERAGED_ROWS and isinstance(model, CalibratedModel):
-        selection = weigh(trials, selection)
+        others = {
+            name: partial(candidates[name], measurements)
+            for name in find_voters(trials, selection)
+            if name != selection.winner
+        }
         with share_waves():
-            model = _average(model, candidates, measurements, selection)
+            model, selection = average_candidates(model, others, trials, selection)
     model = with_summary(model, {"selection": selection.summary()})
     return _with_failures(model, failed if selection.winner == BASELINE else unsettled)
-
-
-def _average(
-    model: CalibratedModel,
-    candidates: Mapping[str, FitFunction],
-    measurements: MeasurementSet,
-    selection: Selection,
-) -> ErrorModel:
-    """The average of the winner and the other candidates, all fitted on all rows."""
-    models, weights = [model], [selection.weights.get(selection.winner, 1.0)]
-    doubts: list[str] = []
-    for name, weight in selection.weights.items():
-        if name == selection.winner:
-            continue
-        try:
-            other = candidates[name](measurements)
-        except RobotrueError as cause:
-            doubts.append(f"{name} is left out of the average: {cause.message}")
-            continue
-        if isinstance(other, CalibratedModel):
-            models.append(other)
-            weights.append(weight)
-    average = average_models(models, np.array(weights))
-    stated = average.training_summary().warnings
-    return with_summary(average, {"doubts": [*doubts, *stated]}) if doubts else average
 
 
 def _with_failures(model: ErrorModel, failed: Sequence[CandidateScore]) -> ErrorModel:
