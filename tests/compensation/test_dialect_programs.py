@@ -7,6 +7,7 @@ from dataclasses import replace
 import cases
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from robotrue.compensation import CompensationSettings, Status, compensate
 from robotrue.core.arm_words import NO_WORD
@@ -77,6 +78,47 @@ def test_from_bytes_to_compensated_bytes(name, make):
     assert shift.min() > 0.05 * MM
     new = result.replacement.words
     assert np.array_equal(again.words, np.where(new == NO_WORD, program.words, new))
+
+
+def val3(robot, joints: np.ndarray) -> bytes:
+    lines = ["<Programs xmlns='http://www.staubli.com/robotics/VAL3/Program/2'>"]
+    for kind, name, father, T in (
+        ("frame", "fPart", "world", cases.FRAME), ("tool", "tMill", "flange", cases.TOOL),
+    ):  # fmt: skip
+        text = val3_pose(T[None])[0]
+        lines += [f"<Data type='{kind}' name='{name}'>", f"<Value {text} fatherId='{father}[0]'/>"]
+        lines += ["</Data>"]
+    lines += ["<Data type='pointRx' name='p'>"]
+    places = val3_pose(inverse(cases.FRAME) @ forward(robot, joints))
+    for key, text in enumerate(places):
+        lines.append(f"<Value key='{key}' {text} fatherId='fPart[0]'/>")
+    lines += ["</Data>", "<Program name='a'><Code>"]
+    lines += [f"movel(p[{key}],tMill,mNom)" for key in range(len(joints))]
+    return "\n".join([*lines, "</Code></Program></Programs>", ""]).encode()
+
+
+def val3_pose(T: np.ndarray) -> list[str]:
+    turns = Rotation.from_matrix(T[:, :3, :3]).as_euler("XYZ", degrees=True)
+    rows = np.concatenate([T[:, :3, 3] / MM, turns], axis=1)
+    names = ("x", "y", "z", "rx", "ry", "rz")
+    return [" ".join(f"{n}='{v:.6f}'" for n, v in zip(names, r, strict=True)) for r in rows]
+
+
+def test_val3_points_are_compensated_in_their_frame_and_tool():
+    robot, language = preset("KR160").with_tool(cases.TOOL), find_language("val3")
+    joints = np.array([5, 10, -15, 20, 50, 30]) * DEG + np.linspace(0, 0.3, 12)[:, None]
+    data = val3(robot, joints)
+    program = language.read(data, name="part.pgx", frames=FrameTable())
+    settings = CompensationSettings(home=joints[0])
+    result = compensate(cases.rigid_model(robot=robot), program, settings=settings)
+    assert (result.status == Status.COMPENSATED).all()
+    assert np.abs(result.joints - joints).max() < 0.05
+    again = language.read(
+        language.write(program, result.replacement), name="part.pgx", frames=FrameTable()
+    )
+    assert np.abs(again.position - result.replacement.position).max() < 0.51e-6 * MM
+    assert np.abs(again.rotation - result.replacement.rotation).max() < 2e-6 * DEG
+    assert np.linalg.norm(again.position - program.position, axis=1).min() > 0.05 * MM
 
 
 def fanuc_axes(values: np.ndarray) -> bytes:

@@ -23,7 +23,9 @@ from path_programs import PATHS, apt, fanuc_gcode, heidenhain, sinumerik, toolpa
 from path_samples import SAMPLES
 from rapid_programs import rapid
 from urscript_programs import urscript
-from written import TABLE, Writer
+from val3_programs import PIECES as VAL3
+from val3_programs import val3
+from written import TABLE, Pen, Writer
 
 from robotrue.program.program import FrameTable
 
@@ -166,6 +168,7 @@ LANGUAGES: dict[str, Language] = {
     "fanuc_gcode": Language(fanuc_gcode, SAMPLES["fanuc_gcode"], "part.nc", G_CODE),
     "heidenhain": Language(heidenhain, SAMPLES["heidenhain"], "part.h", HEIDENHAIN),
     "apt": Language(apt, SAMPLES["apt"], "part.apt", APT),
+    "val3": Language(val3, val3(Pen.of(3)).files[0][1], "job.pgx", VAL3),
     "toolpath_csv": Language(toolpath_csv, SAMPLES["toolpath_csv"], "part.csv", CSV),
 }
 

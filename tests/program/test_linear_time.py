@@ -20,7 +20,7 @@ from robotrue.program.formats import detect, write_program
 from robotrue.program.formats.stated_feeds import stated_feeds
 from robotrue.program.frames_beside import read_controller_file
 from robotrue.program.insertion import Inserter
-from robotrue.program.lang import find_inserter, find_language, language_names
+from robotrue.program.lang import find_language, language_names
 from robotrue.program.program import FrameTable, Reason, Replacement
 
 STEEP = 8.0
@@ -182,6 +182,20 @@ x_mm,y_mm,z_mm,operation
 @between@
 2,2,3@behind@,a@value@
 """
+VAL3 = b"""<?xml version="1.0"?>
+<Programs xmlns="http://www.staubli.com/robotics/VAL3/Program/2">
+<!-- note @comment@ -->
+<Data name="p" type="pointRx" @argument@>
+<Value key="0" x="1.0" y="2.0" z="3.0" rx="0.0" ry="0.0" rz="0.0" @value@ fatherId="world[0]"/>
+<Value key="1" x="1.0" y="2.0" z="3.0" rx="0.0" ry="0.0" rz="0.0" fatherId="f[0]"/>
+</Data>
+<Program name="job"><Code><![CDATA[
+movel(p[0],flange,m)
+@between@
+putln("text @string@")
+movel(p[1],flange,m)@behind@
+]]></Code></Program></Programs>
+"""
 PROGRAMS = {
     "krl": ("job.src", KRL),
     "rapid": ("job.mod", RAPID),
@@ -193,6 +207,7 @@ PROGRAMS = {
     "heidenhain": ("job.h", HEIDENHAIN),
     "apt": ("job.apt", APT),
     "toolpath_csv": ("job.csv", CSV),
+    "val3": ("job.pgx", VAL3),
 }
 PLACES = (b"between", b"comment", b"string", b"argument", b"value", b"behind")
 BESIDE = {
@@ -258,7 +273,8 @@ def steep(
 
 def used(name: str, file: str) -> Callable[[bytes], None]:
     """All that is done with a program of a dialect: read, its feeds, written, its moves."""
-    inserts: Inserter | None = None if name == "heidenhain" else find_inserter(name)
+    make = find_language(name).inserter
+    inserts: Inserter | None = None if make is None else make()
 
     def work(data: bytes) -> None:
         job = find_language(name).read_job(

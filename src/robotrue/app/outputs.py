@@ -16,6 +16,7 @@ _NAMED: Final = {
     "a Fanuc LS program": ".ls",
     "a RAPID module": ".mod .modx .prg",
     "a UR script": ".script .urscript",
+    "a VAL3 file": ".pgx .dtx .pjx",
     "a G-code program": ".mpf .spf .arc .nc .tap .cnc .ngc",
     "a Heidenhain program": ".h",
     "APT or CL data": ".apt .cls .cl .ncl .aptsource",

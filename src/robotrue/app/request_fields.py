@@ -68,12 +68,12 @@ CellOrModel: TypeAlias = Annotated[
 ]
 FrameFormats: TypeAlias = Annotated[
     tuple[str, ...],
-    Option(help="Also print the frame: krl, rapid, fanuc, yaskawa, ur, g54; repeatable."),
+    Option(help="Also print the frame: krl, rapid, fanuc, yaskawa, ur, g54, val3; repeatable."),
 ]
 FrameNumber: TypeAlias = Annotated[int, Option(help="Of the controller's frame table.")]
 ToolFormats: TypeAlias = Annotated[
     tuple[str, ...],
-    Option(help="Also print the tool: krl, rapid, fanuc, yaskawa, ur; repeatable."),
+    Option(help="Also print the tool: krl, rapid, fanuc, yaskawa, ur, val3; repeatable."),
 ]
 ToolNumber: TypeAlias = Annotated[int, Option(help="Of the controller's tool table.")]
 TouchSigma: TypeAlias = Annotated[

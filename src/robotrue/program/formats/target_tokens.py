@@ -1,8 +1,8 @@
 """Six printed numbers per target: where they stand, what they say, and what they shall say.
 
 For languages that print X, Y, Z in mm and the turns about X, Y and Z in deg, rotation
-Rz Ry Rx (Yaskawa's Rx Ry Rz, Fanuc's W P R), or six axis values. A number is rewritten in the
-style it stands in, only when it differs by more than half of its last digit.
+Rz Ry Rx (Yaskawa's Rx Ry Rz, Fanuc's W P R) or Rx Ry Rz (VAL3), or six axis values. A number is
+rewritten in the style it stands in, only when it differs by more than half of its last digit.
 """
 
 from __future__ import annotations
@@ -38,6 +38,7 @@ class TargetTokens:
         kind: (n,) ``POSE``, or the row of ``unit``.
         unit: (k, 6) rad per printed unit of axis values; row 0 is not used. NaN is not known.
         whole: (k,) axis values are printed without decimals.
+        x_first: The rotation is Rx Ry Rz: about X, then the new Y, then the new Z.
     """
 
     start: IntArray
@@ -46,6 +47,7 @@ class TargetTokens:
     kind: IntArray
     unit: Array
     whole: BoolArray
+    x_first: bool = False
 
 
 def values_of(tokens: TargetTokens) -> tuple[Array, Array, Array]:
@@ -53,7 +55,11 @@ def values_of(tokens: TargetTokens) -> tuple[Array, Array, Array]:
     pose = (tokens.kind == POSE)[:, None]
     printed = np.where(pose, tokens.value, np.nan)
     axes = np.where(pose, np.nan, tokens.value * tokens.unit[tokens.kind])
-    rotation = matrices_from_abc(np.ascontiguousarray(printed[:, :2:-1]), DEG)
+    # Rx(a) Ry(b) Rz(c) is the transpose of Rz(-c) Ry(-b) Rx(-a).
+    turns = printed[:, :2:-1] * (-1.0 if tokens.x_first else 1.0)
+    rotation = matrices_from_abc(np.ascontiguousarray(turns), DEG)
+    if tokens.x_first:
+        rotation = np.ascontiguousarray(rotation.transpose(0, 2, 1))
     return printed[:, :3] * MM, rotation, axes
 
 
@@ -103,9 +109,11 @@ def _compute_wanted(
     touched[:, :3] = place & pose[:, None]
     values[:, :3] = np.where(touched[:, :3], replacement.position / MM, values[:, :3])
     spun = np.flatnonzero(turn & pose)
-    near = np.ascontiguousarray(tokens.value[spun, :2:-1]) * DEG
-    turned = np.ascontiguousarray(replacement.rotation[spun], dtype=np.float64)
-    values[spun, 3:] = abc_from_matrices(turned, near)[:, ::-1] / DEG
+    sign = -1.0 if tokens.x_first else 1.0
+    near = np.ascontiguousarray(tokens.value[spun, :2:-1]) * (sign * DEG)
+    turned = np.asarray(replacement.rotation[spun], dtype=np.float64)
+    turned = np.ascontiguousarray(turned.transpose(0, 2, 1) if tokens.x_first else turned)
+    values[spun, 3:] = abc_from_matrices(turned, near)[:, ::-1] * (sign / DEG)
     touched[spun, 3:] = True
     rows = np.flatnonzero(axis)
     touched[rows] = axes[rows]

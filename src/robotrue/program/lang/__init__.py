@@ -31,6 +31,7 @@ LEAVES: Final = (
     "fanuc_gcode",
     "heidenhain",
     "csv_program",
+    "val3",
 )
 """Files of this folder, in the order in which messages name their forms."""
 GROUP: Final = "robotrue.languages"

@@ -1,0 +1,366 @@
+"""Builds the programs of a VAL3 application: points of its ``.dtx``, moved to by its ``.pgx``."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.poses import pose
+from robotrue.core.rotations import matrix_from_abc
+from robotrue.core.units import DEG, MM
+from robotrue.errors import FormatError
+from robotrue.program.formats.shared_fate import share_fate
+from robotrue.program.formats.target_notes import TargetNotes, absent_routine
+from robotrue.program.formats.target_tokens import POSE, TargetTokens, values_of
+from robotrue.program.formats.val3_files import JOINTS, POINT, DataValue, Val3File, read_val3_file
+from robotrue.program.formats.val3_moves import CodeUse, Reference, Val3Move, read_code
+from robotrue.program.program import FrameTable, Motion, Program, Reason
+
+_NUMBER: Final = re.compile(r"[-+]?(?:\d++\.?+\d*+|\.\d++)(?:[eE][-+]?\d+)?+", re.ASCII)
+_TAG: Final = re.compile(rb"<Value\b(?:[^>\"']|\"[^\"]*+\"|'[^']*+')*+>")
+_ATTRIBUTE: Final = re.compile(
+    rb"\s(r?[xyz]|j[1-6])\s*+=\s*+[\"']\s*+([-+]?(?:\d++\.?+\d*+|\.\d++)(?:[eE][-+]?\d+)?+)\s*+[\"']"
+)
+_POSE: Final = ("x", "y", "z", "rx", "ry", "rz")
+_COLUMNS: Final = {
+    POINT: {key.encode(): column for column, key in enumerate(_POSE)},
+    JOINTS: {b"j%d" % axis: axis - 1 for axis in range(1, 7)},
+}
+_NAMES: Final = {kind: {key.decode() for key in keys} for kind, keys in _COLUMNS.items()}
+_LARGEST: Final = 1e9
+"""mm or deg of a frame that can be one."""
+_UNUSED: Final = int(Motion.UNUSED)
+_ROOTS: Final = {"base": "world", "tool": "flange"}
+
+
+def read_val3(files: Sequence[tuple[str, bytes]], frames: FrameTable) -> tuple[Program, ...]:
+    """Returns one program per file of an application; the targets are those of the ``.dtx``.
+
+    Raises:
+        FormatError: A file is none of VAL3 s7 or later in millimetres, or is damaged.
+    """
+    held = [read_val3_file(data, name, file) for file, (name, data) in enumerate(files)]
+    application = _Application(files, held, frames)
+    return tuple(application.build(file) for file in range(len(files)))
+
+
+class _Application:
+    """What the files of a job hold, and what their code does with it."""
+
+    def __init__(
+        self, files: Sequence[tuple[str, bytes]], held: Sequence[Val3File], given: FrameTable
+    ) -> None:
+        self.files, self.given = files, given
+        self.points = [
+            [value for value in content.values if value.kind in (POINT, JOINTS)] for content in held
+        ]
+        self.rows: dict[str, dict[str, tuple[int, int]]] = {}
+        for file, values in enumerate(self.points):
+            for row, value in enumerate(values):
+                self._add_point(file, row, value)
+        routines = [routine for content in held for routine in content.routines]
+        self.use: CodeUse = read_code(routines)
+        known = {routine.name for routine in routines} | {*given.harmless_routines}
+        self.absent = {name: place for name, place in self.use.calls.items() if name not in known}
+        self.frames = {
+            side: _Frames(side, held, given, self.use.touched) for side in ("base", "tool")
+        }
+        self.tool = [[0] * len(values) for values in self.points]
+        self.motion = [[_UNUSED] * len(values) for values in self.points]
+        self.clash = [[False] * len(values) for values in self.points]
+        self.path: list[list[tuple[int, int, int]]] = [[] for _ in files]
+        self.arcs: list[list[list[int]]] = [[] for _ in files]
+        self._whole: dict[tuple[str, str], None] = {}
+        for place, move in enumerate(self.use.moves):
+            self._follow(place, move)
+
+    def _add_point(self, file: int, row: int, value: DataValue) -> None:
+        known = self.rows.setdefault(value.name, {})
+        if value.key in known:
+            raise FormatError(
+                f"{value.name}[{value.key}] stands twice.",
+                source=self.files[file][0],
+                line=value.line,
+                hint="delete one of the two; give the files of one application.",
+            )
+        known[value.key] = file, row
+
+    def _follow(self, place: int, move: Val3Move) -> None:
+        """Notes what a motion says of the points it moves to."""
+        ends = [(move.target, move.motion)]
+        if move.motion == Motion.ARC_END:
+            ends.insert(0, (move.via, Motion.ARC_VIA))
+        reached = []
+        for target, motion in ends:
+            rows = self._find_rows(target, move.tool)
+            for file, row in rows:
+                self._use(file, row, motion, move)
+            if len(rows) == 1 and target is not None and target.key is not None:
+                reached += rows
+                self.path[rows[0][0]].append((place, rows[0][1], int(motion)))
+            else:
+                self.path[move.file].append((place, -move.line, int(motion)))
+        if len(reached) == 2 and reached[0][0] == reached[1][0]:
+            self.arcs[reached[0][0]].append([row for _, row in reached])
+
+    def _find_rows(self, target: Reference | None, tool: Reference | None) -> list[tuple[int, int]]:
+        """The points a motion may go to; with a computed subscript all, once with each tool."""
+        if target is None or target.name not in self.rows:
+            return []
+        array = self.rows[target.name]
+        if target.key is not None:
+            return [array[target.key]] if target.key in array else []
+        asked = (target.name, str(tool))
+        if asked in self._whole or sum(name == target.name for name, _ in self._whole) > 1:
+            return []
+        self._whole[asked] = None
+        return list(array.values())
+
+    def _use(self, file: int, row: int, motion: Motion, move: Val3Move) -> None:
+        tool = self.frames["tool"].index(move.tool)
+        before = self.motion[file][row]
+        if before != _UNUSED and self.tool[file][row] != tool:
+            self.clash[file][row] = True
+        self.tool[file][row] = tool
+        if before in (_UNUSED, int(Motion.PTP)):
+            self.motion[file][row] = int(motion)
+
+    def build(self, file: int) -> Program:
+        """Returns the program of one file."""
+        (name, data), values = self.files[file], self.points[file]
+        tokens = _find_tokens(data, values, name)
+        position, rotation, axes = values_of(tokens)
+        line = np.array([value.line for value in values], np.int64)
+        base = self.frames["base"]
+        frame = np.array([base.parent(value) for value in values], np.int64)
+        notes = TargetNotes(name, line)
+        reason = self._find_reasons(file, tokens, frame, notes)
+        path = np.array(self.path[file], np.int64).reshape(-1, 3)
+        if (tokens.kind == POSE).any():
+            notes.say(
+                f"{name}: shoulder, elbow and wrist of its points are kept as they are written and "
+                "do not choose how the arm stands."
+            )
+        return Program(
+            name=name,
+            dialect="val3",
+            data=data,
+            position=position,
+            rotation=rotation,
+            axes=axes,
+            motion=np.array(self.motion[file], np.int64),
+            reason=reason,
+            words=np.empty((len(values), 0), np.int64),
+            words_of="",
+            line=line,
+            frame=frame,
+            tool=np.array(self.tool[file], np.int64),
+            T_base_frame=np.array(base.matrices),
+            T_flange_tool=np.array(self.frames["tool"].matrices),
+            notes=notes.notes(),
+            spans=tokens,
+            path=path[np.argsort(path[:, 0], kind="stable")],
+        )
+
+    def _find_reasons(
+        self, file: int, tokens: TargetTokens, frame: IntArray, notes: TargetNotes
+    ) -> IntArray:
+        """Why points cannot be compensated (n,), in the order of what weighs most."""
+        values = self.points[file]
+        axis = tokens.kind != POSE
+        reason = np.where(axis, int(Reason.JOINT_TARGET), int(Reason.NONE))
+        lost_frame = ~axis & self.frames["base"].list_lost()[frame]
+        lost_tool = self.frames["tool"].list_lost()[np.array(self.tool[file], np.int64)]
+        unused = np.array(self.motion[file], np.int64) == Motion.UNUSED
+        named = self.use.touched | self.use.computed
+        touched = np.array([value.name in named for value in values], np.bool_)
+        short = np.isnan(tokens.value).any(axis=1)
+        said = (
+            (
+                np.array(self.clash[file], np.bool_),
+                Reason.UNKNOWN_FRAME,
+                "points are used with several tools",
+            ),
+            (lost_tool & ~unused, Reason.UNKNOWN_FRAME, self.frames["tool"].explain()),
+            (lost_frame, Reason.UNKNOWN_FRAME, self.frames["base"].explain()),
+            (short, Reason.INCOMPLETE, "numbers of points are left out; write all six"),
+            (touched, Reason.EXPRESSION, "points are named by other statements than motions"),
+            (unused, Reason.UNUSED, ""),
+        )
+        for rows, why, sentence in said:
+            reason[rows] = why
+            if sentence:
+                notes.rows(rows & ~unused, f"{sentence}; not compensated")
+        if self.absent and len(values):
+            reason[~unused] = Reason.EXPRESSION
+            where, line = next(iter(self.absent.values()))
+            what = "points, frames and tools, so that no point is compensated"
+            place = f"{self.files[where][0]}:{line}"
+            notes.say(absent_routine(place, list(self.absent), what))
+        share_fate(reason, self.arcs[file])
+        return reason
+
+
+class _Frames:
+    """Work frames, or tools, with what they stand on multiplied out.
+
+    Attributes:
+        matrices: (4, 4) by index; NaN is not known. The first is the robot's root, or the flange.
+    """
+
+    def __init__(
+        self,
+        side: str,
+        held: Sequence[Val3File],
+        given: FrameTable,
+        touched: set[str],
+    ) -> None:
+        self._given = given.bases if side == "base" else given.tools
+        self._root, self._touched, self._side = _ROOTS[side], touched, side
+        kind = "frame" if side == "base" else "tool"
+        self._values = {
+            (value.name, value.key): value
+            for content in held
+            for value in content.values
+            if value.kind == kind
+        }
+        root: Array = np.asarray(self._given.get(self._root, np.eye(4)), np.float64)
+        self.matrices: list[Array] = [root]
+        self._index: dict[tuple[str, str], int] = {(self._root, "0"): 0}
+        self._lost: dict[int, str] = {}
+
+    def parent(self, value: DataValue) -> int:
+        """Returns the index of what a point stands on."""
+        return self._find(_parent_of(value, self._root))
+
+    def index(self, reference: Reference | None) -> int:
+        """Returns the index of a tool that a motion names."""
+        if reference is None or reference.key is None:
+            return self._lose(("", ""), "is computed")
+        return self._find((reference.name, reference.key))
+
+    def list_lost(self) -> BoolArray:
+        """Returns which indices (f,) are not known."""
+        return np.asarray(np.isnan(np.array(self.matrices)).any(axis=(1, 2)))
+
+    def explain(self) -> str:
+        """Returns what is not known and what to do."""
+        what = "; ".join(dict.fromkeys(self._lost.values()))
+        return f"{what}: name it in [controller] of the cell" if what else ""
+
+    def _find(self, name: tuple[str, str]) -> int:
+        """The index of a frame, from the root up; each is multiplied out once."""
+        chain: dict[tuple[str, str], None] = {}
+        while name not in self._index and name not in chain:
+            chain[name] = None
+            if name in self._values and not self._is_stated(name):
+                name = _parent_of(self._values[name], self._root)
+        for own in reversed(chain):
+            self._enter(own)
+        return self._index[next(iter(chain), name)]
+
+    def _is_stated(self, name: tuple[str, str]) -> bool:
+        return _spell(name) in self._given
+
+    def _enter(self, name: tuple[str, str]) -> None:
+        value = self._values.get(name)
+        if self._is_stated(name):
+            self._index[name] = len(self.matrices)
+            self.matrices.append(np.asarray(self._given[_spell(name)], np.float64))
+        elif name[0] in self._touched:
+            self._lose(name, f"{_spell(name)} is changed by the code")
+        elif value is None:
+            self._lose(name, f"{_spell(name)} stands in no file given")
+        else:
+            base = self._index.get(_parent_of(value, self._root))
+            own = _read_pose(value)
+            if base is None or base in self._lost or own is None:
+                self._lose(name, f"what {_spell(name)} stands on is not known")
+            else:
+                self._index[name] = len(self.matrices)
+                self.matrices.append(self.matrices[base] @ own)
+
+    def _lose(self, name: tuple[str, str], why: str) -> int:
+        if name not in self._index:
+            self._index[name] = len(self.matrices)
+            self._lost[self._index[name]] = why if name[0] else f"a {self._side} {why}"
+            self.matrices.append(np.full((4, 4), np.nan))
+        return self._index[name]
+
+
+def _spell(name: tuple[str, str]) -> str:
+    """A frame as the cell names it: without the subscript of a single one."""
+    return name[0] if name[1] == "0" else f"{name[0]}[{name[1]}]"
+
+
+def _parent_of(value: DataValue, root: str) -> tuple[str, str]:
+    name, _, key = value.attributes.get("fatherId", f"{root}[0]").partition("[")
+    return name, key.rstrip("]") or "0"
+
+
+def _read_pose(value: DataValue) -> Array | None:
+    """The pose (4, 4) m of a frame or tool; a number that is left out is zero."""
+    words = [value.attributes.get(name, "0").strip() for name in _POSE]
+    if not all(_NUMBER.fullmatch(word) and abs(float(word)) < _LARGEST for word in words):
+        return None
+    x, y, z, rx, ry, rz = (float(word) for word in words)
+    turn = matrix_from_abc(np.array([-rz, -ry, -rx]) * DEG).T
+    return pose(turn, np.array([x, y, z]) * MM)
+
+
+def _find_tokens(data: bytes, values: Sequence[DataValue], name: str) -> TargetTokens:
+    """Where the six numbers of every point stand; NaN where one is left out.
+
+    Raises:
+        FormatError: A number that cannot be read.
+    """
+    start, length = (np.zeros((len(values), 6), np.int64) for _ in range(2))
+    number = np.full((len(values), 6), np.nan)
+    kind = np.array([value.kind == JOINTS for value in values], np.int64)
+    cells: list[int] = []
+    spans: list[tuple[int, int]] = []
+    numbers: list[float] = []
+    for row, value in enumerate(values):
+        columns = _COLUMNS[value.kind]
+        tag = _TAG.match(data, value.start)
+        stated = len(numbers)
+        for match in _ATTRIBUTE.finditer(data, value.start, tag.end() if tag else value.start):
+            if match[1] in columns:
+                cells.append(6 * row + columns[match[1]])
+                spans.append(match.span(2))
+                numbers.append(float(match[2]))
+        if len(numbers) - stated < len(_NAMES[value.kind] & value.attributes.keys()):
+            raise _refuse_number(value, name)
+    place = np.array(spans, np.int64).reshape(-1, 2)
+    start.flat[cells], length.flat[cells] = place[:, 0], place[:, 1] - place[:, 0]
+    number.flat[cells] = numbers
+    if np.isinf(number).any():
+        raise _refuse_number(values[int(np.argwhere(np.isinf(number))[0][0])], name)
+    return TargetTokens(
+        start=start,
+        length=length,
+        value=number,
+        kind=kind,
+        unit=np.full((2, 6), DEG),
+        whole=np.zeros(2, np.bool_),
+        x_first=True,
+    )
+
+
+def _refuse_number(value: DataValue, name: str) -> FormatError:
+    words = {key: value.attributes.get(key.decode(), "0") for key in _COLUMNS[value.kind]}
+    key, text = next(
+        (key.decode(), text)
+        for key, text in words.items()
+        if not _NUMBER.fullmatch(text.strip()) or not np.isfinite(float(text))
+    )
+    return FormatError(
+        f"{key} of {value.name}[{value.key}] is {text!r}, expected a number.",
+        source=name,
+        line=value.line,
+        hint="write the value as a decimal number.",
+    )
