@@ -7,7 +7,7 @@ from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from robotrue.app.drilling_robot import DrillingRobot, with_robot
 from robotrue.app.presentation import count
@@ -141,16 +141,16 @@ class Desk:
         self.alarms += step.alarm
         return self._give_answer(document)
 
-    def _give_answer(self, document: dict[str, Any]) -> dict[str, object]:
-        self._answers[document["hole"]] = document
+    def _give_answer(self, document: dict[str, object]) -> dict[str, object]:
+        self._answers[str(document["hole"])] = document
         if len(self._answers) > _AGAIN:
             self._answers.popitem(last=False)
         self._print(document)
         return document
 
-    def _unread(self, cause: RobotrueError, **beside: str) -> dict[str, Any]:
+    def _unread(self, cause: RobotrueError, **beside: str) -> dict[str, object]:
         """A machine that sends what cannot be read is told so, once in a while on the console."""
-        document = {"status": "unread", "said": _word_fault(cause), **beside}
+        document: dict[str, object] = {"status": "unread", "said": _word_fault(cause), **beside}
         self.unread += 1
         if self.unread.bit_count() == 1:
             self._print(document)

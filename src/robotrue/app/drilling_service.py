@@ -7,7 +7,6 @@ import contextlib
 import signal
 import time
 from collections.abc import Mapping
-from typing import Any
 
 from robotrue.app.drilling_desk import Desk
 from robotrue.app.drilling_robot import follow_joints
@@ -74,13 +73,13 @@ async def _answer(desk: Desk, source: UdpSignals) -> None:
             source.answer(write_signals(_flat(document)))
 
 
-def _flat(document: Mapping[str, Any]) -> dict[str, object]:
+def _flat(document: Mapping[str, object]) -> dict[str, object]:
     """An answer for a control: numbers and texts only."""
     out: dict[str, object] = {}
     for name, value in document.items():
-        if name == "notes":
+        if name == "notes" and isinstance(value, list):
             out["said"] = " ".join(value)[:1000]
-        elif name == "shift_deg":
+        elif name == "shift_deg" and isinstance(value, list):
             out |= {"shift_a_deg": value[0], "shift_b_deg": value[1]}
         else:
             out[name] = int(value) if isinstance(value, bool) else value

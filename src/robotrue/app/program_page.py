@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
+from robotrue.app.toolpath_sides import SideDocument, SidesDocument
 from robotrue.cell.cell import Cell
 from robotrue.core.units import MM
 from robotrue.report.content import (
@@ -23,7 +23,19 @@ from robotrue.report.contour_plot import SideContour
 from robotrue.report.page import report_html
 
 
-def program_page(cell: Cell, document: Mapping[str, Any]) -> str:
+class ProgramDocument(SidesDocument):
+    """The JSON document of ``robotrue program``.
+
+    Further keys: the program, the file of its identity, what its compensation came to, notes.
+    """
+
+    output: str
+    identity: object
+    compensation: Mapping[str, object] | None
+    notes: list[str]
+
+
+def program_page(cell: Cell, document: ProgramDocument, *, simulated: bool) -> str:
     """Returns the page (HTML) of the JSON document of ``robotrue program``."""
     sides = document["sides"]
     made = document["compensation"]
@@ -67,7 +79,7 @@ def program_page(cell: Cell, document: Mapping[str, Any]) -> str:
                 detail="compensated: "
                 + (f"{made['compensated']} targets" if made else "not yet; robotrue compensate"),
             ),
-            simulated=document["simulated"],
+            simulated=simulated,
             subtitle=cell.robot.name,
             tiles=(
                 KeyFigure(label="cut", value=sum(s["cut_mm"] for s in sides) / 1e3, unit="m"),
@@ -85,7 +97,7 @@ def program_page(cell: Cell, document: Mapping[str, Any]) -> str:
     )
 
 
-def _sides(sides: list[Mapping[str, Any]]) -> ReportTable:
+def _sides(sides: Sequence[SideDocument]) -> ReportTable:
     return ReportTable(
         title="Sides in the order they are cut",
         columns=(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any, Final
+from typing import Final, Literal, TypedDict
 
 import numpy as np
 
@@ -18,11 +18,31 @@ SHOWN: Final = 40
 """Touches in the printed table."""
 
 
-def registration_document(found: RegisteredPart) -> dict[str, Any]:
+class PartDocument(TypedDict):
+    """A registered part as JSON values."""
+
+    part: str
+    xyz_mm: list[float]
+    abc_deg: list[float]
+    residual_mm: dict[str, float]
+    rms_mm: float
+    outliers: list[str]
+    covariance: list[list[float]]
+    verdict: str
+    reasons: list[str]
+    doubts: list[str]
+    touches: int
+    sigma_mm: float
+    misfit: float
+    with_arm: bool
+    machined_95_mm: dict[str, float]
+
+
+def registration_document(found: RegisteredPart) -> dict[str, object]:
     """Returns JSON values: those of the first part at the top, all parts under ``parts``."""
     parts = [_part_document(frame) for frame in found.frames]
     several = len(parts) > 1
-    first = dict(parts[0])
+    first = parts[0].copy()
     if several:
         names = _names(found)
         lengths = [d for frame in found.frames for d in frame.registration.distances / MM]
@@ -30,7 +50,7 @@ def registration_document(found: RegisteredPart) -> dict[str, Any]:
         first["residual_mm"] = dict(zip(names, map(float, lengths), strict=True))
         first["outliers"] = [n for n, good in zip(names, believed, strict=True) if not good]
 
-    def list_lines(key: str) -> list[str]:
+    def list_lines(key: Literal["reasons", "doubts"]) -> list[str]:
         return [
             f"{part['part']}: {line}" if several else line for part in parts for line in part[key]
         ]
@@ -85,7 +105,7 @@ def _names(found: RegisteredPart) -> list[str]:
     return [name if alone else f"{part}/{name}" for part, name in pairs]
 
 
-def _part_document(frame: FoundFrame) -> dict[str, Any]:
+def _part_document(frame: FoundFrame) -> PartDocument:
     fit = frame.registration
     T = fit.T_base_part
     return {

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Final, TypedDict
 
 import numpy as np
 
@@ -168,24 +168,75 @@ def identity_of_frame(cell: Cell, frame: PartFrame | None, path: Path) -> Progra
     )
 
 
+class ContourDocument(TypedDict):
+    """The outer boundary of a part's shadow along the tool axis, and what cuts inside it."""
+
+    direction: list[float]
+    across: list[list[float]]
+    area_mm2: float
+    outlines_mm: list[list[list[float]]]
+    size_mm: list[float]
+    cuts_mm: list[list[float]]
+
+
+class UnknownWord(TypedDict):
+    """A statement of a tool path whose meaning is not known."""
+
+    line: int
+    text: str
+
+
+SideDocument = TypedDict(
+    "SideDocument",
+    {
+        "name": str,
+        "source": str,
+        "part": str | None,
+        "operations": list[str],
+        "points": int,
+        "rapid_points": int,
+        "cut_mm": float,
+        "duration_s": float,
+        "branch": int,
+        "spin_deg": list[float],
+        "limit_margin_deg": float,
+        "wrist_angle_deg": float,
+        "unknown_words": list[UnknownWord],
+        "pass": str,
+        "stock_mm": float,
+        "contour": ContourDocument | None,
+    },
+)
+"""What a side asks of the arm, as JSON values."""
+
+
+class SidesDocument(TypedDict):
+    """A job of tool paths as JSON values."""
+
+    targets: int
+    sides: list[SideDocument]
+
+
 def sides_document(
     job: MachiningJob,
     frames: Sequence[PartFrame | None],
     passes: Sequence[SidePass],
     speeds: KrlSpeeds,
-) -> dict[str, object]:
+) -> SidesDocument:
     """Returns the job as JSON values: mm, deg, s; keys as in the reference."""
     moves = sum(len(each) for each in job.moves)
     return {
         "targets": sum(len(side.path) for side in job.sides) + moves,
         "sides": [
-            {**_side_document(side, frame, speeds), **_pass_document(each)}
-            for side, frame, each in zip(job.sides, frames, passes, strict=True)
+            _side_document(side, frame, speeds, found)
+            for side, frame, found in zip(job.sides, frames, passes, strict=True)
         ],
     }
 
 
-def _side_document(side: Posed, frame: PartFrame | None, speeds: KrlSpeeds) -> dict[str, object]:
+def _side_document(
+    side: Posed, frame: PartFrame | None, speeds: KrlSpeeds, found: SidePass
+) -> SideDocument:
     path = side.path
     return {
         "name": path.name,
@@ -205,21 +256,23 @@ def _side_document(side: Posed, frame: PartFrame | None, speeds: KrlSpeeds) -> d
             for remark in path.remarks
             if not remark.known
         ],
+        "pass": found.kind,
+        "stock_mm": found.stock / MM,
+        "contour": _contour_document(found),
     }
 
 
-def _pass_document(found: SidePass) -> dict[str, object]:
-    """Pass, stock, and the largest contour with the points that cut inside it, in its plane, mm."""
+def _contour_document(found: SidePass) -> ContourDocument | None:
+    """The largest contour with the points that cut inside it, in its plane; None without one."""
     bound, path = found.contour, found.side.path
-    contour: dict[str, object] | None = None
-    if bound is not None:
-        cuts = path.position[path.cutting] @ bound.across.T
-        contour = {
-            "direction": bound.direction.tolist(),
-            "across": bound.across.tolist(),
-            "area_mm2": sum(abs(area(outline)) for outline in bound.outlines) / MM**2,
-            "outlines_mm": [np.round(outline / MM, 4).tolist() for outline in bound.outlines],
-            "size_mm": (np.ptp(np.concatenate(bound.outlines), axis=0) / MM).tolist(),
-            "cuts_mm": np.round(cuts[:: max(len(cuts) // MOST_DRAWN, 1)] / MM, 3).tolist(),
-        }
-    return {"pass": found.kind, "stock_mm": found.stock / MM, "contour": contour}
+    if bound is None:
+        return None
+    cuts = path.position[path.cutting] @ bound.across.T
+    return {
+        "direction": bound.direction.tolist(),
+        "across": bound.across.tolist(),
+        "area_mm2": sum(abs(area(outline)) for outline in bound.outlines) / MM**2,
+        "outlines_mm": [np.round(outline / MM, 4).tolist() for outline in bound.outlines],
+        "size_mm": (np.ptp(np.concatenate(bound.outlines), axis=0) / MM).tolist(),
+        "cuts_mm": np.round(cuts[:: max(len(cuts) // MOST_DRAWN, 1)] / MM, 3).tolist(),
+    }

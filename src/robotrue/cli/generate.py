@@ -45,7 +45,7 @@ class GeneratedCommand:
         switch = Parameter(AS_JSON, Parameter.KEYWORD_ONLY, default=False, annotation=Json)
         return Signature([*parameters, *([switch] if operation.has_document else [])])
 
-    def __call__(self, **values: Any) -> None:
+    def __call__(self, **values: object) -> None:
         """Runs the operation with what was typed."""
         from pydantic import ValidationError
 
@@ -54,7 +54,7 @@ class GeneratedCommand:
         from robotrue.cli.terminal import run_operation
 
         operation = operation_of(self._listing.name)
-        as_json = values.pop(AS_JSON, False)
+        as_json = bool(values.pop(AS_JSON, False))
         try:
             request = operation.request.model_validate(_read_values(operation.request, values))
         except ValidationError as error:
@@ -62,13 +62,13 @@ class GeneratedCommand:
         run_operation(operation, request, as_json=as_json)
 
 
-def _read_values(request: type[Request], values: Mapping[str, Any]) -> dict[str, object]:
+def _read_values(request: type[Request], values: Mapping[str, object]) -> dict[str, object]:
     """The values as the request wants them: lists as tuples, what was left out left out."""
     from robotrue.app.request import fields_of
 
     many = {field.name for field in fields_of(request) if field.many}
     return {
-        name: tuple(value or ()) if name in many else value
+        name: tuple(value) if name in many and isinstance(value, list) else value
         for name, value in values.items()
         if value is not None
     }

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final, TypedDict
+from typing import Final, TypedDict
 
 import numpy as np
 
 from robotrue.calibration.model import ErrorModel
 from robotrue.compensation.compensate import compensate
-from robotrue.compensation.result import Compensation, mean_and_max
+from robotrue.compensation.result import Compensation, MeanAndMax, mean_and_max
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.compensation.split import SplitPlan, plan_split
 from robotrue.compensation.split_apply import Reread, compensate_split, split_job
@@ -82,6 +82,30 @@ class LeftWhole(TypedDict):
     kept_um: float | None
 
 
+class BelowBound(TypedDict):
+    """Moves whose deviation is only known to be below a bound."""
+
+    um: float
+    moves: int
+
+
+class BetweenDocument(TypedDict, total=False):
+    """What lies between targets, as JSON values; of a split also what it comes to."""
+
+    lines: int
+    arcs: int
+    not_known: int
+    surely_below: BelowBound
+    kept_um: MeanAndMax | None
+    kept_turn_deg: float | None
+    worst: list[WorstMove]
+    tolerance_um: float | None
+    split_moves: int
+    inserted_targets: int
+    left_whole: list[LeftWhole]
+    split_um: MeanAndMax | None
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Between:
     """A job that was looked at between its targets, split where asked.
@@ -97,7 +121,7 @@ class Between:
 
     programs: tuple[Program, ...]
     results: tuple[Compensation, ...]
-    document: dict[str, object]
+    document: BetweenDocument
     sentences: tuple[str, ...]
     left_whole: tuple[str, ...] = ()
     worst: tuple[str, ...] = ()
@@ -183,7 +207,7 @@ def _require_model(model: ErrorModel | None, options: SplitOptions) -> ErrorMode
     return model
 
 
-def _document(job: JobMoves, deviation: MoveDeviations) -> dict[str, object]:
+def _document(job: JobMoves, deviation: MoveDeviations) -> BetweenDocument:
     arcs = int(job.moves.circular.sum())
     turn = deviation.turn[np.isfinite(deviation.turn)]
     return {
@@ -281,11 +305,12 @@ def _kept_sentence(job: JobMoves, deviation: MoveDeviations) -> str:
     )
 
 
-def _split_sentence(document: dict[str, Any]) -> list[str]:
-    if document["split_moves"]:
+def _split_sentence(document: BetweenDocument) -> list[str]:
+    split = document["split_um"]
+    if document["split_moves"] and split is not None:
         return [
             f"{document['split_moves']} moves split, {document['inserted_targets']} targets put "
-            f"in; then {document['split_um']['max']:.2f} um max"
+            f"in; then {split['max']:.2f} um max"
         ]
     if document["left_whole"]:
         return ["no move is split"]

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Final, TypeAlias, get_args
+from typing import Final, TypeAlias, TypeGuard, get_args
 
 import numpy as np
 
@@ -177,7 +177,7 @@ class _ForceEntry:
                 return axes
         raise self.fault("axes", f"axes is {word!r}", _AXES)
 
-    def _list(self, key: str) -> list[Any]:
+    def _list(self, key: str) -> list[object]:
         """Returns the values of a key; none if they are no list."""
         value = self.stated[key]
         return value if isinstance(value, list) else []
@@ -187,8 +187,8 @@ class _ForceEntry:
         return self.fault(key, message, f"{key} = {example}.")
 
     def _three(self, key: str) -> Array:
-        numbers = self._list(key)
-        if len(numbers) != 3 or not all(_is_number(v) and abs(v) <= LARGEST for v in numbers):
+        numbers = [v for v in self._list(key) if _is_number(v)]
+        if len(numbers) != 3 or len(self._list(key)) != 3 or not np.all(np.abs(numbers) <= LARGEST):
             what = f"three numbers of at most {LARGEST:g}"
             raise self._expect(key, what, "[120.0, -40.0, -60.0]")
         return np.array(numbers, dtype=np.float64)
@@ -198,9 +198,10 @@ class _ForceEntry:
         if "lines" not in self.stated:
             return np.empty((0, 2), dtype=np.int64)
         ranges = self._list("lines")
-        for each in ranges or [None]:
-            good = isinstance(each, list) and len(each) == 2 and all(type(v) is int for v in each)
-            if not (good and 1 <= each[0] <= each[1] < 2**63):
+        for lines in ranges or [None]:
+            pair = lines if isinstance(lines, list) else []
+            good = len(pair) == 2 and all(type(v) is int for v in pair)
+            if not (good and 1 <= pair[0] <= pair[1] < 2**63):
                 what = "ranges of whole numbers, first and last"
                 raise self._expect("lines", what, "[[120, 480], [500, 500]]")
         return np.array(ranges, dtype=np.int64)
@@ -208,8 +209,9 @@ class _ForceEntry:
     def _moves(self) -> tuple[Motion, ...]:
         if "moves" not in self.stated:
             return FEEDING
-        names = self._list("moves")
-        if not names or not all(isinstance(name, str) and name in MOVES for name in names):
+        stated = self._list("moves")
+        names = [name for name in stated if isinstance(name, str) and name in MOVES]
+        if not stated or len(names) < len(stated):
             raise self._expect("moves", f"some of {', '.join(MOVES)}", '["line", "arc"]')
         return tuple(motion for name in names for motion in MOVES[name])
 
@@ -217,14 +219,14 @@ class _ForceEntry:
         """Lowest and highest feed, m/s; None if none is stated."""
         if "feeds_mm_per_s" not in self.stated:
             return None
-        pair = self._list("feeds_mm_per_s")
-        numbers = len(pair) == 2 and all(map(_is_number, pair))
-        if not (numbers and 0.0 <= pair[0] <= pair[1] < np.inf):
+        stated = self._list("feeds_mm_per_s")
+        pair = [v for v in stated if _is_number(v)]
+        if not (len(pair) == len(stated) == 2 and 0.0 <= pair[0] <= pair[1] < np.inf):
             raise self._expect("feeds_mm_per_s", "the lowest and the highest", "[1.0, 60.0]")
         return float(pair[0]) * MM, float(pair[1]) * MM
 
 
-def _is_number(value: object) -> bool:
+def _is_number(value: object) -> TypeGuard[float]:
     return type(value) in (int, float)
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated, Final, Self
+from typing import Annotated, Final, Self, TypedDict
 
 import numpy as np
 
@@ -203,7 +203,14 @@ def zero_correction(program: Program) -> Replacement:
     )
 
 
-def mean_and_max(values: Array) -> dict[str, float] | None:
+class MeanAndMax(TypedDict):
+    """Size of some values, in the unit of its key."""
+
+    mean: float
+    max: float
+
+
+def mean_and_max(values: Array) -> MeanAndMax | None:
     """Returns mean and largest of what is finite; None (null) without any."""
     known = values[np.isfinite(values)]
     return {"mean": float(known.mean()), "max": float(known.max())} if len(known) else None

@@ -199,10 +199,10 @@ def _block_bytes(kind: Kind, block: JointBlock | ForceBlock | EstimateBlock) -> 
     return b"".join(parts)
 
 
-def _values(block: Any, name: str) -> npt.NDArray[np.generic]:
-    if name == "force":
+def _values(block: JointBlock | ForceBlock | EstimateBlock, name: str) -> npt.NDArray[np.generic]:
+    if isinstance(block, ForceBlock) and name == "force":
         return np.asarray(block.wrench[:, :3])
-    if name == "torque":
+    if isinstance(block, ForceBlock) and name == "torque":
         return np.asarray(block.wrench[:, 3:])
     return np.asarray(getattr(block, name))
 

@@ -17,7 +17,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from robotrue.errors import ConfigurationError, FormatError
 from robotrue.online.link import Health
@@ -279,7 +279,7 @@ def _last_segment(path: Path) -> int:
 
 def _lock(file: int, path: Path) -> None:
     """Takes the lock that the system gives back even where the process is killed."""
-    fault: Any = None
+    fault: OSError | None = None
     if sys.platform == "win32":
         import msvcrt
 

@@ -6,12 +6,12 @@ import asyncio
 import contextlib
 import signal
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Final, Protocol
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from robotrue.online.addresses import SourceSettings, open_stream, protocol_of
 from robotrue.online.blocks import ForceBlock, JointBlock
 from robotrue.online.clock_alignment import read_clock
 from robotrue.online.corrections import Corrections
+from robotrue.online.estimates import EstimateBlock
 from robotrue.online.held_note import begin_note, end_note
 from robotrue.online.link import Health, StreamSource
 from robotrue.online.record import RecordHeader, StreamRecord, segments
@@ -248,7 +249,7 @@ def _sinks(
     return plans
 
 
-def _give_missing(writer: RecordWriter, resumed: Resumed, sink: Any) -> Any:
+def _give_missing(writer: RecordWriter, resumed: Resumed, sink: object) -> Iterator[EstimateBlock]:
     """What a file has missed of the record, up to where this service goes on."""
     line = getattr(sink, "resumed_after", None)
     yield from read_estimates_after(StreamRecord(writer.path), line, writer.first)

@@ -6,7 +6,7 @@ import os
 import sqlite3
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 from urllib.parse import quote
 
 from sqlalchemy import URL, Connection, Engine, create_engine, event, make_url
@@ -82,7 +82,7 @@ def _as_sqlite(engine: Engine, *, writable: bool) -> None:
     """Readers never wait for a writer, a writer that has begun never fails half-way."""
 
     @event.listens_for(engine, "connect")
-    def _set_pragmas(connection: Any, _record: object) -> None:
+    def _set_pragmas(connection: sqlite3.Connection, _record: object) -> None:
         connection.isolation_level = None  # transactions begin as said below, not by the driver
         cursor = connection.cursor()
         for pragma in (

@@ -12,7 +12,7 @@ import zipfile
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import Any, BinaryIO, Final
+from typing import IO, BinaryIO, Final
 
 from sqlalchemy import Connection, Table, select
 
@@ -101,7 +101,7 @@ def tables() -> list[Table]:
     return [each for each in Base.metadata.sorted_tables if each.name not in LEFT_OUT]
 
 
-def _table(connection: Connection, table: Table, out: Any) -> tuple[int, dict[str, object]]:
+def _table(connection: Connection, table: Table, out: IO[bytes]) -> tuple[int, dict[str, object]]:
     digest, size, count = hashlib.sha256(), 0, 0
     chosen = select(table).order_by(*table.primary_key.columns)
     if table.name == "jobs":

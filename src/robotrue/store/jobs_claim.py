@@ -7,7 +7,7 @@ import socket
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final, TypeVar, cast
 
 from sqlalchemy import select, update
 from sqlalchemy.orm import Session
@@ -30,6 +30,7 @@ from robotrue.store.locks import POSIX, is_abandoned
 from robotrue.store.schema import JobRow
 from robotrue.store.workspace import Transaction, Workspace, now
 
+T = TypeVar("T")
 WORKERS: Final = "workers"
 STALE: Final = 30.0
 """s without a heartbeat after which a worker of another machine is taken for dead. Of this machine
@@ -192,9 +193,9 @@ def _rows_of_dead(workspace: Workspace, session: Session, *, lock: bool = False)
     return dead
 
 
-def _without_nul(value: Any) -> Any:
+def _without_nul(value: T) -> T:
     """Returns the value without NUL, which no database keeps: messages may quote any file."""
-    return json.loads(json.dumps(json_values(value)).replace("\\u0000", "?"))
+    return cast(T, json.loads(json.dumps(json_values(value)).replace("\\u0000", "?")))
 
 
 def _requeue_row(into: Transaction, row: JobRow, why: str) -> None:

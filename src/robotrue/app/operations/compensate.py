@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from robotrue.app.compensation_request import CompensateRequest
 from robotrue.app.context import Context
@@ -89,10 +89,11 @@ def save(
     return {"program": ref_document(after.ref), **{key: detail[key] for key in COUNTS}}
 
 
-def _without_paths(detail: Mapping[str, Any]) -> dict[str, Any]:
+def _without_paths(detail: Mapping[str, object]) -> dict[str, object]:
     kept = {key: value for key, value in detail.items() if key not in GONE}
-    if "files" in kept:
-        kept["files"] = [_without_paths(each) for each in kept["files"]]
+    files = kept.get("files")
+    if isinstance(files, list):
+        kept["files"] = [_without_paths(file) for file in files]
     return kept
 
 

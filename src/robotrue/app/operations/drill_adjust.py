@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Final, TypedDict
 
 from robotrue.app.context import Context
 from robotrue.app.drill_fields import CarryingRobot, DrillModel, FootAngles, ZeroFoot
@@ -79,25 +79,26 @@ def run(request: DrillAdjustRequest, context: Context) -> PlainResult:
     found = _adjustment(request, model, path)
     origins = [model.provenance]
     if request.robot is None:
-        made: dict[str, Any] = {
-            "move": move_document(found.move),
-            "targets": targets_document(found),
-            "notes": _notes(found),
-        }
+        head, targets, notes = move_document(found.move), targets_document(found), _notes(found)
+        made: dict[str, object] = {"move": head, "targets": targets}
+        rows = _head_rows(head, targets)
         text = _head_program(request, found)
     else:
         move = _robot_move(request, model, found)
-        made = {"robot": _robot_document(move), "notes": [*found.notes]}
+        arm, notes = _robot_document(move), [*found.notes]
+        made = {"robot": arm}
+        rows = _robot_rows(arm)
         if not move.rotation_known:
-            made["notes"].append("the robot's model knows no rotation error: nominal axis.")
+            notes.append("the robot's model knows no rotation error: nominal axis.")
         text = robot_fragment(request.language, move.T_base_tool) if request.language else ""
         origins.append(provenance_used(*open_model(request.robot)))
-    document = {**surface_document(found), **made}
+    surface = surface_document(found)
+    document = {**surface, **made, "notes": notes}
     return PlainResult(
         values={**document, **({"program": text} if text else {})},
         shown=(
-            Facts(title="One move", rows=_facts(document)),
-            *(Note(f"note: {note}") for note in document["notes"]),
+            Facts(title="One move", rows=(_surface_row(surface), *rows)),
+            *(Note(f"note: {note}") for note in notes),
             Text(text),
         ),
         provenance=merge(origins),
@@ -193,7 +194,17 @@ def _robot_move(
     return squaring_joints(robot, joints, normal, R_tool_foot=seat, load=load)
 
 
-def _robot_document(move: RobotMove) -> dict[str, object]:
+class RobotMoveDocument(TypedDict):
+    """Where the robot goes, mm and deg."""
+
+    joints_deg: list[float]
+    xyz_mm: list[float]
+    abc_deg: list[float]
+    turn_deg: float
+    rotation_error_known: bool
+
+
+def _robot_document(move: RobotMove) -> RobotMoveDocument:
     from robotrue.core.rotations import abc_from_matrix
 
     return {
@@ -216,26 +227,29 @@ def _notes(found: HoleAdjustment) -> list[str]:
     ]
 
 
-def _facts(document: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
-    a, b, sa, sb = (document[k] for k in ("a_deg", "b_deg", "a_sigma_deg", "b_sigma_deg"))
-    surface = ("surface", f"a {a:+.4f} +- {sa:.4f} deg, b {b:+.4f} +- {sb:.4f} deg")
-    if "move" in document:
-        move = document["move"]
-        shift = ", ".join(f"{move[f'd{axis}_mm']:+.4f} mm" for axis in "XYZ")
-        turned = f"{move['A_deg']:.4f}, {move['B_deg']:.4f} deg"
-        targets = document["targets"]
-        bare = ", ".join(f"{targets[f'{axis}_theoretical_deg']:.4f}" for axis in "AB")
-        added = ", ".join(f"{targets[f'{axis}_compensation_deg']:+.4f}" for axis in "AB")
-        return (
-            surface,
-            ("A, B to", turned),
-            ("of that", f"{bare} deg by the readings as they are, {added} deg learned"),
-            ("X, Y, Z by", shift),
-        )
-    robot = document["robot"]
-    joints = ", ".join(f"{v:.4f}" for v in robot["joints_deg"])
-    turned = f"{robot['turn_deg']:.4f} deg about the tip"
-    return (surface, ("joints to", f"{joints} deg"), ("turned by", turned))
+def _surface_row(surface: Mapping[str, float]) -> tuple[str, str]:
+    a, b, sa, sb = (surface[k] for k in ("a_deg", "b_deg", "a_sigma_deg", "b_sigma_deg"))
+    return ("surface", f"a {a:+.4f} +- {sa:.4f} deg, b {b:+.4f} +- {sb:.4f} deg")
+
+
+def _head_rows(
+    head: Mapping[str, float], targets: Mapping[str, float]
+) -> tuple[tuple[str, str], ...]:
+    shift = ", ".join(f"{head[f'd{axis}_mm']:+.4f} mm" for axis in "XYZ")
+    turned = f"{head['A_deg']:.4f}, {head['B_deg']:.4f} deg"
+    bare = ", ".join(f"{targets[f'{axis}_theoretical_deg']:.4f}" for axis in "AB")
+    added = ", ".join(f"{targets[f'{axis}_compensation_deg']:+.4f}" for axis in "AB")
+    return (
+        ("A, B to", turned),
+        ("of that", f"{bare} deg by the readings as they are, {added} deg learned"),
+        ("X, Y, Z by", shift),
+    )
+
+
+def _robot_rows(arm: RobotMoveDocument) -> tuple[tuple[str, str], ...]:
+    joints = ", ".join(f"{v:.4f}" for v in arm["joints_deg"])
+    turned = f"{arm['turn_deg']:.4f} deg about the tip"
+    return (("joints to", f"{joints} deg"), ("turned by", turned))
 
 
 OPERATION: Final = Operation(request=DrillAdjustRequest, run=run)

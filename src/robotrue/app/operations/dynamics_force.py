@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Final, NotRequired, TypedDict
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
@@ -81,17 +81,69 @@ def run(request: DynamicsForceRequest, context: Context) -> PlainResult:
     stated, _ = read_toml(request.cut, example=EXAMPLE)
     data = cutting_data(stated, where=str(request.cut), slots=slots is not None)
     if slots is not None:
-        values = _identify(slots, data[0], data[1], stated, output, context)
+        found = _identify(slots, data[0], data[1], stated, output, context)
         origin = read_provenance(slots)
-        return PlainResult(values=values, shown=(_coefficients(values),), provenance=origin)
+        return PlainResult(values={**found}, shown=(_coefficients(found),), provenance=origin)
     if request.along is not None:
-        values = _along(request.along, *data, output, context)
-        rows = (("rows", str(values["rows"])), ("largest", f"{values['largest_N']:.1f} N"))
+        along = _along(request.along, *data, output, context)
+        rows = (("rows", str(along["rows"])), ("largest", f"{along['largest_N']:.1f} N"))
         shown: Iterable[Block] = (Facts(title="mean force along the path", rows=rows),)
+        values: dict[str, object] = {**along}
     else:
-        values = _predict(request, *data, output, context)
-        shown = _forces(values)
+        force = _predict(request, *data, output, context)
+        shown, values = _forces(force), {**force}
     return PlainResult(values=values, shown=tuple(shown), provenance=CALCULATED)
+
+
+class ExtremesDocument(TypedDict):
+    """Force in path axes, N."""
+
+    mean_N: Array
+    min_N: Array
+    max_N: Array
+
+
+class LineDocument(TypedDict):
+    """A spindle line of a spectrum."""
+
+    Hz: float
+    tooth: bool
+    amplitude_N: Array
+
+
+class SpectrumDocument(ExtremesDocument):
+    """Force over time: extremes, shares of the mean square, and the lowest spindle lines."""
+
+    tooth_share: float
+    runout_share: float
+    lines: list[LineDocument]
+
+
+class ForceDocument(SpectrumDocument):
+    """The force of the milling model, and the measured one beside it."""
+
+    tooth_passing_Hz: float
+    measured: NotRequired[SpectrumDocument]
+
+
+class CoefficientsDocument(TypedDict):
+    """Cutting coefficients of slot tests by their keys in cutting data."""
+
+    tests: int
+    coefficients: dict[str, float]
+    deviations: dict[str, float]
+    noise_N: float
+    residual_N: Array
+
+
+class AlongDocument(TypedDict):
+    """Mean force along a path, N."""
+
+    rows: int
+    path_mm: Array
+    force_N: Array
+    largest_N: float
+    mean_N: Array
 
 
 def _predict(
@@ -101,7 +153,7 @@ def _predict(
     coefficients: CuttingCoefficients,
     output: Path | None,
     context: Context,
-) -> dict[str, object]:
+) -> ForceDocument:
     from robotrue.dynamics.coefficients import check_axes_agree
     from robotrue.dynamics.formats.force_table import read_force, write_force_csv
     from robotrue.dynamics.milling_force import force_over_time, mean_force
@@ -110,10 +162,15 @@ def _predict(
         cutter, cut, coefficients, rate=request.rate_hz, duration=request.duration_s
     )
     mean = mean_force(cutter, cut, coefficients)
-    found = {
-        **_extremes(record, mean),
+    spectrum = _spectrum(record, mean, cut, cutter)
+    found: ForceDocument = {
+        "mean_N": spectrum["mean_N"],
+        "min_N": spectrum["min_N"],
+        "max_N": spectrum["max_N"],
         "tooth_passing_Hz": cut.spindle * cutter.teeth,
-        **_lines(record, cut, cutter),
+        "tooth_share": spectrum["tooth_share"],
+        "runout_share": spectrum["runout_share"],
+        "lines": spectrum["lines"],
     }
     if request.measured is not None:
         real, odd = read_force(request.measured)
@@ -121,25 +178,25 @@ def _predict(
         check_axes_agree(real_mean, mean, str(request.measured))
         for remark in odd:
             context.note(remark)
-        found["measured"] = {**_extremes(real, real_mean), **_lines(real, cut, cutter)}
+        found["measured"] = _spectrum(real, real_mean, cut, cutter)
     if output is not None:
         write_force_csv(output, record)
         context.inform(f"{len(record)} samples written to {output}")
     return found
 
 
-def _extremes(record: ForceRecord, mean: Array) -> dict[str, object]:
-    least, largest = record.force.min(axis=0), record.force.max(axis=0)
-    return {"mean_N": mean, "min_N": least, "max_N": largest}
-
-
-def _lines(record: ForceRecord, cut: CutterEngagement, cutter: EndMill) -> dict[str, object]:
+def _spectrum(
+    record: ForceRecord, mean: Array, cut: CutterEngagement, cutter: EndMill
+) -> SpectrumDocument:
     import numpy as np
 
     from robotrue.dynamics.force import spindle_lines
 
     lines = spindle_lines(record, spindle=cut.spindle, teeth=cutter.teeth)
     return {
+        "mean_N": mean,
+        "min_N": record.force.min(axis=0),
+        "max_N": record.force.max(axis=0),
         "tooth_share": lines.tooth_share,
         "runout_share": lines.runout_share,
         "lines": [
@@ -155,10 +212,10 @@ def _identify(
     slots: Path,
     cutter: EndMill,
     cut: CutterEngagement,
-    stated: Mapping[str, Any],
+    stated: Mapping[str, object],
     output: Path | None,
     context: Context,
-) -> dict[str, object]:
+) -> CoefficientsDocument:
     from robotrue.core.files import write_atomic
     from robotrue.dynamics.coefficients import identify_coefficients
     from robotrue.dynamics.cutting_data import coefficient_keys, cutting_text, read_slots
@@ -167,9 +224,10 @@ def _identify(
     found = identify_coefficients(cutter, tests)
     keys = coefficient_keys(found.coefficients)
     if output is not None:
+        words = {key: v for key, v in stated.items() if isinstance(v, str | int | float)}
         feed = {"feed_per_tooth_mm": tests[-1].cut.feed_per_tooth / MM}
         rounded = {key: round(value, 6) for key, value in keys.items()}
-        write_atomic(output, cutting_text(feed | {**stated} | rounded).encode())
+        write_atomic(output, cutting_text({**feed, **words, **rounded}).encode())
         context.wrote("cutting data", output)
     return {
         "tests": len(tests),
@@ -194,7 +252,7 @@ def _along(
     coefficients: CuttingCoefficients,
     output: Path | None,
     context: Context,
-) -> dict[str, object]:
+) -> AlongDocument:
     import numpy as np
 
     from robotrue.core.files import write_atomic
@@ -223,7 +281,7 @@ def _along(
     }
 
 
-def _coefficients(d: Mapping[str, Any]) -> Block:
+def _coefficients(d: CoefficientsDocument) -> Block:
     deviations = d["deviations"]
     return Table(
         title=f"cutting coefficients of {d['tests']} tests, mean forces {d['noise_N']:.2g} N off",
@@ -232,8 +290,12 @@ def _coefficients(d: Mapping[str, Any]) -> Block:
     )
 
 
-def _forces(d: Mapping[str, Any]) -> Iterable[Block]:
-    for name, one in (("milling model", d), ("measured", d.get("measured"))):
+def _forces(d: ForceDocument) -> Iterable[Block]:
+    both: tuple[tuple[str, SpectrumDocument | None], ...] = (
+        ("milling model", d),
+        ("measured", d.get("measured")),
+    )
+    for name, one in both:
         if one is None:
             continue
         lines = [

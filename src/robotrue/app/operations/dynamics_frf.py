@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Final, TypedDict
 
 from robotrue.app.context import Context
 from robotrue.app.dynamics_fields import StaticTest
@@ -17,6 +17,7 @@ from robotrue.core.units import UM
 from robotrue.errors import ConfigurationError, ObservabilityError
 
 if TYPE_CHECKING:
+    from robotrue.core.arrays import Array
     from robotrue.dynamics.frf import FrequencyResponse
     from robotrue.dynamics.hammer import HammerResult
     from robotrue.dynamics.modal import ModalModel
@@ -77,8 +78,9 @@ def run(request: DynamicsFrfRequest, context: Context) -> PlainResult:
     remarks = (*(_tell_left_out(t) for t in tests if t.left_out), *response_remarks(frf), *remarks)
     for remark in remarks:
         context.note(remark)
-    values = _document(frf, fitted, tests) | {"notes": list(remarks)}
-    shown = tuple(_blocks(frf, fitted, values))
+    document = _document(frf, fitted, tests)
+    values = {**document, "notes": list(remarks)}
+    shown = tuple(_blocks(frf, fitted, document))
     return PlainResult(values=values, shown=shown, provenance=frf.provenance)
 
 
@@ -169,9 +171,42 @@ def _write(
     context.wrote("receptance", output)
 
 
+class HitsDocument(TypedDict):
+    """Hits of a hammer test."""
+
+    file: str
+    axis: str
+    used: int
+    left_out: list[str]
+    added_damping_1_per_s: float
+
+
+class ModesDocument(TypedDict):
+    """Modes that were fitted to a response."""
+
+    frequency_Hz: Array
+    damping: Array
+    rebuild_error: float
+    static_um_per_N: Array | None
+
+
+class ResponseDocument(TypedDict):
+    """A frequency response: its pairs, lines, checks and modes."""
+
+    pairs: list[str]
+    lines: int
+    spacing_Hz: float
+    valid_Hz: list[float]
+    measured_as: str
+    static_um_per_N: Array | None
+    reciprocity: Mapping[str, float]
+    hits: list[HitsDocument]
+    modes: ModesDocument | None
+
+
 def _document(
     frf: FrequencyResponse, fitted: ModalModel | None, tests: Sequence[HammerResult]
-) -> dict[str, object]:
+) -> ResponseDocument:
     import numpy as np
 
     from robotrue.dynamics.frf_checks import reciprocity
@@ -207,7 +242,7 @@ def _document(
 
 
 def _blocks(
-    frf: FrequencyResponse, fitted: ModalModel | None, d: Mapping[str, Any]
+    frf: FrequencyResponse, fitted: ModalModel | None, d: ResponseDocument
 ) -> Iterable[Block]:
     low, high = d["valid_Hz"]
     hits = [
@@ -229,11 +264,12 @@ def _blocks(
             *against,
         ),
     )
-    if fitted is None:
+    found = d["modes"]
+    if fitted is None or found is None:
         return
     modes = enumerate(zip(fitted.frequency, fitted.damping, strict=True))
     yield Table(
-        title=f"modes, {100.0 * d['modes']['rebuild_error']:.2g} % off the lines",
+        title=f"modes, {100.0 * found['rebuild_error']:.2g} % off the lines",
         columns=("Hz", "damping %", *(f"{a}{a} um/N" for a in frf.response_axes)),
         rows=tuple(
             (f"{f:.5g}", f"{100.0 * z:.3g}", *(f"{abs(v):.3g}" for v in _weights(fitted, k)))

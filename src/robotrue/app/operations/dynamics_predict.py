@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Final, TypedDict
 
 from robotrue.app.context import Context
 from robotrue.app.dynamics_fields import BETWEEN, WAYS_BETWEEN, Between, StaticTest
@@ -94,8 +93,9 @@ def run(request: DynamicsPredictRequest, context: Context) -> PlainResult:
         context.note(remark)
     for reason in found.invalid:
         context.inform(f"NOT VALID: {reason}")
-    values = _document(curve, found, output) | {"notes": list(remarks)}
-    shown = [_facts(values)]
+    document = _document(curve, found, output)
+    values: dict[str, object] = {**document, "notes": list(remarks)}
+    shown = [_facts(document)]
     if learned is not None:
         values |= {"learned": learned.document()}
         shown.append(learned.facts())
@@ -118,7 +118,41 @@ def _learn(
     return learned_along(model, curve, record, request.joints, request.spindle_rpm / 60.0)
 
 
-def _document(curve: ResponseCurve, found: DeflectionPrediction, output: Path) -> dict[str, object]:
+class PredictionDocument(TypedDict):
+    """What a record of force does to the tool; values by axis are of x, y and z."""
+
+    output_csv: str
+    valid: bool
+    invalid: list[str]
+    samples: int
+    rate_Hz: float
+    duration_s: float
+    pairs: list[str]
+    valid_Hz: list[float]
+    measured_as: str
+    static_known: bool
+    between_lines: str
+    left_out_error: float
+    rebuild_error: float | None
+    modes_Hz: Array | None
+    modes_damping: Array | None
+    padding_s: float
+    rings_s: float
+    force_above_band: float
+    mean_force_N: Array
+    peak_force_N: Array
+    static_um: Array
+    rms_um: Array
+    peak_um: Array
+    dynamic_rms_um: Array
+    dynamic_peak_um: Array
+    circular_rms_um: float
+    circular_max_um: float
+
+
+def _document(
+    curve: ResponseCurve, found: DeflectionPrediction, output: Path
+) -> PredictionDocument:
     import numpy as np
 
     from robotrue.dynamics.predict import out_of_band
@@ -166,9 +200,10 @@ def _over(values: Array, how: str) -> Array:
     return np.asarray(np.abs(values).max(axis=0))
 
 
-def _facts(d: Mapping[str, Any]) -> Facts:
-    if d["between_lines"] == "modes":
-        between = f"{len(d['modes_Hz'])} modes, {100.0 * d['rebuild_error']:.2g} % off the lines"
+def _facts(d: PredictionDocument) -> Facts:
+    modes, rebuilt = d["modes_Hz"], d["rebuild_error"]
+    if modes is not None and rebuilt is not None:
+        between = f"{len(modes)} modes, {100.0 * rebuilt:.2g} % off the lines"
     else:
         between = f"lines, {100.0 * d['left_out_error']:.2g} % at lines left out"
     low, high = d["valid_Hz"]

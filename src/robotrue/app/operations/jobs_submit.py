@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Sequence
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
 from robotrue.app.context import Context
 from robotrue.app.job_kinds import job_kinds
@@ -57,27 +57,20 @@ def run(request: JobsSubmitRequest, context: Context) -> PlainResult:
     return job_result(job)
 
 
-def parse_parameters(stated: Sequence[str]) -> dict[str, Any]:
+def parse_parameters(stated: Sequence[str]) -> dict[str, object]:
     """Returns the values of ``NAME=VALUE``; a name that is repeated has a list.
 
     Raises:
         ConfigurationError: Another form, or no JSON where it begins like some.
     """
-    values: dict[str, Any] = {}
-    repeated: set[str] = set()
+    values: dict[str, list[object]] = {}
     for text in stated:
         name, equals, stated_value = text.partition("=")
         if not equals or not name:
             raise ConfigurationError(f"-p {text!r}, expected NAME=VALUE.", hint="-p cell=left")
         value = _value(name, stated_value)
-        if name in repeated:
-            values[name].append(value)
-        elif name in values:
-            values[name] = [values[name], value]
-            repeated.add(name)
-        else:
-            values[name] = value
-    return values
+        values.setdefault(name, []).append(value)
+    return {name: given if len(given) > 1 else given[0] for name, given in values.items()}
 
 
 def _value(name: str, text: str) -> object:

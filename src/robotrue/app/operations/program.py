@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.compensation_request import ALLOW_STEPS, MAX_STEP, CompensateRequest
 from robotrue.app.context import Context
@@ -14,13 +14,14 @@ from robotrue.app.operations.compensate import run as compensate
 from robotrue.app.presentation import Block, Table
 from robotrue.app.request import InputFile, Item, Option, Output, Reference, Request
 from robotrue.app.request_fields import Page
-from robotrue.core.provenance import Provenance, marked_document, merge
+from robotrue.core.provenance import Provenance, marked_document, merge, simulation_mark
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.planning.plan_defaults import LIFT_MM, STOCK_MM
 from robotrue.program.compensation_defaults import BLEND_MM, MAX_SHIFT_MM, MAX_STEP_MM
 
 if TYPE_CHECKING:
+    from robotrue.app.program_page import ProgramDocument
     from robotrue.cell.cell import Cell
     from robotrue.cell.part import PartFrame
     from robotrue.core.arrays import Array
@@ -108,7 +109,7 @@ class MadeProgram:
         provenance: Of the part frame and the model.
     """
 
-    counts: Mapping[str, Any]
+    counts: ProgramDocument
     provenance: Provenance
 
     def document(self) -> Mapping[str, object]:
@@ -185,22 +186,29 @@ def run(request: ProgramRequest, context: Context) -> MadeProgram:
     notes = [*note_frames(cell, frames), *(n for s in sides for n in s.path.notes), *job.notes]
     identity = identity_of_frame(cell, frames[0], paths[0])
     origin = provenance_used(cell, None)
-    made_of = sides_document(job, frames, passes, speeds)
-    document: dict[str, object] = {"output": str(output), **made_of}
+    made: Mapping[str, object] | None = None
+    beside: object = None
     if request.model is None:
         write_atomic(output, data)
         if identity is not None:
             write_identity(output, data, identity)
-        beside = None if identity is None else str(identity_path(output))
-        document |= {"identity": beside, "compensation": None}
+            beside = str(identity_path(output))
     else:
         made = _compensate(request, context, cell, frames[0], data, identity)
-        document |= {"identity": made.get("identity"), "compensation": made}
+        beside = made.get("identity")
         origin = merge([origin, provenance_of_file(context.model_file(request.model))])
-    document["notes"] = notes
+    document: ProgramDocument = {
+        "output": str(output),
+        **sides_document(job, frames, passes, speeds),
+        "identity": beside,
+        "compensation": made,
+        "notes": notes,
+    }
     if request.report is not None:
         page = context.output(request.report)
-        write_atomic(page, program_page(cell, marked_document(document, origin)).encode())
+        write_atomic(
+            page, program_page(cell, document, simulated=bool(simulation_mark(origin))).encode()
+        )
         context.wrote("report", page)
     for note in notes:
         context.note(note)

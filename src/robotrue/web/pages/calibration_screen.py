@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Final
+from dataclasses import dataclass
+from typing import Final
 
 from markupsafe import Markup, escape
 
 from robotrue.app.operations.calibrate import CalibrateRequest
 from robotrue.app.request import FORM, fields_of
 from robotrue.app.workbench import workbench_calls as calls
+from robotrue.core.document_decoder import decode
 from robotrue.report.words import ReportTexts
 from robotrue.store.nouns import CELL, MEASUREMENT, MODEL, ModelRecord
 from robotrue.store.records import ItemQuery
@@ -76,19 +78,27 @@ async def _show_learned(context: PageContext) -> str:
         found=found,
         spans=spans,
         known=KNOWN,
-        warnings=_warnings(context, found),
+        warnings=_warnings(context, decode(_Doubts, found)),
     )
 
 
-def _warnings(context: PageContext, found: Mapping[str, Any]) -> list[Markup]:
+@dataclass(frozen=True, slots=True)
+class _Doubts:
+    """Sentences on what the data cannot tell, and the combinations they name."""
+
+    doubts: list[str]
+    unseen: list[dict[str, str]]
+
+
+def _warnings(context: PageContext, stated: _Doubts) -> list[Markup]:
     """What the data cannot tell, in the reader's language.
 
     The combination of parameters is the same in every language; it stands out.
     """
     words = ReportTexts(lang="zh" if context.say.language == "zh" else "en")
-    names = {each["name"] for each in found["unseen"]}
+    names = {each["name"] for each in stated.unseen}
     marked = []
-    for warning in found["doubts"]:
+    for warning in stated.doubts:
         sentence = words.sentence(warning)
         name = max((each for each in names if each in sentence), key=len, default="")
         text = escape(sentence)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any, Final
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
 
 from markupsafe import Markup
 
 from robotrue.app.operations.drift import DriftRequest
 from robotrue.app.operations.drift_plan import DriftPlanRequest
+from robotrue.core.document_decoder import decode
 from robotrue.store.nouns import DOCUMENT, DRIFT_CHECK, MEASUREMENT, MODEL, ModelRecord
 from robotrue.store.records import ItemQuery
 from robotrue.web.page_context import PageContext, Screen
@@ -81,6 +83,7 @@ async def _result(context: PageContext, id: str) -> str:
     (data,) = record.refs("data")
     detail = record.detail
     poses = [(each, math.hypot(*each["residual_mm"])) for each in detail["poses"]]
+    lines = [pose["line"] for pose in detail["poses"]]
     return context.render(
         "drift_result.html",
         record=record,
@@ -91,9 +94,9 @@ async def _result(context: PageContext, id: str) -> str:
         jobs=await context.jobs("transfer", model=model.id),
         poses=poses,
         worst=max(poses, key=lambda each: each[1]),
-        unseen=", ".join(_cause(context, name, detail) for name in detail["not_seen"]),
+        unseen=", ".join(_cause(context, name, lines) for name in detail["not_seen"]),
         causes=[
-            (_cause(context, each["name"], detail), _shifts(each), each)
+            (_cause(context, each["name"], lines), _shifts(decode(_CauseTerms, each)), each)
             for each in detail["causes"][:MOST_CAUSES]
         ],
         update={"model": model.id, "measurements": [data.id]},
@@ -105,23 +108,31 @@ def _probability(p: float) -> str:
     return f"< {LEAST_CHANCE:g}" if p < LEAST_CHANCE else f"{p:.2g}"
 
 
-def _cause(context: PageContext, name: str, detail: Mapping[str, Any]) -> str:
+def _cause(context: PageContext, name: str, lines: Sequence[int]) -> str:
     kind, _, number = name.partition(" ")
     if kind == "reading":
-        return context.say("drift.cause_reading", line=detail["poses"][int(number) - 1]["line"])
+        return context.say("drift.cause_reading", line=lines[int(number) - 1])
     if kind == "joint":
         return context.say("drift.cause_joint", number=number)
     return context.say(f"drift.cause_{kind}")
 
 
-def _shifts(cause: Mapping[str, Any]) -> list[str]:
+@dataclass(frozen=True, slots=True)
+class _CauseTerms:
+    """By how much each term of a cause moved, and its standard deviation; units in the names."""
+
+    shift: dict[str, float]
+    sd: dict[str, float]
+
+
+def _shifts(cause: _CauseTerms) -> list[str]:
     """By how much each of its terms moved, with a standard deviation."""
     shown = []
-    for key, value in cause["shift"].items():
+    for key, value in cause.shift.items():
         term, _, unit = key.rpartition("_")
         name = "" if term.startswith("theta") else f"{term} "
         mark = "°" if unit == "deg" else f" {unit}"
-        shown.append(f"{name}{value:+.4f} ± {cause['sd'][key]:.4f}{mark}")
+        shown.append(f"{name}{value:+.4f} ± {cause.sd[key]:.4f}{mark}")
     return shown
 
 

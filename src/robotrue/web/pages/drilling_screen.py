@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Final
+from dataclasses import dataclass
+from typing import Final
 
+from robotrue.core.document_decoder import decode
 from robotrue.drilling.drill_defaults import CAMPAIGN, JOURNAL, MODEL, TEST
 from robotrue.store.nouns import DOCUMENT, DocumentRecord
 from robotrue.store.records import ItemQuery
@@ -82,14 +84,22 @@ async def _model(context: PageContext) -> str:
         campaigns=campaigns,
         others=others,
         tests=own,
-        holes=_holes(own[0].detail) if own else [],
+        holes=_holes(decode(_TestTilts, dict(own[0].detail))) if own else [],
         tolerance=TOLERANCE_DEG,
     )
 
 
-def _holes(test: Any) -> list[dict[str, object]]:
+@dataclass(frozen=True, slots=True)
+class _TestTilts:
+    """Tilts of each clamp of a test, a and b, deg."""
+
+    before_deg: list[tuple[float, float]]
+    left_deg: list[tuple[float, float]]
+
+
+def _holes(test: _TestTilts) -> list[dict[str, object]]:
     """The tilts of each hole of a test, before and after, as the monitor shows them."""
-    pairs = zip(test["before_deg"], test["left_deg"], strict=True)
+    pairs = zip(test.before_deg, test.left_deg, strict=True)
     return [{"before": before, "left": left} for before, left in pairs]
 
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Final
+from dataclasses import dataclass
+from typing import Final
 
 from markupsafe import Markup
 
 from robotrue.app.operations.plan import PlanRequest
 from robotrue.app.workbench import workbench_calls as calls
+from robotrue.core.document_decoder import decode
 from robotrue.report.words import ReportTexts
 from robotrue.store.nouns import CELL, DOCUMENT, MODEL, PROGRAM, DocumentRecord
 from robotrue.store.records import ItemQuery
@@ -78,30 +80,43 @@ async def _show_promise(context: PageContext) -> str:
     )
 
 
-def _curve(context: PageContext, found: Mapping[str, Any]) -> Markup:
+@dataclass(frozen=True, slots=True)
+class _PlanCurve:
+    """Expected mean error over the number of poses, mm."""
+
+    poses: int
+    expected_mean_mm: list[float]
+    random_mean_mm: list[float]
+    random_low_mm: list[float]
+    random_high_mm: list[float]
+    floor_mean_mm: float
+
+
+def _curve(context: PageContext, stated: Mapping[str, object]) -> Markup:
+    plan = decode(_PlanCurve, stated)
     say, view = context.say, context.view
-    scale, first = 1e-3 / view.scale, min(FIRST, found["poses"])
+    scale, first = 1e-3 / view.scale, min(FIRST, plan.poses)
 
-    def part(name: str) -> list[float]:
-        return [scale * v for v in found[name][first:]]
+    def part(values: list[float]) -> list[float]:
+        return [scale * v for v in values[first:]]
 
-    floor = say("plan.curve_floor", value=view.error(found["floor_mean_mm"] * 1e-3))
+    floor = say("plan.curve_floor", value=view.error(plan.floor_mean_mm * 1e-3))
     return curve(
-        list(range(first, found["poses"] + 1)),
+        list(range(first, plan.poses + 1)),
         [
-            Line(label=say("plan.curve_ours"), values=part("expected_mean_mm")),
+            Line(label=say("plan.curve_ours"), values=part(plan.expected_mean_mm)),
             Line(
                 label=say("plan.curve_random"),
-                values=part("random_mean_mm"),
-                low=part("random_low_mm"),
-                high=part("random_high_mm"),
+                values=part(plan.random_mean_mm),
+                low=part(plan.random_low_mm),
+                high=part(plan.random_high_mm),
                 look="other",
             ),
         ],
         title=say("plan.curve"),
         across=say("plan.curve_across"),
         up=say("plan.curve_up").replace("mm", view.unit_name),
-        floor=(scale * found["floor_mean_mm"], floor.replace("mm", view.unit_name)),
+        floor=(scale * plan.floor_mean_mm, floor.replace("mm", view.unit_name)),
     )
 
 
