@@ -343,15 +343,16 @@ def learn(
         groups: Starting scales.
         noise: (c,) starting tau; 1 is the noise of the whitening.
         steps: Most fixed-point steps; learning also stops when a step gains less than
-            :data:`LEAST_GAIN`.
+            :data:`LEAST_GAIN`; with few rows, where steps are cheap, not before the fourth.
     """
+    least = 3 if all(s.few for s in channels) else 0
     best = posterior(channels, groups, noise, rooted=False)
     for step in range(1, steps + 1):
         groups, noise = _move_scales(best, channels)
         trial = posterior(channels, groups, noise, rooted=False)
         gain = trial.evidence - best.evidence
         best = replace(trial, steps=step)
-        if step > 3 and gain < LEAST_GAIN:
+        if step > least and gain < LEAST_GAIN:
             break
     if not len(best.root):
         best = replace(posterior(channels, best.groups, best.noise), steps=best.steps)

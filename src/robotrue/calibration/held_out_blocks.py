@@ -66,6 +66,16 @@ class HeldOutRows:
     instrument: Array
     inflation: float = 1.0
 
+    def part(self, chosen: BoolArray) -> HeldOutRows:
+        """Returns some of the rows (n,)."""
+        return replace(
+            self,
+            error=self.error[chosen],
+            learned=self.learned[chosen],
+            white=self.white[chosen],
+            instrument=self.instrument[chosen],
+        )
+
     @property
     def mean(self) -> float:
         """Mean 3-D error, m."""
@@ -108,10 +118,7 @@ def predict_held_out(
     )
     for k in range(blocks):
         chosen = fold == k
-        if all(s.few for s in sums):
-            others = design.sums(~chosen)
-        else:
-            others = [a.without(b) for a, b in zip(sums, design.sums(chosen), strict=True)]
+        others = sums_without(design, sums, chosen)
         weights = learn(others, fit.groups, fit.noise, steps=STEPS)
         for item in design.rows(chosen):
             lower, columns = item.lower[:, :3, :3], item.columns[:, :3]
@@ -124,6 +131,19 @@ def predict_held_out(
             instrument[item.rows] = known + shift**2 * np.eye(3)
     learned += uncarried[:, None, None] * np.eye(3)
     return HeldOutRows(error=error, learned=learned, white=white, instrument=instrument)
+
+
+def sums_without(design: Design, sums: Sequence[Sums], left_out: BoolArray) -> list[Sums]:
+    """Returns the sums of the rows that are not left out.
+
+    Args:
+        design: The linear model.
+        sums: Of all rows.
+        left_out: Mask over the measurement set.
+    """
+    if all(s.few for s in sums):
+        return design.sums(~left_out)
+    return [a.without(b) for a, b in zip(sums, design.sums(left_out), strict=True)]
 
 
 def count_freedom(sums: Sequence[Sums], fit: Weights, physical: int) -> float:

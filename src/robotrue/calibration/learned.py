@@ -23,13 +23,8 @@ from robotrue.calibration.design import Design
 from robotrue.calibration.estimate import Estimate, estimate
 from robotrue.calibration.estimator import NOISE_FLOOR
 from robotrue.calibration.evidence import Sums, Weights, learn, posterior
-from robotrue.calibration.held_out_blocks import (
-    HeldOutRows,
-    count_freedom,
-    predict_held_out,
-    widen,
-)
-from robotrue.calibration.learned_assembly import LinearFit, assemble_model, day_shift
+from robotrue.calibration.held_out_blocks import HeldOutRows, predict_held_out
+from robotrue.calibration.learned_assembly import LinearFit, day_shift
 from robotrue.calibration.observations import (
     observations_of,
 )
@@ -54,6 +49,7 @@ from robotrue.calibration.terms.smooth import (
     no_basis,
 )
 from robotrue.calibration.terms.term_registry import further_terms
+from robotrue.calibration.whole_fit import WholeFit, widen_covariance
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel
@@ -126,12 +122,58 @@ def fit_learned(
         ImplausibleDataError: The measurements cannot belong to this robot.
         ConvergenceError: The physical estimate did not settle.
     """
+    return fit_whole(robot, measurements, settings, parts=parts, method=method).model()
+
+
+def fit_whole(
+    robot: RobotModel,
+    measurements: MeasurementSet,
+    settings: FitSettings,
+    *,
+    parts: LearnedParts,
+    method: str,
+) -> WholeFit:
+    """Returns the learned fit, ready to be refitted without some rows; as :func:`fit_learned`."""
     physical, at, found = _fit_waves(robot, measurements, settings, parts)
-    notes: dict[str, object] = {"smooth": "not tried"}
-    if parts.smooth and len(measurements) >= FEWEST_SMOOTH:
-        at, found, notes = _with_smooth(at, found, measurements, settings)
-    found = widen_covariance(at, found)
-    return assemble_model(physical, at, found, settings, {"method": method, **notes})
+    base = WholeFit(
+        physical=physical,
+        at=at,
+        held_out=found,
+        settings=settings,
+        notes={"method": method, "smooth": "not tried"},
+    )
+    if not parts.smooth or len(measurements) < FEWEST_SMOOTH:
+        return base
+    richer, better, notes = _with_smooth(at, found, measurements, settings)
+    notes = {"method": method, **notes}
+    if richer is at:
+        return replace(base, notes=notes)
+    return replace(base, at=richer, held_out=better, notes=notes, base=base)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LearnedMethod:
+    """A calibration method with learned parts.
+
+    Attributes:
+        name: That the summary carries.
+        parts: What is tried.
+    """
+
+    name: str
+    parts: LearnedParts
+
+    def __call__(
+        self, robot: RobotModel, measurements: MeasurementSet, settings: FitSettings
+    ) -> CalibratedModel:
+        """Returns :func:`fit_learned`."""
+        return fit_learned(robot, measurements, settings, parts=self.parts, method=self.name)
+
+    def fit_whole(
+        self, robot: RobotModel, measurements: MeasurementSet, settings: FitSettings
+    ) -> WholeFit:
+        """Returns :func:`fit_whole`."""
+        return fit_whole(robot, measurements, settings, parts=self.parts, method=self.name)
 
 
 @contextmanager
@@ -325,13 +367,6 @@ def _predict_blocks(at: LinearFit, settings: FitSettings) -> HeldOutRows:
         settings.repeatability_sd,
         shift=day_shift(settings) * float(np.sqrt(_within(len(design.weights)))),
     )
-
-
-def widen_covariance(at: LinearFit, found: HeldOutRows) -> HeldOutRows:
-    """Returns the held-out rows with the factor that the covariance of the fit gets."""
-    physical = int(at.design.active[: len(at.design.free)].sum())
-    freedom = count_freedom(at.sums, at.weights, physical)
-    return widen(found, at.design.weights > 0.0, freedom)
 
 
 def hold_out_physical(

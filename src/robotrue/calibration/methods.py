@@ -11,7 +11,7 @@ import numpy as np
 from robotrue.calibration.calibrated_model import CalibratedModel, Reflector
 from robotrue.calibration.estimate import Estimate, estimate
 from robotrue.calibration.held_out_blocks import HeldOutRows
-from robotrue.calibration.learned import LearnedParts, fit_learned, hold_out_physical
+from robotrue.calibration.learned import LearnedMethod, LearnedParts, hold_out_physical
 from robotrue.calibration.learned_assembly import describe_width, warn_of_width
 from robotrue.calibration.lineage import describe_rows
 from robotrue.calibration.model import ErrorModel
@@ -71,8 +71,8 @@ METHODS: Final[dict[str, FitFunction]] = {
     "nominal": partial(fit_rigid_flexible, method="nominal"),
     "geometric": partial(fit_rigid_flexible, method="geometric"),
     "elastic": partial(fit_rigid_flexible, method="elastic"),
-    "ripple": partial(fit_learned, parts=LearnedParts(smooth=False), method="ripple"),
-    "gp": partial(fit_learned, parts=LearnedParts(), method="gp"),
+    "ripple": LearnedMethod(name="ripple", parts=LearnedParts(smooth=False)),
+    "gp": LearnedMethod(name="gp", parts=LearnedParts()),
 }
 """Fit function of every method; richer methods add themselves here.
 

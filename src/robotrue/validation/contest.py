@@ -39,6 +39,7 @@ class CandidateScore:
         noise: m, what the gain must exceed.
         failure: Why it could not be fitted; empty if it could.
         unsettled: Whether it could not because the fit did not converge.
+        stopped: Whether it was fitted, and not held out because it could not win.
     """
 
     name: str
@@ -52,6 +53,7 @@ class CandidateScore:
     noise: float = UNKNOWN
     failure: str = ""
     unsettled: bool = False
+    stopped: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,8 +80,9 @@ class Selection:
         """Returns JSON values for a model's training summary; lengths in m."""
         document: dict[str, Any] = json_values(asdict(self))
         for row in document["table"]:
-            if not row["unsettled"]:
-                del row["unsettled"]
+            for name in ("unsettled", "stopped"):
+                if not row[name]:
+                    del row[name]
         if not self.weights:
             del document["weights"]
         return document
@@ -122,17 +125,28 @@ class CandidateResults:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class StoppedCandidate:
+    """A candidate that was fitted, and not held out because it could not win.
+
+    Attributes:
+        reason: With the numbers.
+    """
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Trials:
     """Every candidate on every fold.
 
     Attributes:
-        held: By candidate, simplest first: held-out results, or the error why there are none.
+        held: By candidate, simplest first: held-out results, or why there are none.
         folds: The splits.
         fold_of_row: (n,) fold of each held-out row.
         rule: How rows were held out, one sentence.
     """
 
-    held: Mapping[str, CandidateResults | RobotrueError]
+    held: Mapping[str, CandidateResults | StoppedCandidate | RobotrueError]
     folds: tuple[Split, ...]
     fold_of_row: IntArray
     rule: str
@@ -162,6 +176,10 @@ def decide(trials: Trials) -> Selection:
             unsettled = isinstance(result, ConvergenceError)
             table.append(CandidateScore(name=name, failure=result.message, unsettled=unsettled))
             trail.append(f"{name} {'did not converge' if unsettled else 'could not be fitted'}")
+            continue
+        if isinstance(result, StoppedCandidate):
+            table.append(CandidateScore(name=name, failure=result.reason, stopped=True))
+            trail.append(result.reason)
             continue
         size = f"{result.error.mean() / MM:.3f} mm"
         if not winner:

@@ -35,6 +35,7 @@ from robotrue.validation.contest import (
     UNKNOWN,
     CandidateResults,
     Selection,
+    StoppedCandidate,
     Trials,
     decide,
     drop_excluded,
@@ -262,6 +263,8 @@ def _harm(selection: Selection, trials: Trials, transfers: tuple[str, ...]) -> l
     result = trials.held[first]
     if isinstance(result, RobotrueError):
         return [f"{first} could not be fitted, {winner} is used: {result.message}"]
+    if isinstance(result, StoppedCandidate):
+        return [f"{result.reason}."]
     gain, noise = trials.gain(first, winner)
     numbers = (
         f"{result.error.mean() / MM:.3f} mm against "

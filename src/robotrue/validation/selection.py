@@ -9,26 +9,33 @@ The choice is one of name. With fewer than :data:`AVERAGED_ROWS` rows the model 
 the candidates by their held-out density: what was not excluded stays in its width.
 
 Cost is bounded by rule, not by luck: at most :data:`MOST_TRAIN` rows fit a fold and at most
-:data:`MOST_TEST` score it, evenly spaced; the winner is refitted on all rows.
+:data:`MOST_TEST` score it, evenly spaced; the winner is refitted on all rows. From
+:data:`AVERAGED_ROWS` rows learned methods are fitted to all rows first and then refitted without
+each fold (:mod:`robotrue.calibration.whole_fit`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from typing import Final, TypeAlias
 
 import numpy as np
 
 from robotrue.calibration.calibrated_model import CalibratedModel
-from robotrue.calibration.learned import share_waves
+from robotrue.calibration.held_out_blocks import BLOCKS
+from robotrue.calibration.learned import LearnedMethod, share_waves
+from robotrue.calibration.learned_assembly import LinearFit
 from robotrue.calibration.methods import METHODS
 from robotrue.calibration.methods import FitFunction as MethodFunction
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.settings import FitSettings
-from robotrue.core.arrays import IntArray
+from robotrue.calibration.whole_fit import WholeFit
+from robotrue.core.arrays import BoolArray, IntArray
 from robotrue.core.progress import Progress
+from robotrue.core.units import MM
 from robotrue.errors import ConvergenceError, RobotrueError, ShapeError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel
@@ -39,9 +46,11 @@ from robotrue.validation.contest import (
     CandidateResults,
     CandidateScore,
     Selection,
+    StoppedCandidate,
     Trials,
     decide,
     find_voters,
+    paired_gain,
 )
 from robotrue.validation.evaluation import Evaluation, evaluate
 from robotrue.validation.metrics import coverage, log_density
@@ -68,6 +77,8 @@ REGION_ROWS: Final = 120
 """From here on regions of the workspace are held out too."""
 MANY_ROWS: Final = 3000
 """From here on fewer, larger parts are held out."""
+HOPELESS: Final = 1.0 / 3.0
+"""Share of the noise on blocks below which a gain ends the contest for a candidate."""
 AVERAGED_ROWS: Final = 200
 """Rows below which the model is an average: so few leave more than one candidate possible."""
 
@@ -128,8 +139,17 @@ def hold_out(
     splits: Sequence[Split] | None = None,
     payload: Load | None = None,
     progress: Progress | None = None,
+    refits: Mapping[str, WholeFit] | None = None,
 ) -> Trials:
     """Returns the held-out results of every candidate; arguments as in :func:`select`.
+
+    Args:
+        candidates: As in :func:`select`.
+        measurements: As in :func:`select`.
+        splits: As in :func:`select`.
+        payload: As in :func:`select`.
+        progress: As in :func:`select`.
+        refits: Candidates' fits of all rows, that are refitted without each fold.
 
     Raises:
         ShapeError: No candidates or no splits.
@@ -143,20 +163,21 @@ def hold_out(
     parts = [(_space_rows(f.train, MOST_TRAIN), _space_rows(f.test, MOST_TEST)) for f in folds]
     total = len(candidates) * len(folds)
     done: dict[str, list[Evaluation]] = {name: [] for name in candidates}
-    failed: dict[str, RobotrueError] = {}
+    failed: dict[str, RobotrueError | StoppedCandidate] = {**_stop_hopeless(refits or {})}
     for k, (train, test) in enumerate(parts):
-        rows, unseen = measurements.subset(train), measurements.subset(test)
+        unseen = measurements.subset(test)
+        fits = _fold_fits(candidates, refits or {}, measurements, folds[k], train)
         with share_waves():
-            for index, (name, fit) in enumerate(candidates.items()):
+            for index, (name, fit) in enumerate(fits.items()):
                 if name in failed:
                     continue
                 if progress is not None:
                     progress(f"{name}, {folds[k].name}", k * len(candidates) + index, total)
                 try:
-                    done[name].append(evaluate(fit(rows), unseen, payload=payload))
+                    done[name].append(evaluate(fit(), unseen, payload=payload))
                 except RobotrueError as cause:
                     failed[name] = cause
-    held: dict[str, CandidateResults | RobotrueError] = {
+    held: dict[str, CandidateResults | StoppedCandidate | RobotrueError] = {
         name: failed[name] if name in failed else _join_folds(results)
         for name, results in done.items()
     }
@@ -166,8 +187,73 @@ def hold_out(
         held=held,
         folds=folds,
         fold_of_row=np.repeat(np.arange(len(parts)), [len(test) for _, test in parts]),
-        rule=_rule(folds, parts),
+        rule=_rule(folds, parts, tuple(refits or {})),
     )
+
+
+def _fold_fits(
+    candidates: Mapping[str, FitFunction],
+    refits: Mapping[str, WholeFit],
+    measurements: MeasurementSet,
+    fold: Split,
+    train: IntArray,
+) -> dict[str, Callable[[], ErrorModel]]:
+    """How each candidate gets its model without the fold: a refit, or a fit of its ``train`` rows.
+
+    Candidates whose fits of all rows are one and the same share one refit.
+    """
+    rows = measurements.subset(train)
+    left_out = np.ones(len(measurements), dtype=bool)
+    left_out[fold.train] = False
+    # A refit knows a station that no row of the fold shows from the start of the fit alone.
+    placed = np.isin(measurements.station[fold.test], measurements.station[fold.train]).all()
+    refit: dict[int, Callable[[], LinearFit]] = {}
+    models: dict[int, Callable[[], ErrorModel]] = {}
+    fits: dict[str, Callable[[], ErrorModel]] = {}
+    for name, fit in candidates.items():
+        whole = refits.get(name) if placed else None
+        if whole is None:
+            fits[name] = partial(fit, rows)
+            continue
+        base = None if whole.base is None else refit.get(id(whole.base.at))
+        key = id(whole.at)
+        refit.setdefault(key, cache(partial(_refit, whole, left_out, base)))
+        models.setdefault(key, cache(partial(_build_refit, whole, left_out, refit[key])))
+        fits[name] = models[key]
+    return fits
+
+
+def _refit(whole: WholeFit, left_out: BoolArray, base: Callable[[], LinearFit] | None) -> LinearFit:
+    return whole.refit(left_out, None if base is None else base())
+
+
+def _build_refit(
+    whole: WholeFit, left_out: BoolArray, refit: Callable[[], LinearFit]
+) -> ErrorModel:
+    return whole.model_of(refit(), left_out)
+
+
+def _stop_hopeless(refits: Mapping[str, WholeFit]) -> dict[str, StoppedCandidate]:
+    """Candidates that add a smooth residual to another's fit and gain next to nothing by it.
+
+    On the held-out blocks both fits have already: a gain below :data:`HOPELESS` of the noise that
+    it must exceed.
+    """
+    names = {id(whole.at): name for name, whole in reversed(list(refits.items()))}
+    stopped: dict[str, StoppedCandidate] = {}
+    for name, whole in refits.items():
+        base = None if whole.base is None else names.get(id(whole.base.at))
+        if whole.base is None or base is None:
+            continue
+        errors = [np.linalg.norm(w.held_out.error, axis=1) for w in (whole.base, whole)]
+        block = np.arange(len(errors[0])) * BLOCKS // len(errors[0])
+        gain, noise = paired_gain(errors[0] - errors[1], block)
+        if gain < HOPELESS * noise:
+            stopped[name] = StoppedCandidate(
+                reason=f"{name} is not held out further: on {BLOCKS} blocks it gains "
+                f"{gain / MM:.4f} mm over {base}, noise {noise / MM:.4f} mm"
+            )
+    return stopped
 
 
 def _join_folds(results: Sequence[Evaluation]) -> CandidateResults:
@@ -197,15 +283,22 @@ def _space_rows(rows: IntArray, most: int) -> IntArray:
     return rows[np.linspace(0, len(rows) - 1, most).astype(np.int64)]
 
 
-def _rule(folds: Sequence[Split], parts: Sequence[tuple[IntArray, IntArray]]) -> str:
+def _rule(
+    folds: Sequence[Split], parts: Sequence[tuple[IntArray, IntArray]], refitted: Sequence[str]
+) -> str:
     counts = {
         kind: sum(f.kind == kind for f in folds) for kind in dict.fromkeys(f.kind for f in folds)
     }
     what = " and ".join(f"{count} {kind}" for kind, count in counts.items())
     most_train, most_test = max(len(a) for a, _ in parts), max(len(b) for _, b in parts)
+    shared = (
+        f"; {' and '.join(refitted)}: fitted to all rows, then scales, noise and parameters anew "
+        "without each fold, with the linearisation, robust weights, bands and lengths of all rows"
+    )
     return (
         f"held out: {what}; up to {most_train} rows fit and {most_test} score each fold, evenly "
         "spaced; a richer method must win by more than the one-sided 95 % interval over folds"
+        f"{shared if refitted else ''}"
     )
 
 
@@ -241,11 +334,21 @@ def fit_auto(
     candidates: dict[str, FitFunction] = {
         name: partial(_fit_rows, method, robot, used) for name, method in methods.items()
     }
+    refits = _fit_whole(methods, robot, measurements, used, progress)
     trials = hold_out(
-        candidates, measurements, splits=splits, payload=used.payload, progress=progress
+        candidates,
+        measurements,
+        splits=splits,
+        payload=used.payload,
+        progress=progress,
+        refits=refits,
     )
     selection = decide(trials)
-    failed = [score for score in selection.table if score.failure and score.name != BASELINE]
+    failed = [
+        score
+        for score in selection.table
+        if score.failure and not score.stopped and score.name != BASELINE
+    ]
     unsettled = [score for score in failed if score.unsettled]
     if selection.winner == BASELINE and unsettled:
         raise ConvergenceError(
@@ -253,7 +356,8 @@ def fit_auto(
             f"{BASELINE} would be no result of the poses.",
             hint=f"check units, joint signs and the reflector; --method {BASELINE} if you want it.",
         )
-    model = candidates[selection.winner](measurements)
+    known = refits.get(selection.winner)
+    model = candidates[selection.winner](measurements) if known is None else known.model()
     if len(measurements) < AVERAGED_ROWS and isinstance(model, CalibratedModel):
         others = {
             name: partial(candidates[name], measurements)
@@ -264,6 +368,30 @@ def fit_auto(
             model, selection = average_candidates(model, others, trials, selection)
     model = with_summary(model, {"selection": selection.summary()})
     return _with_failures(model, failed if selection.winner == BASELINE else unsettled)
+
+
+def _fit_whole(
+    methods: Mapping[str, MethodFunction],
+    robot: RobotModel,
+    measurements: MeasurementSet,
+    settings: FitSettings,
+    progress: Progress | None,
+) -> dict[str, WholeFit]:
+    """The learned methods' fits of all rows; none of few rows: there every choice is made anew.
+
+    A method that cannot be fitted to all rows is left to fit the folds by itself.
+    """
+    if len(measurements) < AVERAGED_ROWS:
+        return {}
+    learned = {k: method for k, method in methods.items() if isinstance(method, LearnedMethod)}
+    fits: dict[str, WholeFit] = {}
+    with share_waves():
+        for index, (name, method) in enumerate(learned.items()):
+            if progress is not None:
+                progress(f"{name}, all rows", index, len(learned))
+            with suppress(RobotrueError):
+                fits[name] = method.fit_whole(robot, measurements, settings)
+    return fits
 
 
 def _with_failures(model: ErrorModel, failed: Sequence[CandidateScore]) -> ErrorModel:

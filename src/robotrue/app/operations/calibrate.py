@@ -97,7 +97,6 @@ def run(request: CalibrateRequest, context: Context) -> Calibrated:
     Raises:
         ObservabilityError: Too few measurements for what is asked.
     """
-    from robotrue.app.calibration_page import write_page
     from robotrue.app.data_doctor import read_examined
     from robotrue.calibration.lineage import provenance_of
     from robotrue.store.model_file import write_model
@@ -113,6 +112,8 @@ def run(request: CalibrateRequest, context: Context) -> Calibrated:
     context.wrote("model", output)
     page = None
     if request.report is not None:
+        from robotrue.app.calibration_page import write_page
+
         page = context.output(request.report)
         result = validate(model, rows, payload=cell.payload)
         write_page(page, model, result, title=TITLE, measured=rows.provenance, selection=selection)

@@ -92,7 +92,6 @@ def _row(name: str, statistics: ErrorStatistics) -> tuple[str, ...]:
 
 def run(request: ValidateRequest, context: Context) -> Validated:
     """Predicts the poses and compares; writes the report page if one is asked for."""
-    from robotrue.app.calibration_page import write_page
     from robotrue.app.data_doctor import find_warnings
     from robotrue.calibration.lineage import provenance_of
     from robotrue.report.model_view import harmless_remark
@@ -111,6 +110,8 @@ def run(request: ValidateRequest, context: Context) -> Validated:
         context.inform(line)
     page = None
     if request.report is not None:
+        from robotrue.app.calibration_page import write_page
+
         context.step("writing the report", 2, STEPS)
         page = context.output(request.report)
         write_page(page, stored.model, result, title=TITLE, measured=rows.provenance)
