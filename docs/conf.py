@@ -1,6 +1,13 @@
 from __future__ import annotations
 
+import sys
+from pathlib import Path
+
 import robotrue
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from notebook_pages import write_pages
 
 project = "robotrue"
 author = "The robotrue authors"
@@ -18,3 +25,8 @@ napoleon_google_docstring = True
 napoleon_custom_sections = ["Fails when"]
 nitpicky = False
 suppress_warnings = ["myst.xref_missing"]
+
+
+def setup(app: object) -> None:
+    """Writes the pages of the notebooks before they are read."""
+    write_pages()

@@ -69,6 +69,11 @@ class ObjectsContext(FilesContext):
         place.mkdir()
         return place / name
 
+    def name(self, reference: Reference) -> str:
+        """Returns the path as it was given; of an object the name of its file alone."""
+        inside = isinstance(reference, Path) and reference.is_relative_to(self.folder)
+        return Path(str(reference)).name if inside else super().name(reference)
+
     def wrote(self, what: str, path: Path, remark: str = "") -> None:
         """Reports a file that was written, unless it is a temporary one."""
         if not path.is_relative_to(self.folder):

@@ -1,0 +1,52 @@
+"""The notebooks of the gallery run, and their saved outputs are those of their cells."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+import robotrue as rt
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+sys.path.insert(0, str(DOCS))
+
+from notebook_pages import execute, notebooks, page_of, read_notebook  # noqa: E402
+
+
+@pytest.fixture(scope="module")
+def practice(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return rt.write_practice_cell(tmp_path_factory.mktemp("practice"))
+
+
+def copy_folder(source: Path, target: str) -> Path:
+    return Path(shutil.copytree(source, target))
+
+
+def test_there_are_notebooks_and_the_index_lists_them():
+    index = (DOCS / "notebooks" / "index.md").read_text()
+    assert len(notebooks()) >= 3
+    assert all(f"{path.stem}\n" in index for path in notebooks())
+
+
+@pytest.mark.parametrize("path", notebooks(), ids=lambda path: path.stem)
+def test_a_notebook_runs_and_shows_what_it_saved(path, tmp_path, monkeypatch, request, practice):
+    saved, again = read_notebook(path), read_notebook(path)
+    if any("ROBOTRUE_DATA" in "".join(cell["source"]) for cell in saved["cells"]):
+        monkeypatch.setenv("ROBOTRUE_DATA", str(request.getfixturevalue("data_dir")))
+    monkeypatch.setattr(rt, "write_practice_cell", partial(copy_folder, practice))
+    monkeypatch.chdir(tmp_path)
+    execute(again, draw=False)
+    pictures = page_of(saved, path.stem)[1]
+    assert pictures
+    assert all(data.startswith(b"\x89PNG") for data in pictures.values())
+    for before, after in zip(saved["cells"], again["cells"], strict=True):
+        assert "traceback" not in str(before)
+        for shown, now in zip(before.get("outputs", ()), after.get("outputs", ()), strict=True):
+            assert shown.get("text") == now.get("text")
+            figure = "image/png" in shown.get("data", {})
+            if not figure:
+                assert shown.get("data") == now.get("data")
