@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
 from typing import Final
 
 import pytest
 
 TESTS: Final = Path(__file__).resolve().parent
+sys.path.insert(0, str(TESTS))
 LONGEST: Final = (
     "web/test_story.py",
     "cli/test_marks.py",

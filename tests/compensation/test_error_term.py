@@ -1,29 +1,25 @@
-"""An error term is one file: here a toy of drives that turn as they warm, added from outside.
+"""An error term is one file: here a toy of drives that turn as they warm, of a package outside.
 
-It is registered, its planted coefficients are recovered from simulated poses with an honest
-covariance, its model comes back from its archive and takes new poses, and a program is compensated
-by the ordinary chain.
+It is registered by the entry point of ``examples/extension``, its planted coefficients are
+recovered from simulated poses with an honest covariance, its model comes back from its archive and
+takes new poses, and a program is compensated by the ordinary chain.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from collections.abc import Iterator
 
 import cases
 import numpy as np
 import pytest
 
+from extension_example import USUAL, WarmDrives, installed_example
 from robotrue.calibration.archive import open_model
 from robotrue.calibration.calibrated_model import CalibratedModel
-from robotrue.calibration.evidence import PriorGroup
-from robotrue.calibration.mean_tables import MeanTables
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel, Query
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.terms import term_registry
-from robotrue.calibration.terms.term import ArmPostures, Effect, Term
 from robotrue.calibration.transfer import TransferSource, fit_transfer
 from robotrue.calibration.update import update_model
 from robotrue.compensation import CompensationSettings, Status, compensate
@@ -31,77 +27,20 @@ from robotrue.core.archive import archive_bytes
 from robotrue.core.arrays import Array
 from robotrue.errors import ArchiveError
 from robotrue.measurement.measurement_set import MeasurementSet
-from robotrue.robot.forward import Sensitivity, forward
-from robotrue.robot.model import RobotModel, parameter_slice
+from robotrue.robot.forward import forward
+from robotrue.robot.model import RobotModel
 from robotrue.robot.statics import deflect_arm
 from robotrue.validation.validate import validate
 
-USUAL = 303.15
-"""K, at which programs run."""
 PLANTED = np.array([2e-5, -3e-5, 1.5e-5, 0.0, 2e-5, 0.0])
 """rad/K."""
 NOISE = 2e-5
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WarmDrives(Term):
-    """dq_i = v_i (T - T_0): the joints turn with the temperature of the hall."""
-
-    name: ClassVar[str] = "warm-drives"
-    dof: int
-    reference: float
-
-    @property
-    def parameters(self) -> tuple[str, ...]:
-        return tuple(f"warm{joint + 1}" for joint in range(self.dof))
-
-    @property
-    def unit(self) -> str:
-        return "rad/K"
-
-    def _rise(self, at: ArmPostures) -> Array:
-        return np.where(np.isnan(at.temperature), USUAL, at.temperature) - self.reference
-
-    def columns(self, robot: RobotModel, at: ArmPostures, by: Sensitivity, values: Array) -> Array:
-        return by.drive * self._rise(at)[:, None, None]
-
-    def effect(self, robot: RobotModel, at: ArmPostures, values: Array) -> Effect:
-        return Effect(drive_shift=self._rise(at)[:, None] * values)
-
-    def groups(self, *, few: bool) -> Sequence[PriorGroup]:
-        return [PriorGroup(name=self.name, columns=np.arange(self.dof), sd=1e-5, rest=1e-8)]
-
-    def in_tables(self, tables: MeanTables, values: Array) -> MeanTables:
-        errors = np.array(tables.robot.errors)
-        turned = tables.robot.joint_map @ values * (USUAL - self.reference)
-        errors[parameter_slice(self.dof, "theta")] += turned
-        return replace(tables, robot=tables.robot.with_errors(errors))
-
-    @classmethod
-    def begin(cls, robot: RobotModel, measurements: MeasurementSet, few: bool) -> WarmDrives | None:
-        known = measurements.temperature[np.isfinite(measurements.temperature)]
-        if len(known) < len(measurements) or np.ptp(known) < 2.0:
-            return None
-        return cls(dof=robot.dof, reference=float(known.mean()))
-
-    def arrays(self, values: Array) -> Mapping[str, Array]:
-        return {"coefficients": values}
-
-    def document(self) -> Mapping[str, Any]:
-        return {"reference_K": self.reference}
-
-    @classmethod
-    def restore(
-        cls, robot: RobotModel, document: Mapping[str, Any], arrays: Mapping[str, Array]
-    ) -> tuple[WarmDrives, Array]:
-        return cls(dof=robot.dof, reference=document["reference_K"]), arrays["coefficients"]
-
-
 @pytest.fixture(scope="module", autouse=True)
-def registered() -> Iterator[None]:
-    term_registry.register(WarmDrives)
-    yield
-    term_registry.unregister(WarmDrives.name)
+def registered(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    with installed_example(tmp_path_factory.mktemp("site")):
+        yield
 
 
 def true_points(robot: RobotModel, joints: Array, temperature: Array) -> Array:

@@ -14,6 +14,7 @@ from types import MappingProxyType
 from typing import Final, Literal, TypeAlias, get_args
 
 from robotrue.core.document_decoder import decode
+from robotrue.core.extensions import extension_files
 from robotrue.core.files import read_toml
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ConfigurationError
@@ -292,9 +293,11 @@ def build_mapping(stated: Mapping[str, object], source: Path | None = None) -> C
 def read_layouts() -> Mapping[str, ColumnMapping]:
     """Returns the known layouts by name; the one that asks for more columns comes first.
 
-    It is the more certain match. The canonical layout depends on the number of joints and is not
-    among them.
+    It is the more certain match. A package outside adds the layouts of its instruments by an entry
+    point of the group ``robotrue.instruments`` that names the folder of its mappings, a ``Path``.
+    The canonical layout depends on the number of joints and is not among them.
     """
-    files = sorted(Path(__file__).with_name("layouts").glob("*.toml"))
+    own = sorted(Path(__file__).with_name("layouts").glob("*.toml"))
+    files = [*own, *extension_files("robotrue.instruments")]
     layouts = sorted(map(read_mapping, files), key=lambda layout: -len(layout.columns()))
     return MappingProxyType({layout.name: layout for layout in layouts})

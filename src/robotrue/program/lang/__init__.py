@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from functools import cache
 from importlib import import_module
-from importlib.metadata import entry_points
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
+from robotrue.core.extensions import load_extensions, refuse_extension
 from robotrue.errors import ConfigurationError
 from robotrue.program.language import Language
 
@@ -47,23 +47,11 @@ def languages() -> Mapping[str, Language]:
     """
     own = [import_module(f"{__name__}.{leaf}").LANGUAGE for leaf in LEAVES]
     known: dict[str, Language] = {language.name: language for language in own}
-    for entry in sorted(entry_points(group=GROUP), key=lambda entry: entry.name):
-        try:
-            language = entry.load()
-        except Exception as cause:  # the code of somebody else
-            raise _refuse(entry.value, f"cannot be imported: {cause}") from cause
-        if not isinstance(language, Language):
-            raise _refuse(entry.value, f"is {type(language).__name__}, expected a Language")
+    for value, language in load_extensions(GROUP, Language):
         if language.name in known:
-            raise _refuse(entry.value, f"is a second language {language.name!r}")
+            raise refuse_extension(GROUP, value, f"is a second language {language.name!r}")
         known[language.name] = language
     return MappingProxyType(known)
-
-
-def _refuse(value: str, why: str) -> ConfigurationError:
-    return ConfigurationError(
-        f"entry point {value!r} of {GROUP} {why}.", hint="update or remove its package."
-    )
 
 
 def language_names() -> tuple[str, ...]:

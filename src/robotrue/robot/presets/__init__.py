@@ -4,13 +4,15 @@ Further keys of a preset: ``name``; ``order`` in lists; ``rated_payload_kg`` whe
 type says it; ``joint_map`` of a parallelogram; and instead of ``limits_deg`` of the joints q either
 ``limits_rad``, or ``axis_limits_deg`` of the axes that the controller counts. The comment at the
 top of a file names source and date.
+
+A package outside adds robots by an entry point of the group ``robotrue.robots`` that names the
+folder of its TOML files, a :class:`pathlib.Path`.
 """
 
 from __future__ import annotations
 
 import difflib
 import re
-import tomllib
 import unicodedata
 from collections.abc import Mapping, Sequence
 from functools import cache
@@ -20,12 +22,18 @@ from typing import Final, Required, TypedDict, cast
 import numpy as np
 
 from robotrue.core.arrays import Array
+from robotrue.core.extensions import extension_files
+from robotrue.core.files import parse_toml, read_bytes
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 from robotrue.robot.makers import count_axes
 from robotrue.robot.model import Configuration, Convention, RobotModel
 
 FOLDER: Final = Path(__file__).parent
+GROUP: Final = "robotrue.robots"
+"""Entry points of packages outside."""
+NEEDED: Final = ("name", "maker", "convention", "dh")
+"""Keys of every preset."""
 _BRANDS: Final = (
     "kukalbr",
     "kuka",
@@ -62,11 +70,15 @@ class _PresetTable(TypedDict, total=False):
 
 
 @cache
-def _preset_tables() -> dict[str, _PresetTable]:
-    """Reads the files of this folder; returns their tables by the name of the robot."""
-    tables = []
-    for path in sorted(FOLDER.glob("*.toml")):
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+def read_preset_tables() -> dict[str, _PresetTable]:
+    """Reads the files of all folders; returns their tables by the name of the robot.
+
+    Raises:
+        ConfigurationError: A file of a package outside that describes no robot, or one twice.
+    """
+    tables: list[_PresetTable] = []
+    for path in (*sorted(FOLDER.glob("*.toml")), *extension_files(GROUP)):
+        table, _ = parse_toml(read_bytes(path), path, example="the other presets")
         known = sorted(_PresetTable.__annotations__)
         unknown = sorted(table.keys() - set(known))
         if unknown:
@@ -74,19 +86,26 @@ def _preset_tables() -> dict[str, _PresetTable]:
                 f"unknown key {unknown[0]}; allowed in a preset are {', '.join(known)}.",
                 source=path,
             )
-        tables.append(cast(_PresetTable, table))  # of this package, and tested
+        missing = [key for key in NEEDED if key not in table]
+        if missing:
+            raise ConfigurationError(f"a preset without {missing[0]}.", source=path)
+        if any(other["name"] == table["name"] for other in tables):
+            raise ConfigurationError(
+                f"a second robot {table['name']!r}.", source=path, hint="another name."
+            )
+        tables.append(cast(_PresetTable, table))
     tables.sort(key=lambda table: (table.get("order", len(tables) + 1), table["name"]))
     return {table["name"]: table for table in tables}
 
 
 def preset_names() -> tuple[str, ...]:
     """Returns the full names of all presets."""
-    return tuple(_preset_tables())
+    return tuple(read_preset_tables())
 
 
 def rated_payload(name: str) -> float | None:
     """Returns the rated payload in kg of a preset, by its full name; None where it is not known."""
-    table = _preset_tables().get(name)
+    table = read_preset_tables().get(name)
     return None if table is None else table.get("rated_payload_kg")
 
 
@@ -124,7 +143,7 @@ def preset(name: str) -> RobotModel:
 @cache
 def _build_robot(name: str) -> RobotModel:
     """Returns the robot of a full name; nobody can change it, so one serves all."""
-    table = _preset_tables()[name]
+    table = read_preset_tables()[name]
     rows = table["dh"]
     theta, alpha, d, a = read_dh(rows)
     counting = count_axes(

@@ -1,0 +1,8 @@
+"""A robot and the file layout of an instrument, as folders of TOML files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+ROBOTS = Path(__file__).with_name("robots")
+LAYOUTS = Path(__file__).with_name("layouts")
