@@ -15,6 +15,13 @@ CURRENT: Final = -1
 COLUMNS: Final = 7
 """Number, first byte, kind, first byte and length of CONFIG (-1, 0 without), UF, UT."""
 _POSE: Final = np.frombuffer(b"XYZWPR", np.uint8)
+_OPEN_BRACKET, _CLOSE_BRACKET, _OPEN_BRACE, _CLOSE_BRACE = np.frombuffer(b"[]{}", np.uint8).astype(
+    np.int64
+)
+_QUOTE, _COMMA, _COLON, _SEMICOLON, _EQUALS = np.frombuffer(b"',:;=", np.uint8).astype(np.int64)
+_F, _G, _J, _P, _T, _U = np.frombuffer(b"FGJPTU", np.uint8).astype(np.int64)
+_SMALL_D, _SMALL_E, _SMALL_G, _SMALL_M = np.frombuffer(b"degm", np.uint8).astype(np.int64)
+"""Signs as numbers of one type: numba compiles a function again for each literal."""
 
 
 @compiled(PLAIN)
@@ -39,7 +46,7 @@ def plain_records(
         k = _head(buf, at, end, table[rows])
         k = _frames(buf, k, end, table[rows])
         k = _numbers(buf, k, end, table[rows], spans[rows], value[rows])
-        k = _sign(buf, _sign(buf, k, end, 125), end, 59)
+        k = _sign(buf, _sign(buf, k, end, _CLOSE_BRACE), end, _SEMICOLON)
         if k < 0:
             break
         rows += 1
@@ -50,60 +57,60 @@ def plain_records(
 @compiled(PLAIN)
 def _head(buf: Bytes, k: int, end: int, row: IntArray) -> int:
     """Reads ``P[n:"name"]{ GP1:`` and returns what follows, -1 if it does not stand there."""
-    k = _sign(buf, k, end, 80)
+    k = _sign(buf, k, end, _P)
     place = k - 1
-    number, k = _whole(buf, _sign(buf, k, end, 91), end, 6)
+    number, k = _whole(buf, _sign(buf, k, end, _OPEN_BRACKET), end, 6)
     k = _blank(buf, k, end)
-    if 0 <= k < end and buf[k] == 58:
-        while k < end and buf[k] != 93 and buf[k] != 10 and buf[k] != 13:
+    if 0 <= k < end and buf[k] == _COLON:
+        while k < end and buf[k] != _CLOSE_BRACKET and buf[k] != 10 and buf[k] != 13:
             k += 1
-    k = _sign(buf, _sign(buf, k, end, 93), end, 123)
-    k = _next(buf, _sign(buf, k, end, 71), end, 80)
+    k = _sign(buf, _sign(buf, k, end, _CLOSE_BRACKET), end, _OPEN_BRACE)
+    k = _next(buf, _sign(buf, k, end, _G), end, _P)
     group, k = _whole(buf, k, end, 2)
     row[0], row[1] = number, place
-    return _sign(buf, k, end, 58) if group == 1 else -1
+    return _sign(buf, k, end, _COLON) if group == 1 else -1
 
 
 @compiled(PLAIN)
 def _frames(buf: Bytes, k: int, end: int, row: IntArray) -> int:
     """Reads ``UF : 1, UT : 1,`` and CONFIG if it is there."""
-    for column, letter in ((5, 70), (6, 84)):
-        k = _next(buf, _sign(buf, k, end, 85), end, letter)
-        k = _blank(buf, _sign(buf, k, end, 58), end)
-        if 0 <= k < end and buf[k] == 70:
+    for column, letter in ((5, _F), (6, _T)):
+        k = _next(buf, _sign(buf, k, end, _U), end, letter)
+        k = _blank(buf, _sign(buf, k, end, _COLON), end)
+        if 0 <= k < end and buf[k] == _F:
             row[column], k = CURRENT, k + 1
         else:
             row[column], k = _whole(buf, k, end, 9)
-        k = _sign(buf, k, end, 44)
+        k = _sign(buf, k, end, _COMMA)
     row[3], row[4] = -1, 0
     j = k
     for c in b"CONFIG":
-        j = _next(buf, _blank(buf, j, end) if c == 67 else j, end, c)
+        j = _next(buf, _blank(buf, j, end) if c == 67 else j, end, np.int64(c))
     if j < 0:
         return k
-    j = _sign(buf, _sign(buf, j, end, 58), end, 39)
+    j = _sign(buf, _sign(buf, j, end, _COLON), end, _QUOTE)
     start = j
-    while 0 <= j < end and buf[j] != 39 and buf[j] != 10 and buf[j] != 13:
+    while 0 <= j < end and buf[j] != _QUOTE and buf[j] != 10 and buf[j] != 13:
         j += 1
     row[3], row[4] = start, j - start
-    return _sign(buf, _next(buf, j, end, 39), end, 44)
+    return _sign(buf, _next(buf, j, end, _QUOTE), end, _COMMA)
 
 
 @compiled(PLAIN)
 def _numbers(buf: Bytes, k: int, end: int, row: IntArray, spans: IntArray, value: Array) -> int:
     """Reads X Y Z W P R or J1 to J6 with their units."""
     k = _blank(buf, k, end)
-    axes = 0 <= k < end and buf[k] == 74
+    axes = 0 <= k < end and buf[k] == _J
     row[2] = 1 if axes else 0
     for i in range(6):
         if i > 0:
-            k = _sign(buf, k, end, 44)
+            k = _sign(buf, k, end, _COMMA)
         k = _blank(buf, k, end)
         if axes:
-            k = _next(buf, _next(buf, k, end, 74), end, 49 + i)
+            k = _next(buf, _next(buf, k, end, _J), end, np.int64(49 + i))
         else:
-            k = _next(buf, k, end, _POSE[i])
-        k = _blank(buf, _sign(buf, k, end, 61), end)
+            k = _next(buf, k, end, np.int64(_POSE[i]))
+        k = _blank(buf, _sign(buf, k, end, _EQUALS), end)
         if k < 0:
             return -1
         number, last = read_number(buf, k, end)
@@ -115,9 +122,9 @@ def _numbers(buf: Bytes, k: int, end: int, row: IntArray, spans: IntArray, value
         spans[i, 0], spans[i, 1], value[i] = k, last, number
         k = _blank(buf, last, end)
         if axes or i > 2:
-            k = _next(buf, _next(buf, _next(buf, k, end, 100), end, 101), end, 103)
+            k = _next(buf, _next(buf, _next(buf, k, end, _SMALL_D), end, _SMALL_E), end, _SMALL_G)
         else:
-            k = _next(buf, _next(buf, k, end, 109), end, 109)
+            k = _next(buf, _next(buf, k, end, _SMALL_M), end, _SMALL_M)
     return k
 
 
@@ -129,13 +136,13 @@ def _blank(buf: Bytes, k: int, end: int) -> int:
 
 
 @compiled(PLAIN)
-def _next(buf: Bytes, k: int, end: int, sign: int) -> int:
+def _next(buf: Bytes, k: int, end: int, sign: np.int64) -> int:
     """Returns what follows a sign that stands at ``k``, -1 if it does not."""
     return k + 1 if 0 <= k < end and buf[k] == sign else -1
 
 
 @compiled(PLAIN)
-def _sign(buf: Bytes, k: int, end: int, sign: int) -> int:
+def _sign(buf: Bytes, k: int, end: int, sign: np.int64) -> int:
     """As :func:`_next`, blanks before the sign allowed."""
     return _next(buf, _blank(buf, k, end), end, sign)
 

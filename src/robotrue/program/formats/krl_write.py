@@ -203,7 +203,7 @@ def _write_rows(
         values,
         touched,
         np.array(changed[rows]),
-        np.array(replacement.words[rows], dtype=np.int64),
+        np.array(replacement.words[rows], dtype=np.int64, order="C"),
         row,
         component,
         value,
