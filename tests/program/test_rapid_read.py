@@ -108,7 +108,12 @@ def test_assigned_targets() -> None:
     twice = f"p:={target(1)};\nIF x THEN\np:={target(2)};\nENDIF\n" + move("p")
     assert reasons(twice, data) == [Reason.UNUSED, Reason.EXPRESSION]
     for change in ("p.trans.z:=p.trans.z+5;", "p:=q;", "p:=Offs(p,0,0,1);", "Twist p;"):
-        assert reasons(one + change + "\n", data) == [Reason.EXPRESSION]
+        program = module(one + change + "\n", data)
+        assert program.reason.tolist() == [Reason.UNUSED, 0]  # written out in its motion
+        new = replacement(program, by_mm=(1, 0, 0))
+        text = find_language("rapid").write(program, new).decode()
+        assert f"p:={target(1)};" in text
+        assert change in text
 
 
 def test_offsets() -> None:
@@ -116,17 +121,20 @@ def test_offsets() -> None:
     program = module(
         move("Offs(p10,0,0,50)") + move("p10") + move("RelTool(p20,0,0,5\\Rz:=3)"), data
     )
-    assert program.reason.tolist() == [Reason.NONE] + [Reason.RELATIVE] * 3
-    assert any("start of Offs or RelTool" in note for note in program.notes)
-    assert any("used by Offs or RelTool alone" in note for note in program.notes)
+    assert program.reason.tolist() == [0, Reason.UNUSED, 0, 0]
+    unknown = module(move("Offs(p10,0,0,z)") + move("p10") + move("RelTool(p20,0,0,z)"), data)
+    assert unknown.reason.tolist() == [0] + [Reason.RELATIVE] * 3
+    assert any("start of Offs or RelTool" in note for note in unknown.notes)
+    assert any("used by Offs or RelTool alone" in note for note in unknown.notes)
 
 
 def test_offsets_of_computed_size() -> None:
     data = f"CONST robtarget p10:={target(1)};\nCONST robtarget p20:={target(2)};\n"
-    size = move("Offs(p10,p20.trans.x,0,5)") + move("p10") + move("p20")
-    assert reasons(size, data) == [0, EXPRESSION, Reason.RELATIVE]
-    twice = move("Offs(RelTool(p10,0,0,5),0,0,5)") + move("p10") + move("p20")
-    assert reasons(twice, data) == [EXPRESSION, 0, Reason.RELATIVE]
+    size = move("Offs(p10,p20.trans.x,z,5)") + move("p10") + move("p20")
+    unused = Reason.UNUSED  # p20 is read: it is written out where it is moved to
+    assert reasons(size, data) == [0, unused, Reason.RELATIVE, 0]
+    twice = move("Offs(RelTool(p10,0,0,5),0,0,z)") + move("p10") + move("p20")
+    assert reasons(twice, data) == [unused, 0, Reason.RELATIVE, 0]
 
 
 def test_arcs_through_arrays() -> None:
@@ -415,7 +423,6 @@ def test_a_target_of_another_module_is_told() -> None:
     text = f"{FRAMES}PROC main()\n{move('p10')}{move('p20')}ENDPROC\nENDMODULE\n"
     files = [("part.mod", text.encode()), ("points.mod", data.encode())]
     first, second = find_language("rapid").read_job(files, frames=FrameTable())
-    assert first.reason.tolist() == [EXPRESSION] * 2
-    assert any("'p10' stands in points.mod: declare it in" in note for note in first.notes)
+    assert first.reason.tolist() == [0, EXPRESSION]  # p10 is written out in its motion
     assert any("'p20' is in no file of this program" in note for note in first.notes)
     assert find_language("rapid").write(second, replacement(second)) == data.encode()

@@ -158,7 +158,7 @@ def check(data: bytes) -> bool:
 
 def test_the_sample_is_read() -> None:
     program = read(SAMPLE)
-    assert (len(program), int((program.reason == 0).sum())) == (5, 2)
+    assert (len(program), int((program.reason == 0).sum())) == (6, 2)
 
 
 def test_cut_off_at_every_byte() -> None:

@@ -191,12 +191,12 @@ class Builder:
             notes=tuple(dict.fromkeys(notes)),
             spans=replace(
                 _spans(found, agg, is_axis, partial, donor, (donor >= 0) & ~free),
-                **self._written(file, agg),
+                **self._collect_written(file, agg),
             ),
             path=self._moves(file, agg, motion),
         )
 
-    def _written(self, file: int, agg: IntArray) -> _WrittenSpans:
+    def _collect_written(self, file: int, agg: IntArray) -> _WrittenSpans:
         """Returns the targets that are written out, and which hang on others that are moved to."""
         mine = sorted((a, *what) for (f, a), what in self.story.written.items() if f == file)
         if not mine:

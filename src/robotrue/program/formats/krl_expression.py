@@ -172,7 +172,7 @@ class _Parser:
         if self.piece == "{":
             return self._record(depth)
         if self.kind == "name":
-            return self._named(depth)
+            return self._name(depth)
         raise NotConstantError(f"{self._text.strip()[:40]!r} is not evaluated")
 
     def _record(self, depth: int) -> KrlRecord:
@@ -196,7 +196,7 @@ class _Parser:
         self._take("}")
         return out
 
-    def _named(self, depth: int) -> KrlValue:
+    def _name(self, depth: int) -> KrlValue:
         name, subscript = self._next().lower(), ""
         if self.piece == "(":
             return self._function(name, depth)

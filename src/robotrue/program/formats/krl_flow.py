@@ -360,7 +360,7 @@ class Flow:
         for node, names in enumerate(self._calls):
             for name in names:
                 if name in self._names:
-                    callers[self._called(node, name)].append(node)
+                    callers[self._callee(node, name)].append(node)
         out, into = [_NOWHERE] * len(self._line), [_NOWHERE] * len(self._line)
         effect = [_NOWHERE] * len(self._first)
         first = set(self._first)
@@ -401,7 +401,7 @@ class Flow:
         if self._takes[node]:
             self._take(node, new)
         for name in self._calls[node]:
-            routine = self._called(node, name)
+            routine = self._callee(node, name)
             if routine < 0:
                 new[FOREIGN_BASE] = new[FOREIGN_TOOL] = self._line[node] + 1
                 continue
@@ -414,7 +414,7 @@ class Flow:
                     new[column] = does
         return tuple(new)
 
-    def _called(self, node: int, name: str) -> int:
+    def _callee(self, node: int, name: str) -> int:
         """Returns the routine, or the copy of it, that a node calls; -1 if it is in no file."""
         return self._instead.get((node, name), self._names.get(name, -1))
 

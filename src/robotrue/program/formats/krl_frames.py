@@ -229,7 +229,7 @@ class Frames:
             return self.index_frame(side, np.eye(4) if at_robot else self.in_robot(side, np.eye(4)))
         return None
 
-    def named(self, side: str, line: int, text: str, why: str, cure: str) -> int:
+    def find_named(self, side: str, line: int, text: str, why: str, cure: str) -> int:
         """Returns the index of a frame the cell's table has by name, else of one not known."""
         matrix = _lookup(self._choose_table(side), text)
         if matrix is not None:

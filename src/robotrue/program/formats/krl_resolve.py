@@ -103,7 +103,7 @@ class _Resolver:
             what = f"number {number} is computed ({why})"
             cure = why.cure or "write the number out"
             return self.frames.unknown(each.side, each.line, what, cure)
-        return self.frames.named(each.side, each.line, each.text, str(why), why.cure)
+        return self.frames.find_named(each.side, each.line, each.text, str(why), why.cure)
 
     def _frame(self, each: DeferredFrame, arguments: Arguments | None) -> int:
         """Returns the index of a frame.

@@ -225,11 +225,11 @@ class KrlValues:
         given = self._given.get(name, {}).get(index)
         if given is None:
             raise NotConstantError(
-                f"{NO_VALUE} {_shown(name, index)} a value",
+                f"{NO_VALUE} {_spell(name, index)} a value",
                 "give the .dat or $config.dat that holds it, too",
             )
         if len({text.replace(" ", "") for text, _ in given}) > 1:
-            raise NotConstantError(f"{_shown(name, index)} is given several values")
+            raise NotConstantError(f"{_spell(name, index)} is given several values")
         return self.value(*given[0], None, depth + 1)
 
     def _parameter(self, key: str, depth: int) -> KrlValue:
@@ -263,7 +263,7 @@ class KrlValues:
     ) -> KrlValue:
         """Returns the value of the one change that reaches a line on every way."""
         name = key.rpartition(":")[2]
-        shown = _shown(name, index)
+        shown = _spell(name, index)
         if key in self.shared and self.foreign:
             raise NotConstantError(
                 f"{shown} is changed by this job, and maybe by routines in no given file",
@@ -353,6 +353,6 @@ def split_calls(code: str) -> list[tuple[str, tuple[str, ...]]]:
     return out
 
 
-def _shown(name: str, index: str) -> str:
+def _spell(name: str, index: str) -> str:
     plain = name.partition("@")[0].upper()
     return f"{plain}[{index}]" if index else plain

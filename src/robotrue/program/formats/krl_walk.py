@@ -271,13 +271,13 @@ class KrlWalk(KrlPoints):
             return
         what = match[1].lower()
         if what in ("tool", "base"):
-            self._put(line, what, self._numbered(what, line, match[2] or ""))
+            self._put(line, what, self._index_number(what, line, match[2] or ""))
         elif what == "ex_base":
             self._put(line, "base", self.frames.carried_number(line, match[2]))
         elif what in ("frames", "ptp_params", "cp_params"):
             self.flow.take_pending(line)
 
-    def _numbered(self, side: str, line: int, number: str) -> int:
+    def _index_number(self, side: str, line: int, number: str) -> int:
         """Returns the index of a numbered frame; what is computed is known later."""
         number = number.strip()
         if number.isdecimal() or not number:

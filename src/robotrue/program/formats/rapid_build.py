@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -12,6 +13,7 @@ from robotrue.core.rotations import matrix_from_quat_wxyz
 from robotrue.core.units import DEG, MM
 from robotrue.program.external_axes import mark_described
 from robotrue.program.formats.course import DIFFERS
+from robotrue.program.formats.number_table import Numbers
 from robotrue.program.formats.rapid_data import AXIS, NOTHING
 from robotrue.program.formats.rapid_frames import TOOL, WORK
 from robotrue.program.formats.rapid_walk import AXES_SHIFTED, FOREIGN, SHIFTED, RapidWalk
@@ -19,6 +21,7 @@ from robotrue.program.formats.rapid_write import RapidSpans
 from robotrue.program.formats.stored_points import firsts, moves_to
 from robotrue.program.formats.target_notes import TargetNotes, absent_routine
 from robotrue.program.formats.text_lines import line_starts
+from robotrue.program.formats.written_out import WrittenOut
 from robotrue.program.held import turned_round
 from robotrue.program.program import FrameTable, Motion, Program, Reason
 
@@ -44,7 +47,7 @@ class _Builder:
         self.walk, self.given, self.count = walk, given, len(story.offset)
         self.kind = np.array(story.kind, np.int64)
         self.is_axis = self.kind == AXIS
-        self.numbers = walk.table.numbers().rows(np.array(story.row, np.int64))
+        self.numbers = self._with_written(walk.table.numbers().rows(np.array(story.row, np.int64)))
         self.point, self.place, self.how, self.setting = (
             np.array(column, np.int64)
             for column in (uses.point, uses.place, uses.motion, uses.setting)
@@ -87,9 +90,37 @@ class _Builder:
             T_flange_tool=np.array(frames.matrices[TOOL]),
             held=self.held[order] if self.held.any() else np.empty(0, np.bool_),
             notes=self.tell.notes(),
-            spans=RapidSpans(numbers=self.numbers.rows(order), is_axis=self.is_axis[order]),
+            spans=self._spans(),
             path=moves_to(self.walk.story.uses, np.argsort(order)),
         )
+
+    def _with_written(self, numbers: Numbers) -> Numbers:
+        """Returns the numbers with those of points that are written out."""
+        written = self.walk.story.written
+        if not written:
+            return numbers
+        value = np.array(numbers.value)
+        for point, (_, _, row) in written.items():
+            value[point] = row
+        return replace(numbers, value=value)
+
+    def _spans(self) -> RapidSpans:
+        """Returns where the numbers stand, rows in file order."""
+        order = self.order
+        numbers, is_axis = self.numbers.rows(order), self.is_axis[order]
+        written = self.walk.story.written
+        if not written:
+            return RapidSpans(numbers=numbers, is_axis=is_axis)
+        place = np.argsort(order)
+        mine = sorted((int(place[point]), *span[:2]) for point, span in written.items())
+        row, start, end = np.array(mine, np.int64).T
+        # A target that starts from one that is moved to as well must not be carried along.
+        bases = self.walk.story.bases
+        bound = np.array([
+            any(self.used[base] for base in bases.get(int(order[at]), ())) for at in row.tolist()
+        ])  # fmt: skip
+        out = WrittenOut(row=row, start=start, end=end)
+        return RapidSpans(numbers=numbers, is_axis=is_axis, written=out, bound=bound)
 
     def _put(self, rows: BoolArray, why: Reason, what: str) -> None:
         rows = rows & (self.kind != NOTHING)
@@ -105,6 +136,7 @@ class _Builder:
     def _settle(self) -> IntArray:
         """Returns tool and work frame (2, n) of every point; flags what cannot be relied on."""
         states, swapped = self._states()
+        self.displaced = self._displace(states, swapped)
         self._hold(states, swapped)
         state = np.zeros((2, self.count), np.int64)
         state[:, self.used] = states[:, self.first[self.used]]
@@ -120,9 +152,9 @@ class _Builder:
             "the robot holds the workpiece and the tool, or neither of them (robhold); such "
             "targets are not compensated",
         )
-        shifted = [self.walk.course.versions(k, self.place) != 0 for k in (SHIFTED, AXES_SHIFTED)]
+        shifted = self.walk.course.versions(AXES_SHIFTED, self.place) != 0
         self._put(
-            self._any(shifted[0] | shifted[1]),
+            self._any(shifted | self.displaced),
             Reason.RELATIVE,
             "a program displacement or offset of external axes (PDisp.., EOffs..) is in force; "
             "such targets are not compensated",
@@ -193,6 +225,24 @@ class _Builder:
                 states[side, rows] = index
                 swapped[side, rows] = on_robot
         return states, swapped
+
+    def _displace(self, states: IntArray, swapped: BoolArray) -> BoolArray:
+        """Puts known displacements into the work frames, in place; returns the uses left (u,)."""
+        version = self.walk.course.versions(SHIFTED, self.place)
+        left: BoolArray = np.asarray(version != 0)
+        frames = self.walk.frames.frames
+        for one in np.unique(version[left]).tolist():
+            T_work_shifted = self.walk.displacement(one)
+            rows = np.flatnonzero((version == one) & ~swapped.any(axis=0))
+            if T_work_shifted is None:
+                continue
+            for index in np.unique(states[1, rows]).tolist():
+                mine = rows[states[1, rows] == index]
+                left[mine] = False
+                if (WORK, index) not in frames.cures:
+                    matrix = frames.matrices[WORK][index] @ T_work_shifted
+                    states[1, mine] = frames.index_frame(WORK, matrix)
+        return left
 
     def _any(self, uses: BoolArray) -> BoolArray:
         """Returns the points (n,) of which some use is meant."""

@@ -11,7 +11,10 @@ import numpy as np
 from robotrue.program.formats import rapid_scan as scan
 from robotrue.program.formats.course import Course
 from robotrue.program.formats.number_table import NumberTable
+from robotrue.program.formats.rapid_expression import PURE
 from robotrue.program.formats.rapid_frames import KINDS, TOOL, WORK, RapidFrames
+from robotrue.program.formats.rapid_values import KINDS as FOLLOWED
+from robotrue.program.formats.rapid_values import RapidChange, RapidTask, RapidValues
 from robotrue.program.formats.stored_points import Uses, Variable, Variables
 from robotrue.program.formats.text_lines import line_starts
 from robotrue.program.program import Reason
@@ -44,8 +47,16 @@ _WORDS: Final = re.compile(
     rb'"(?:[^"\r\n]|"")*+"|![^\r\n]*+|(?<![\w\x80-\xff.])([A-Za-z\x80-\xff][\w\x80-\xff]*)'
 )
 _SIZE_OF: Final = re.compile(rb"\bDim\s*\(\s*[\w\x80-\xff]+", re.IGNORECASE)
+_HANDED: Final = re.compile(rb"(?<![\w\x80-\xff])([\w\x80-\xff]++)\s*+\(([^()]*+)\)")
+READING: Final = frozenset(
+    """tpwrite waittime setdo setgo setao pulsedo accset velset confl confj singarea waitdi waitdo
+    waituntil speedlim pdispset pdispon pdispoff eoffson eoffsset eoffsoff errwrite write tperase
+    actunit deactunit gripload set reset if stop break exit return triggio triggequip triggspeed
+    movel movej movec moveabsj""".split()
+)
+"""Instructions that change nothing they name."""
 _READS_FRAMES: Final = re.compile(
-    r"(?:move|trigg|search|arc|spot|paint|disp|cap|waitwobj|dropwobj|gripload|tp|err|egm)"
+    r"(?:move|trigg|search|arc|spot|paint|disp|cap|pdisp|eoffs|waitwobj|dropwobj|gripload|tp|err|egm)"
     r"[\w\x80-\xff]*$"
 )
 
@@ -64,6 +75,9 @@ class ParsedRapid:
         arcs: Pairs of points: via and end.
         based: Points that Offs or RelTool start from.
         notes: (byte, what to say).
+        written: Points that are written out: the bytes they take the place of, and their numbers.
+        bases: Points they are computed from; themselves where other modules hold one.
+        displaced: (place, routine, text of the displacement) by the version of ``SHIFTED`` it sets.
         checks: ConfL and ConfJ that stop a check, and the byte of the first.
         begun: A module or motion was found.
     """
@@ -78,6 +92,9 @@ class ParsedRapid:
     based: set[int] = field(default_factory=set)
     notes: list[tuple[int, str]] = field(default_factory=list)
     checks: dict[str, int] = field(default_factory=dict)
+    written: dict[int, tuple[int, int, tuple[float, ...]]] = field(default_factory=dict)
+    bases: dict[int, list[int]] = field(default_factory=dict)
+    displaced: dict[int, tuple[int, str, str]] = field(default_factory=dict)
     begun: bool = False
 
 
@@ -92,11 +109,24 @@ class Data:
         table: Numbers of the points.
         story: What the walk collects.
         variables: Points by name.
+        values: Of numbers, positions and targets.
+        derived: Data set from other data: variable, routine, and the bytes of the new value.
+        read: Variables that are read by what is not followed.
         place: Number of the statement being read.
         scope: Routine being read, empty outside of all.
     """
 
-    def __init__(self, data: bytes, name: str, frames: RapidFrames, course: Course) -> None:
+    def __init__(
+        self,
+        data: bytes,
+        name: str,
+        frames: RapidFrames,
+        course: Course,
+        task: RapidTask | None = None,
+    ) -> None:
+        self.values = RapidValues(course, task or RapidTask(), name)
+        self.derived: list[tuple[tuple[str, str], str, int, int]] = []
+        self.read: set[tuple[str, str]] = set()
         self.data, self.name, self.frames, self.course = data, name, frames, course
         self.table = NumberTable(data, LAYOUTS, b"!")
         self.story, self.variables = ParsedRapid(), Variables()
@@ -115,6 +145,9 @@ class Data:
             match["name"].decode("latin-1").lower(),
         )
         start, end = match.end(), statement.end
+        if kind in FOLLOWED and not frames_only:
+            text = scan.clean(self.data[start:end]) if match["given"] else None
+            self.values.declare(self.scope, name, text, local=statement.word == "local")
         if kind in KINDS and not match["sizes"]:
             value = self.data[start:end] if match["given"] else b""
             if not frames_only or not self.frames.has(KINDS[kind], name):
@@ -130,6 +163,8 @@ class Data:
             variable.is_array = match["sizes"] is not None
             if match["given"]:
                 self._give(variable, start, end)
+        elif match["given"] and kind in FOLLOWED:
+            self.derived.append((self.values.key(self.scope, name), self.scope, start, end))
         elif match["given"]:
             self.mention(start, end, "")
         return True
@@ -140,7 +175,7 @@ class Data:
         if not variable.is_array or subscript:
             match = scan.fills(pattern, self.data, *self._inside(start, end))
             if match is None:
-                self._mark_computed(variable, start, end)
+                variable.computed = True
             else:
                 self._point_of(variable, subscript, match, kind)
             return
@@ -196,15 +231,21 @@ class Data:
                     self.frames.assign(side, name, path, value, self.place)
                 return True
         variable = self.variables.find(self.scope, name)
-        if variable is None or variable.kind not in LITERAL:
-            self.mention(match.end(), end, "")
+        subscript = re.sub(rb"\s+", b"", match[2] or b"").decode("latin-1")
+        text = scan.clean(self.data[match.end() : end])
+        change = RapidChange(self.place, subscript, path.strip().strip("."), text)
+        self.values.change(self.scope, name, change)
+        if self.values.knows(self.scope, name):
+            key = self.values.key(self.scope, name)
+            self.derived.append((key, self.scope, match.end(), end))
         else:
-            subscript = re.sub(rb"\s+", b"", match[2] or b"").decode("latin-1")
+            self.mention(match.end(), end, "")
+        if variable is not None and variable.kind in LITERAL:
             plain = bool(re.fullmatch(r"\d*(,\d+)*", subscript)) and not path.strip()
             if plain and bool(subscript) == variable.is_array:
                 self._give(variable, *self._inside(match.end(), end), subscript)
             else:
-                self._mark_computed(variable, match.end(), end)
+                variable.computed = True
         return True
 
     def mention(self, start: int, end: int, word: str) -> None:
@@ -212,17 +253,50 @@ class Data:
         text = _SIZE_OF.sub(b"", self.data[start:end])
         if not text or text.isspace():
             return
+        self._hand_over(text, word)
         for match in _WORDS.finditer(text):
             if not match[1]:
                 continue
             name = match[1].decode("latin-1").lower()
             variable = self.variables.find(self.scope, name)
+            self.read.add(self.values.key(self.scope, name))
             if variable is not None:
                 variable.computed = True
             elif word and not _READS_FRAMES.match(word):
                 for side in (TOOL, WORK):
                     if self.frames.has(side, name):
                         self.frames.lose(side, name, self.place)
+
+    def _hand_over(self, text: bytes, word: str) -> None:
+        """Forgets the values of what routines and instructions may change."""
+        names: list[bytes] = []
+        if word and word not in READING:
+            names = [match[1] for match in _WORDS.finditer(text) if match[1]]
+        for function, inside in _HANDED.findall(text):
+            if function.decode("latin-1").lower() not in PURE:
+                names += [match[1] for match in _WORDS.finditer(inside) if match[1]]
+        for name in names:
+            lower = name.decode("latin-1").lower()
+            if self.values.knows(self.scope, lower):
+                self.values.change(self.scope, lower, RapidChange(self.place, "", "", None))
+
+    def follow_derived(self) -> None:
+        """Marks what is read by what is not followed, over any number of steps."""
+        waiting, scope = self.derived, self.scope
+        while True:
+            fresh = [each for each in waiting if self._is_read(each[0])]
+            if not fresh:
+                break
+            waiting = [each for each in waiting if not self._is_read(each[0])]
+            for _, self.scope, start, end in fresh:
+                self.mention(start, end, "")
+        self.scope = scope
+
+    def _is_read(self, key: tuple[str, str]) -> bool:
+        if key in self.read:
+            return True
+        local = self.values.is_local(*key)
+        return not local and self.values.task.is_read_outside(key[1], self.name)
 
     def _line(self, offset: int) -> int:
         return int(np.searchsorted(self._starts, offset, side="right")) - 1

@@ -90,6 +90,8 @@ BUILT_IN: Final = frozenset(
     safetycontrollersyncrequest comment""".lower().split()
 )
 """Instructions of the controller that change no tool, work object or program displacement."""
+_TOKEN: Final = re.compile(r'"(?:[^"]|"")*"|[\w\x80-\xff]+|\S')
+_OPERATORS: Final = frozenset("and or xor not div mod".split())
 _SWALLOWED: Final = re.compile(
     rb"[\r\n][^\S\r\n]*+(?:(?:Move|Trigg|Arc)(?:L|J|C|AbsJ)\b|ENDPROC|PROC\b|ENDIF|SetDO\b)",
     re.IGNORECASE,
@@ -126,3 +128,14 @@ def read_tail(data: bytes, start: int, end: int, move: Move, *, given: int) -> T
     # ``\WObj?w`` passes on an option that the caller may have left out.
     work = found.options.get("wobj", next((o for o in found.options if o[:4] == "wobj"), ""))
     return Tail(tool.lower(), work.lower(), tuple(places))
+
+
+def behind_condition(text: str) -> str:
+    """Returns the instruction of ``IF condition instruction``: the word right behind an operand."""
+    operand = False
+    for token in _TOKEN.findall(text):
+        word = token[0].isalnum() or token[0] == "_" or token[0] >= "\x80"
+        if operand and word and token not in _OPERATORS:
+            return str(token)
+        operand = (word and token not in _OPERATORS) or token[-1] in ')]}"'
+    return ""

@@ -5,46 +5,77 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Final, NamedTuple
 
 from robotrue.errors import FormatError
 from robotrue.program.formats.course import Course
 from robotrue.program.formats.rapid_build import build
 from robotrue.program.formats.rapid_frames import RapidFrames
+from robotrue.program.formats.rapid_values import RapidTask
 from robotrue.program.formats.rapid_walk import RapidWalk
 from robotrue.program.formats.text_lines import require_text
 from robotrue.program.program import FrameTable, Program
 
+_MOVES: Final = re.compile(rb"\bMove(?:L|J|C|AbsJ)\b", re.IGNORECASE)
+_TELLS: Final = re.compile(rb"\b(?:tooldata|wobjdata|robtarget|jointtarget|PROC)\b", re.IGNORECASE)
+"""What others have to know of a module."""
 _WIDE_WORD: Final = re.compile(rb"\w*+[\x80-\xff][\w\x80-\xff]*+")
 
 
 def read_rapid(files: Sequence[tuple[str, bytes]], frames: FrameTable) -> tuple[Program, ...]:
-    """Returns one program per file; all but the first give frames only and hold no targets.
+    """Returns one program per file; each with motions is read with the data of all.
 
     Raises:
         FormatError: A file is not RAPID, or is cut off, with the line.
     """
     for name, data in files:
         require_text(data, name)
-    course = Course()
     wide = any(_is_wide(data) for _, data in files)
-    table = RapidFrames(_by_bytes(frames) if wide else frames, files[0][0], course)
-    for name, data in files[1:]:
-        RapidWalk(data, name, table, course).declarations()
-    name, data = files[0]
-    walk = RapidWalk(data, name, table, course)
+    given = _by_bytes(frames) if wide else frames
+    beside = [_Beside.of(name, data) for name, data in files]
+    task = RapidTask.of(files) if len(files) > 1 else RapidTask()
+    out = []
+    for number in range(len(files)):
+        program = _read_module(beside, number, given, task)
+        out.append(_in_words(program) if wide else program)
+    return tuple(out)
+
+
+class _Beside(NamedTuple):
+    """A module as others see it: whether it may hold frames, and whether it moves."""
+
+    name: str
+    data: bytes
+    tells: bool
+    moves: bool
+
+    @classmethod
+    def of(cls, name: str, data: bytes) -> _Beside:
+        """Returns a file so."""
+        return cls(name, data, bool(_TELLS.search(data)), bool(_MOVES.search(data)))
+
+
+def _read_module(
+    files: Sequence[_Beside], number: int, frames: FrameTable, task: RapidTask
+) -> Program:
+    """Returns the program of one file, read with the frames and routines of the others."""
+    own, course = files[number], Course()
+    table = RapidFrames(frames, own.name, course)
+    if number and not own.moves:  # it gives data only
+        return build(RapidWalk(own.data, own.name, table, course, task), frames)
+    for other in files:
+        if other.tells and other is not own:
+            RapidWalk(other.data, other.name, table, course).declarations()
+    walk = RapidWalk(own.data, own.name, table, course, task)
     walk.all()
     if not walk.story.begun:
         raise FormatError(
             "not a RAPID module: no MODULE and no motion was found.",
-            source=name,
+            source=own.name,
             line=1,
             hint="give the .mod, .modx or .prg that the controller runs.",
         )
-    programs = [build(walk, frames)]
-    for name, data in files[1:]:
-        programs.append(build(RapidWalk(data, name, table, Course()), frames))
-    return tuple(_in_words(each) for each in programs) if wide else tuple(programs)
+    return build(walk, frames)
 
 
 def _is_wide(data: bytes) -> bool:

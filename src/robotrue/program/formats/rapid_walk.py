@@ -4,14 +4,25 @@ from __future__ import annotations
 
 import re
 from collections.abc import Container
-from typing import Final
+from typing import Final, NamedTuple
 
+from robotrue.core.arrays import Array
 from robotrue.errors import FormatError
 from robotrue.program.formats import rapid_scan as scan
 from robotrue.program.formats.course import Course
+from robotrue.program.formats.krl_expression import NotConstantError
 from robotrue.program.formats.rapid_data import LITERAL, NOTHING, POSE, Data
+from robotrue.program.formats.rapid_expression import flat_numbers, pose_of
 from robotrue.program.formats.rapid_frames import TOOL, WORK, RapidFrames
-from robotrue.program.formats.rapid_moves import BUILT_IN, Move, Tail, move_of, read_tail
+from robotrue.program.formats.rapid_moves import (
+    BUILT_IN,
+    Move,
+    Tail,
+    behind_condition,
+    move_of,
+    read_tail,
+)
+from robotrue.program.formats.rapid_values import RapidChange, RapidTask
 from robotrue.program.formats.text_lines import line_at
 from robotrue.program.program import Motion, Reason
 
@@ -38,10 +49,11 @@ _CHANGES: Final = re.compile(
     re.MULTILINE,
 )
 """What a module holds that may change a displacement, a tool or a work object, or call anything."""
-_TOKEN: Final = re.compile(r'"(?:[^"]|"")*"|[\w\x80-\xff]+|\S')
-_OPERATORS: Final = frozenset("and or xor not div mod".split())
 _REFERENCE: Final = re.compile(r"([\w\x80-\xff]+)\s*(?:\{([^}]*)\})?$")
 _SHIFTING: Final = re.compile(r"(offs|reltool)\s*\((.*)\)$", re.IGNORECASE | re.DOTALL)
+_BETWEEN: Final = re.compile(r"\\\s*ExeP\s*:=\s*(\w+)\s*,\s*(\w+)\s*,", re.IGNORECASE)
+"""What a displacement between two targets names; with other options it is not followed."""
+_NAMED: Final = re.compile(r"[A-Za-z_\x80-\xff][\w\x80-\xff]*")
 _PARAMETER: Final = re.compile(
     r"(?:INOUT|VAR|PERS|switch)?\s*[\w\x80-\xff]+\s+([\w\x80-\xff]+)\s*+(?:\{[^}]*+\}\s*+)?$"
 )
@@ -57,11 +69,33 @@ _COMPACT: Final = re.compile(
 )
 
 
+class _Motion(NamedTuple):
+    """A motion whose targets are settled when everything has been read."""
+
+    place: int
+    scope: str
+    barriers: int
+    with_parameters: bool
+    start: int
+    move: Move
+    tail: Tail
+    stored: list[tuple[list[int], list[str]] | None]
+
+
 class RapidWalk(Data):
     """One reading of a module, with frames from the files beside it."""
 
-    def __init__(self, data: bytes, name: str, frames: RapidFrames, course: Course) -> None:
-        super().__init__(data, name, frames, course)
+    def __init__(
+        self,
+        data: bytes,
+        name: str,
+        frames: RapidFrames,
+        course: Course,
+        task: RapidTask | None = None,
+    ) -> None:
+        super().__init__(data, name, frames, course, task)
+        self._moves: list[_Motion] = []
+        self._barriers = 0
         self._open, self._in_record, self._with_parameters = 0, False, False
         self._tails: dict[tuple[bytes, bytes], Tail | None] = {}
         self._calls: list[tuple[int, str, int]] = []
@@ -93,6 +127,7 @@ class RapidWalk(Data):
             if statement is None:
                 break
             self._statement(statement)
+        self._settle_moves()
         if self._open:
             raise FormatError(
                 "the module has no ENDMODULE: the file is cut off.",
@@ -134,12 +169,38 @@ class RapidWalk(Data):
         if move is not None:
             self._move(statement.body, statement.end, move)
         elif word in _SHIFTS:
-            self.course.set(self.place, *_SHIFTS[word])
-            self._shifts.append((self.place, _SHIFTS[word][0]))
-            self.mention(statement.body, statement.end, word)
+            self._shift(statement, word)
         elif not self._control(statement, word) and not self.declare(statement):
             if not self.assign(statement.start, statement.end):
                 self._instruction(statement)
+
+    def _shift(self, statement: scan.RapidStatement, word: str) -> None:
+        """Enters a displacement or offset; one of constants is known when all has been read."""
+        key, version = _SHIFTS[word]
+        text = self._displacement(statement, word)
+        if text:
+            version = 2 + len(self.story.displaced)
+            self.story.displaced[version] = (self.place, self.scope, text)
+        self.course.set(self.place, key, version)
+        self._shifts.append((self.place, key))
+        self.mention(statement.body, statement.end, word)
+
+    def _displacement(self, statement: scan.RapidStatement, word: str) -> str:
+        """Returns the expression of a displacement, empty if it hangs on where the robot is."""
+        if word == "pdispset":
+            return self._text(statement)
+        match = _BETWEEN.match(self._text(statement)) if word == "pdispon" else None
+        return f"[{match[1]}.trans - {match[2]}.trans, [1,0,0,0]]" if match else ""
+
+    def displacement(self, version: int) -> Array | None:
+        """Returns the displacement (4, 4), m, of a version of ``SHIFTED``; None if not known."""
+        if version not in self.story.displaced:
+            return None
+        place, scope, text = self.story.displaced[version]
+        try:
+            return pose_of(self.values.value(text, place, scope))
+        except NotConstantError:
+            return None
 
     def _instruction(self, statement: scan.RapidStatement) -> None:
         """What is neither motion nor assignment: an instruction, or a call of a routine."""
@@ -152,6 +213,7 @@ class RapidWalk(Data):
         if word not in BUILT_IN:
             self._calls.append((self.place, word, statement.start))
             self.course.call(self.place, [word])
+            self.values.call(self.scope, word)
         for match in scan.ROBTARGET.finditer(self.data, start, end):
             point = self.add_point(match.start(), self.table.add(*match.span(), POSE), POSE)
             self.story.flags[point] = Reason.EXPRESSION
@@ -168,6 +230,9 @@ class RapidWalk(Data):
             course.join(at)
         elif word in ("for", "while"):
             course.loop(at)
+            name = self._text(statement).split(maxsplit=1)[0].lower() if word == "for" else ""
+            if name:
+                self.values.change(self.scope, name, RapidChange(at, "", "", None))
         elif word in ("endfor", "endwhile"):
             course.close_loop(at)
         elif word in ("return", "exit"):
@@ -190,9 +255,11 @@ class RapidWalk(Data):
         if word in ("proc", "func", "trap"):
             self._routine(statement, word)
         elif word in ("endproc", "endfunc", "endtrap"):
+            self.values.end_routine(self.place)
             self.scope = ""
         elif word in ("error", "undo", "backward"):
             self.course.start(self.place, f"{self.scope} {word}", handler=True)
+            self.values.begin_routine(self.place, f"{self.scope} {word}", handler=True)
         elif word == "module":
             self._open, self.story.begun = self._open + 1, True
         elif word == "endmodule":
@@ -212,11 +279,13 @@ class RapidWalk(Data):
         self.scope = names[-1].lower() if names else ""
         self._routines.add(self.scope)
         self.course.start(self.place, self.scope, handler=word == "trap")
+        self.values.begin_routine(self.place, self.scope, handler=word == "trap")
         self._with_parameters = bool(parameters.strip(") "))
         for each in re.split(r"[,|\\]", parameters.rstrip(") ")):
             match = _PARAMETER.match(each.strip())
             if match:
                 self.variables.declare(self.scope, match[1].lower(), "parameter").outside = True
+                self.values.declare(self.scope, match[1].lower(), None, local=True)
 
     def _compact(self, statement: scan.RapidStatement) -> None:
         """``IF condition instruction;``: the instruction runs on one of two ways."""
@@ -227,7 +296,10 @@ class RapidWalk(Data):
             self.mention(statement.body, statement.end, "if")
             text = self._text(statement).lower()
             self.course.call(self.place, re.findall(r"[\w\x80-\xff]+", text))
-            word = _behind_condition(text)
+            word = behind_condition(text)
+            if word in _SHIFTS:
+                self.course.set(self.place, *_SHIFTS[word])
+                self._shifts.append((self.place, _SHIFTS[word][0]))
             if word and word not in BUILT_IN:
                 self._calls.append((self.place, word, statement.start))
         else:
@@ -266,15 +338,46 @@ class RapidWalk(Data):
                 line=line_at(self.data, start),
                 hint="the file may be cut off or edited by hand; export it again.",
             )
-        used = []
-        for number, (a, b) in enumerate(tail.places):
-            how = Motion.ARC_VIA if move.targets == 2 and number == 0 else move.motion
-            points = self._target(a, b, move)
-            used.append(points)
-            for point in points:
-                self._use(point, how, tail, start)
-        if len(used) == 2:
-            self._pair(*used)
+        key = self._setting(tail)
+        self.story.settings.setdefault(key, (len(self.story.settings), start))
+        stored = [self._look_up(a, b, "jointtarget" if move.axes else "robtarget")
+                  for a, b in tail.places]  # fmt: skip
+        self._moves.append(
+            _Motion(
+                self.place, self.scope, self.course.barriers, self._with_parameters, start, move,
+                tail, stored,
+            )
+        )  # fmt: skip
+
+    def _look_up(self, start: int, end: int, kind: str) -> tuple[list[int], list[str]] | None:
+        """Returns the points a name means here, and the elements of which that is not certain."""
+        named = _REFERENCE.match(scan.clean(self.data[start:end]))
+        variable = self.variables.find(self.scope, named[1].lower()) if named else None
+        if named is None or variable is None or variable.kind != kind:
+            return None
+        subscript: str | None = re.sub(r"\s+", "", named[2] or "")
+        if subscript and not re.fullmatch(r"\d+(,\d+)*", subscript):
+            subscript = None
+        return self.variables.look_up(variable, subscript, self.course.barriers)
+
+    def _settle_moves(self) -> None:
+        """Enters the targets of all motions that are not to a literal alone."""
+        last = self.place, self.scope, self._with_parameters
+        for motion in self._moves:
+            self.place, self.scope, self._barriers = motion.place, motion.scope, motion.barriers
+            self._with_parameters = motion.with_parameters
+            used = []
+            for number, (a, b) in enumerate(motion.tail.places):
+                via = motion.move.targets == 2 and number == 0
+                how = Motion.ARC_VIA if via else motion.move.motion
+                points = self._target(a, b, motion.move, motion.stored[number])
+                used.append(points)
+                for point in points:
+                    self._use(point, how, motion.tail, motion.start)
+            if len(used) == 2:
+                self._pair(*used)
+        self.place, self.scope, self._with_parameters = last
+        self.follow_derived()
 
     def _pair(self, via: list[int], last: list[int]) -> None:
         if len(via) == len(last):
@@ -284,17 +387,23 @@ class RapidWalk(Data):
 
     def _use(self, point: int, motion: int, tail: Tail, start: int) -> None:
         settings = self.story.settings
+        number, _ = settings.setdefault(self._setting(tail), (len(settings), start))
+        self.story.uses.add(point, self.place, motion, number)
+
+    def _setting(self, tail: Tail) -> tuple[str, str]:
+        """Returns the names of tool and work object of a motion, parameters with their routine."""
         key = tail.tool, tail.work
         if self._with_parameters and any(self._is_parameter(name) for name in key):
-            key = (f"{tail.tool} ({self.scope})", f"{tail.work} ({self.scope})")
-        number, _ = settings.setdefault(key, (len(settings), start))
-        self.story.uses.add(point, self.place, motion, number)
+            return f"{tail.tool} ({self.scope})", f"{tail.work} ({self.scope})"
+        return key
 
     def _is_parameter(self, name: str) -> bool:
         variable = self.variables.find(self.scope, name)
         return variable is not None and variable.outside
 
-    def _target(self, start: int, end: int, move: Move) -> list[int]:
+    def _target(
+        self, start: int, end: int, move: Move, stored: tuple[list[int], list[str]] | None
+    ) -> list[int]:
         """Returns the points a target argument may mean; one of no numbers if none is known."""
         kind = "jointtarget" if move.axes else "robtarget"
         pattern, code = LITERAL[kind]
@@ -303,15 +412,17 @@ class RapidWalk(Data):
             return [self.add_point(start, self.table.add(*match.span(), code), code)]
         text = scan.clean(self.data[start:end])
         named = _REFERENCE.match(text)
+        if self._is_evaluated(named, kind, stored):
+            try:
+                return [self._write_out(start, end, text, code)]
+            except NotConstantError as cause:
+                why = f"{cause}; {cause.cure}" if cause.cure else str(cause)
+                self.story.notes.append((start, f"{text[:40]!r} has no single value: {why}"))
         if named:
             variable = self.variables.find(self.scope, named[1].lower())
-            subscript: str | None = re.sub(r"\s+", "", named[2] or "")
-            if subscript and not re.fullmatch(r"\d+(,\d+)*", subscript):
-                subscript = None
-            if variable is not None and variable.kind == kind:
-                points = self.variables.points_at(variable, subscript, self.course.barriers)
-                if points:
-                    return points
+            if variable is not None and stored is not None and stored[0]:
+                self.variables.doubt(variable, stored[1])
+                return stored[0]
             module = self.frames.elsewhere.get(named[1].lower())
             why = "is in no file of this program"
             if variable is not None:
@@ -333,13 +444,47 @@ class RapidWalk(Data):
         self.mention(start, end, "")
         return [self._lose_point(start, Reason.EXPRESSION, f"the target {text[:40]!r} is computed")]
 
+    def _is_evaluated(
+        self,
+        named: re.Match[str] | None,
+        kind: str,
+        stored: tuple[list[int], list[str]] | None,
+    ) -> bool:
+        """Returns whether a target is not one literal that stands in this module."""
+        if named is None:
+            return True
+        variable = self.variables.find(self.scope, named[1].lower())
+        if variable is None or variable.kind != kind or variable.outside or stored is None:
+            return variable is None
+        if variable.computed or not stored[0]:
+            return True
+        return len(stored[0]) == 1 and any(len(variable.all[one]) > 1 for one in stored[1])
+
+    def _write_out(self, start: int, end: int, text: str, code: int) -> int:
+        """Returns a new point that is written out where a motion computes it.
+
+        Raises:
+            NotConstantError: It has no single value.
+        """
+        numbers = flat_numbers(self.values.value(text, self.place, self.scope), code)
+        point = self.add_point(start, -1, code)
+        self.story.written[point] = (start, end, numbers)
+        for name in map(str.lower, _NAMED.findall(text)):
+            variable = self.variables.find(self.scope, name)
+            if variable is not None:
+                bases = [one for points in variable.all.values() for one in points]
+                self.story.bases.setdefault(point, []).extend(bases)
+            elif self.values.task.is_given(name):
+                self.story.bases.setdefault(point, []).append(point)
+        return point
+
     def _mark_based(self, inside: str) -> bool:
         """Marks the points that Offs or RelTool start from; returns whether they are a variable."""
         named = _REFERENCE.match(inside.split(",")[0].strip())
         variable = self.variables.find(self.scope, named[1].lower()) if named else None
         if variable is None:
             return False
-        points = self.variables.points_at(variable, None, self.course.barriers)
+        points = self.variables.points_at(variable, None, self._barriers)
         self.story.based.update(points)
         return True
 
@@ -348,14 +493,3 @@ class RapidWalk(Data):
         self.story.flags[point] = reason
         self.story.notes.append((offset, what))
         return point
-
-
-def _behind_condition(text: str) -> str:
-    """Returns the instruction of ``IF condition instruction``: the word right behind an operand."""
-    operand = False
-    for token in _TOKEN.findall(text):
-        word = token[0].isalnum() or token[0] == "_" or token[0] >= "\x80"
-        if operand and word and token not in _OPERATORS:
-            return str(token)
-        operand = (word and token not in _OPERATORS) or token[-1] in ')]}"'
-    return ""

@@ -7,7 +7,7 @@ fewer than six with eight, so that a correction is not rounded away; all else ke
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -19,10 +19,20 @@ from robotrue.core.units import DEG, MM
 from robotrue.errors import ShapeError
 from robotrue.program.formats.number_table import Numbers, respell_tokens
 from robotrue.program.formats.pose_write import changed_rows, find_moved, require_printable
+from robotrue.program.formats.written_out import (
+    NONE_WRITTEN,
+    WrittenOut,
+    put_texts,
+    shift_places,
+)
 from robotrue.program.program import Program, Replacement
 
 _ENOUGH: Final = np.array([3] * 3 + [6] * 4 + [0] * 10)
 _LEAST: Final = np.array([4] * 3 + [8] * 4 + [0] * 10)
+
+
+_NOT_CONNECTED: Final = 8.9e9
+"""Beyond, an external axis is not there."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,10 +43,14 @@ class RapidSpans:
         numbers: (n, 17) x, y, z, q1..q4, cf1, cf4, cf6, cfx, external axes; of axis targets the
             axes in the first six columns.
         is_axis: (n,) the target is a jointtarget.
+        written: Rows that are written out.
+        bound: (w,) they are written out with every change of the file.
     """
 
     numbers: Numbers
     is_axis: BoolArray
+    written: WrittenOut = NONE_WRITTEN
+    bound: BoolArray = field(default_factory=lambda: np.zeros(0, np.bool_))
 
 
 def write_rapid(program: Program, replacement: Replacement) -> bytes:
@@ -66,9 +80,34 @@ def write_rapid(program: Program, replacement: Replacement) -> bytes:
     touched[:, :6] |= axes & axis[:, None]
     values[:, :6] = np.where(axes & axis[:, None], replacement.axes / DEG, values[:, :6])
     require_printable(program, values[:, :7], touched[:, :7], "mm, quaternion or deg")
+    data, numbers = program.data, spans.numbers
+    chosen = np.flatnonzero(changed[spans.written.row] | (spans.bound & bool(changed.any())))
+    if len(chosen):
+        rows = spans.written.row[chosen].tolist()
+        texts = [_literal(values[row], axis=bool(spans.is_axis[row])) for row in rows]
+        data, places, moved = put_texts(data, spans.written, chosen.tolist(), texts)
+        numbers = replace(numbers, start=shift_places(numbers.start, places, moved))
     is_axis = spans.is_axis[:, None]
     enough, least = np.where(is_axis, 3, _ENOUGH), np.where(is_axis, 4, _LEAST)
-    return respell_tokens(program.data, spans.numbers, values, touched, enough, least)
+    return respell_tokens(data, numbers, values, touched, enough, least)
+
+
+def _literal(values: Array, *, axis: bool) -> bytes:
+    """Returns a target in brackets from its row of numbers."""
+
+    def row(part: Array, decimals: int) -> str:
+        return "[" + ",".join(_print(value, decimals) for value in part.tolist()) + "]"
+
+    if axis:
+        parts = [row(values[:6], 4), row(values[11:], 4)]
+    else:
+        words = "[" + ",".join(str(int(value)) for value in values[7:11]) + "]"
+        parts = [row(values[:3], 4), row(values[3:7], 9), words, row(values[11:], 4)]
+    return ("[" + ",".join(parts) + "]").encode("ascii")
+
+
+def _print(value: float, decimals: int) -> str:
+    return "9E9" if value > _NOT_CONNECTED else f"{value + 0.0:.{decimals}f}"
 
 
 def _choose_sides(rotation: Array, old: Array) -> Array:

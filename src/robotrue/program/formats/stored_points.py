@@ -60,12 +60,23 @@ class Variables:
 
     def points_at(self, variable: Variable, subscript: str | None, barriers: int) -> list[int]:
         """Returns the points a motion may move to; ``None`` as subscript is any element."""
+        points, unsure = self.look_up(variable, subscript, barriers)
+        self.doubt(variable, unsure)
+        return points
+
+    def look_up(
+        self, variable: Variable, subscript: str | None, barriers: int
+    ) -> tuple[list[int], list[str]]:
+        """Returns the points a motion may move to, and the subscripts given elsewhere."""
         asked = list(variable.points) if subscript is None else [subscript]
         found = [each for each in asked if each in variable.points]
-        for each in found:
-            if variable.given[each] != barriers:
-                self._uncertain[id(variable), each] = variable
-        return [variable.points[each] for each in found]
+        unsure = [each for each in found if variable.given[each] != barriers]
+        return [variable.points[each] for each in found], unsure
+
+    def doubt(self, variable: Variable, subscripts: list[str]) -> None:
+        """Notes that it is not certain which of their values elements have where they are used."""
+        for each in subscripts:
+            self._uncertain[id(variable), each] = variable
 
     def uncertain(self) -> set[int]:
         """Returns the points of which it is not certain that they are what is moved to."""

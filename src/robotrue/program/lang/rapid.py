@@ -36,7 +36,6 @@ _BODY: Final = re.compile(
     rb"|^[^\S\n]*+ENDMODULE\b|^[^\S\n]*+(?:LOCAL\s+)?(?:PERS|VAR|CONST)\s+[\w\x80-\xff]+\s+[\w\x80-\xff]+\s*:=",
     re.IGNORECASE | re.MULTILINE,
 )
-_MOVES: Final = re.compile(rb"\bMove(?:L|J|C|AbsJ)\b", re.IGNORECASE)
 _BESIDE: Final = ("CalibData.mod", "CalibData.modx")
 """Where ABB's tools keep tooldata and wobjdata."""
 _CARTESIAN: Final = re.compile(rb"\b(?:Move|Trigg)[LJC]", re.IGNORECASE)
@@ -61,13 +60,7 @@ def _read(files: NamedBytes, frames: FrameTable) -> tuple[Program, ...]:
     """One program per file; each with motions is read with the frames of all."""
     from robotrue.program.formats.rapid_read import read_rapid
 
-    first, *others = read_rapid(files, frames)
-    out = [first]
-    for k, program in enumerate(others, start=1):
-        again = _MOVES.search(files[k][1])
-        job = [files[k], *files[:k], *files[k + 1 :]]
-        out.append(read_rapid(job, frames)[0] if again else program)
-    return tuple(out)
+    return read_rapid(files, frames)
 
 
 def _write(program: Program, replacement: Replacement) -> bytes:

@@ -1,0 +1,318 @@
+"""Evaluates a RAPID expression of constants: numbers, positions, poses and targets.
+
+An expression is evaluated only if every name in it has one value; what a name says is asked of the
+caller. Structures are tuples as RAPID writes them in brackets; mm and deg as printed.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from itertools import chain
+from typing import Final, TypeAlias
+
+import numpy as np
+
+from robotrue.core.arrays import Array
+from robotrue.core.poses import inverse, pose
+from robotrue.core.rotations import matrix_from_quat_wxyz, quat_wxyz_from_matrix
+from robotrue.core.units import MM
+from robotrue.program.formats.krl_expression import NotConstantError
+
+RapidValue: TypeAlias = "float | bool | str | tuple[RapidValue, ...]"
+"""A number, truth, string, or a structure or array of them."""
+Lookup: TypeAlias = Callable[[str], RapidValue]
+"""From a name in lower case to its value."""
+
+MEMBERS: Final = {
+    name: place
+    for names in (
+        "trans rot robconf extax", "x y z", "q1 q2 q3 q4", "cf1 cf4 cf6 cfx",
+        "eax_a eax_b eax_c eax_d eax_e eax_f", "robax", "rax_1 rax_2 rax_3 rax_4 rax_5 rax_6",
+    )
+    for place, name in enumerate(names.split())
+}  # fmt: skip
+"""Place of every component in its structure."""
+_TOKEN: Final = re.compile(
+    r"\s*+(?:(?P<number>(?:\d++(?:\.\d*+)?+|\.\d++)(?:[eE][+-]?\d++)?+)"
+    r"|(?P<name>[A-Za-z_\x80-\xff][\w\x80-\xff]*+)|(?P<sign>:=|[-+*/()\[\]{},.\\]))"
+)
+_DEEPEST: Final = 40
+
+
+def evaluate_rapid(text: str, lookup: Lookup) -> RapidValue:
+    """Returns the value of an expression.
+
+    Raises:
+        NotConstantError: It has none, or not one alone.
+    """
+    parser = _Parser(text, lookup)
+    value = parser.sum(0)
+    if parser.kind:
+        raise NotConstantError(f"{text.strip()[:40]!r} is not evaluated behind {parser.piece!r}")
+    return value
+
+
+def pose_of(value: RapidValue) -> Array:
+    """Returns the pose (4, 4), m, of a pose or robtarget.
+
+    Raises:
+        NotConstantError: It is none.
+    """
+    if not isinstance(value, tuple) or len(value) not in (2, 4):
+        raise NotConstantError("a value stands where a pose belongs")
+    trans, rot = _vector(value[0], 3), _vector(value[1], 4)
+    length = float(np.linalg.norm(rot))
+    if not 0.5 < length < 2.0:
+        raise NotConstantError("a quaternion is far from length 1")
+    out: Array = pose(matrix_from_quat_wxyz(rot), trans * MM)
+    return out
+
+
+def flat_numbers(value: RapidValue, kind: int) -> tuple[float, ...]:
+    """Returns the 17 columns of a robtarget (kind 0) or jointtarget (kind 1), NaN where none is.
+
+    Raises:
+        NotConstantError: It is none.
+    """
+    shape = ((3, 4, 4, 6), (6, 6))[kind]
+    if not isinstance(value, tuple) or len(value) != len(shape):
+        raise NotConstantError("it is no target")
+    rows = [_vector(part, count).tolist() for part, count in zip(value, shape, strict=True)]
+    if kind == 0:
+        return tuple(chain.from_iterable(rows))
+    return (*rows[0], *[math.nan] * 5, *rows[1])
+
+
+def printed_pose(matrix: Array, near: RapidValue) -> tuple[RapidValue, RapidValue]:
+    """Returns position and quaternion of a pose (4, 4), m, on the side of another quaternion."""
+    rot = quat_wxyz_from_matrix(matrix[:3, :3])
+    if float(rot @ _vector(near, 4)) < 0.0:
+        rot = -rot
+    return tuple((matrix[:3, 3] / MM).tolist()), tuple(rot.tolist())
+
+
+def _vector(value: RapidValue, count: int) -> Array:
+    if not isinstance(value, tuple) or len(value) != count:
+        raise NotConstantError(f"a value stands where {count} numbers belong")
+    return np.array([_number(each) for each in value])
+
+
+def _number(value: RapidValue) -> float:
+    if isinstance(value, bool | str | tuple) or not math.isfinite(value):
+        raise NotConstantError("a value stands where a number belongs")
+    return float(value)
+
+
+class _Parser:
+    """Recursive descent over one expression."""
+
+    def __init__(self, text: str, lookup: Lookup) -> None:
+        self._text, self._lookup, self._at = text, lookup, 0
+        self.kind = self.piece = ""
+        self._next()
+
+    def _next(self) -> str:
+        """Goes to the next token; returns the one before."""
+        before = self.piece
+        match = _TOKEN.match(self._text, self._at)
+        if match is None:
+            rest = self._text[self._at :].strip()
+            self.kind, self.piece = ("?", rest[:20]) if rest else ("", "")
+            return before
+        self.kind, self.piece = str(match.lastgroup), str(match[str(match.lastgroup)])
+        self._at = match.end()
+        return before
+
+    def _take(self, sign: str) -> None:
+        if self.piece != sign:
+            raise NotConstantError(f"{self._text.strip()[:40]!r} is not evaluated")
+        self._next()
+
+    def sum(self, depth: int) -> RapidValue:
+        """Returns the value of a sum of numbers or positions."""
+        if depth > _DEEPEST:
+            raise NotConstantError("the expression is nested too deep")
+        value = self._product(depth)
+        while self.kind == "sign" and self.piece in ("+", "-"):
+            sign = 1.0 if self._next() == "+" else -1.0
+            other = self._product(depth)
+            if isinstance(value, tuple):
+                value = tuple((_vector(value, 3) + sign * _vector(other, 3)).tolist())
+            else:
+                value = _number(value) + sign * _number(other)
+        return value
+
+    def _product(self, depth: int) -> RapidValue:
+        value = self._primary(depth)
+        while self.kind == "sign" and self.piece in ("*", "/"):
+            times = self._next() == "*"
+            other = self._primary(depth)
+            if isinstance(value, tuple) and times and not isinstance(other, tuple):
+                value = tuple((_vector(value, 3) * _number(other)).tolist())
+            elif times:
+                value = _number(value) * _number(other)
+            elif _number(other) == 0.0:
+                raise NotConstantError("a division by zero")
+            else:
+                value = _number(value) / _number(other)
+        return value
+
+    def _primary(self, depth: int) -> RapidValue:
+        if self.kind == "sign" and self.piece in ("+", "-"):
+            sign = -1.0 if self._next() == "-" else 1.0
+            return sign * _number(self._primary(depth + 1))
+        if self.kind == "number":
+            return float(self._next())
+        if self.piece == "(":
+            self._next()
+            value = self.sum(depth + 1)
+            self._take(")")
+            return value
+        if self.piece == "[":
+            self._next()
+            members = [self.sum(depth + 1)]
+            while self.piece == ",":
+                self._next()
+                members.append(self.sum(depth + 1))
+            self._take("]")
+            return tuple(members)
+        if self.kind == "name":
+            return self._name(depth)
+        raise NotConstantError(f"{self._text.strip()[:40]!r} is not evaluated")
+
+    def _name(self, depth: int) -> RapidValue:
+        name = self._next().lower()
+        if name in ("true", "false"):
+            return name == "true"
+        if self.piece == "(":
+            value = self._function(name, depth)
+        else:
+            value = self._lookup(name)
+        if self.piece == "{":
+            self._next()
+            value = _element(value, _number(self.sum(depth + 1)))
+            while self.piece == ",":
+                self._next()
+                value = _element(value, _number(self.sum(depth + 1)))
+            self._take("}")
+        while self.piece == ".":
+            self._next()
+            member = MEMBERS.get(self._next().lower(), -1)
+            if not isinstance(value, tuple) or not 0 <= member < len(value):
+                raise NotConstantError(f"a component of {name!r} is not evaluated")
+            value = value[member]
+        return value
+
+    def _function(self, name: str, depth: int) -> RapidValue:
+        given: list[RapidValue] = []
+        options: dict[str, RapidValue] = {}
+        self._take("(")
+        while self.piece != ")":
+            if self.piece == "\\":
+                self._next()
+                option = self._next().lower()
+                self._take(":=")
+                options[option] = self.sum(depth + 1)
+            elif self.piece == ",":
+                self._next()
+            else:
+                given.append(self.sum(depth + 1))
+        self._take(")")
+        function = _FUNCTIONS.get(name)
+        if function is None or len(given) != function[0]:
+            raise NotConstantError(f"{name}(..) is not evaluated", "write its result out")
+        if options and name not in ("reltool",):
+            raise NotConstantError(f"{name}(..) with options is not evaluated")
+        return function[1](given, options)
+
+
+def _element(value: RapidValue, index: float) -> RapidValue:
+    if not isinstance(value, tuple) or index != int(index) or not 1 <= index <= len(value):
+        raise NotConstantError("an element that is not there")
+    return value[int(index) - 1]
+
+
+def _target(value: RapidValue) -> tuple[RapidValue, ...]:
+    if not isinstance(value, tuple) or len(value) != 4:
+        raise NotConstantError("a value stands where a robtarget belongs")
+    return value
+
+
+def _offs(given: list[RapidValue], _: dict[str, RapidValue]) -> RapidValue:
+    """In the axes of the work object."""
+    target = _target(given[0])
+    moved = _vector(target[0], 3) + [_number(each) for each in given[1:]]
+    return (tuple(moved.tolist()), *target[1:])
+
+
+def _reltool(given: list[RapidValue], options: dict[str, RapidValue]) -> RapidValue:
+    """In the axes of the tool: first the shift, then turns about x, the new y and the new z."""
+    target = _target(given[0])
+    if set(options) - {"rx", "ry", "rz"}:
+        raise NotConstantError("RelTool(..) with this option is not evaluated")
+    T = pose_of(target)
+    by = np.eye(4)
+    by[:3, 3] = np.array([_number(each) for each in given[1:]]) * MM
+    for axis, name in enumerate(("rx", "ry", "rz")):
+        if name in options:
+            by[:3, :3] = by[:3, :3] @ _turn(axis, math.radians(_number(options[name])))
+    return (*printed_pose(T @ by, target[1]), *target[2:])
+
+
+def _turn(axis: int, angle: float) -> Array:
+    half = np.zeros(4)
+    half[0], half[1 + axis] = math.cos(angle / 2), math.sin(angle / 2)
+    out: Array = matrix_from_quat_wxyz(half)
+    return out
+
+
+_UNTURNED: Final = (1.0, 0.0, 0.0, 0.0)
+
+
+def _orient_zyx(given: list[RapidValue], _: dict[str, RapidValue]) -> RapidValue:
+    turns = [
+        _turn(axis, math.radians(_number(one))) for axis, one in zip((2, 1, 0), given, strict=True)
+    ]
+    return tuple(quat_wxyz_from_matrix(turns[0] @ turns[1] @ turns[2]).tolist())
+
+
+def _pose_mult(given: list[RapidValue], _: dict[str, RapidValue]) -> RapidValue:
+    return printed_pose(pose_of(given[0]) @ pose_of(given[1]), _UNTURNED)
+
+
+def _pose_inv(given: list[RapidValue], _: dict[str, RapidValue]) -> RapidValue:
+    return printed_pose(inverse(pose_of(given[0])), _UNTURNED)
+
+
+def _pose_vect(given: list[RapidValue], _: dict[str, RapidValue]) -> RapidValue:
+    T = pose_of(given[0])
+    return tuple(((T[:3, :3] @ _vector(given[1], 3)) + T[:3, 3] / MM).tolist())
+
+
+def _of_one(function: Callable[[float], float]) -> Callable[..., RapidValue]:
+    def apply(given: list[RapidValue], _: dict[str, RapidValue]) -> RapidValue:
+        try:
+            return function(_number(given[0]))
+        except ValueError:
+            raise NotConstantError("a function has no value here") from None
+
+    return apply
+
+
+_FUNCTIONS: Final[dict[str, tuple[int, Callable[..., RapidValue]]]] = {
+    "offs": (4, _offs),
+    "reltool": (4, _reltool),
+    "orientzyx": (3, _orient_zyx),
+    "posemult": (2, _pose_mult),
+    "poseinv": (1, _pose_inv),
+    "posevect": (2, _pose_vect),
+    "abs": (1, _of_one(abs)),
+    "sqrt": (1, _of_one(math.sqrt)),
+    "sin": (1, _of_one(lambda angle: math.sin(math.radians(angle)))),
+    "cos": (1, _of_one(lambda angle: math.cos(math.radians(angle)))),
+    "tan": (1, _of_one(lambda angle: math.tan(math.radians(angle)))),
+}
+PURE: Final = frozenset(_FUNCTIONS)
+"""Functions that change nothing handed over."""
