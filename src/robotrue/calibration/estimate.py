@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias
 
@@ -10,9 +11,11 @@ import numpy as np
 from robotrue.calibration.estimator import Posterior, maximise
 from robotrue.calibration.identifiability import Identifiability, analyse
 from robotrue.calibration.observations import Observation, observations_of
+from robotrue.calibration.parameters import ParameterLayout, State
 from robotrue.calibration.priors import build_prior
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.start import start_state
+from robotrue.calibration.training_summary import describe_parameters
 from robotrue.core.arrays import Array, IntArray
 from robotrue.errors import ModelMismatchError, ObservabilityError
 from robotrue.measurement.measurement_set import MeasurementSet
@@ -40,16 +43,15 @@ class FitVerdict:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Estimate:
-    """Result of one calibration.
+class FitResult:
+    """Result of one calibration, from points or from lengths.
 
     Attributes:
         posterior: Parameters, covariance, noise, residuals as the estimator left them.
         identifiability: What the data saw.
         verdict: What may be said.
-        screened: (k,) rows of the measurement set with weight zero.
-        residual: (n, 3) m, measured minus predicted, rows and frame of the measurement set.
-        measurements: The set.
+        screened: (k,) rows of the data with weight zero.
+        residual: (n, d) m, measured minus predicted; d is 3 for points, 1 for lengths.
     """
 
     posterior: Posterior
@@ -57,11 +59,10 @@ class Estimate:
     verdict: FitVerdict
     screened: IntArray
     residual: Array
-    measurements: MeasurementSet
 
     @property
     def rms(self) -> float:
-        """Root mean square 3-D residual of the rows that counted, m."""
+        """Root mean square length of the residual of the rows that counted, m."""
         kept = np.delete(self.residual, self.screened, axis=0)
         return float(np.sqrt((kept**2).sum(axis=1).mean())) if len(kept) else 0.0
 
@@ -72,6 +73,48 @@ class Estimate:
         values = self.posterior.state.robot.errors
         rows = zip(layout.names, values, sd, strict=False)
         return [(name, float(value), float(spread)) for name, value, spread in rows]
+
+    def describe(self, method: str, rows: Mapping[str, object]) -> dict[str, object]:
+        """Returns the training summary of a model: JSON values, SI.
+
+        Args:
+            method: Of the fit.
+            rows: What the rows were, see :func:`robotrue.calibration.lineage.describe_rows`.
+        """
+        posterior, classes = self.posterior, self.identifiability.classes
+        names, values, sd = zip(*self.table(), strict=True)
+        return {
+            "method": method,
+            **rows,
+            "numbers": posterior.numbers,
+            "screened_rows": [int(i) for i in self.screened],
+            "verdict": self.verdict.status,
+            "doubts": list(self.verdict.doubts),
+            "unseen": self.identifiability.document(),
+            "parameters": describe_parameters(
+                names,
+                np.array(values),
+                np.array(sd),
+                [classes.get(name, "fixed") for name in names],
+            ),
+            "white_sd_m": float(np.sqrt(posterior.noise[0])),
+            "white_sd_rad": float(np.sqrt(posterior.noise[1])),
+            "rms_m": self.rms,
+            "chi2": posterior.chi2,
+            "evidence": posterior.evidence,
+            "iterations": posterior.iterations,
+        }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimate(FitResult):
+    """Result of a calibration from points.
+
+    Attributes:
+        measurements: The set; the residual has its rows and its frame.
+    """
+
+    measurements: MeasurementSet
 
 
 def estimate(
@@ -103,15 +146,6 @@ def estimate(
     robot, layout, start = start_state(robot, measurements, tool_sd=settings.scales.tool, line=True)
     if layout.stations:
         groups = tuple(g for g in groups if g != "base")
-    prior = build_prior(
-        layout,
-        start,
-        settings.scales,
-        free_groups=groups,
-        stiffness=settings.stiffness,
-        payload_mass=float(settings.payload.mass[0]),
-        tool_rotation=bool((measurements.has_rotation & (measurements.target == 0)).any()),
-    )
     observations = observations_of(
         robot,
         measurements,
@@ -120,17 +154,12 @@ def estimate(
         rotation_sd=settings.rotation_sd,
     )
     _require_numbers(count, settings)
-    posterior = maximise(observations, prior, layout, settings.solver)
-    seen = analyse(
-        posterior.state.robot,
-        layout,
-        posterior.information,
-        prior.sd,
-        settings.payload,
-        stiffness_stated=settings.stiffness is not None,
+    posed = bool((measurements.has_rotation & (measurements.target == 0)).any())
+    posterior, seen = solve_posterior(
+        observations, layout, start, settings, groups, tool_rotation=posed
     )
     _require_determined(posterior, seen, count, settings)
-    screened, residual = _by_row(posterior, observations, count)
+    screened, residual = residuals_by_row(posterior, observations, count, 3)
     return Estimate(
         posterior=posterior,
         identifiability=seen,
@@ -138,6 +167,48 @@ def estimate(
         screened=screened,
         residual=residual,
         measurements=measurements,
+    )
+
+
+def solve_posterior(
+    observations: tuple[Observation, ...],
+    layout: ParameterLayout,
+    start: State,
+    settings: FitSettings,
+    groups: tuple[str, ...],
+    *,
+    tool_rotation: bool,
+) -> tuple[Posterior, Identifiability]:
+    """Returns the posterior of the chosen groups, and what the observations saw.
+
+    Args:
+        observations: Points, lengths, or both.
+        layout: Parameters of arm, stations and reflectors.
+        start: Where the estimator starts; the prior mean.
+        settings: Loads, priors, solver.
+        groups: From :func:`free_groups`.
+        tool_rotation: Whether the observations see how the tool is turned.
+
+    Raises:
+        ConvergenceError: The estimator did not settle.
+    """
+    prior = build_prior(
+        layout,
+        start,
+        settings.scales,
+        free_groups=groups,
+        stiffness=settings.stiffness,
+        payload_mass=float(settings.payload.mass[0]),
+        tool_rotation=tool_rotation,
+    )
+    posterior = maximise(observations, prior, layout, settings.solver)
+    return posterior, analyse(
+        posterior.state.robot,
+        layout,
+        posterior.information,
+        prior.sd,
+        settings.payload,
+        stiffness_stated=settings.stiffness is not None,
     )
 
 
@@ -163,13 +234,17 @@ def _require_determined(
         )
 
 
-def _by_row(
-    posterior: Posterior, observations: tuple[Observation, ...], count: int
+def residuals_by_row(
+    posterior: Posterior, observations: tuple[Observation, ...], count: int, width: int
 ) -> tuple[IntArray, Array]:
-    residual = np.zeros((count, 3))
+    """Returns the rows of a set with weight zero, and its residual (count, width) m.
+
+    The posterior is of these observations, and maybe of others after them.
+    """
+    residual = np.zeros((count, width))
     screened = []
-    for o, rest, u in zip(observations, posterior.residuals, posterior.weights, strict=True):
-        residual[o.rows] = rest[:, :3]
+    for o, rest, u in zip(observations, posterior.residuals, posterior.weights, strict=False):
+        residual[o.rows] = rest[:, :width]
         screened.append(o.rows[u == 0.0])
     return np.sort(np.concatenate(screened)), residual
 

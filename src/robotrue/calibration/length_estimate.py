@@ -8,16 +8,19 @@ from typing import Final
 import numpy as np
 
 from robotrue.calibration.calibrated_model import CalibratedModel
-from robotrue.calibration.estimate import FitVerdict
-from robotrue.calibration.estimator import Posterior, maximise
-from robotrue.calibration.identifiability import Identifiability, analyse
+from robotrue.calibration.estimate import (
+    FitResult,
+    FitVerdict,
+    residuals_by_row,
+    solve_posterior,
+)
+from robotrue.calibration.identifiability import Identifiability
 from robotrue.calibration.lengths import length_observations
 from robotrue.calibration.observations import Observation, observations_of
 from robotrue.calibration.parameters import ParameterLayout, State
-from robotrue.calibration.priors import build_prior, free_groups
+from robotrue.calibration.priors import free_groups
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.start import start_state
-from robotrue.calibration.training_summary import describe_parameters
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.files import sha256
 from robotrue.core.poses import pose
@@ -36,34 +39,18 @@ UNSEEN_BASE: Final = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LengthEstimate:
+class LengthEstimate(FitResult):
     """Result of a calibration from lengths.
 
     Attributes:
-        posterior: Parameters, covariance, noise as the estimator left them.
-        identifiability: What the data saw.
-        verdict: What may be said.
-        residual: (n,) m, measured minus predicted length.
-        screened: (k,) lengths with weight zero.
         anchors: (k, 3) m in base, where the anchors are.
         lengths: The set.
         origins: Of the lengths, and of the points beside them.
     """
 
-    posterior: Posterior
-    identifiability: Identifiability
-    verdict: FitVerdict
-    residual: Array
-    screened: IntArray
     anchors: Array
     lengths: LengthSet
     origins: tuple[Provenance, ...]
-
-    @property
-    def rms(self) -> float:
-        """Root mean square residual of the lengths that counted, m."""
-        kept = np.delete(self.residual, self.screened)
-        return float(np.sqrt((kept**2).mean())) if len(kept) else 0.0
 
 
 def estimate_lengths(
@@ -94,15 +81,6 @@ def estimate_lengths(
     in_base = measurements is not None and measurements.frame == "base"
     groups = tuple(g for g in free_groups(method) if in_base or g != "base")
     posed = measurements is not None and bool(measurements.has_rotation.any())
-    prior = build_prior(
-        layout,
-        start,
-        settings.scales,
-        free_groups=groups,
-        stiffness=settings.stiffness,
-        payload_mass=float(settings.payload.mass[0]),
-        tool_rotation=posed,
-    )
     sd = settings.repeatability_sd
     seen_lengths = length_observations(
         robot, lengths, settings.payload, repeatability=sd, first=first
@@ -116,14 +94,8 @@ def estimate_lengths(
             repeatability=sd,
             rotation_sd=settings.rotation_sd,
         )
-    posterior = maximise((*seen_lengths, *points), prior, layout, settings.solver)
-    seen = analyse(
-        posterior.state.robot,
-        layout,
-        posterior.information,
-        prior.sd,
-        settings.payload,
-        stiffness_stated=settings.stiffness is not None,
+    posterior, seen = solve_posterior(
+        (*seen_lengths, *points), layout, start, settings, groups, tool_rotation=posed
     )
     wanted = seen.determinable + layout.size - layout.robot_size
     if posterior.numbers < wanted and not settings.lean_on_prior:
@@ -132,17 +104,14 @@ def estimate_lengths(
             source=lengths.source or None,
             hint="measure more lengths, to three anchors or more, or choose a smaller method.",
         )
-    residual, screened = np.zeros(len(lengths)), []
-    for o, rest, u in zip(seen_lengths, posterior.residuals, posterior.weights, strict=False):
-        residual[o.rows] = rest[:, 0]
-        screened.append(o.rows[u == 0.0])
+    screened, residual = residuals_by_row(posterior, seen_lengths, len(lengths), 1)
     places = [posterior.state.T_tracker_base[first + k] for k in range(len(lengths.anchors))]
     return LengthEstimate(
         posterior=posterior,
         identifiability=seen,
-        verdict=_judge_fit(seen, np.concatenate(screened), lengths, in_base=in_base),
+        verdict=_judge_fit(seen, screened, lengths, in_base=in_base),
         residual=residual,
-        screened=np.sort(np.concatenate(screened)),
+        screened=screened,
         anchors=np.array([-T[:3, 3] for T in places]).reshape(-1, 3),
         lengths=lengths,
         origins=(lengths.provenance, *(() if measurements is None else (measurements.provenance,))),
@@ -189,33 +158,14 @@ def _judge_fit(
 def model_of_lengths(result: LengthEstimate, settings: FitSettings, method: str) -> CalibratedModel:
     """Returns the error model of an estimate from lengths, in the robot's own base."""
     posterior, lengths = result.posterior, result.lengths
-    layout, state = posterior.layout, posterior.state
-    size = layout.robot_size
-    sd = np.sqrt(np.diagonal(posterior.covariance))[:size]
-    classes = result.identifiability.classes
-    names = layout.names[:size]
+    state, size = posterior.state, posterior.layout.robot_size
     joints = np.vstack([lengths.joints, lengths.second[lengths.between_poses]])
-    summary: dict[str, object] = {
-        "method": method,
+    rows: dict[str, object] = {
         "rows": len(lengths),
         "data_sha256": sha256(lengths.joints.tobytes() + lengths.length.tobytes()),
         "sources": [lengths.source] if lengths.source else [],
         "provenance": merge(result.origins).to_document(),
         "joint_range_rad": [joints.min(axis=0).tolist(), joints.max(axis=0).tolist()],
-        "numbers": posterior.numbers,
-        "screened_rows": [int(i) for i in result.screened],
-        "verdict": result.verdict.status,
-        "doubts": list(result.verdict.doubts),
-        "unseen": result.identifiability.document(),
-        "parameters": describe_parameters(
-            names, state.robot.errors, sd, [classes.get(name, "fixed") for name in names]
-        ),
-        "white_sd_m": float(np.sqrt(posterior.noise[0])),
-        "white_sd_rad": float(np.sqrt(posterior.noise[1])),
-        "rms_m": result.rms,
-        "chi2": posterior.chi2,
-        "evidence": posterior.evidence,
-        "iterations": posterior.iterations,
     }
     return CalibratedModel(
         robot=state.robot.nominal(),
@@ -223,5 +173,5 @@ def model_of_lengths(result: LengthEstimate, settings: FitSettings, method: str)
         covariance=posterior.covariance[:size, :size],
         repeatability=settings.repeatability_sd,
         white=float(np.sqrt(posterior.noise[0])),
-        summary=summary,
+        summary=result.describe(method, rows),
     )

@@ -18,7 +18,6 @@ from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.parameters import station_as_base, target_as_tool
 from robotrue.calibration.priors import free_groups
 from robotrue.calibration.settings import FitSettings
-from robotrue.calibration.training_summary import describe_parameters
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel, parameter_slice
@@ -87,6 +86,8 @@ def model_of(
 ) -> CalibratedModel:
     """Returns the error model of an estimate, as wide as its held-out rows ask for."""
     layout, state = result.posterior.layout, result.posterior.state
+    summary = result.describe(method, describe_rows(result.measurements))
+    summary["doubts"] = [*result.verdict.doubts, *warn_of_width(held_out)]
     carry = np.eye(layout.size)[: layout.robot_size]
     gauge = station_as_base(layout, state)
     if gauge is not None:
@@ -105,32 +106,6 @@ def model_of(
         white=float(np.sqrt(result.posterior.noise[0])),
         T_tracker_base=state.T_tracker_base,
         reflectors=reflectors,
-        summary=_summary(result, held_out, method),
+        summary={**summary, **describe_width(held_out)},
         inflation=held_out.inflation,
     )
-
-
-def _summary(result: Estimate, held_out: HeldOutRows, method: str) -> dict[str, object]:
-    """JSON values; lengths of this block are SI like everything in an archive."""
-    posterior, seen = result.posterior, result.identifiability
-    classes = seen.classes
-    names, values, sd = zip(*result.table(), strict=True)
-    return {
-        "method": method,
-        **describe_rows(result.measurements),
-        "numbers": posterior.numbers,
-        "screened_rows": [int(i) for i in result.screened],
-        "verdict": result.verdict.status,
-        "doubts": [*result.verdict.doubts, *warn_of_width(held_out)],
-        "unseen": seen.document(),
-        "parameters": describe_parameters(
-            names, np.array(values), np.array(sd), [classes.get(name, "fixed") for name in names]
-        ),
-        "white_sd_m": float(np.sqrt(posterior.noise[0])),
-        "white_sd_rad": float(np.sqrt(posterior.noise[1])),
-        "rms_m": result.rms,
-        "chi2": posterior.chi2,
-        "evidence": posterior.evidence,
-        "iterations": posterior.iterations,
-        **describe_width(held_out),
-    }
