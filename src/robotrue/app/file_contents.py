@@ -5,8 +5,9 @@ from __future__ import annotations
 import tomllib
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
 from robotrue.cell.part import PartTable
+from robotrue.core.document_decoder import decode
 from robotrue.core.files import read_bytes
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import FormatError
@@ -324,7 +326,34 @@ def _measurements(path: Path, mapping: Path | None) -> tuple[MeasurementSet, lis
     return run.rows, remarks
 
 
-def document_blocks(name: str, document: Mapping[str, Any]) -> tuple[Block, ...]:
+@dataclass(frozen=True, slots=True)
+class _ShownFrame:
+    """A part frame of a cell, as it is shown."""
+
+    name: str
+    xyz_mm: list[float]
+    abc_deg: list[float]
+    verdict: str
+
+
+@dataclass(frozen=True, slots=True)
+class _ShownPart:
+    """The part table of a cell, as it is shown."""
+
+    frames: list[_ShownFrame]
+    model: dict[str, str | None]
+
+
+@dataclass(frozen=True, slots=True)
+class _ShownIdentity:
+    """What the file beside a program says, as it is shown."""
+
+    compensated: bool
+    part: str
+    model: dict[str, str | None]
+
+
+def document_blocks(name: str, document: Mapping[str, object]) -> tuple[Block, ...]:
     """Returns a document of this file as facts, its remarks as notes, under a name."""
     told = Facts(
         title=f"{name}: {document['holds']}",
@@ -335,23 +364,27 @@ def document_blocks(name: str, document: Mapping[str, Any]) -> tuple[Block, ...]
         ),
     )
     lines = (
-        f"{key.removesuffix('s')}: {each}" for key in REMARKS for each in document.get(key, ())
+        f"{key.removesuffix('s')}: {line}"
+        for key in REMARKS
+        for line in decode(list[str], document.get(key, ()), key=key)
     )
     return (told, *map(Note, lines))
 
 
-def _tell_value(key: str, value: Any) -> str:
+def _tell_value(key: str, value: object) -> str:
     if key == "part":
+        part = decode(_ShownPart, value, key=key)
         frames = "; ".join(
-            f"{frame['name']} at {_three(frame['xyz_mm'])} mm, {_three(frame['abc_deg'])} deg, "
-            f"{frame['verdict']}"
-            for frame in value["frames"]
+            f"{frame.name} at {_three(frame.xyz_mm)} mm, {_three(frame.abc_deg)} deg, "
+            f"{frame.verdict}"
+            for frame in part.frames
         )
-        return f"{frames}; with {_whose(value['model'])}"
+        return f"{frames}; with {_whose(part.model)}"
     if key == "identity":
-        done = "compensated" if value["compensated"] else "not compensated"
-        where = f", part {value['part']}" if value["part"] else ""
-        return f"{done}, {_whose(value['model'])}{where}"
+        program = decode(_ShownIdentity, value, key=key)
+        done = "compensated" if program.compensated else "not compensated"
+        where = f", part {program.part}" if program.part else ""
+        return f"{done}, {_whose(program.model)}{where}"
     return _words(value)
 
 
@@ -359,8 +392,8 @@ def _three(values: Sequence[float]) -> str:
     return ", ".join(f"{value:.3f}" for value in values)
 
 
-def _whose(model: dict[str, str]) -> str:
-    return f"the {model['kind']} {model['robot']} ({model['sha256'][:12]})"
+def _whose(model: Mapping[str, str | None]) -> str:
+    return f"the {model['kind']} {model['robot']} ({str(model['sha256'])[:12]})"
 
 
 def _words(value: object) -> str:

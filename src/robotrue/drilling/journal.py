@@ -250,7 +250,7 @@ class Journal(AbstractContextManager["Journal"]):
                     if entry.status == "move":
                         waiting[entry.hole] = _read_move(entry.document)
                 elif (moved := waiting.pop(entry.hole, None)) is not None:
-                    references.append(_booked_reference(entry.document, moved))
+                    references.append(_read_reference(entry.document, moved))
             except ArchiveError as cause:
                 raise foreign_line(self._path, number) from cause
             version = entry.version
@@ -275,7 +275,7 @@ def _read_move(entry: Mapping[str, object]) -> MovedHole:
     return MovedHole(clamps=clamps, tilt=tilt, version=line.version)
 
 
-def _booked_reference(entry: Mapping[str, object], moved: MovedHole) -> BookedReference:
+def _read_reference(entry: Mapping[str, object], moved: MovedHole) -> BookedReference:
     line = decode(_ReferenceLine, entry)
     return BookedReference(
         hole=line.hole,

@@ -140,7 +140,7 @@ def check_blank(
     _check_thickness(faces, touches)
     now = np.array([face.allowance for face in faces])
     turn, shift = np.zeros(3), _balance(faces, now)
-    after = _shifted(faces, now, shift)
+    after = _shift_faces(faces, now, shift)
     slack = SIGMAS * np.array([face.known for face in faces])
     if (after - slack < required).any():
         turn = _find_turn(mesh, faces)
@@ -148,7 +148,7 @@ def check_blank(
             mesh.vertices, [f.normal for f in faces], np.array([f.offset for f in faces]), turn
         )
         moved = _balance(faces, turned)
-        better = _shifted(faces, turned, moved)
+        better = _shift_faces(faces, turned, moved)
         if better.min() > after.min() + slack.max():
             shift, after = moved, better
         else:
@@ -251,7 +251,7 @@ def _find_turn(mesh: TriangleMesh, faces: Sequence[BlankFace]) -> Array:
     )
 
 
-def _shifted(faces: Sequence[BlankFace], allowances: Array, shift: Array) -> Array:
+def _shift_faces(faces: Sequence[BlankFace], allowances: Array, shift: Array) -> Array:
     """(f,) m, what a shift leaves."""
     return np.array(
         [left - face.normal @ shift for face, left in zip(faces, allowances, strict=True)]

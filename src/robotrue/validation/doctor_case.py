@@ -71,7 +71,7 @@ class Case:
     covariance: Array
 
     @property
-    def measured(self) -> MeasurementSet:
+    def chosen_rows(self) -> MeasurementSet:
         """The rows examined."""
         return self.rows.subset(self.chosen)
 
@@ -168,7 +168,7 @@ def frame_columns(rows: MeasurementSet, about: Array, size: float) -> Array:
 
 def ripple_columns(case: Case) -> Array:
     """Returns how sine and cosine of each joint move the points (n, 3, k), over their usual sd."""
-    joints = case.measured.joints
+    joints = case.chosen_rows.joints
     size = typical_ripple(case.robot, HARMONICS)
     waves = [
         case.drive * (wave(joints * (k + 1)) * size[k])[:, None, :]

@@ -48,7 +48,7 @@ class Scattered:
         return [self.segment.build(rows, residuals, arm, found)]
 
     def _find_group(self, residuals: Evidence, arm: Case) -> tuple[BoolArray | None, float, float]:
-        columns = self.segment.make_columns(arm.measured, arm)
+        columns = self.segment.make_columns(arm.chosen_rows, arm)
         best: BoolArray | None = None
         most, width = -np.inf, 0.0
         for group in _grow_groups(residuals, columns, float(self.segment.widths[-1])):

@@ -73,7 +73,7 @@ class Segment:
         count = len(arm.chosen)
         if count < 3 * LEAST:
             return ()
-        columns = self.make_columns(arm.measured, arm)
+        columns = self.make_columns(arm.chosen_rows, arm)
         first, last, odds, width = find_segment(residuals, columns, self.widths, heads=self.heads)
         if odds < HOPELESS:
             return ()
@@ -89,7 +89,7 @@ class Segment:
     ) -> Hypothesis:
         """Returns the hypothesis of some rows, their effect estimated and taken off."""
         inside = picked.inside[:, None, None]
-        columns = picked.width * self.make_columns(arm.measured, arm) * inside
+        columns = picked.width * self.make_columns(arm.chosen_rows, arm) * inside
         every = picked.width * self.make_columns(rows, arm)[picked.rows]
 
         def refine(cured: MeasurementSet, again: Evidence) -> MeasurementSet | None:
@@ -185,8 +185,8 @@ def _whole_rows(chosen: IntArray, inside: Array, count: int) -> IntArray:
 
 def motion_columns(rows: MeasurementSet, arm: Case) -> Array:
     """Columns of a rigid motion of the instrument, turns over the size of the cloud of points."""
-    about = arm.measured.position.mean(axis=0)
-    size = float(np.sqrt(((arm.measured.position - about) ** 2).sum(axis=1).mean()))
+    about = arm.chosen_rows.position.mean(axis=0)
+    size = float(np.sqrt(((arm.chosen_rows.position - about) ** 2).sum(axis=1).mean()))
     return frame_columns(rows, about, max(size, 1e-3))
 
 
@@ -229,7 +229,7 @@ class Drift:
 
     def look(self, rows: MeasurementSet, residuals: Evidence, arm: Case) -> Sequence[Hypothesis]:
         """Returns the drift of all rows."""
-        columns = drift_columns(arm.measured, arm)
+        columns = drift_columns(arm.chosen_rows, arm)
         white = residuals.root @ columns.reshape(len(residuals.lower), -1)
         odds, which = column_odds((white.T @ white)[None], (white.T @ residuals.white_values)[None])
         if odds[0] < HOPELESS:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 import uuid
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
-from typing import Any, Final, TypeAlias
+from typing import Final, TypeAlias, TypedDict
 
 AXES: Final = ("x", "y", "z")
 QUIET: Final = 2.0
@@ -57,6 +57,15 @@ class Alarm:
         }
 
 
+class LiveBin(TypedDict):
+    """A bin of the live page: its time, and by axis lowest and highest error and its sd, um."""
+
+    t_s: float
+    low: list[float | None]
+    high: list[float | None]
+    sd_um: list[float | None]
+
+
 class AlarmWatch:
     """The alarms of one stream, bin by bin.
 
@@ -73,7 +82,7 @@ class AlarmWatch:
         """Alarms that have not ended."""
         return tuple(each for each, _, _ in self._open.values())
 
-    def take(self, bins: Sequence[Mapping[str, Any]], at: datetime) -> list[Alarm]:
+    def take(self, bins: Sequence[LiveBin], at: datetime) -> list[Alarm]:
         """Returns the alarms that begin or end in some bins of a stream.
 
         Args:
@@ -130,7 +139,7 @@ class AlarmWatch:
         return replace(alarm, over=True)
 
 
-def _largest(found: Mapping[str, Any], k: int) -> tuple[float, float] | None:
+def _largest(found: LiveBin, k: int) -> tuple[float, float] | None:
     """The largest error of an axis in a bin and two standard deviations, um; None: not known."""
     ends = [float(v) for v in (found["low"][k], found["high"][k]) if v is not None]
     if not ends or not all(map(math.isfinite, ends)):

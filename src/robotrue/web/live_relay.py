@@ -14,7 +14,7 @@ import json
 import os
 from collections.abc import Collection
 from datetime import UTC, datetime
-from typing import Any, Final
+from typing import Final, TypedDict
 
 from robotrue.errors import MissingExtraError, RobotrueError
 from robotrue.online.queues import LatestQueue
@@ -34,6 +34,12 @@ LOOK: Final = 5.0
 _LONGEST: Final = 1 << 20
 _WAITS: Final = (0.5, 1.0, 2.0, 5.0)
 """s before the next try to reach a service."""
+
+
+class HealthFrame(TypedDict):
+    """What of a frame on the health of a service this server changes."""
+
+    dropped: int
 
 
 class Viewer:
@@ -178,7 +184,7 @@ class Relay:
         for viewer in self._viewers:
             viewer.waiting.put(frame)
 
-    def _give_health(self, found: dict[str, Any]) -> None:
+    def _give_health(self, found: HealthFrame) -> None:
         """What each viewer could not take is added to what this server could not."""
         before = int(found["dropped"])
         for viewer in self._viewers:

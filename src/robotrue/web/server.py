@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import asyncio
 import gc
+import os
 import socket
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import uvicorn
 from fastapi import FastAPI, Request, Response
 from fastapi.responses import HTMLResponse
 from starlette.exceptions import HTTPException
-from starlette.staticfiles import StaticFiles
+from starlette.staticfiles import PathLike, StaticFiles
+from starlette.types import Scope
 
 from robotrue.errors import ConfigurationError, RobotrueError
 from robotrue.store.workspace import Workspace
@@ -215,8 +217,10 @@ async def _build_page(context: PageContext, part: Build | None) -> str:
 class CachedFiles(StaticFiles):
     """Files of other projects, which a browser may keep for a while."""
 
-    def file_response(self, *args: Any, **facts: Any) -> Response:
+    def file_response(
+        self, full_path: PathLike, stat_result: os.stat_result, scope: Scope, status_code: int = 200
+    ) -> Response:
         """Returns a file, or that it has not changed."""
-        answer = super().file_response(*args, **facts)
+        answer = super().file_response(full_path, stat_result, scope, status_code)
         answer.headers["Cache-Control"] = "public, max-age=3600"
         return answer

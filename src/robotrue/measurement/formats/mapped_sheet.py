@@ -59,7 +59,7 @@ class MappedSheet:
         if last is None or not self.mapping.header:
             return
         further = f"{last['stem']}{int(last['number']) + 1}{last['unit']}"
-        if self.sheet.has(further) and further not in map(column_key, self._named()):
+        if self.sheet.has(further) and further not in map(column_key, self._named_columns()):
             count = len(self.mapping.joints)
             raise self.sheet.fault(
                 f"column {further!r} continues the joints {self.mapping.joints[0]} to "
@@ -67,7 +67,7 @@ class MappedSheet:
                 f'name it among the joints, or pass over it: ignore = ["{further}"].',
             )
 
-    def _named(self) -> tuple[str, ...]:
+    def _named_columns(self) -> tuple[str, ...]:
         return (*self.mapping.columns(), *self.mapping.ignore)
 
     def _check_units(self) -> None:
