@@ -9,7 +9,8 @@ import pandas as pd
 import pytest
 import shop
 
-from robotrue.app.transfer_sources import parse_source
+from robotrue.app.operations.transfer import TransferRequest
+from robotrue.app.transfer_sources import known_sources, parse_source
 from robotrue.errors import ConfigurationError
 from robotrue.store.model_file import read_model
 
@@ -128,3 +129,31 @@ def test_the_output_is_never_a_source(cli, few):
     assert got.code == 1
     assert "which is read here; it is left as it is" in got.err
     assert (few / "model.rtm").read_bytes() == before
+
+
+def test_a_fleet_is_the_models_of_a_folder_as_other_units(cli, few):
+    folder = few / "fleet"
+    folder.mkdir()
+    for name in ("b.robotrue", "a.rtm", "notes.txt"):
+        (folder / name).write_bytes((few / "model.rtm").read_bytes())
+    request = TransferRequest(output=few / "new.rtm", fleet=(folder, few / "model.rtm"))
+    found = known_sources(request, None)
+    assert [(each.name, each.relation) for each in found] == [
+        ("a", "unit"), ("b", "unit"), ("model", "unit")
+    ]  # fmt: skip
+    got = cli("transfer", few / "cell.toml", "--fleet", folder, "-o", few / "new.rtm", "--json")
+    assert got.code == 0, got.err
+    assert got.document["relation"] == "unit"
+    assert [each["name"] for each in got.document["transfer_sources"]] == ["a", "b"]
+
+
+def test_no_source_and_an_empty_fleet_are_refused(cli, few):
+    got = cli("transfer", few / "cell.toml", few / "few.csv", "-o", few / "new.rtm")
+    assert got.code == 1
+    assert "no source is stated." in got.err
+    (few / "empty").mkdir()
+    got = cli("transfer", few / "cell.toml", few / "few.csv", "--fleet", few / "empty", "-o",
+              few / "new.rtm")  # fmt: skip
+    assert got.code == 1
+    assert "the folder holds no model file (.robotrue, .rtm)" in got.err
+    assert not (few / "new.rtm").exists()

@@ -15,7 +15,7 @@ from robotrue.cell.cell import Cell
 from robotrue.core.files import read_bytes
 from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.measurement.measurement_set import MeasurementSet, concatenate
-from robotrue.store.model_file import ZIP
+from robotrue.store.model_file import SUFFIXES, ZIP
 
 if TYPE_CHECKING:
     from robotrue.app.workspace_context import WorkspaceContext
@@ -36,6 +36,10 @@ class KnownFields(Protocol):
     @property
     def source(self) -> tuple[str, ...]:
         """``NAME=FILE[,relation]`` of a command."""
+
+    @property
+    def fleet(self) -> tuple[Path, ...]:
+        """Models of other arms of the type, or folders of them."""
 
     @property
     def model(self) -> Reference | None:
@@ -93,6 +97,11 @@ def known_sources(request: KnownFields, context: Context) -> list[KnownSource]:
     from robotrue.app.workspace_context import require_workspace
 
     sources = [parse_source(text) for text in request.source]
+    sources += [
+        KnownSource(name=file.stem, reference=file, noun=MODEL, relation="unit")
+        for place in request.fleet
+        for file in _find_models(place)
+    ]
     if request.model is not None:
         sources.append(_source_of(request.model, MODEL, UPDATE, context))
     stated: dict[Relation, tuple[Reference, ...]] = {
@@ -105,6 +114,23 @@ def known_sources(request: KnownFields, context: Context) -> list[KnownSource]:
             noun = require_workspace(context).noun_of(each, (MEASUREMENT, MODEL))
             sources.append(_source_of(each, noun, relation, context))
     return sources
+
+
+def _find_models(place: Path) -> list[Path]:
+    """The model files of a folder, by name, or the one file.
+
+    Raises:
+        ConfigurationError: A folder without a model file.
+    """
+    if not place.is_dir():
+        return [place]
+    files = [each for each in sorted(place.iterdir()) if each.suffix in SUFFIXES]
+    if not files:
+        raise ConfigurationError(
+            f"fleet {place}: the folder holds no model file ({', '.join(SUFFIXES)}).",
+            hint="--fleet with the folder, or with each file, that calibrate wrote.",
+        )
+    return files
 
 
 def _source_of(

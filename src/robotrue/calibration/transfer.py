@@ -4,7 +4,8 @@ Every source is a posterior over the same coefficients: geometry, compliance, ri
 smooth residual. The first source of the same arm is the prior of the target, widened by what may
 have changed (:mod:`robotrue.calibration.drift_prior`); every other source is one more observation
 of the same coefficients with its own drift. Sources that are other units of the type say what units
-have in common: parameters = type mean + unit + drift. The target rows then move everything, the
+have in common: parameters = type mean + unit + drift. From five units on their own scatter is the
+spread of units (:mod:`robotrue.calibration.fleet`). The target rows then move everything, the
 scales of the drift included. Without target rows the prediction is the prior's, as wide as it is.
 """
 
@@ -26,6 +27,7 @@ from robotrue.calibration.drift_scales import (
     mean_slopes,
     stack_rows,
 )
+from robotrue.calibration.fleet import DRIFT, FEWEST_ARMS, fleet_belief
 from robotrue.calibration.lineage import history, merged_document, record_step, widen_region
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel, require_belief
@@ -120,7 +122,11 @@ def fit_transfer(
         carry_to_reflector(robot, require_belief(m), s, settings)
         for m, s in zip(models, ordered, strict=True)
     ]
-    lead = combine_sources(beliefs, [s.relation for s in ordered])
+    if relation == "unit" and len(beliefs) >= FEWEST_ARMS:
+        lead = fleet_belief(beliefs, settings.scales)
+        scales = DRIFT if scales is None else scales
+    else:
+        lead = combine_sources(beliefs, [s.relation for s in ordered])
     if target is None or not len(target):
         drift = drift_of(lead, relation, scales)
         after, screened = prior_of(drift), np.zeros(0, dtype=np.int64)

@@ -27,6 +27,8 @@ from robotrue.robot.model import RobotModel
 from robotrue.store.cell_schema_1 import cell_of_schema_1
 
 CELL_SCHEMA: Final = 2
+SUFFIXES: Final = (".robotrue", ".rtm")
+"""Of model files in a folder; a file that is stated may be called anything."""
 ZIP: Final = b"PK"
 """First bytes of every model file."""
 

@@ -79,8 +79,14 @@ class TransferRequest(Request):
         Option(
             names=("--source",),
             shells=ON_COMMAND_LINE,
-            needed_in=ON_COMMAND_LINE,
             help="NAME=FILE[,region|campaign|unit]: measurements or a model; may be repeated.",
+        ),
+    ] = ()
+    fleet: Annotated[
+        tuple[Path, ...],
+        Option(
+            shells=ON_COMMAND_LINE,
+            help="Model of another arm of the type, or a folder of such models; may be repeated.",
         ),
     ] = ()
     output: ModelOutput
@@ -225,6 +231,7 @@ def run(request: TransferRequest, context: Context) -> Transferred:
     """Lets what is known and what was measured compete; writes the model that wins.
 
     Raises:
+        ConfigurationError: No source.
         ObservabilityError: Nothing can be used.
     """
     from robotrue.app.data_doctor import find_warnings
@@ -239,7 +246,12 @@ def run(request: TransferRequest, context: Context) -> Transferred:
     from robotrue.validation.guarded_transfer import contestants, select_transfer
 
     known = known_sources(request, context)
-    for written in (request.output, request.report) if request.source else ():
+    if not known:
+        raise ConfigurationError(
+            "no source is stated.",
+            hint="--source NAME=FILE, or --fleet FOLDER with models of other arms of the type.",
+        )
+    for written in (request.output, request.report) if request.source or request.fleet else ():
         if written is not None:
             check_output(written, [each.path for each in known if each.path is not None])
     require_mapped(request.mapping, [*(each.reference for each in known), *request.measurements])

@@ -20,12 +20,12 @@ from robotrue.drilling.journal_lines import whole_lines
 from robotrue.drilling.model_archive import read_model
 from robotrue.errors import ConfigurationError
 from robotrue.store import documents, items
+from robotrue.store.model_file import SUFFIXES
 from robotrue.store.nouns import DOCUMENT, DocumentRecord
 from robotrue.store.records import ItemQuery
 from robotrue.store.workspace import Workspace
 
 FOOT: Final = ".toml"
-MODELS: Final = (".robotrue", ".rtm")
 JOURNALS: Final = (".jsonl", ".ndjson")
 
 
@@ -47,7 +47,7 @@ def import_drilling(workspace: Workspace, paths: Sequence[Path], name: str) -> D
         )
     (main,) = others
     with TemporaryDirectory() as place:
-        if main.suffix.lower() in MODELS:
+        if main.suffix.lower() in SUFFIXES:
             kind, detail = MODEL, _model(main)
         elif main.suffix.lower() in JOURNALS:
             kind, detail = JOURNAL, _journal(main)
