@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip("nicegui", reason="pip install robotrue[web]")
+pytest.importorskip("fastapi", reason="pip install robotrue[web]")
 
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "inventory.py"
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-pytest.importorskip("nicegui", reason="needs nicegui: pip install 'robotrue[web]'")
+pytest.importorskip("fastapi", reason="needs fastapi: pip install 'robotrue[web]'")
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "cli"))
 sys.path.insert(0, str(Path(__file__).parent))
