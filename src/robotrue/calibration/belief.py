@@ -19,6 +19,7 @@ from typing import Final
 
 import numpy as np
 from scipy.linalg import qr, svd
+from scipy.linalg.lapack import dpotrf
 
 from robotrue.calibration.terms.backlash import Backlash
 from robotrue.calibration.terms.ripple import Ripple
@@ -31,6 +32,8 @@ ROWS: Final = 300
 """Numbers conditioned on at a time."""
 CERTAIN: Final = 1e-14
 """Eigenvalue of a covariance, over the largest one, from which a direction is known."""
+LEAST_PIVOT: Final = 1e-4
+"""Share of a column's sd beside those before it below which squares lose too many digits."""
 WIDE: Final = 1.3
 """Rows of the root over its columns from which it is made square again."""
 
@@ -229,7 +232,23 @@ def compress_root(root: Array) -> Array:
     used = np.flatnonzero((root != 0.0).any(axis=0))
     if len(root) <= WIDE * len(used):
         return root
-    triangle = qr(root[:, used], mode="r")[0][: len(used)]
+    triangle = _triangle(root[:, used])
     out = np.zeros((len(triangle), root.shape[1]))
     out[:, used] = triangle
     return out
+
+
+def _triangle(root: Array) -> Array:
+    """Returns the upper triangle T with T'T = R'R, at most as many rows as columns.
+
+    By Cholesky, which takes a third of the time of a QR decomposition: rows of one number, the
+    variances that were added, cost it nothing. Where it would lose digits, by QR.
+    """
+    alone = np.count_nonzero(root, axis=1) == 1
+    gram = root[~alone].T @ root[~alone]
+    gram[np.diag_indices(len(gram))] += (root[alone] ** 2).sum(axis=0)
+    sd = np.sqrt(np.diagonal(gram))
+    factor, fault = dpotrf(gram / sd[:, None] / sd, lower=0, clean=1)
+    if fault or np.diagonal(factor).min() < LEAST_PIVOT:
+        return np.asarray(qr(root, mode="r")[0][: root.shape[1]])
+    return np.asarray(factor * sd)
