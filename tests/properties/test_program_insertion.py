@@ -18,7 +18,7 @@ from robotrue.program.lang import find_inserter, find_language
 from robotrue.program.program import Motion, Program
 
 SEEDS = 20
-NAMES = sorted(set(LANGUAGES) - {"heidenhain"})
+NAMES = sorted(name for name in LANGUAGES if find_language(name).inserter)
 
 
 def eligible(job: tuple[Program, ...], moves: Moves) -> np.ndarray:
