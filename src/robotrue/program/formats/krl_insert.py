@@ -24,15 +24,14 @@ from robotrue.program.formats.move_trail import (
     UNKNOWN,
     Trail,
     TrailStatement,
-    groups,
     line_end,
     pose_in,
-    put_in,
     repeat_statement,
 )
 from robotrue.program.formats.number_text import restyle
+from robotrue.program.formats.statement_insert import MoveCopy, StatementInserter
 from robotrue.program.formats.text_lines import line_starts
-from robotrue.program.insertion import Insertion, Moves, Obstacle, job_rows
+from robotrue.program.insertion import Obstacle, job_rows
 from robotrue.program.program import Program
 
 _PLAIN: Final = re.compile(
@@ -71,47 +70,32 @@ _LEAST: Final = 4
 _POSE: Final = (b"X", b"Y", b"Z", b"A", b"B", b"C")
 
 
-class KrlInserter:
-    """See the module."""
+def _read_job(trail: Trail, job: Sequence[Program]) -> None:
+    """Reads the moves of a job, those of its first file first."""
+    stored, first = _find_stored(job), job_rows(job)
+    for file, program in enumerate(job):
+        own = _of_stem(job, first, PurePath(program.name).stem)
+        _Reader(trail, stored, file, program, int(first[file]), own).read()
 
-    def moves(self, job: Sequence[Program]) -> Moves:
-        """Returns the moves of a job, those of its first file first."""
-        trail, stored, first = Trail(), _find_stored(job), job_rows(job)
-        for file, program in enumerate(job):
-            own = _of_stem(job, first, PurePath(program.name).stem)
-            _Reader(trail, stored, file, program, int(first[file]), own).read()
-        return trail.moves()
 
-    def insert(
-        self, job: Sequence[Program], moves: Moves, insertion: Insertion
-    ) -> tuple[bytes, ...]:
-        """Returns the bytes of every program with the targets put in.
-
-        Raises:
-            ShapeError: A move with an obstacle, or a value that cannot be written.
-        """
-        first, literals = job_rows(job), _Literals(job)
-        edits: list[list[tuple[int, int, bytes]]] = [[] for _ in job]
-        for group in groups(moves, insertion):
-            data = job[group.statement.file].data
-            s = _whole(data, group.statement)
-            texts = []
-            for k, row in enumerate(group.rows):
-                via = s.via >= 0 and k % 2 == 0
-                model = int((moves.via if via else moves.end)[group.move])
-                texts.append(_aggregate(literals.of(model), *pose_in(insertion, row), bare=via))
-            lines = [_smooth(each) + line_end(data) for each in repeat_statement(data, s, texts)]
-            edits[s.file].append((s.begin, 0, b"".join(lines)))
-            end = int(moves.end[group.move])
-            literal = data[s.target : s.target_end]
-            if literal[:1] == b"{":  # what it left out it would inherit from the target put in
-                file = int(np.searchsorted(first, end, side="right")) - 1
-                row = end - int(first[file])
-                program = job[file]
-                whole = _complete(literal, program.position[row], program.rotation[row])
-                if whole != literal:
-                    edits[s.file].append((s.target, len(literal), whole))
-        return tuple(put_in(job, edits))
+def _copy_move(copy: MoveCopy) -> list[tuple[int, int, bytes]]:
+    """The lines put in before a move, and its own target with the numbers that it left out."""
+    data, insertion = copy.data, copy.insertion
+    s = _whole(data, copy.statement)
+    texts = []
+    for k, (program, own, row) in enumerate(copy.models):
+        literal = _find_literal(program, own)
+        bare = s.via >= 0 and k % 2 == 0
+        texts.append(_aggregate(literal, *pose_in(insertion, row), bare=bare))
+    lines = [_smooth(each) + line_end(data) for each in repeat_statement(data, s, texts)]
+    edits = [(s.begin, 0, b"".join(lines))]
+    literal = data[s.target : s.target_end]
+    if literal[:1] == b"{":  # what it left out it would inherit from the target put in
+        program, row = copy.own_end
+        whole = _complete(literal, program.position[row], program.rotation[row])
+        if whole != literal:
+            edits.append((s.target, len(literal), whole))
+    return edits
 
 
 def _whole(data: bytes, statement: TrailStatement) -> TrailStatement:
@@ -288,29 +272,11 @@ def _find_stored(job: Sequence[Program]) -> dict[bytes, list[int]]:
     return out
 
 
-def _row_lines(program: Program) -> list[bytes]:
-    """Returns the line every target stands in."""
-    lines = [match[1] for match in _LINE.finditer(program.data)]
-    return [lines[number - 1] for number in program.line.tolist()]
-
-
-class _Literals:
-    """The braces of job rows, as they stand in the files."""
-
-    def __init__(self, job: Sequence[Program]) -> None:
-        self.job, self.first = job, job_rows(job)
-        self.lines: dict[int, list[bytes]] = {}
-
-    def of(self, row: int) -> bytes:
-        """Returns those of one row."""
-        file = int(np.searchsorted(self.first, row, side="right")) - 1
-        if file not in self.lines:
-            self.lines[file] = _row_lines(self.job[file])
-        own = row - int(self.first[file])
-        text = self.lines[file][own]
-        lines = self.job[file].line
-        found: list[bytes] = re.findall(rb"\{[^{}]*\}", text)
-        return found[own - int(np.searchsorted(lines, lines[own]))]
+def _find_literal(program: Program, row: int) -> bytes:
+    """Returns the braces that the numbers of a row stand in."""
+    spans, data = program.spans, program.data
+    at = int(spans.start[int(spans.token[row])])
+    return data[data.rfind(b"{", 0, at) : data.find(b"}", at) + 1]
 
 
 def _aggregate(literal: bytes, position: Array, rotation: Array, *, bare: bool) -> bytes:
@@ -354,4 +320,4 @@ def _smooth(line: bytes) -> bytes:
     return line if _SMOOTH.search(line) else line + b" C_DIS"
 
 
-INSERTER: Final = KrlInserter()
+INSERTER: Final = StatementInserter(read=_read_job, copy=_copy_move)

@@ -11,6 +11,7 @@ from robotrue.program.formats.krl_job import is_job, read_parts
 from robotrue.program.formats.krl_resolve import resolve
 from robotrue.program.formats.krl_scan import STATEMENT, Scan, scan
 from robotrue.program.formats.krl_walk import KrlWalk
+from robotrue.program.formats.text_lines import require_text
 from robotrue.program.lang import languages
 from robotrue.program.program import FrameTable, Program
 
@@ -45,7 +46,7 @@ def _build(
     """
     names = [name for name, _ in files]
     for name, data in files:
-        _check_encoding(data, name)
+        require_text(data, name)
     scans = [scan(data, name=name) for name, data in files]
     stores = [i for i, name in enumerate(names) if name.lower().endswith(".dat")]
     mains = [i for i in range(len(files)) if i not in stores]
@@ -76,30 +77,6 @@ def _require_content(walk: KrlWalk, main: int) -> None:
     for store, name in zip(walk.scans, walk.names, strict=True):
         if main < 0 and not len(store.agg_line):
             _refuse(store, name)
-
-
-def _check_encoding(data: bytes, name: str) -> None:
-    if len(data) >= 2**31 - 1:
-        raise FormatError(
-            f"{len(data)} bytes, at most 2147483646 are read.",
-            source=name,
-            hint="split the program, as the controller needs it anyway.",
-        )
-    zero = data.find(b"\0")
-    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raise FormatError(
-            "the file is UTF-16, KRL is one byte per character.",
-            source=name,
-            line=1,
-            hint="save it as ANSI (Latin-1) or UTF-8.",
-        )
-    if zero >= 0:
-        raise FormatError(
-            f"NUL byte at offset {zero}: a binary file, UTF-16 text, or a damaged copy.",
-            source=name,
-            line=data.count(b"\n", 0, zero) + 1,
-            hint="export the program again as plain text.",
-        )
 
 
 def _refuse(found: Scan, name: str) -> None:

@@ -7,6 +7,7 @@ keeps its bytes, so that ``-0.000`` stays ``-0.000``.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from typing import Final
@@ -62,6 +63,27 @@ def _format_fixed(token: bytes, value: float, decimals: int) -> bytes:
         return token
     text = b"%.*f" % (decimals, value)
     return text if text.strip(b"-0.") else text.lstrip(b"-")
+
+
+def respell_literal(literal: bytes, values: Sequence[float], least: Sequence[int]) -> bytes:
+    """Returns a literal with its first numbers rewritten in their own style.
+
+    Args:
+        literal: Text with numbers.
+        values: New values of the first of them; NaN keeps one as it is written.
+        least: Decimals each gets at least.
+
+    Raises:
+        ShapeError: A value that is infinite or not below 1e9.
+    """
+    pieces: list[bytes] = []
+    cursor = 0
+    tokens = re.finditer(WHOLE_NUMBER, literal)
+    for token, value, digits in zip(tokens, values, least, strict=False):
+        text = token[0] if math.isnan(value) else restyle(token[0], value, least=digits)
+        pieces += literal[cursor : token.start()], text
+        cursor = token.end()
+    return b"".join(pieces) + literal[cursor:]
 
 
 def half_digit(token: bytes) -> float:

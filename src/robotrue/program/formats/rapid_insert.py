@@ -17,7 +17,6 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arm_words import NO_WORD
-from robotrue.core.arrays import Array, IntArray
 from robotrue.core.rotations import quat_wxyz_from_matrix
 from robotrue.core.units import MM
 from robotrue.program.formats.move_trail import (
@@ -25,13 +24,11 @@ from robotrue.program.formats.move_trail import (
     Literals,
     Trail,
     TrailStatement,
-    groups,
     indentation,
     line_end,
-    put_in,
     repeat_statement,
 )
-from robotrue.program.formats.number_text import WHOLE_NUMBER, restyle
+from robotrue.program.formats.number_text import WHOLE_NUMBER, respell_literal
 from robotrue.program.formats.rapid_moves import BUILT_IN, move_of
 from robotrue.program.formats.rapid_scan import (
     GAP,
@@ -45,8 +42,9 @@ from robotrue.program.formats.rapid_scan import (
     fills,
     next_statement,
 )
+from robotrue.program.formats.statement_insert import MoveCopy, StatementInserter
 from robotrue.program.formats.text_lines import line_starts
-from robotrue.program.insertion import Insertion, Moves, Obstacle, job_rows
+from robotrue.program.insertion import Insertion, Obstacle
 from robotrue.program.program import Motion, Program
 
 _GIVEN: Final = re.compile(
@@ -56,7 +54,6 @@ _GIVEN: Final = re.compile(
     re.IGNORECASE | re.MULTILINE,
 )  # fmt: skip
 _REFERENCE: Final = re.compile(r"([\w\x80-\xff]+)\s*(?:\{\s*(\d+)\s*\})?$")
-_NUMBER: Final = re.compile(WHOLE_NUMBER)
 _PLAIN: Final = ("movel", "movec")
 _LOOPS: Final = {"for": 1, "while": 1, "endfor": -1, "endwhile": -1}
 _TURNS: Final = frozenset(
@@ -72,53 +69,29 @@ _TAILS: Final = 4096
 _FORM: Final = ("inpos", "id")
 _ZONE: Final = {"movel": 2, "movec": 3}
 """Place of the zone among the arguments."""
-_COUNT: Final = 11
-"""Numbers of a robtarget that may change: position, quaternion, confdata."""
+_LEAST: Final = (4, 4, 4, 8, 8, 8, 8, 0, 0, 0, 0)
+"""Decimals of the numbers of a robtarget that may change: position, quaternion, confdata."""
 
 
-class RapidInserter:
-    """See the module."""
+def _read_job(trail: Trail, job: Sequence[Program]) -> None:
+    literals = _literals(job)
+    given = _find_given(job, literals)
+    for file, program in enumerate(job):
+        _Reader(trail, literals, given, file, program).read()
 
-    def moves(self, job: Sequence[Program]) -> Moves:
-        """Returns the moves of a job."""
-        trail, literals = Trail(), _literals(job)
-        given = _find_given(job, literals)
-        for file, program in enumerate(job):
-            _Reader(trail, literals, given, file, program).read()
-        return trail.moves()
 
-    def insert(
-        self, job: Sequence[Program], moves: Moves, insertion: Insertion
-    ) -> tuple[bytes, ...]:
-        """Returns the bytes of every program with the targets put in.
-
-        Raises:
-            ShapeError: A move with an obstacle, or a value that cannot be written.
-        """
-        first = job_rows(job)
-        edits: list[list[tuple[int, int, bytes]]] = [[] for _ in job]
-        for group in groups(moves, insertion):
-            s, data = group.statement, job[group.statement.file].data
-            texts = []
-            for k, row in enumerate(group.rows):
-                model = (moves.via if s.via >= 0 and k % 2 == 0 else moves.end)[group.move]
-                file = int(np.searchsorted(first, model, side="right")) - 1
-                literal = _literal(job[file], int(model - first[file]))
-                texts.append(
-                    _retarget(
-                        literal,
-                        insertion.position[row],
-                        insertion.rotation[row],
-                        insertion.words[row],
-                    )
-                )
-            tail = data[s.target_end : s.end]
-            if s.other >= 0 and data[s.other : s.other + 4].lower() == b"fine":
-                tail = data[s.target_end : s.other] + b"z0" + data[s.other + 4 : s.end]
-            behind = b";" + line_end(data) + indentation(data, s.begin)
-            new = b"".join(text + behind for text in repeat_statement(data, s, texts, tail))
-            edits[s.file].append((s.begin, 0, new))
-        return tuple(put_in(job, edits))
+def _copy_move(copy: MoveCopy) -> list[tuple[int, int, bytes]]:
+    """The statements put in before a move, copies of it with the target in brackets."""
+    s, data = copy.statement, copy.data
+    texts = [
+        _retarget(_literal(program, own), copy.insertion, row) for program, own, row in copy.models
+    ]
+    tail = data[s.target_end : s.end]
+    if s.other >= 0 and data[s.other : s.other + 4].lower() == b"fine":
+        tail = data[s.target_end : s.other] + b"z0" + data[s.other + 4 : s.end]
+    behind = b";" + line_end(data) + indentation(data, s.begin)
+    new = b"".join(text + behind for text in repeat_statement(data, s, texts, tail))
+    return [(s.begin, 0, new)]
 
 
 def _literals(job: Sequence[Program]) -> Literals:
@@ -267,21 +240,15 @@ def _on_one_line(text: bytes) -> bytes:
     return re.sub(rb"![^\r\n]*|\s+", b"", text)
 
 
-def _retarget(literal: bytes, position: Array, rotation: Array, words: IntArray) -> bytes:
+def _retarget(literal: bytes, insertion: Insertion, row: int) -> bytes:
     """Returns the brackets with another pose, and other confdata where they are given."""
-    tokens = list(_NUMBER.finditer(literal))[:_COUNT]
-    printed = [float(each[0]) for each in tokens]
-    quat = quat_wxyz_from_matrix(rotation)
-    quat = -quat if float(quat @ printed[3:7]) < 0.0 else quat
-    values = [*(position / MM).tolist(), *quat.tolist(), *words.tolist()]
-    least = [4] * 3 + [8] * 4 + [0] * 4
-    out, cursor = [], 0
-    for token, value, digits in zip(tokens, values, least, strict=True):
-        out.append(literal[cursor : token.start()])
-        kept = digits == 0 and value == NO_WORD
-        out.append(token[0] if kept else restyle(token[0], value, least=digits))
-        cursor = token.end()
-    return b"".join(out) + literal[cursor:]
+    printed = [float(token) for token in re.findall(WHOLE_NUMBER, literal)[3:7]]
+    quat = quat_wxyz_from_matrix(insertion.rotation[row])
+    quat = -quat if float(quat @ printed) < 0.0 else quat
+    words = insertion.words[row]
+    confdata = np.where(words == NO_WORD, np.nan, words)
+    values = [*(insertion.position[row] / MM), *quat, *confdata]
+    return respell_literal(literal, values, _LEAST)
 
 
-INSERTER: Final = RapidInserter()
+INSERTER: Final = StatementInserter(read=_read_job, copy=_copy_move)

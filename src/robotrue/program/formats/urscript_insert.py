@@ -21,20 +21,19 @@ from robotrue.errors import ConfigurationError
 from robotrue.program.formats.move_trail import (
     UNKNOWN,
     Literals,
-    MoveGroup,
     Trail,
     TrailStatement,
-    groups,
     indentation,
     line_end,
-    put_in,
+    pose_in,
     repeat_statement,
 )
-from robotrue.program.formats.number_text import NUMBER, WHOLE_NUMBER, restyle
+from robotrue.program.formats.number_text import NUMBER, WHOLE_NUMBER, respell_literal
+from robotrue.program.formats.statement_insert import MoveCopy, StatementInserter
 from robotrue.program.formats.text_lines import line_starts
 from robotrue.program.formats.urscript_scan import POSE, arguments, blank_comments, routines
 from robotrue.program.formats.urscript_write import nearest_rotation_vector
-from robotrue.program.insertion import Insertion, Moves, Obstacle, job_rows
+from robotrue.program.insertion import Obstacle
 from robotrue.program.program import Program
 
 _MOVE: Final = re.compile(rb"\s*(move[lpjc])\s*\(")
@@ -48,7 +47,6 @@ _PLAIN: Final = re.compile(
 """A move to a pose written out and nothing else on its line."""
 _TAILS: Final = 4096
 _NAMED: Final = re.compile(rb"\s*(?:pose|pose_via|pose_to|q)\s*=\s*")
-_NUMBER: Final = re.compile(WHOLE_NUMBER)
 _QUIET: Final = re.compile(
     rb"set_|get_|write_|read_|textmsg$|sleep$|popup$|sync$|modbus|pose_|rpc|to_str|d2r$|r2d$|norm$|"
     rb"sqrt$|sin$|cos$|request_|length$|is_|interpolate_pose$|point_dist$"
@@ -61,55 +59,34 @@ _SHARE: Final = 0.4
 _LEAST: Final = 7
 
 
-class UrInserter:
-    """See the module."""
+def _read_job(trail: Trail, job: Sequence[Program]) -> None:
+    literals = _literals(job)
+    for file, program in enumerate(job):
+        _Reader(trail, literals, file, program).read()
 
-    def moves(self, job: Sequence[Program]) -> Moves:
-        """Returns the moves of a script."""
-        trail, literals = Trail(), _literals(job)
-        for file, program in enumerate(job):
-            _Reader(trail, literals, file, program).read()
-        return trail.moves()
 
-    def insert(
-        self, job: Sequence[Program], moves: Moves, insertion: Insertion
-    ) -> tuple[bytes, ...]:
-        """Returns the bytes of every script with the targets put in.
-
-        Raises:
-            ConfigurationError: A blend that reaches beyond half of a part.
-            ShapeError: A move with an obstacle, or a value that cannot be written.
-        """
-        first = job_rows(job)
-        edits: list[list[tuple[int, int, bytes]]] = [[] for _ in job]
-        for group in groups(moves, insertion):
-            s, program = group.statement, job[group.statement.file]
-            data, base = program.data, int(first[s.file])
-            texts = []
-            for k, row in enumerate(group.rows):
-                model = (moves.via if s.via >= 0 and k % 2 == 0 else moves.end)[group.move]
-                literal = _literal(program, int(model) - base)
-                pose = insertion.position[row], insertion.rotation[row]
-                texts.append(_retarget(literal, *pose))
-            ends = [moves.start[group.move] - base, moves.end[group.move] - base]
-            parts = _parts(program, ends, insertion, group)
-            behind = line_end(data) + indentation(data, s.begin)
-            tail = _blend(data, s, parts, program.name, int(moves.line[group.move]))
-            new = b"".join(text + behind for text in repeat_statement(data, s, texts, tail))
-            edits[s.file].append((s.begin, 0, new))
-        return tuple(put_in(job, edits))
+def _copy_move(copy: MoveCopy) -> list[tuple[int, int, bytes]]:
+    """The lines put in before a move; a blend that reaches beyond half of a part is refused."""
+    s, data, insertion = copy.statement, copy.data, copy.insertion
+    texts = [
+        _retarget(_literal(program, own), *pose_in(insertion, row))
+        for program, own, row in copy.models
+    ]
+    behind = line_end(data) + indentation(data, s.begin)
+    tail = _blend(data, s, _shortest_part(copy), copy.program.name, copy.line)
+    new = b"".join(text + behind for text in repeat_statement(data, s, texts, tail))
+    return [(s.begin, 0, new)]
 
 
 def _literals(job: Sequence[Program]) -> Literals:
     return Literals([program.spans.numbers.start[:, 0] for program in job])
 
 
-def _parts(program: Program, ends: list[int], insertion: Insertion, group: MoveGroup) -> float:
+def _shortest_part(copy: MoveCopy) -> float:
     """Returns the length in m of the shortest part of a move, along chords."""
-    rows = list(group.rows)[1::2] if group.statement.via >= 0 else list(group.rows)
-    points = np.concatenate(
-        [program.position[ends[:1]], insertion.position[rows], program.position[ends[1:]]]
-    )
+    rows = list(copy.rows)[1::2] if copy.statement.via >= 0 else list(copy.rows)
+    ends = [program.position[row] for program, row in (copy.own_start, copy.own_end)]
+    points = np.array([ends[0], *copy.insertion.position[rows], ends[1]])
     return float(np.linalg.norm(np.diff(points, axis=0), axis=1).min())
 
 
@@ -270,15 +247,9 @@ def _literal(program: Program, row: int) -> bytes:
 
 def _retarget(literal: bytes, position: Array, rotation: Array) -> bytes:
     """Returns ``p[..]`` with another pose."""
-    tokens = list(_NUMBER.finditer(literal))
-    printed = np.array([float(each[0]) for each in tokens])
+    printed = np.array([float(token) for token in re.findall(WHOLE_NUMBER, literal)])
     vector = nearest_rotation_vector(rotation[None], printed[None, 3:])[0]
-    out: list[bytes] = []
-    cursor = 0
-    for token, value in zip(tokens, [*position.tolist(), *vector.tolist()], strict=True):
-        out += literal[cursor : token.start()], restyle(token[0], value, least=_LEAST)
-        cursor = token.end()
-    return b"".join(out) + literal[cursor:]
+    return respell_literal(literal, [*position, *vector], [_LEAST] * 6)
 
 
-INSERTER: Final = UrInserter()
+INSERTER: Final = StatementInserter(read=_read_job, copy=_copy_move)
