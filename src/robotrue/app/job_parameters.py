@@ -102,7 +102,7 @@ def _result_parameter(request: type[Request], field: RequestField) -> tuple[obje
     return Annotated[kind, Field(description=field.entry.help)], default
 
 
-def _parameter(field: RequestField) -> tuple[Any, Any]:
+def _parameter(field: RequestField) -> tuple[object, object]:
     kind: Any = field.kind
     required = field.is_required(JOB)
     default = ... if required else field.default

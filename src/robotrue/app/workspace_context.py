@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar, cast
 
 from robotrue.app.context import Context, OpenedInputs
 from robotrue.app.job_naming import Naming
@@ -88,8 +88,7 @@ class WorkspaceContext(OpenedInputs):
                     hint=f"robotrue workspace undo {id[:8]}",
                 )
             self._records[key] = record
-        found: Any = self._records[key]
-        return found  # type: ignore[no-any-return]
+        return cast(R, self._records[key])
 
     def records(self, noun: Noun[R], references: Sequence[Reference]) -> list[R]:
         """Returns the records that are meant."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cache
-from typing import Any, Final, Literal, TypeAlias
+from typing import Final, Literal, TypeAlias
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -90,7 +90,7 @@ class ProbingSession:
     parts: tuple[str, ...]
     rough: tuple[tuple[tuple[float, ...], ...], ...]
     reads: Reads
-    settings: Mapping[str, Any]
+    settings: Mapping[str, object]
     readings: tuple[TouchReading, ...] = ()
     simulated: bool = False
 

@@ -9,7 +9,7 @@ their SHA-256; a row names them. Jobs are the exception: their row is the state 
 from __future__ import annotations
 
 from datetime import UTC, datetime
-from typing import Any, Final
+from typing import Final
 
 from sqlalchemy import (
     JSON,
@@ -52,14 +52,14 @@ class UtcDateTime(TypeDecorator[datetime]):
         return value.replace(tzinfo=UTC) if value.tzinfo is None else value.astimezone(UTC)
 
 
-class Document(TypeDecorator[Any]):
+class Document(TypeDecorator[object]):
     """JSON values; on PostgreSQL as it keeps them best, whose types are loaded only for it."""
 
     impl = JSON
     cache_ok = True
     should_evaluate_none = True  # as JSON itself: None is a value, too
 
-    def load_dialect_impl(self, dialect: Dialect) -> TypeEngine[Any]:
+    def load_dialect_impl(self, dialect: Dialect) -> TypeEngine[object]:
         """Returns the type of one database."""
         if dialect.name != "postgresql":
             return dialect.type_descriptor(JSON())

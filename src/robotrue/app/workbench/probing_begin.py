@@ -6,16 +6,22 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
 from robotrue.app.workbench.calibration_view import from_simulation
 from robotrue.app.workbench.file_imports import cell_of
-from robotrue.app.workbench.probing_state import require_kind, require_same_arm, settings_from
+from robotrue.app.workbench.probing_state import (
+    TouchWords,
+    require_kind,
+    require_same_arm,
+    settings_from,
+)
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
 from robotrue.core.arrays import Array
+from robotrue.core.document_decoder import decode
 from robotrue.core.poses import fit_rigid, pose_from_xyz_abc
 from robotrue.core.provenance import read_provenance
 from robotrue.core.units import DEG, MM
@@ -55,7 +61,7 @@ POSTURES: Final = 20
 """Of a feature."""
 
 
-def begin_probing(workspace: Workspace, stated: Mapping[str, Any]) -> DocumentRecord:
+def begin_probing(workspace: Workspace, stated: Mapping[str, object]) -> DocumentRecord:
     """Returns the record of a new session.
 
     Args:
@@ -70,7 +76,7 @@ def begin_probing(workspace: Workspace, stated: Mapping[str, Any]) -> DocumentRe
         model_record = items.get(workspace, MODEL, str(stated["model"]))
         model = models.model_of(workspace, model_record).model
     require_same_arm(cell, model)
-    paths = [Path(each) for each in stated["paths"]]
+    paths = decode(list[Path], stated["paths"], key="paths", error=ConfigurationError)
     if len(paths) != 1:
         raise ConfigurationError(f"{len(paths)} files, expected one table of features.")
     session = _session(cell, model, paths[0], stated)
@@ -85,10 +91,11 @@ def _session(
     cell: Cell, model: ErrorModel | None, path: Path, stated: Mapping[str, object]
 ) -> ProbingSession:
     settings = _settings(stated)
-    settings_from(settings, cell)  # refuses sizes that cannot be
+    words = decode(TouchWords, settings, key="settings")
+    settings_from(words, cell)  # refuses sizes that cannot be
     features, planned = _features(path, cell)
     rough = _rough(cell, str(stated.get("frame") or ""), features, planned)
-    postures = _postures(cell, features, rough, settings) if planned is None else planned
+    postures = _postures(cell, features, rough, words) if planned is None else planned
     reads = require_kind(str(stated.get("reads", "joints")), ("joints", "position"), "reads")
     if reads == "joints" and not any(postures):
         raise ConfigurationError("not one feature can be reached as far as is known.")
@@ -114,10 +121,12 @@ def _session(
     )
 
 
-def _settings(stated: Mapping[str, Any]) -> dict[str, object]:
+def _settings(stated: Mapping[str, object]) -> dict[str, object]:
     def number(name: str, default: float | None, least: float, most: float) -> float | None:
-        value = stated.get(name)
-        value = default if value is None else float(value)
+        given = stated.get(name)
+        value = default
+        if given is not None:
+            value = decode(float, given, key=name, error=ConfigurationError)
         if value is not None and not least <= value <= most:
             raise ConfigurationError(f"{name} {value:g}, expected {least:g} to {most:g}.")
         return value
@@ -240,12 +249,11 @@ def _parse_frame(text: str) -> Array:
 
 
 def _postures(
-    cell: Cell, features: Features, rough: Mapping[int, Array], settings: Mapping[str, Any]
+    cell: Cell, features: Features, rough: Mapping[int, Array], words: TouchWords
 ) -> list[tuple[tuple[float, ...], ...]]:
     """Joints each feature can be touched with; the first is the plainest."""
     robot = cell.robot.nominal()
-    axis = np.array(settings["tip_axis"])
-    lean = float(settings["lean_deg"])
+    axis, lean = np.array(words.tip_axis), words.lean_deg
     machining = find_facing_posture(robot, features, rough, axis)
     able = touch_candidates(
         robot,

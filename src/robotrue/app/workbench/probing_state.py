@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Literal
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.nominal import NominalModel
 from robotrue.cell.cell import Cell
 from robotrue.core.arrays import Array
+from robotrue.core.document_decoder import decode
 from robotrue.core.units import DEG, MM
 from robotrue.errors import (
     ConfigurationError,
@@ -33,8 +34,38 @@ from robotrue.store.registrations import session_in
 from robotrue.store.workspace import Workspace
 from robotrue.validation.part_registration import register
 from robotrue.validation.registered_part import RegisteredPart
+from robotrue.validation.registration_defaults import FIT
 from robotrue.validation.registration_frame import RegistrationSettings
 from robotrue.validation.touch_expectation import TouchBelief, update_belief
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TouchWords:
+    """What a session was begun with; None where the arm or the tolerance is not stated.
+
+    Attributes:
+        touch_sigma_mm: Of a touch.
+        robot_sigma_mm: Of the arm.
+        tool_sigma_mm: Of the tip in the flange.
+        tolerance_mm: Of the part.
+        probe_radius_mm: Of the ball.
+        rough_mm: How far the part may be from where it is said to be.
+        lean_deg: Largest lean of the probe.
+        tip_axis: The way from the flange to the tip, in the tool frame.
+        axes: What readings count.
+        fit: What is fitted.
+    """
+
+    touch_sigma_mm: float
+    robot_sigma_mm: float | None = None
+    tool_sigma_mm: float | None = None
+    tolerance_mm: float | None = None
+    probe_radius_mm: float
+    rough_mm: float
+    lean_deg: float
+    tip_axis: tuple[float, float, float]
+    axes: Literal["controller", "model"]
+    fit: Literal["auto", "frame", "joint"] = FIT
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,6 +94,11 @@ class Opened:
         return NominalModel(robot=self.cell.robot) if self.model is None else self.model
 
     @property
+    def words(self) -> TouchWords:
+        """What was stated when the session began."""
+        return decode(TouchWords, self.session.settings, key="settings")
+
+    @property
     def joints(self) -> bool:
         """Whether readings are joints."""
         return self.session.reads == "joints"
@@ -70,12 +106,12 @@ class Opened:
     @property
     def tip_axis(self) -> Array:
         """(3,) the way from the flange to the tip, in the tool frame."""
-        return np.array(self.session.settings["tip_axis"], dtype=np.float64)
+        return np.array(self.words.tip_axis)
 
     @property
     def settings(self) -> RegistrationSettings:
         """Those of ``robotrue register`` for the same words."""
-        return settings_from(self.session.settings, self.cell)
+        return settings_from(self.words, self.cell)
 
     @property
     def rough(self) -> dict[int, Array]:
@@ -103,20 +139,18 @@ def open_session(workspace: Workspace, id: str, version: int | None = None) -> O
     )
 
 
-def settings_from(stated: Mapping[str, Any], cell: Cell) -> RegistrationSettings:
+def settings_from(words: TouchWords, cell: Cell) -> RegistrationSettings:
     """Returns the settings of a registration from words in mm."""
 
-    def length(name: str) -> float | None:
-        value = stated.get(name)
-        return None if value is None else float(value) * MM
+    def length(value: float | None) -> float | None:
+        return None if value is None else value * MM
 
-    fit = stated.get("fit", "auto")
     return RegistrationSettings(
-        touch=float(stated["touch_sigma_mm"]) * MM,
-        robot=length("robot_sigma_mm"),
-        tool_sigma=length("tool_sigma_mm"),
-        tolerance=length("tolerance_mm"),
-        fit=fit,
+        touch=words.touch_sigma_mm * MM,
+        robot=length(words.robot_sigma_mm),
+        tool_sigma=length(words.tool_sigma_mm),
+        tolerance=length(words.tolerance_mm),
+        fit=words.fit,
         T_flange_tool=cell.robot.T_flange_tool,
         arm=settings_of(cell),
     )
@@ -149,7 +183,7 @@ def file_of(at: Opened, readings: Sequence[TouchReading]) -> PointsFile:
         path = Path(folder) / readings_name(at.session)
         path.write_bytes(session_csv(at.session, readings))
         found = read_points(path)
-    radius = float(at.session.settings["probe_radius_mm"]) * MM
+    radius = at.words.probe_radius_mm * MM
     return replace(found, touches=replace(found.touches, radius=radius))
 
 
@@ -185,7 +219,7 @@ def places(at: Opened, rows: Sequence[tuple[int, int]]) -> ProbingSet:
         position=np.zeros((len(rows), 3)),
         normal=np.array([each.normal or nan for each in features]).reshape(-1, 3),
         part=np.array([each.part for each in features], dtype=np.int64),
-        radius=float(at.session.settings["probe_radius_mm"]) * MM,
+        radius=at.words.probe_radius_mm * MM,
     )
 
 
@@ -240,7 +274,7 @@ def belief_after(at: Opened, readings: Sequence[TouchReading]) -> TouchBelief:
         touches_of(at, readings),
         at.rough,
         settings=at.settings,
-        rough_sigma=float(at.session.settings["rough_mm"]) * MM,
+        rough_sigma=at.words.rough_mm * MM,
         joints=at.joints,
     )
 
