@@ -225,3 +225,16 @@ def test_the_cells_frames_go_before_those_of_a_computed_number(tmp_path: Path) -
     table = FrameTable(tools={"2": np.diag([1.0, 1.0, 1.0, 1.0])})
     program = read_job(tmp_path / "part.src", table)[0]
     np.testing.assert_allclose(program.T_flange_tool[program.tool[0]], np.eye(4))
+
+
+def test_a_point_that_is_read_is_written_out_where_it_is_moved_to(tmp_path: Path) -> None:
+    """What is computed from XP1 in the loop starts from its old numbers, as before."""
+    body = "LIN XP1\nFOR I=1 TO 3\nXT=XP1\nXT.X=XT.X+I*5\nLIN XT\nENDFOR"
+    program = job(tmp_path, body)
+    assert program.reason.tolist() == [Reason.NONE]
+    np.testing.assert_allclose(pose(program, 0), hand(P1), atol=1e-9)
+    dat = read_job(tmp_path / "part.src")[1]
+    assert not (dat.reason == Reason.NONE).any()
+    lines = write(program, replacement(program, by_mm=(1.0, 0.0, 0.0))).splitlines()
+    assert lines[1].startswith("LIN {X 101.0000,")
+    assert lines[2:] == [*body.split("\n")[1:], "END"]

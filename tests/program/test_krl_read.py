@@ -192,7 +192,7 @@ def test_components_are_not_inherited_across_what_may_move_the_robot(between: st
 
 def test_both_points_of_an_arc_share_their_fate() -> None:
     program = body(
-        f"LIN {{{P}}}\nCIRC {{X x1,Y 1,Z 1}},{{{Q}}}\np={{{P}}}\nq={{{Q}}}\nCIRC p,q\nr=q\nLIN r:x1"
+        f"LIN {{{P}}}\nCIRC {{X x1,Y 1,Z 1}},{{{Q}}}\np={{{P}}}\nq={{{Q}}}\nq.X=x1\nCIRC p,q"
     )
     assert reasons(program) == [Reason.NONE, *[Reason.EXPRESSION] * 4]
 

@@ -66,9 +66,14 @@ class _Resolver:
                 self.calls.setdefault(call.node, []).append(call)
         if walk.deferred:
             self._settle_frames()
-        for motion in walk.motions:
-            self._register(motion)
-        self._taint_derived()
+        found = [[self._points(motion, one) for one in motion.operands] for motion in walk.motions]
+        moved = {key for motion in found for keys in motion for key in keys}
+        self._taint_derived(
+            {d.variable for d in walk.story.definitions if (d.file, d.agg) in moved}
+        )
+        for motion, points in zip(walk.motions, found, strict=True):
+            self._write_out_read(motion, points)
+            self._register(motion, points)
         put_written(walk, self.written)
 
     def _is_harmless(self, name: str) -> bool:
@@ -198,14 +203,13 @@ class _Resolver:
 
     # Targets
 
-    def _register(self, motion: MotionStatement) -> None:
-        """Enters what a motion moves to."""
+    def _register(self, motion: MotionStatement, found: list[list[tuple[int, int]]]) -> None:
+        """Enters the points a motion moves to."""
         story, file, line = self.walk.story, motion.file, motion.line
         if motion.kind == "CIRC" and len(motion.operands) < 2:
             self.walk.note(line, file, "CIRC with one point; it is not compensated")
             keys = motion.operands[0].keys if motion.operands else ()
             story.flags |= dict.fromkeys(keys, Reason.INCOMPLETE)
-        found = [self._points(motion, operand) for operand in motion.operands]
         how = _MOTIONS.get(motion.kind)
         for number, keys in enumerate(found):
             mine = how if how is not None else (Motion.ARC_VIA, Motion.ARC_END)[number]
@@ -246,12 +250,35 @@ class _Resolver:
             value = _whole(self.values.value(operand.text, line))
         except NotConstantError as why:
             return self._leave(motion, operand, why)
+        return [self._write_out(motion, operand, value)]
+
+    def _write_out(
+        self, motion: MotionStatement, operand: Operand, value: KrlRecord
+    ) -> tuple[int, int]:
+        """Returns the new point of a target that is written out."""
+        line = motion.line
         names = self._names_in(operand.text, line)
         agg = -2 - len(self.written)  # renumbered when all are known
         self.written.append(
             Written(motion.file, line, operand.start, operand.end, value, agg, frozenset(names))
         )
-        return [(motion.file, agg)]
+        return motion.file, agg
+
+    def _write_out_read(self, motion: MotionStatement, found: list[list[tuple[int, int]]]) -> None:
+        """Writes targets out, in place, whose stored points are read by what is not followed."""
+        names = {name for name, _ in self.walk.story.tainted}
+        for number, (operand, keys) in enumerate(zip(motion.operands, found, strict=True)):
+            plain = operand.name and operand.text.lower() == operand.name and len(keys) == 1
+            name = self.walk.scope.name_in(operand.name, motion.line)
+            if not plain or keys[0][1] < 0 or name not in names:
+                continue
+            if motion.relative or self.values.is_computed(operand.name, motion.line):
+                continue
+            try:
+                value = _whole(self.values.value(operand.text, motion.line))
+            except NotConstantError:
+                continue
+            found[number] = [self._write_out(motion, operand, value)]
 
     def _leave(
         self, motion: MotionStatement, operand: Operand, why: NotConstantError
@@ -278,10 +305,9 @@ class _Resolver:
     def _names_in(self, text: str, line: int) -> set[str]:
         return {self.walk.scope.name_in(name, line) for name, _, _ in REFERENCE.findall(text)}
 
-    def _taint_derived(self) -> None:
+    def _taint_derived(self, moved: set[str]) -> None:
         """Leaves points alone that are read by what is not followed, over any number of steps."""
         story, walk = self.walk.story, self.walk
-        moved = {d.variable for d in story.definitions if (d.file, d.agg) in story.uses}
         for name in self.read & moved:
             story.tainted.setdefault((name, ""), 0)
         waiting = list(walk.derived)
