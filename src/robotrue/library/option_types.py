@@ -19,6 +19,7 @@ class CalibrateOptions(TypedDict, total=False):
 class TransferOptions(TypedDict, total=False):
     """Options of ``transfer``, beside what the function states."""
 
+    fleet: str | Path | Sequence[str | Path]
     mapping: str | Path | None
     report: str | Path | None
     curve: bool

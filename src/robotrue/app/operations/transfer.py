@@ -231,13 +231,14 @@ def run(request: TransferRequest, context: Context) -> Transferred:
     """Lets what is known and what was measured compete; writes the model that wins.
 
     Raises:
-        ConfigurationError: No source.
+        ConfigurationError: No source on a command line.
         ObservabilityError: Nothing can be used.
     """
     from robotrue.app.data_doctor import find_warnings
     from robotrue.app.measured_rows import require_mapped
     from robotrue.app.transfer_method import paper_contestants
     from robotrue.app.transfer_sources import known_sources, read_source, read_target
+    from robotrue.app.workspace_context import WorkspaceContext
     from robotrue.calibration.lineage import provenance_of
     from robotrue.planning.information import settings_of
     from robotrue.store.model_file import write_model
@@ -246,17 +247,17 @@ def run(request: TransferRequest, context: Context) -> Transferred:
     from robotrue.validation.guarded_transfer import contestants, select_transfer
 
     known = known_sources(request, context)
-    if not known:
-        raise ConfigurationError(
-            "no source is stated.",
-            hint="--source NAME=FILE, or --fleet FOLDER with models of other arms of the type.",
-        )
     for written in (request.output, request.report) if request.source or request.fleet else ():
         if written is not None:
             check_output(written, [each.path for each in known if each.path is not None])
     require_mapped(request.mapping, [*(each.reference for each in known), *request.measurements])
     context.step("reading", 0, 1)
     cell = _read_cell(request, context)
+    if not known and not isinstance(context, WorkspaceContext):
+        raise ConfigurationError(
+            "no source is stated.",
+            hint="--source NAME=FILE, or --fleet FOLDER with models of other arms of the type.",
+        )
     sources = [read_source(cell, each, request.mapping, context) for each in known]
     target = (
         read_target(cell, request.measurements, request.mapping, context)
