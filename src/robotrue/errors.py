@@ -54,6 +54,11 @@ class RobotrueError(Exception):
         self.detail: Mapping[str, object] = {}
         super().__init__(self._compose())
 
+    def rename_source(self, source: str) -> None:
+        """States another source, as the text does from now on."""
+        self.source = source
+        self.args = (self._compose(),)
+
     def _compose(self) -> str:
         place = ""
         if self.source is not None:

@@ -190,6 +190,14 @@ def test_a_wrong_option_is_refused_before_any_work(practice, options, message):
         rt.calibrate(practice / "cell.toml", practice / "calibration.csv", **options)
 
 
+def test_an_error_about_a_table_names_the_table_and_no_temporary_folder(practice, model):
+    with pytest.raises(rt.RobotrueError, match=r"^queries.csv: 3 joint columns, .* has 6 joints"):
+        model.predict(joints_deg=[1.0, 2.0, 3.0])
+    table = model.to_dataframe()
+    with pytest.raises(rt.RobotrueError, match=r"^table.csv:1: columns of no known layout"):
+        rt.read_measurements(practice / "cell.toml", table)
+
+
 def test_no_measurements_and_services_are_refused(practice):
     with pytest.raises(rt.RobotrueError, match="calibrate needs measurements"):
         rt.calibrate(practice / "cell.toml")

@@ -23,7 +23,7 @@ from robotrue.app.registry import operation_of
 from robotrue.app.reporting import Message
 from robotrue.app.request import CLI, InputFile, Item, Output, Request, RequestField, fields_of
 from robotrue.app.request_errors import refusal
-from robotrue.errors import ConfigurationError
+from robotrue.errors import ConfigurationError, RobotrueError
 from robotrue.library.objects_context import ObjectsContext
 
 if TYPE_CHECKING:
@@ -50,9 +50,14 @@ class FinishedCall(Generic[R]):
 
 @contextmanager
 def open_context() -> Iterator[ObjectsContext]:
-    """Yields a context whose files are gone afterwards."""
+    """Yields a context whose files are gone afterwards; no error names their folder."""
     with TemporaryDirectory(prefix="robotrue-") as folder:
-        yield ObjectsContext(Path(folder))
+        try:
+            yield ObjectsContext(Path(folder))
+        except RobotrueError as error:
+            if error.source is not None and error.source.startswith(folder):
+                error.rename_source(Path(error.source).name)
+            raise
 
 
 def call_operation(

@@ -155,7 +155,7 @@ class RewrittenProgram(Presented):
 
     @property
     def text(self) -> str:
-        """The program as text; of a job of several files the first."""
+        """The program as text; of a job of several files the first by name."""
         return next(iter(self.files.values())).decode("latin-1")
 
     @property
