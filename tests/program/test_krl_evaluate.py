@@ -9,7 +9,9 @@ import pytest
 from krl_samples import replacement, write
 from scipy.spatial.transform import Rotation
 
+from robotrue.core.model_identity import ModelIdentity
 from robotrue.program.formats import read_job
+from robotrue.program.identity import ProgramIdentity, write_identity
 from robotrue.program.program import FrameTable, Program, Reason
 
 P1 = "X 100.0,Y 20.0,Z 300.0,A 10.0,B 20.0,C 170.0"
@@ -218,6 +220,20 @@ def test_a_backup_is_searched_to_its_last_folder(tmp_path: Path) -> None:
     assert part.reason.tolist() == [Reason.NONE]
     np.testing.assert_allclose(pose(part, 0), hand(P1) @ hand(OFF), atol=1e-9)
     assert found["KRC/R1/Program/cell/other.src"].reason.tolist() == [Reason.NONE]
+
+
+def test_what_was_written_into_a_folder_of_the_job_is_no_part_of_it(tmp_path: Path) -> None:
+    text = f"DEF part()\nLIN {{{P1}}}\nEND\n"
+    for name, compensated in (("part.src", None), ("out/part.src", True), ("cam/made.src", False)):
+        path = tmp_path / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text)
+        if compensated is not None:
+            identity = ModelIdentity(kind="nominal", robot="an arm", sha256="0" * 64)
+            write_identity(
+                path, text.encode(), ProgramIdentity(model=identity, compensated=compensated)
+            )
+    assert {program.name for program in read_job(tmp_path)} == {"part.src", "cam/made.src"}
 
 
 def test_the_cells_frames_go_before_those_of_a_computed_number(tmp_path: Path) -> None:

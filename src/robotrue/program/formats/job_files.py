@@ -9,6 +9,7 @@ from pathlib import Path
 from robotrue.core.files import read_bytes
 from robotrue.errors import FormatError
 from robotrue.program.frames_beside import frame_file_names
+from robotrue.program.identity import identity_path, read_identity
 from robotrue.program.language import Language
 
 
@@ -37,7 +38,7 @@ def paths_of(given: str | Path | Sequence[str | Path], suffixes: Iterable[str]) 
         suffixes: Of programs, in lower case: what is taken of a folder.
 
     Raises:
-        FormatError: An empty folder, or files of several.
+        FormatError: An empty folder, files of several, or a damaged identity of a program.
     """
     paths = [Path(given)] if isinstance(given, str | Path) else [Path(each) for each in given]
     if len(paths) == 1 and paths[0].is_dir():
@@ -68,13 +69,26 @@ def paths_of(given: str | Path | Sequence[str | Path], suffixes: Iterable[str]) 
 
 
 def _files_below(folder: Path) -> list[Path]:
-    """Returns the files in the folders of a folder, at any depth; those with a dot are left out."""
+    """Returns the files in the folders of a folder, at any depth.
+
+    Those with a dot are left out, and programs compensated before: a job may be compensated into a
+    folder of its own, and again.
+    """
     out = []
     for each in sorted(folder.rglob("*")):
         parts = each.relative_to(folder).parts
-        if len(parts) > 1 and not any(part.startswith(".") for part in parts):
+        hidden = any(part.startswith(".") for part in parts)
+        if len(parts) > 1 and not hidden and not _is_compensated(each):
             out.append(each)
     return out
+
+
+def _is_compensated(path: Path) -> bool:
+    """Returns whether a file is a compensated program by what stands beside it."""
+    if not identity_path(path).is_file():
+        return False
+    identity = read_identity(path, read_bytes(path))
+    return identity is not None and identity.compensated
 
 
 def name_in_job(path: Path, root: Path | None) -> str:

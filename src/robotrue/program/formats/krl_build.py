@@ -17,8 +17,8 @@ from robotrue.program.formats.krl_frames import UNSURE
 from robotrue.program.formats.krl_modal import Visits, inherit, inherit_external, visits
 from robotrue.program.formats.krl_notes import conflict_notes, incomplete_notes
 from robotrue.program.formats.krl_scan import INLINE_ARC, NOT_CONSTANT, STATEMENT, Scan
+from robotrue.program.formats.krl_spans import KrlSpans
 from robotrue.program.formats.krl_walk import MOTION_OF, KrlWalk
-from robotrue.program.formats.krl_write import KrlSpans
 from robotrue.program.formats.target_notes import absent_routine
 from robotrue.program.formats.written_out import WrittenOut
 from robotrue.program.held import turned_round

@@ -19,7 +19,7 @@ import numpy as np
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
-from robotrue.program.formats.krl_write import KrlSpans
+from robotrue.program.formats.krl_spans import KrlSpans
 from robotrue.program.formats.move_trail import (
     UNKNOWN,
     Trail,

@@ -18,8 +18,8 @@ from robotrue.core.arrays import IntArray
 from robotrue.errors import FormatError
 from robotrue.program.formats.camrob import camrob_program, scan_targets
 from robotrue.program.formats.krl_build import Builder
+from robotrue.program.formats.krl_spans import KrlSpans
 from robotrue.program.formats.krl_story import Called
-from robotrue.program.formats.krl_write import KrlSpans
 from robotrue.program.formats.text_lines import line_starts
 from robotrue.program.program import FrameTable, Program, Reason
 

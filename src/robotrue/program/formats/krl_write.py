@@ -11,7 +11,7 @@ number standing after two or more blanks keeps its column. S and T keep their ba
 from __future__ import annotations
 
 import io
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -22,7 +22,12 @@ from robotrue.core.compiled import PLAIN, compiled
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ShapeError
 from robotrue.program.euler import renew_abc
-from robotrue.program.formats.krl_scan import COMPONENTS, EXTERNAL, STATUS
+from robotrue.program.formats.krl_spans import (
+    KrlSpans,
+    format_aggregate,
+    states_other_words,
+    written_decimals,
+)
 from robotrue.program.formats.number_kernels import (
     SLACK,
     copy_bytes,
@@ -32,8 +37,6 @@ from robotrue.program.formats.number_kernels import (
     put_whole,
 )
 from robotrue.program.formats.written_out import (
-    NONE_WRITTEN,
-    WrittenOut,
     put_texts,
     shift_places,
 )
@@ -56,40 +59,6 @@ _WIDEST: Final = 28
 """Bytes one rewritten number can take: sign, ten digits, point, fifteen decimals, padding apart."""
 _WORDS: Final = 64
 """The same for S and T of a target."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class KrlSpans:
-    """Where the numbers of the targets stand.
-
-    Attributes:
-        token: (n,) first token of each target.
-        tokens: (n,) how many it has.
-        component: (t,) component code of every token of the file.
-        start: (t,) its first byte.
-        length: (t,) its bytes.
-        value: (t,) its value as printed.
-        is_axis: (n,) the target is an axis target.
-        partial: (p,) rows with components left out that they inherit, in the order of motion.
-        donor: (p, 6) the row each left-out component is inherited from, -1 if it is written.
-        owed: (p, 6) left-out components that are inserted when the inherited value is not right.
-        written: Rows that are written out.
-        bound: (w,) a stored target they are computed from is moved to as well: they are written
-            out with every change of the file.
-    """
-
-    token: Ints
-    tokens: Ints
-    component: Bytes
-    start: Ints
-    length: npt.NDArray[np.uint16]
-    value: Array
-    is_axis: BoolArray
-    partial: IntArray
-    donor: IntArray
-    owed: BoolArray
-    written: WrittenOut = NONE_WRITTEN
-    bound: BoolArray = field(default_factory=lambda: np.zeros(0, np.bool_))
 
 
 def write_krl(program: Program, replacement: Replacement) -> bytes:
@@ -135,39 +104,22 @@ def _write_out(
 ) -> tuple[Program, Replacement, KrlSpans]:
     """Returns all three with the rows that are written out in their places, and done."""
     written = spans.written
-    chosen = np.flatnonzero(changed[written.row] | spans.bound).tolist()
+    values, touched = _new_values(program, replacement, spans, changed, slice(0, len(program)))
+    moves = touched.any(axis=1) | (changed & states_other_words(spans, replacement.words))
+    chosen = np.flatnonzero(moves[written.row] | (spans.bound & moves.any())).tolist()
     rows = written.row[chosen].tolist()
-    texts = []
+    texts, decimals = [], written_decimals(program.data, spans) if rows else []
     for row in rows:
-        one = slice(row, row + 1)
-        values, _ = _new_values(program, replacement, spans, changed, one)
         first = int(spans.token[row])
         tokens = range(first, first + int(spans.tokens[row]))
         words = replacement.words[row].tolist() if changed[row] else [-1, -1]
-        texts.append(_aggregate(spans, tokens, values[0], words))
+        texts.append(format_aggregate(spans, tokens, values[row], words, decimals))
     data, places, moved = put_texts(program.data, written, chosen, texts)
     left = np.array(changed)
     left[written.row] = False
     start = shift_places(spans.start.astype(np.int64), places, moved).astype(np.int32)
     spans = replace(spans, start=start)
     return replace(program, data=data), replace(replacement, changed=left), spans
-
-
-def _aggregate(spans: KrlSpans, tokens: range, values: Array, words: list[int]) -> bytes:
-    """Returns a target in braces: new pose or axes, the rest as it was."""
-    parts = []
-    for token in tokens:
-        code, value = int(spans.component[token]), float(spans.value[token])
-        if code < EXTERNAL:
-            decimals = 4 if code < 3 else 6 if code < 6 else 5
-            text = f"{values[code % 6] + 0.0:.{decimals}f}"
-        elif code < STATUS:
-            text = repr(value)
-        else:
-            word = words[code - STATUS]
-            text = str(int(value) if word < 0 else word)
-        parts.append(f"{COMPONENTS[code]} {text}")
-    return ("{" + ",".join(parts) + "}").encode("ascii")
 
 
 def _behind(spans: KrlSpans, row: int) -> int:

@@ -18,6 +18,7 @@ from robotrue.core.rotations import quat_wxyz_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ShapeError
 from robotrue.program.formats.number_table import Numbers, respell_tokens
+from robotrue.program.formats.path_kernels import decimals_of
 from robotrue.program.formats.pose_write import changed_rows, find_moved, require_printable
 from robotrue.program.formats.written_out import (
     NONE_WRITTEN,
@@ -29,8 +30,9 @@ from robotrue.program.program import Program, Replacement
 
 _ENOUGH: Final = np.array([3] * 3 + [6] * 4 + [0] * 10)
 _LEAST: Final = np.array([4] * 3 + [8] * 4 + [0] * 10)
-
-
+_WRITTEN: Final = np.array([4] * 3 + [9] * 4 + [4] * 10)
+_MOST: Final = np.array([9] * 3 + [12] * 4 + [9] * 10)
+"""Decimals of what is written out: as many as the module has, within these."""
 _NOT_CONNECTED: Final = 8.9e9
 """Beyond, an external axis is not there."""
 
@@ -81,10 +83,13 @@ def write_rapid(program: Program, replacement: Replacement) -> bytes:
     values[:, :6] = np.where(axes & axis[:, None], replacement.axes / DEG, values[:, :6])
     require_printable(program, values[:, :7], touched[:, :7], "mm, quaternion or deg")
     data, numbers = program.data, spans.numbers
-    chosen = np.flatnonzero(changed[spans.written.row] | (spans.bound & bool(changed.any())))
+    moves = (touched & (values != numbers.value)).any(axis=1)
+    chosen = np.flatnonzero(moves[spans.written.row] | (spans.bound & moves.any()))
     if len(chosen):
         rows = spans.written.row[chosen].tolist()
-        texts = [_literal(values[row], axis=bool(spans.is_axis[row])) for row in rows]
+        have = decimals_of(np.frombuffer(data, np.uint8), numbers.start, numbers.length)
+        decimals = np.clip(have.max(axis=0), _WRITTEN, _MOST).tolist()
+        texts = [_literal(values[row], decimals, axis=bool(spans.is_axis[row])) for row in rows]
         data, places, moved = put_texts(data, spans.written, chosen.tolist(), texts)
         numbers = replace(numbers, start=shift_places(numbers.start, places, moved))
     is_axis = spans.is_axis[:, None]
@@ -92,17 +97,18 @@ def write_rapid(program: Program, replacement: Replacement) -> bytes:
     return respell_tokens(data, numbers, values, touched, enough, least)
 
 
-def _literal(values: Array, *, axis: bool) -> bytes:
-    """Returns a target in brackets from its row of numbers."""
+def _literal(values: Array, decimals: list[int], *, axis: bool) -> bytes:
+    """Returns a target in brackets from its row of numbers and their decimals."""
+    shown = [_print(value, most) for value, most in zip(values.tolist(), decimals, strict=True)]
 
-    def row(part: Array, decimals: int) -> str:
-        return "[" + ",".join(_print(value, decimals) for value in part.tolist()) + "]"
+    def row(first: int, last: int) -> str:
+        return "[" + ",".join(shown[first:last]) + "]"
 
     if axis:
-        parts = [row(values[:6], 4), row(values[11:], 4)]
+        parts = [row(0, 6), row(11, 17)]
     else:
         words = "[" + ",".join(str(int(value)) for value in values[7:11]) + "]"
-        parts = [row(values[:3], 4), row(values[3:7], 9), words, row(values[11:], 4)]
+        parts = [row(0, 3), row(3, 7), words, row(11, 17)]
     return ("[" + ",".join(parts) + "]").encode("ascii")
 
 
