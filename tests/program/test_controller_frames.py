@@ -51,6 +51,9 @@ def read(form: str, text: str) -> np.ndarray:
     if form == "g54":
         *xyz, a, b, c = numbers(text.split("\n")[1], "X", "Y", "Z", "A", "B", "C", between="")
         return pose(about(2, c) @ about(1, b) @ about(0, a), np.array(xyz) / 1e3)
+    if form == "val3":
+        *xyz, rx, ry, rz = numbers(text, "x", "y", "z", "rx", "ry", "rz", between='="')
+        return pose(about(0, rx) @ about(1, ry) @ about(2, rz), np.array(xyz) / 1e3)
     values = [float(v) for v in re.findall(NUMBER, text.split("\n")[1])]
     if form == "rapid":
         return pose(matrix_from_quat_wxyz(np.array(values[3:7])), np.array(values[:3]) / 1e3)

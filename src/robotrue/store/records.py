@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any, Generic, TypeVar
 
-from robotrue.calibration.training_summary import read_step
 from robotrue.core.document_decoder import decode
 from robotrue.core.provenance import Provenance, provenance_from
 from robotrue.store.query_defaults import LIMIT, SORT
@@ -118,6 +117,8 @@ def provenance_of_record(record: ItemRecord) -> Provenance:
     Raises:
         ArchiveError: The detail holds something else in its place.
     """
+    from robotrue.calibration.training_summary import read_step  # numpy, which lists do without
+
     detail = record.detail
     session = detail.get("session")
     about = session if isinstance(session, Mapping) else detail
