@@ -71,7 +71,7 @@ def written_decimals(data: bytes, spans: KrlSpans) -> list[int]:
     have = decimals_of(np.frombuffer(data, np.uint8), *table)[:, 0]
     most = _LEAST.copy()
     np.maximum.at(most, np.minimum(spans.component, EXTERNAL), have)
-    return np.minimum(most, _MOST).tolist()
+    return [int(number) for number in np.minimum(most, _MOST)]
 
 
 def format_aggregate(
