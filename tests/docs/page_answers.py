@@ -7,7 +7,6 @@ everything else runs in a shell. A command that found the same files before is n
 from __future__ import annotations
 
 import contextlib
-import difflib
 import functools
 import hashlib
 import io
@@ -25,6 +24,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Final
 from unittest import mock
+
+from printed_numbers import assert_answers_agree
 
 from robotrue.app.operation import Result
 from robotrue.cli import terminal
@@ -71,8 +72,7 @@ def check_answers(page: str, folder: Path | None = None) -> list[Result]:
         return ran.answer
 
     renewed = _page_runner().with_answers(text, folder, print_answer)
-    changed = difflib.unified_diff(text.splitlines(), renewed.splitlines(), "page", "answers")
-    assert renewed == text, "\n".join(changed)
+    assert_answers_agree(text, renewed)
     return results
 
 

@@ -1,0 +1,40 @@
+"""Compares printed answers: words and whole numbers exactly, decimals within their last digit.
+
+A value that stands on a rounding boundary is printed up on one processor and down on the next,
+because the order of sums in a compiled kernel depends on the width of its vectors.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from decimal import Decimal
+from typing import Final
+
+DECIMAL: Final = re.compile(r"(?<![\w.])[-+]?\d+\.\d+(?:e[-+]?\d+)?(?![\w.]*\.\d)")
+
+
+def agree_in_print(one: str, other: str) -> bool:
+    """Returns whether two texts are the same but for one unit in the last digit of decimals."""
+    if one == other:
+        return True
+    if DECIMAL.split(one) != DECIMAL.split(other):
+        return False
+    return all(
+        _are_neighbours(Decimal(a), Decimal(b))
+        for a, b in zip(DECIMAL.findall(one), DECIMAL.findall(other), strict=True)
+    )
+
+
+def _are_neighbours(a: Decimal, b: Decimal) -> bool:
+    exponent = a.as_tuple().exponent
+    assert isinstance(exponent, int)
+    return exponent == b.as_tuple().exponent and abs(a - b) <= Decimal(1).scaleb(exponent)
+
+
+def assert_answers_agree(page: str, renewed: str) -> None:
+    """Fails with the lines that differ by more than a rounding."""
+    old, new = page.splitlines(), renewed.splitlines()
+    if len(old) == len(new) and all(map(agree_in_print, old, new)):
+        return
+    raise AssertionError("\n".join(difflib.unified_diff(old, new, "page", "answers", lineterm="")))
