@@ -63,9 +63,10 @@ def test_the_chosen_model_stays_until_another_is_chosen(client: Client, tmp_path
         here = client(shop=shop)
         renamed = here.patch(f"/api/items/model/{shop.model.id}", json={"name": "Old"})
         assert renamed.json()["version"] == 2
-        newest = asyncio.run(shown_model(shop.workspace, None))
-        assert newest.model is not None
-        assert newest.model.id == refined  # a name does not make a model newer
+        in_use = asyncio.run(shown_model(shop.workspace, None))
+        assert in_use.model is not None
+        assert in_use.model.id == shop.model.id  # neither a newer model nor a name changes it
+        assert in_use.offered[0].id == refined
         assert here.put("/api/chosen-model", json={"model": "nothing"}).status_code == 404
         made = here.put("/api/chosen-model", json={"model": shop.model.id}).json()
         again = here.put("/api/chosen-model", json={"model": refined}).json()
@@ -80,23 +81,32 @@ def test_a_page_keeps_its_model_and_all_pages_the_chosen_one(browser: Any, stage
     with watching(browser, stage.served) as seen:
         page = seen.page
         page.goto("/programs")
-        assert "refined" in seen.find("model-chip").inner_text()  # the newest
+        assert "Planted" in seen.find("model-chip").inner_text()  # a newer one changes nothing
         seen.find("model-chip").click()
-        seen.find("model-other").filter(has_text="Planted").click()
-        page.wait_for_url(f"**/programs?model={stage.shop.model.id}")
+        seen.find("model-other").filter(has_text="refined").click()
+        page.wait_for_url(f"**/programs?model={stage.refined}")
         seen.find("programs").locator("tbody tr").first.click()
         page.wait_for_url("**/programs?id=*&model=*")
         seen.find("verdict").wait_for()
+        assert "GO" not in seen.find("verdict").locator("b").inner_text()  # nobody stated one
         seen.find("tolerance").fill("0.3")
         seen.find("tolerance").press("Enter")
         page.wait_for_url("**tolerance_mm=0.3*")
-        assert "Planted" in seen.find("model-chip").inner_text()
+        assert "GO" in seen.find("verdict").locator("b").inner_text()
+        assert "refined" in seen.find("model-chip").inner_text()
         seen.find("model-chip").click()
         with page.expect_navigation():
             seen.find("model-choose").click()
         assert "model=" not in page.url
         assert "tolerance_mm=0.3" in page.url
         page.goto("/measurements")
+        assert "refined" in seen.find("model-chip").inner_text()
+        httpx.put(
+            f"{stage.served.address}/api/chosen-model",
+            json={"model": stage.shop.model.id},
+            trust_env=False,
+        ).raise_for_status()
+        page.reload()
         assert "Planted" in seen.find("model-chip").inner_text()
         seen.find("model-chip").focus()
         page.keyboard.press("Enter")

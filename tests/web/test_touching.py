@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from test_plan_page import done
 from touch_shop import CELL, Bench, touch_bench, write_touch_files
 from typer.testing import CliRunner
 from web_shop import Client, Shop
@@ -17,7 +18,16 @@ from robotrue.app.workbench.calibration_view import from_simulation
 from robotrue.cell.config import parse_cell
 from robotrue.cli.main import app
 from robotrue.store import items, models
-from robotrue.store.nouns import MODEL, REGISTRATION
+from robotrue.store.nouns import MODEL, REGISTRATION, RegistrationRecord
+
+TOP = """&ACCESS RVP
+DEF top()
+PTP {A1 0,A2 -80,A3 80,A4 0,A5 40,A6 0}
+LIN {X 40,Y 40,Z 400,A 0,B 90,C 0}
+LIN {X 360,Y 40,Z 400,A 0,B 90,C 0}
+LIN {X 360,Y 160,Z 400,A 0,B 90,C 0}
+END
+"""
 
 
 def posted(made: Any, path: str, body: dict[str, Any], status: int = 201) -> Any:
@@ -99,6 +109,32 @@ def test_a_session_ends_where_register_ends(client: Client, filled: Shop, tmp_pa
     assert page.status_code == 200
     assert "simulated" in page.text.lower()
     assert made.get(f"/api/touching/{id}").json()["result"] == record.id
+    _check_program_in_part(made, filled, record, refined.id)
+
+
+def _check_program_in_part(made: Any, shop: Shop, record: RegistrationRecord, model: str) -> None:
+    """The registered part is used in the pages: offered, compensated in, drawn and checked."""
+    english = {"accept-language": "en"}
+    assert shop.model.name in made.get("/programs").text  # in use as before: nothing was switched
+    page = made.get(f"/registration?registration={record.id}", headers=english).text
+    assert f"/programs?registration={record.id}&amp;model={model}" in page
+    assert "Verdict against 2 mm" in page
+    assert page.count('class="spread"') == 6
+    sent = made.post("/api/files?name=top.src", content=TOP.encode()).json()
+    program = posted(made, "/api/programs", {"uploads": [sent["id"]]})["id"]
+    chosen = f"/programs?id={program}&registration={record.id}&model={model}"
+    form = made.get(chosen, headers=english).text
+    assert f'<option value="{record.id}" selected>' in form
+    asked = {"program": program, "model": model, "registration": record.id, "part": "part"}
+    job = done(shop, "compensate", asked)
+    assert job.result is not None, job.error
+    assert job.result["compensated"] == 3
+    after = job.result["program"]["id"]
+    seen = made.get(f"/programs?id={after}&part=judged", headers=english).text
+    assert "Part frame part: its origin is known to" in seen
+    assert "State your tolerance" in seen
+    assert "GO</b>" not in seen
+    assert "GO</b>" in made.get(f"/programs?id={after}&part=judged&tolerance_mm=9").text
 
 
 def test_a_wrong_touch_waits_and_is_explained(client: Client, tmp_path: Path) -> None:

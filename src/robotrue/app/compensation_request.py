@@ -21,6 +21,7 @@ from robotrue.program.compensation_defaults import MAX_SHIFT_MM, MAX_STEP_MM, SP
 MAX_STEP: Final = Option(
     names=("--max-step",),
     metavar="MM",
+    advanced=True,
     help="Refuse (exit 2) a larger step between a target left alone and its compensated "
     "neighbours on a line, arc or spline.",
 )
@@ -60,7 +61,9 @@ class CompensateRequest(Request):
     cell: Annotated[
         Reference | None,
         Item(
-            noun="cell", help="Cell whose part frame the program runs in, or that knows its frames."
+            noun="cell",
+            advanced=True,
+            help="Cell whose part frame the program runs in, or that knows its frames.",
         ),
     ] = None
     registration: Annotated[
@@ -76,7 +79,10 @@ class CompensateRequest(Request):
     )
     wrench: Annotated[
         str | None,
-        Option(help="Process force on the tool, base axes: FX,FY,FZ[,MX,MY,MZ] in N, N m."),
+        Option(
+            example="0,0,-200",
+            help="Process force on the tool, base axes: FX,FY,FZ[,MX,MY,MZ] in N, N m.",
+        ),
     ] = None
     force: Annotated[
         Path | None,
@@ -87,11 +93,19 @@ class CompensateRequest(Request):
     ] = None
     cutter: Annotated[
         str | None,
-        Option(help="Axis of the tool from spindle to tip: x, y, z, -x, -y, -z; default z."),
+        Option(
+            advanced=True,
+            example="z",
+            help="Axis of the tool from spindle to tip: x, y, z, -x, -y, -z; default z.",
+        ),
     ] = None
     start: Annotated[
         str | None,
-        Option(help="A1,..,A6 in deg before the first target; default: start_deg of the cell."),
+        Option(
+            advanced=True,
+            example="0,-90,90,0,0,0",
+            help="A1,..,A6 in deg before the first target; default: start_deg of the cell.",
+        ),
     ] = None
     free_spin: Annotated[
         bool,
@@ -103,7 +117,8 @@ class CompensateRequest(Request):
         bool, Option(paired=True, help="Compensate axis targets too (PTP {A1 ..}).")
     ] = False
     max_shift_mm: Annotated[
-        float, Option(help="Leave a target alone if it would move further than this.")
+        float,
+        Option(advanced=True, help="Leave a target alone if it would move further than this."),
     ] = MAX_SHIFT_MM
     max_step_mm: Annotated[float, MAX_STEP] = MAX_STEP_MM
     allow_steps: Annotated[bool, ALLOW_STEPS] = False
@@ -132,5 +147,6 @@ class CompensateRequest(Request):
         int, Option(shells=NOT_IN_FORMS, help="With --split: targets put in at most.")
     ] = SPLIT_LIMIT
     deviation: Annotated[
-        bool, Option(help="Report how far lines and arcs are off between their targets.")
+        bool,
+        Option(advanced=True, help="Report how far lines and arcs are off between their targets."),
     ] = False

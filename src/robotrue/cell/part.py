@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
+import numpy as np
+
 from robotrue.core.arrays import Array
 from robotrue.core.columns import Column, Columns
 from robotrue.core.model_identity import ModelIdentity
@@ -48,6 +50,11 @@ class PartFrame(Columns):
             "rms_mm": self.rms / MM,
             "verdict": self.verdict,
         }
+
+    def spread_document(self) -> dict[str, object]:
+        """Returns one standard deviation of the frame at its origin, JSON values: mm and deg."""
+        sd = np.sqrt(np.diag(self.covariance))
+        return {"sd_mm": (sd[:3] / MM).tolist(), "sd_deg": (sd[3:] / DEG).tolist()}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

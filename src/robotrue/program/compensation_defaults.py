@@ -12,5 +12,3 @@ SPLIT_LIMIT: Final = 100_000
 """Targets put between those of a program, at most."""
 BLEND_MM: Final = 0.2
 """``$APO.CDIS`` of programs that are made of tool paths."""
-TOLERANCE_MM: Final = 0.5
-"""That targets are judged by."""

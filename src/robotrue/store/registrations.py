@@ -76,7 +76,7 @@ def add(
         links=links_to(cell=cell, model=model, session=session),
         files=[(role, path.name, path) for role, path in named],
         detail={
-            "frames": [frame.document() for frame in part.frames],
+            "frames": [{**frame.document(), **frame.spread_document()} for frame in part.frames],
             "provenance": part.provenance.to_document(),
         },
         method=part.method,

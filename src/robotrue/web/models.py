@@ -1,4 +1,7 @@
-"""Which model the pages show: that of the address, else the one chosen for all, else the newest."""
+"""Which model the pages show: that of the address, else the one chosen for all, else the first.
+
+The model in use changes when somebody chooses another one, never because another one was made.
+"""
 
 from __future__ import annotations
 
@@ -23,12 +26,12 @@ class ShownModel:
 
     Attributes:
         model: None if there is none.
-        chosen: Id of the one chosen for all pages; empty: the newest is shown.
+        in_use: Id of the one that pages show whose address names none; empty: there is none.
         offered: To choose from.
     """
 
     model: ModelRecord | None
-    chosen: str
+    in_use: str
     offered: tuple[ModelRecord, ...]
 
 
@@ -58,7 +61,7 @@ def choose(workspace: Workspace, id: str) -> DocumentRecord:
 
 
 def choose_none(workspace: Workspace) -> None:
-    """Lets the pages show the newest model again."""
+    """Withdraws the choice: the pages show the model that was made first."""
     with transaction(workspace) as into:
         for each in items.search(into, DOCUMENT, ItemQuery(where={"kind": KIND})).items:
             items.delete(into, DOCUMENT, each.id)
@@ -71,13 +74,20 @@ def _find_models(workspace: Workspace, asked: str | None) -> ShownModel:
     offered = tuple(sorted(listed, key=lambda each: begun[each.id], reverse=True))
     stated = items.search(workspace, DOCUMENT, ItemQuery(where={"kind": KIND}, limit=1)).items
     chosen = _living(workspace, stated[0].refs("model")[0].id) if stated else None
-    model = chosen or (offered[0] if offered else None)
+    model = in_use = chosen or _first_model(workspace)
     if asked:
         try:
             model = items.get(workspace, MODEL, asked)
         except ConfigurationError:  # an old link: another is shown, and its name stands on the page
             pass
-    return ShownModel(model=model, chosen=chosen.id if chosen else "", offered=offered)
+    return ShownModel(model=model, in_use=in_use.id if in_use else "", offered=offered)
+
+
+def _first_model(workspace: Workspace) -> ModelRecord | None:
+    """The model that was made first; another name does not make a model newer."""
+    listed = items.search(workspace, MODEL, ItemQuery(limit=items.MOST)).items
+    made = items.read_creation_times(workspace, [each.id for each in listed])
+    return min(listed, key=lambda each: made[each.id], default=None)
 
 
 def _living(workspace: Workspace, id: str) -> ModelRecord | None:

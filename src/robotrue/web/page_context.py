@@ -7,7 +7,7 @@ import json
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
-from typing import Any, Concatenate, ParamSpec, TypeAlias, TypeVar
+from typing import Any, Concatenate, Final, ParamSpec, TypeAlias, TypeVar
 from urllib.parse import urlencode
 
 from markupsafe import Markup
@@ -30,6 +30,9 @@ from robotrue.web.workers import QueryWorkers
 P = ParamSpec("P")
 R = TypeVar("R")
 Item = TypeVar("Item", bound=ItemRecord)
+Usual = TypeVar("Usual", float, None)
+KEPT_CHOICES: Final = ("model", "registration", "tolerance_mm")
+"""Parts of an address that a person states once and that hold for what is opened from there."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,8 +67,8 @@ class PageContext:
         say: The words of their language.
         query: What stands after ``?`` in the address.
         model: The model shown; None if there is none.
-        chosen: Id of the model chosen for all pages; empty: the newest.
-        models: To choose from.
+        in_use: Id of the model of pages whose address names none; empty: there is none.
+        models: To choose from, the newest first.
         screens: All, in the order of the navigation.
     """
 
@@ -76,7 +79,7 @@ class PageContext:
     say: Wording
     query: Mapping[str, str]
     model: ModelRecord | None
-    chosen: str
+    in_use: str
     models: tuple[ModelRecord, ...]
 
     @property
@@ -89,22 +92,28 @@ class PageContext:
         """Of the workspace, as queries take it."""
         return str(self.server.workspace.folder)
 
-    def keep_model(self, address: str) -> str:
-        """Returns an address of the same page, with the model that was named in this one's."""
-        named = self.query.get("model")
-        if not named or self.model is None or named != self.model.id:
-            return address
-        return f"{address}{'&' if '?' in address else '?'}model={self.model.id}"
+    @property
+    def kept_choices(self) -> dict[str, str]:
+        """What this page's address chooses that holds on the next page, too."""
+        named = {name: self.query[name] for name in KEPT_CHOICES if self.query.get(name)}
+        if self.model is None or named.get("model") != self.model.id:
+            named.pop("model", None)
+        return named
+
+    def keep_choices(self, address: str) -> str:
+        """Returns another address with the choices that this one's page was shown with."""
+        named = urlencode(self.kept_choices)
+        return f"{address}{'&' if '?' in address else '?'}{named}" if named else address
 
     def address_with(self, **named: str) -> str:
         """Returns this page's address with other values in it."""
         return f"{self.screen.path}?{urlencode({**self.query, **named})}"
 
-    def number(self, name: str, usual: float, *, most: float) -> float:
+    def number(self, name: str, usual: Usual, *, most: float) -> float | Usual:
         """Returns a number above zero from the address; the usual one where none is stated."""
         try:
-            stated = float(self.query.get(name, usual))
-        except ValueError:
+            stated = float(self.query[name])
+        except (KeyError, ValueError):
             return usual
         return stated if 0.0 < stated <= most else usual
 

@@ -194,7 +194,7 @@ def _add_page(app: FastAPI, server: ServerContext, screen: Screen) -> None:
             say=Wording(view.language),
             query=query,
             model=shown.model,
-            chosen=shown.chosen,
+            in_use=shown.in_use,
             models=shown.offered,
         )
         return HTMLResponse(await _build_page(context, part))

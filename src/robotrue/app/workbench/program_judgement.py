@@ -17,6 +17,7 @@ from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell, frame_table
 from robotrue.cell.cell_overlay import overlay_cell
 from robotrue.cell.config import read_cell
+from robotrue.cell.part import PartFrame
 from robotrue.compensation.difference import Difference, difference
 from robotrue.compensation.stance import start_joints
 from robotrue.core.arrays import Array, BoolArray
@@ -27,7 +28,9 @@ from robotrue.program.formats import read_job
 from robotrue.program.program import Program
 from robotrue.robot.statics import Load
 from robotrue.store import cells, items, jobs, measurements, models, programs
-from robotrue.store.nouns import CELL, MODEL, PROGRAM, ModelRecord, ProgramRecord
+from robotrue.store.layout import copy_files
+from robotrue.store.nouns import CELL, MODEL, PROGRAM, REGISTRATION, ModelRecord, ProgramRecord
+from robotrue.store.registrations import REGISTERED
 from robotrue.store.workspace import Workspace
 from robotrue.validation.conformity import Conformity, all_conform, conformity, to_judge
 from robotrue.validation.error_map import radius_95
@@ -44,7 +47,7 @@ def judge_program(
     version: int,
     model: str,
     model_version: int,
-    tolerance_mm: float,
+    tolerance_mm: float | None,
     strict: bool = False,
 ) -> bytes:
     """Returns path, predicted errors, worst targets and verdict of a program.
@@ -55,7 +58,7 @@ def judge_program(
         version: Of it.
         model: Model that predicts, for a program as the CAM made it.
         model_version: Of it.
-        tolerance_mm: Largest distance of a target from where it should be.
+        tolerance_mm: Largest distance of a target from where it should be; None: no verdict.
         strict: Whether axis targets count as targets that are not proven.
     """
     with TemporaryDirectory() as scratch:
@@ -78,7 +81,8 @@ def judge_program(
     parts = [(program, one) for program, one in parts if len(one.change)]
     if not parts:
         raise ModelMismatchError("no targets in this program.", hint="drop its main file, too.")
-    return answer(_document(found, parts, tolerance_mm * MM, strict=strict))
+    tolerance = None if tolerance_mm is None else tolerance_mm * MM
+    return answer(_document(found, parts, tolerance, strict=strict))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,6 +96,7 @@ class _Found:
     home: Array
     simulated: bool
     compared: bool
+    part: PartFrame | None
 
 
 def _read_programs(
@@ -102,20 +107,14 @@ def _read_programs(
             f"a program of {after.bytes / 1e6:.0f} MB, drawn here up to {LARGEST / 1e6:.0f} MB.",
             hint="robotrue diff BEFORE AFTER --model MODEL.",
         )
-    if after.refs("registration"):
-        raise ConfigurationError(
-            "the program runs in a registered part frame, which is not drawn here yet.",
-            hint="robotrue report program BEFORE AFTER --model MODEL --cell CELL.",
-        )
     used = after.refs("model")
     if used:  # a compensated program is judged by the model that compensated it
         record = items.get(workspace, MODEL, used[0].id, version=used[0].version)
     held = models.model_of(workspace, record)
-    other = _cell(workspace, after, scratch)
-    cell = held.cell if other is None else overlay_cell(held.cell, other)
-    frames = frame_table(cell)
     job = str(after.detail.get("job", ""))
     said = jobs.status(workspace, job).parameters if job else {}
+    cell = _cell(workspace, after, held.cell, scratch, said.get("part"))
+    frames = frame_table(cell)
     before = [
         items.get(workspace, PROGRAM, to.id, version=to.version) for to in after.refs("before")
     ]
@@ -133,20 +132,34 @@ def _read_programs(
         cell=cell,
         load=_load(cell.payload, said.get("wrench")),
         home=start_joints(cell.robot, cell.controller.start, said.get("start")),
-        simulated=from_simulation(held.model, rows),
+        simulated=from_simulation(held.model, rows)
+        or (cell.part is not None and cell.part.provenance.simulated),
         compared=bool(before),
+        part=_part(cell, said.get("part")),
     )
 
 
-def _cell(workspace: Workspace, record: ProgramRecord, scratch: Path) -> Cell | None:
-    """The cell whose frames a compensated program uses, where that is not the model's."""
-    linked = record.refs("cell")
-    if not linked:
-        return None
+def _cell(
+    workspace: Workspace, record: ProgramRecord, held: Cell, scratch: Path, part: object
+) -> Cell:
+    """The cell of the model with the frames a compensated program uses, as its job did it."""
     place = scratch / "cell"
     place.mkdir()
-    found = items.get(workspace, CELL, linked[0].id, version=linked[0].version)
-    return read_cell(cells.copy_cell(workspace, found, place))
+    for to in record.refs("registration"):
+        registered = items.get(workspace, REGISTRATION, to.id, version=to.version)
+        (file,) = copy_files(workspace, registered, place, REGISTERED)
+        cell = overlay_cell(held, read_cell(file))
+        frame = _part(cell, part)
+        return cell if frame is None else replace(cell, T_base_frame=frame.T_base_part)
+    for to in record.refs("cell"):
+        stated = items.get(workspace, CELL, to.id, version=to.version)
+        return overlay_cell(held, read_cell(cells.copy_cell(workspace, stated, place)))
+    return held
+
+
+def _part(cell: Cell, named: object) -> PartFrame | None:
+    """The part frame of a registered cell; None: the cell is not registered."""
+    return None if cell.part is None else cell.part.frame(None if named is None else str(named))
 
 
 def _load(payload: Load, stated: object) -> Load:
@@ -155,7 +168,7 @@ def _load(payload: Load, stated: object) -> Load:
 
 
 def _document(
-    found: _Found, parts: list[tuple[Program, Difference]], tolerance: float, *, strict: bool
+    found: _Found, parts: list[tuple[Program, Difference]], tolerance: float | None, *, strict: bool
 ) -> dict[str, object]:
     axis = np.concatenate([one.axis_target for _, one in parts])
     kept = np.flatnonzero(to_judge(axis, strict=strict))
@@ -166,12 +179,14 @@ def _document(
     shift = np.concatenate([np.linalg.norm(one.shift, axis=1) for _, one in parts])[kept]
     names = [program.name for program, one in parts for _ in range(len(one.change))]
     known = _require_known(np.isfinite(before + after + bound))
-    states = conformity(after, bound, tolerance)
+    states = None if tolerance is None else conformity(after, bound, tolerance)
     drawn = np.flatnonzero(known & np.isfinite(position).all(axis=1))
     path = {
         "position": pack_floats(position[drawn]),
         "before_m": pack_floats(before[drawn]),
         "after_m": pack_floats(after[drawn]),
+        "bound_m": pack_floats(bound[drawn]),
+        "tolerance_m": tolerance,
         "line": line[drawn],
         "compared": found.compared,
     }
@@ -183,6 +198,7 @@ def _document(
         "scene": _draw_scene(found, path),
         "simulated": found.simulated,
         "model": {"name": found.record.name, "version": found.record.version},
+        "part": None if found.part is None else _part_known_to(found.part),
         "targets": len(kept),
         "axis_targets": int(axis.sum()),
         "strict": strict,
@@ -190,19 +206,28 @@ def _document(
         "before_m": _statistics(before[known]),
         "after_m": _statistics(after[known]),
         "bound_m": float(bound[known].max()),
-        "states": {each.name.lower(): int((states == each).sum()) for each in Conformity},
-        "go": all_conform(states),
+        "expected_m": float((after + bound)[known].max()),
+        "states": {}
+        if states is None
+        else {each.name.lower(): int((states == each).sum()) for each in Conformity},
+        "go": None if states is None else all_conform(states),
         "worst": [
             {
                 "file": names[kept[row]],
                 "line": int(line[row]),
                 **{f"{name}_m": float(size[row]) for name, size in sizes.items()},
-                "state": Conformity(int(states[row])).name.lower(),
+                "state": None if states is None else Conformity(int(states[row])).name.lower(),
                 "point": place.get(int(row), -1),
             }
             for row in order
         ],
     }
+
+
+def _part_known_to(frame: PartFrame) -> dict[str, object]:
+    """The part frame and how well its origin is known, m, one sigma; no bound includes it."""
+    sd = np.sqrt(np.diag(frame.covariance))[:3]
+    return {"name": frame.name, "sd_m": float(np.linalg.norm(sd)), "verdict": frame.verdict}
 
 
 def _require_known(known: BoolArray) -> BoolArray:

@@ -138,7 +138,7 @@ def judge_program(
     version: int,
     model: str,
     model_version: int,
-    tolerance_mm: float,
+    tolerance_mm: float | None,
     strict: bool,
 ) -> bytes:
     """Returns path, predicted errors, worst targets and verdict of a program."""

@@ -40,7 +40,7 @@ def router(server: ServerContext) -> APIRouter:
 
     @routes.delete("/chosen-model", status_code=204)
     async def choose_newest() -> None:
-        """The pages show the newest model again."""
+        """No model is chosen: the pages show the one that was made first."""
         await asyncio.to_thread(models.choose_none, workspace)
 
     return routes

@@ -10,7 +10,6 @@ from fastapi import APIRouter, Path, Query
 from fastapi.responses import Response
 
 from robotrue.app.workbench import workbench_calls as calls
-from robotrue.program.compensation_defaults import TOLERANCE_MM
 from robotrue.store.nouns import CELL, MEASUREMENT, MODEL, PROGRAM
 from robotrue.web.api.items_routes import get_item
 from robotrue.web.page_context import ServerContext
@@ -50,15 +49,16 @@ def router(server: ServerContext) -> APIRouter:
     async def judge_program(
         id: Id,
         model: Annotated[str, Query(max_length=40)],
-        tolerance_mm: Annotated[float, Query(gt=0.0, le=1000.0)] = TOLERANCE_MM,
+        tolerance_mm: Annotated[float | None, Query(gt=0.0, le=1000.0)] = None,
         strict: bool = False,
         version: Version = None,
     ) -> Response:
         """Predicted errors of a program's targets, and GO or NO-GO against a tolerance.
 
         A compensated program is compared with the one it was made from, and judged by the model it
-        was compensated with; a program as the CAM made it is judged as it stands. Axis targets
-        state no place and are counted apart, unless the judgement is to be strict.
+        was compensated with; a program as the CAM made it is judged as it stands. Without a
+        tolerance there are the predicted errors and no verdict. Axis targets state no place and are
+        counted apart, unless the judgement is to be strict.
         """
         program = await asyncio.to_thread(get_item, workspace, PROGRAM.name, id, version)
         judge = await asyncio.to_thread(get_item, workspace, MODEL.name, model)

@@ -67,7 +67,7 @@ async def _rows(context: PageContext) -> str:
     return context.render(
         "measurement_rows.html",
         found=await context.answer(calls.list_rows, *facts),
-        address=context.keep_model(f"/measurements?id={record.id}"),
+        address=context.keep_choices(f"/measurements?id={record.id}"),
         sort=sort,
         step=PAGE_ROWS,
         lengths=LENGTHS,

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from typing import Final
 
-from markupsafe import Markup
-
 from robotrue.app.compensation_request import CompensateRequest
-from robotrue.app.request import fields_of
 from robotrue.app.workbench import workbench_calls as calls
-from robotrue.program.compensation_defaults import TOLERANCE_MM
-from robotrue.store.nouns import PROGRAM, ProgramRecord
+from robotrue.store.nouns import (
+    CELL,
+    PROGRAM,
+    REGISTRATION,
+    ModelRecord,
+    ProgramRecord,
+    RegistrationRecord,
+)
 from robotrue.store.records import ItemQuery
 from robotrue.web.page_context import PageContext, Screen
 from robotrue.web.parts.reports import Reports, find_reports
@@ -18,6 +21,9 @@ from robotrue.web.parts.request_form import RequestForm
 
 AFTER: Final = "after"
 """Stage of a compensated program; ``store.programs`` would bring all readers with it."""
+CHOSEN_BY_PAGE: Final = frozenset({"model", "program"})
+PART_FIELDS: Final = frozenset({"registration", "part"})
+"""Fields that need a registered part."""
 NOTES: Final = 8
 """Of compensating that are shown."""
 TONES: Final = {"conforms": "good", "undecided": "caution", "fails": "bad", "unknown": "plain"}
@@ -34,7 +40,7 @@ async def _build(context: PageContext) -> str:
         record=record,
         after=after,
         model=context.model,
-        allow_steps=_allow_steps(context),
+        form=None if after or context.model is None else await _form(context, context.model),
         jobs=jobs,
         notes=[str(each) for each in record.detail.get("notes") or ()] if after else [],
         most=NOTES,
@@ -51,22 +57,38 @@ async def _record(context: PageContext) -> ProgramRecord:
 async def _list(context: PageContext) -> str:
     found = await context.items(PROGRAM, ItemQuery(limit=200))
     begun = await context.creation_times(found)
-    return context.render("programs.html", programs=found, begun=begun, after=AFTER)
+    return context.render(
+        "programs.html",
+        programs=found,
+        begun=begun,
+        after=AFTER,
+        part=await _part(context),
+    )
 
 
-def _allow_steps(context: PageContext) -> Markup:
-    form = RequestForm(
+async def _part(context: PageContext) -> RegistrationRecord | None:
+    """The registered part that the page's address names, to compensate programs in it."""
+    named = context.query.get("registration")
+    return None if not named else await context.item(REGISTRATION, named)
+
+
+async def _form(context: PageContext, model: ModelRecord) -> RequestForm:
+    """The form of a compensation; part frames are offered that belong to its model."""
+    parts = await context.items(REGISTRATION, ItemQuery(linked=("model", model.id), limit=100))
+    cells = await context.items(CELL, ItemQuery(limit=50))
+    return RequestForm(
         context=context,
         request=CompensateRequest,
         group="programs",
-        marks={"allow_steps": "allow-steps"},
+        records={"registration": parts, "cell": cells},
+        marks={"allow_steps": "allow-steps", "registration": "part-frame", "part": "part-name"},
+        without=CHOSEN_BY_PAGE if parts else CHOSEN_BY_PAGE | PART_FIELDS,
+        values={"registration": context.query.get("registration", "")},
     )
-    (box,) = [form.control(each) for each in fields_of(form.request) if each.name == "allow_steps"]
-    return box
 
 
 async def _reports(context: PageContext, record: ProgramRecord) -> Reports | None:
-    """The reports of a compensated program; one is judged by the tolerance on the page."""
+    """The reports of a compensated program; one is checked against the tolerance on the page."""
     if context.model is None or not record.refs("model"):
         return None
     tolerance = _tolerance(context)
@@ -82,8 +104,9 @@ async def _judge(context: PageContext) -> str:
     versions = (record.id, record.version, model.id, model.version)
     found = await context.answer(calls.judge_program, *versions, tolerance, strict)
     source = (
-        f"/api/programs/{record.id}/judgement?model={model.id}&tolerance_mm={tolerance:g}"
-        f"&version={record.version}{'&strict=true' if strict else ''}"
+        f"/api/programs/{record.id}/judgement?model={model.id}&version={record.version}"
+        f"{'' if tolerance is None else f'&tolerance_mm={tolerance:g}'}"
+        f"{'&strict=true' if strict else ''}"
     )
     return context.render(
         "program_judged.html",
@@ -101,8 +124,9 @@ def _strict(context: PageContext) -> bool:
     return context.query.get("strict") == "on"
 
 
-def _tolerance(context: PageContext) -> float:
-    return context.number("tolerance_mm", TOLERANCE_MM, most=1000.0)
+def _tolerance(context: PageContext) -> float | None:
+    """The tolerance in the address, mm; None: nobody has stated one, and there is no verdict."""
+    return context.number("tolerance_mm", None, most=1000.0)
 
 
 PAGE: Final = Screen(
@@ -110,5 +134,6 @@ PAGE: Final = Screen(
     path="/programs",
     build=_build,
     parts={"judged": _judge},
+    styles=("/static/plan.css",),
     operations=("compensate", "report"),
 )

@@ -59,9 +59,11 @@ async def _list(context: PageContext) -> str:
 async def _show_registration(context: PageContext, record: RegistrationRecord) -> str:
     """A registration: its frames, and what it rests on."""
     linked, session, simulated = record.refs("session"), None, False
+    tolerance: object = None
     if linked:
         session = await context.item(DOCUMENT, linked[0].id)
-        simulated = session_of(session.detail["session"]).simulated
+        probed = session_of(session.detail["session"])
+        simulated, tolerance = probed.simulated, probed.settings.get("tolerance_mm")
     cells = [await context.item(CELL, to.id, to.version) for to in record.refs("cell")]
     models = [await context.item(MODEL, to.id, to.version) for to in record.refs("model")]
     used = [
@@ -73,6 +75,7 @@ async def _show_registration(context: PageContext, record: RegistrationRecord) -
         record=record,
         session=session,
         simulated=simulated,
+        tolerance_mm=tolerance,
         used=used,
         report="report_zh.html" if context.say.language == "zh" else "report.html",
         reports=await find_reports(context, record, "registration"),

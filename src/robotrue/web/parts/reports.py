@@ -39,7 +39,7 @@ async def find_reports(
     subject: str,
     *names: str,
     sets: Sequence[ItemRecord] = (),
-    **values: float,
+    **values: float | None,
 ) -> Reports:
     """Returns the reports of an item.
 

@@ -26,7 +26,7 @@ export default {
     </div>
     <div class="scene-legend" v-if="state === 'ready' && (hasErrors || hasPath || field !== 'none')">
       <span class="simulated" v-if="simulated">{{ text.simulated }}</span>
-      <span>0</span><i :style="{background: ramp}"></i><span>{{ shown(top) }} {{ unitName }}</span>
+      <span v-if="hasPath">{{ text.expected }}</span><span>0</span><i :style="{background: ramp}"></i><span>{{ shown(top) }} {{ unitName }}</span>
     </div>
     <div class="scene-pick" v-if="picked !== null" data-testid="picked">
       <button class="tool" @click="unpick">×</button>
@@ -84,7 +84,8 @@ export default {
       }
       if (doc.path) {
         const p = doc.path;
-        this.path = { at: tools.floats(p.position), before: tools.floats(p.before_m), after: tools.floats(p.after_m), line: p.line };
+        const bound = tools.floats(p.bound_m), expected = (error) => error.map((e, i) => e + bound[i]);
+        this.path = { at: tools.floats(p.position), before: expected(tools.floats(p.before_m)), after: expected(tools.floats(p.after_m)), tolerance: p.tolerance_m, line: p.line };
         this.hasPath = true;
         this.compared = p.compared;
         if (p.compared) this.which = "after";
@@ -101,10 +102,10 @@ export default {
       const { lengths, quantile } = this.tools;
       if (this.points && !this.hasErrors) this.view.dots("arrows", this.points.at, this.points.seenFrom);
       else if (this.points) {
-        this.top = quantile(lengths(this.points[this.which]), 0.98) || 1e-6;
+        this.top = quantile(lengths(this.points.before), 0.98) || 1e-6; // one scale for before and after
         this.view.arrows("arrows", this.points.at, this.points[this.which], { top: this.top });
       } else if (this.path) {
-        this.top = quantile(this.path[this.which], 0.995) || 1e-6;
+        this.top = this.path.tolerance ?? (quantile(this.path.before, 0.995) || 1e-6);
         this.view.toolPath(this.path.at, this.path[this.which], this.top);
       }
     },
@@ -153,7 +154,7 @@ export default {
       }
       for (const w of this.hasErrors || this.path ? ["before", "after"] : []) {
         const value = this.points ? Math.hypot(...source[w].slice(3 * i, 3 * i + 3)) : source[w][i];
-        facts.push([this.text[w], Number.isFinite(value) ? `${this.shown(value)} ${this.unitName}` : "–"]);
+        facts.push([this.path ? `${this.text[w]}, ${this.text.expected}` : this.text[w], Number.isFinite(value) ? `${this.shown(value)} ${this.unitName}` : "–"]);
       }
       if (this.points) {
         const d = this.points.dof;
