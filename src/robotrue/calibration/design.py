@@ -23,7 +23,7 @@ from robotrue.calibration.parameters import ParameterLayout, State, difference
 from robotrue.calibration.priors import LEARNED, Prior
 from robotrue.calibration.robust import Loss, consistency
 from robotrue.calibration.terms.ripple import Ripple
-from robotrue.calibration.terms.smooth import SmoothResidual
+from robotrue.calibration.terms.smooth import SmoothBasis, SmoothResidual
 from robotrue.calibration.terms.term import Term
 from robotrue.core.arrays import Array, BoolArray, IntArray
 
@@ -128,6 +128,17 @@ class Design:
                 instrument=item.covariance,
                 rows=item.rows,
             )
+
+    def with_centres(self, basis: SmoothBasis) -> Design:
+        """Returns the design with centres of a smooth residual, where it had none."""
+        smooth, size = SmoothResidual(basis=basis), 3 * len(basis.centres)
+        first = self.place("smooth").start
+        return replace(
+            self,
+            terms=tuple(smooth if term.name == smooth.name else term for term in self.terms),
+            values=np.insert(self.values, np.full(size, first - len(self.free)), 0.0),
+            active=np.insert(self.active, np.full(size, first), True),
+        )
 
     def instrument(self, chosen: BoolArray | None = None) -> Array:
         """Returns the mean variance (2,) per axis that rows state: m^2 of lengths, rad^2 of angles.

@@ -41,6 +41,8 @@ COMMON_HOLD: Final = 0.5
 """Hold of the factor that held groups have in common: a factor of e in the scale is one sigma."""
 FEW_PER_COLUMN: Final = 0.6
 """Numbers per column up to which the rows are kept beside their sums."""
+PANEL: Final = 64
+"""Rows of a large matrix that are scaled at a time."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -231,22 +233,19 @@ def posterior(
         return _posterior_of_few(channels, groups, noise, rooted)
     size = len(channels[0].pull)
     sd = prior_sd(groups, size)
-    precision = sum(s.gram / t for s, t in zip(channels, noise, strict=True))
     pull = sum(s.pull / t for s, t in zip(channels, noise, strict=True))
-    scaled = np.asarray(precision) * sd[:, None]
-    scaled *= sd
-    scaled[np.diag_indices(size)] += 1.0
-    factor, fault = dpotrf(scaled.T, lower=1, clean=1, overwrite_a=1)
+    factor, fault = dpotrf(_scale_precision(channels, sd, noise).T, lower=1, clean=1, overwrite_a=1)
     if fault:
         raise ConvergenceError(
             f"the normal matrix of {size} weights is not positive definite (column {fault}).",
             hint="look for wild rows or units in the measurements.",
         )
-    inverse, _ = dtrtri(factor, lower=1)
+    log_precision = float(np.log(np.diagonal(factor)).sum())
+    inverse, _ = dtrtri(factor, lower=1, overwrite_c=1)
     unit = inverse.T @ (inverse @ (sd * np.asarray(pull)))
     mean = sd * unit
-    left = (inverse**2).sum(axis=0)  # posterior over prior variance
-    evidence = -float(unit @ unit) / 2.0 - float(np.log(np.diagonal(factor)).sum())
+    left = np.einsum("ji,ji->i", inverse, inverse)  # posterior over prior variance
+    evidence = -float(unit @ unit) / 2.0 - log_precision
     spent = np.zeros(len(channels))
     if len(channels) > 1:
         covariance, _ = dlauum(inverse, lower=1)  # its lower triangle, of weights over prior sd
@@ -254,7 +253,25 @@ def posterior(
             gram = channels[k].gram.T  # symmetric, in the order of the covariance
             both = 2.0 * sd @ (covariance * gram) @ sd
             spent[k] = (both - (sd**2 * np.diagonal(covariance)) @ np.diagonal(gram)) / noise[k]
-    return _weights(channels, groups, noise, mean, left, inverse * sd, evidence, spent)
+    inverse *= sd
+    return _weights(channels, groups, noise, mean, left, inverse, evidence, spent)
+
+
+def _scale_precision(channels: Sequence[Sums], sd: Array, noise: Array) -> Array:
+    """The upper triangle of 1 + S (sum of gram / tau) S, some rows at a time: they stay in cache.
+
+    What is below the triangle is not set.
+    """
+    size = len(sd)
+    scaled = np.empty((size, size))
+    for start in range(0, size, PANEL):
+        rows = slice(start, start + PANEL)
+        panel = channels[0].gram[rows, start:] * (sd[rows] / noise[0])[:, None]
+        for s, t in zip(channels[1:], noise[1:], strict=True):
+            panel += s.gram[rows, start:] * (sd[rows] / t)[:, None]
+        np.multiply(panel, sd[start:], out=scaled[rows, start:])
+    scaled[np.diag_indices(size)] += 1.0
+    return scaled
 
 
 def _posterior_of_few(

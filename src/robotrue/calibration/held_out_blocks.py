@@ -26,7 +26,7 @@ import numpy as np
 from robotrue.calibration.design import Design
 from robotrue.calibration.evidence import Sums, Weights, learn, spread
 from robotrue.calibration.robust import CUT, LEVEL, chi_point, student_factor
-from robotrue.core.arrays import Array, BoolArray
+from robotrue.core.arrays import Array, BoolArray, IntArray
 
 BLOCKS: Final = 5
 """As in validation: a contiguous fifth is held out at a time."""
@@ -110,13 +110,12 @@ def predict_held_out(
         shift: m, sd per axis by which blocks may stand apart for the time between them alone.
     """
     count = len(design.weights)
-    blocks = min(BLOCKS, max(2, count // 6))
-    fold = np.arange(count) * blocks // count
+    fold = label_blocks(count)
     error, learned, white, instrument = (
         np.zeros((count, 3)),
         *np.zeros((3, count, 3, 3)),
     )
-    for k in range(blocks):
+    for k in np.unique(fold):
         chosen = fold == k
         others = sums_without(design, sums, chosen)
         weights = learn(others, fit.groups, fit.noise, steps=STEPS)
@@ -131,6 +130,12 @@ def predict_held_out(
             instrument[item.rows] = known + shift**2 * np.eye(3)
     learned += uncarried[:, None, None] * np.eye(3)
     return HeldOutRows(error=error, learned=learned, white=white, instrument=instrument)
+
+
+def label_blocks(rows: int) -> IntArray:
+    """Returns the number (rows,) of the contiguous block that each row is held out with."""
+    blocks = min(BLOCKS, max(2, rows // 6))
+    return np.asarray(np.arange(rows) * blocks // rows)
 
 
 def sums_without(design: Design, sums: Sequence[Sums], left_out: BoolArray) -> list[Sums]:

@@ -4,7 +4,8 @@
 2. Ripple goes up a ladder of highest harmonics as long as the evidence grows.
 3. Linearisation, robust weights and noise are renewed with the ripple in place.
 4. The smooth residual is learned on what is left, and kept only where the joint evidence grows
-   *and* held-out blocks of the training rows are predicted better with it.
+   *and* held-out blocks of the training rows are predicted better with it. With many rows it is not
+   fitted where blocks left out at fixed scales gain nothing by it.
 5. The covariance gets its factor from the same held-out blocks.
 """
 
@@ -32,6 +33,7 @@ from robotrue.calibration.parameters import retract
 from robotrue.calibration.priors import free_groups
 from robotrue.calibration.robust import weights as robust_weights
 from robotrue.calibration.settings import FitSettings
+from robotrue.calibration.smooth_screen import compare_left_out
 from robotrue.calibration.terms.backlash import Backlash
 from robotrue.calibration.terms.ripple import (
     LADDER,
@@ -42,7 +44,6 @@ from robotrue.calibration.terms.ripple import (
     highest_harmonic,
 )
 from robotrue.calibration.terms.smooth import (
-    SmoothBasis,
     SmoothResidual,
     choose_centres,
     learn_smooth,
@@ -410,7 +411,13 @@ def _with_smooth(
     basis = choose_centres(
         measurements.joints[counted], scales.length, most=MOST_CENTRES, enough=ENOUGH
     )
-    design = _with_centres(at.design, basis)
+    design = at.design.with_centres(basis)
+    screened = None if design.few else compare_left_out(design, at.weights, scales.amplitude)
+    if screened is not None:
+        notes["smooth_screen_without_m"], notes["smooth_screen_with_m"] = screened
+        if screened[1] >= screened[0]:
+            said = "not fitted: at given scales blocks left out are no better with it"
+            return at, found, {**notes, "smooth": said}
     sums = design.sums()
     start = _scales(at.weights) | {"smooth": scales.amplitude}
     weights = learn(sums, design.groups(start), at.weights.noise, steps=8)
@@ -427,18 +434,6 @@ def _with_smooth(
         richer,
         better,
         {**notes, "smooth": "kept", "smooth_centres": len(basis.centres)},
-    )
-
-
-def _with_centres(design: Design, basis: SmoothBasis) -> Design:
-    """The design with centres of a smooth residual, where it had none."""
-    smooth, size = SmoothResidual(basis=basis), 3 * len(basis.centres)
-    first = design.place("smooth").start
-    return replace(
-        design,
-        terms=tuple(smooth if term.name == smooth.name else term for term in design.terms),
-        values=np.insert(design.values, np.full(size, first - len(design.free)), 0.0),
-        active=np.insert(design.active, np.full(size, first), True),
     )
 
 
