@@ -16,10 +16,12 @@ from robotrue.core.files import write_atomic
 from robotrue.core.mesh import read_mesh
 from robotrue.core.poses import apply, pose
 from robotrue.core.units import MM
-from robotrue.planning.machining import MachiningSettings, Side, job_program, plan_machining
+from robotrue.planning.machining import MachiningSettings, Side, job_moves, plan_machining
 from robotrue.program.contour import contour_of, keep_inside, side_direction
-from robotrue.program.formats.krl_machining import KrlSpeeds
 from robotrue.program.formats.toolpaths import read_toolpath
+from robotrue.program.posts import read_posts
+from robotrue.program.posts.machining_moves import JobSpeeds
+from robotrue.program.posts.post_writer import write_machining
 from robotrue.simulation.presets import deng2022
 from robotrue.simulation.virtual_robot import actual_pose
 
@@ -64,7 +66,9 @@ def main(out: Path) -> None:
         ax.fill(around[:, 0], around[:, 2], fill=False)
         ax.set(title=f"{name}: kept blue, dropped red", xlabel="x, mm", aspect="equal")
     job = plan_machining(cell, sides, MachiningSettings(), mesh=mesh)
-    write_atomic(out / "vase.src", job_program(job, robot, "vase", KrlSpeeds()))
+    moves = job_moves(job, robot, "vase", JobSpeeds())
+    for name, data in write_machining(read_posts()["krl"], moves).files.items():
+        write_atomic(out / name, data)
     figure.savefig(out / "09_from_cam.png", bbox_inches="tight")
     size = []  # the program run as it is, by the virtual arm
     for s in job.sides:

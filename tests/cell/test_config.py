@@ -12,8 +12,8 @@ from robotrue.cell.cell import Cell, tracker_covariance
 from robotrue.cell.config import read_cell, write_cell_example
 from robotrue.cell.obstacles import Box, HalfSpace
 from robotrue.cell.robot_table import robot_table
-from robotrue.cell.schema_faults import line_of_key
 from robotrue.core.poses import pose_from_xyz_abc
+from robotrue.core.schema_faults import line_of_key
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ConfigurationError, FormatError, ShapeError
 from robotrue.robot.presets import preset

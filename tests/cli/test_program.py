@@ -239,7 +239,7 @@ def test_what_is_wrong_is_named_with_file_and_line(cli, bench: Path, name, text,
         (("--mesh", "cell.toml"), "no mesh could be read"),
         (
             ("-o", "top.apt"),
-            "ends in .apt, as APT or CL data does; a KRL program is written (.src)",
+            "ends in .apt, as APT or CL data does; a robot program is written (.src, .mod,",
         ),
         (("-o", "1.src"), "program name '1'"),
     ],
@@ -275,7 +275,7 @@ def test_another_maker_s_arm_gets_no_krl(cli, bench: Path) -> None:
     (bench / "ur.toml").write_text('schema = 1\n[robot]\npreset = "UR5"\n')
     got = cli("program", bench / "ur.toml", bench / "top.apt", "-o", bench / "job.src")
     assert got.code == 1
-    assert "programs are written in KRL" in got.err
+    assert "post 'krl' writes KRL, for arms of kuka" in got.err
 
 
 def test_the_table_and_the_notes(cli, bench: Path) -> None:

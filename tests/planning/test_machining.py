@@ -15,10 +15,12 @@ from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ConfigurationError, FormatError, ReachError
 from robotrue.planning.arm_scene import to_obstacle
-from robotrue.planning.machining import MachiningSettings, Side, job_program, plan_machining
+from robotrue.planning.machining import MachiningSettings, Side, job_moves, plan_machining
 from robotrue.planning.transit import scene_without_reflector, transit
-from robotrue.program.formats.krl_machining import KrlSpeeds, machining_program
 from robotrue.program.lang import find_language
+from robotrue.program.posts import read_posts
+from robotrue.program.posts.machining_moves import JobSpeeds
+from robotrue.program.posts.post_writer import write_machining
 from robotrue.program.program import FrameTable, Motion
 from robotrue.program.toolpath import Remark, Toolpath
 from robotrue.robot.forward import forward
@@ -56,8 +58,9 @@ def sides(*names: str) -> list[Side]:
     return [Side(path=path(name), T_base_part=PART) for name in names]
 
 
-def krl(job, speeds: KrlSpeeds | None = None) -> bytes:
-    return job_program(job, CELL.robot, "job", speeds or KrlSpeeds())
+def krl(job, speeds: JobSpeeds | None = None, name: str = "job") -> bytes:
+    moves = job_moves(job, CELL.robot, name, speeds or JobSpeeds())
+    return write_machining(read_posts()["krl"], moves).files[f"{name}.src"]
 
 
 @pytest.fixture(scope="module")
@@ -188,7 +191,7 @@ def test_a_point_that_cuts_without_a_feed_is_refused_with_its_line():
     found = plan_machining(CELL, [one], MachiningSettings())
     with pytest.raises(FormatError, match=r"^top\.apt:5: this point cuts and no feed"):
         krl(found)
-    assert b"$VEL.CP=0.005" in krl(found, KrlSpeeds(feed=0.005))
+    assert b"$VEL.CP=0.005" in krl(found, JobSpeeds(feed=0.005))
 
 
 def test_two_tools_and_two_clampings_are_refused():
@@ -222,9 +225,9 @@ def test_a_home_in_the_part_is_refused_and_a_clear_one_chosen():
 @pytest.mark.parametrize(
     ("make", "says"),
     [
-        (lambda: KrlSpeeds(rapid=9.0), "rapid 9000 mm/s"),
-        (lambda: KrlSpeeds(blend=-1.0), "blend -1000 mm"),
-        (lambda: KrlSpeeds(joint=0), "joint speed 0 %"),
+        (lambda: JobSpeeds(rapid=9.0), "rapid 9000 mm/s"),
+        (lambda: JobSpeeds(blend=-1.0), "blend -1000 mm"),
+        (lambda: JobSpeeds(joint=0), "joint speed 0 %"),
         (lambda: MachiningSettings(lift=-0.1), "the lift is -100 mm"),
     ],
 )
@@ -233,6 +236,6 @@ def test_settings_out_of_range_are_refused(make, says):
         make()
 
 
-def test_a_name_krl_does_not_allow():
+def test_a_name_krl_does_not_allow(job):
     with pytest.raises(ConfigurationError, match="program name '1job'"):
-        machining_program("1job", TOOL, [], np.empty((0, 6)), KrlSpeeds())
+        krl(job, name="1job")

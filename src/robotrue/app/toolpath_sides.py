@@ -19,10 +19,10 @@ from robotrue.errors import ConfigurationError
 from robotrue.planning.machining import MachiningJob, Side
 from robotrue.planning.tool_axis import Posed
 from robotrue.program.contour import Contour, contour_of, keep_inside, side_direction
-from robotrue.program.formats.krl_machining import KrlSpeeds
 from robotrue.program.formats.toolpaths import read_toolpath
 from robotrue.program.identity import ProgramIdentity
 from robotrue.program.outline import area
+from robotrue.program.posts.machining_moves import JobSpeeds
 from robotrue.program.toolpath import cut_length, duration, leave_stock
 
 PASSES: Final = ("rough", "finish")
@@ -221,7 +221,7 @@ def sides_document(
     job: MachiningJob,
     frames: Sequence[PartFrame | None],
     passes: Sequence[SidePass],
-    speeds: KrlSpeeds,
+    speeds: JobSpeeds,
 ) -> SidesDocument:
     """Returns the job as JSON values: mm, deg, s; keys as in the reference."""
     moves = sum(len(each) for each in job.moves)
@@ -235,7 +235,7 @@ def sides_document(
 
 
 def _side_document(
-    side: Posed, frame: PartFrame | None, speeds: KrlSpeeds, found: SidePass
+    side: Posed, frame: PartFrame | None, speeds: JobSpeeds, found: SidePass
 ) -> SideDocument:
     path = side.path
     return {

@@ -26,12 +26,12 @@ from robotrue.cell.schema import (
     TargetTable,
     TrackerTable,
 )
-from robotrue.cell.schema_faults import configuration_error, line_of_key
 from robotrue.core.arrays import Array
 from robotrue.core.files import parse_toml, read_bytes, sha256
 from robotrue.core.model_identity import ModelIdentity
 from robotrue.core.poses import pose, pose_from_xyz_abc
 from robotrue.core.provenance import Provenance, SourceFile
+from robotrue.core.schema_faults import configuration_error, line_of_key
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ConfigurationError, ShapeError
 from robotrue.measurement.tracker import DEFAULT_SPECIFICATION, TrackerSpecification, one_sigma
@@ -73,7 +73,7 @@ def parse_cell(data: bytes, path: str | Path, *, files: Mapping[str, bytes] | No
     try:
         file = CellFile.model_validate(tables)
     except ValidationError as cause:
-        raise configuration_error(cause, path=path, text=text) from None
+        raise configuration_error(cause, path=path, text=text, schema=CellFile) from None
     try:
         return _build_cell(file, _Source(path=Path(path), text=text, data=data, files=files))
     except (ConfigurationError, ShapeError) as cause:

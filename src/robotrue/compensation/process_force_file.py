@@ -25,7 +25,6 @@ from typing import Final, TypeAlias, TypeGuard, get_args
 
 import numpy as np
 
-from robotrue.cell.schema_faults import line_of_key
 from robotrue.compensation.process_force import (
     FEEDING,
     Axes,
@@ -37,6 +36,7 @@ from robotrue.compensation.process_force import (
 )
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.files import read_toml
+from robotrue.core.schema_faults import line_of_key
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError, RobotrueError
 from robotrue.measurement.formats.sheet import Sheet, column_key

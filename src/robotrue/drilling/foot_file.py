@@ -27,9 +27,9 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from robotrue.cell.schema import Above0, Number, Three, Two
-from robotrue.cell.schema_faults import configuration_error, line_of_key
 from robotrue.core.arrays import Array
 from robotrue.core.files import read_toml
+from robotrue.core.schema_faults import configuration_error, line_of_key
 from robotrue.core.units import DEG, MM, UM
 from robotrue.drilling.foot import FLAT, MAX_TILT_DEG, READING_SIGMA_UM, Foot, Skin, TakenZero
 from robotrue.drilling.head import AXIS_ORDER, AxisOrder, Head

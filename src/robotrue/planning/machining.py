@@ -17,6 +17,7 @@ import numpy as np
 
 from robotrue.cell.cell import Cell
 from robotrue.cell.obstacles import Box
+from robotrue.core.arm_words import Maker
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.columns import Column, Columns
 from robotrue.core.mesh import TriangleMesh
@@ -27,9 +28,15 @@ from robotrue.planning.arm_scene import Scene
 from robotrue.planning.plan_defaults import LIFT_MM
 from robotrue.planning.tool_axis import Posed, resolve_spin
 from robotrue.planning.transit import find_collisions, scene_without_reflector, transit
-from robotrue.program.formats.krl_machining import KrlSpeeds, SideMoves, machining_program
+from robotrue.program.posts.machining_moves import (
+    JobSpeeds,
+    JointMoves,
+    MachiningMoves,
+    SideMoves,
+)
 from robotrue.program.toolpath import Toolpath
-from robotrue.robot.configuration import controller_axes
+from robotrue.robot.configuration import configuration_words, controller_axes
+from robotrue.robot.forward import forward
 from robotrue.robot.inverse import branch_of
 from robotrue.robot.model import RobotModel
 from robotrue.robot.spin import SHAPES, SpinSettings
@@ -225,33 +232,56 @@ def plan_machining(
     return MachiningJob(sides=tuple(posed), moves=moves, notes=tuple(notes))
 
 
-def job_program(
+def job_moves(
     job: MachiningJob,
     robot: RobotModel,
     name: str,
-    speeds: KrlSpeeds,
+    speeds: JobSpeeds,
     *,
+    words_of: Maker = "",
     remarks: Sequence[str] = (),
-) -> bytes:
-    """Returns the KRL program (``.src``) of a job.
+) -> MachiningMoves:
+    """Returns what the program of a job says, for :func:`robotrue.program.posts.post_writer`.
 
     Args:
         job: Of this arm.
         robot: The nominal arm with the tool that cuts.
         name: Name of the program.
         speeds: Rapid, joint and default feed.
+        words_of: Whose configuration words the targets carry; empty for none.
         remarks: Comments for the head.
 
     Raises:
-        ConfigurationError: A name KRL does not allow.
-        FormatError: A point that cuts without a feed, with its line.
+        ConfigurationError: Not an ortho-parallel arm, of whose maker words are asked.
     """
-    axes = [controller_axes(robot, moves) for moves in job.moves]
+    moves = [_joint_moves(robot, joints, words_of) for joints in job.moves]
     sides = [
-        SideMoves(axes=before, path=side.path, rotation=side.rotation, T_base_part=side.T_base_part)
-        for before, side in zip(axes[:-1], job.sides, strict=True)
+        SideMoves(
+            before=before,
+            path=side.path,
+            rotation=side.rotation,
+            words=configuration_words(robot, words_of, side.joints),
+            T_base_part=side.T_base_part,
+        )
+        for before, side in zip(moves[:-1], job.sides, strict=True)
     ]
-    return machining_program(name, robot.T_flange_tool, sides, axes[-1], speeds, remarks=remarks)
+    return MachiningMoves(
+        name=name,
+        T_flange_tool=robot.T_flange_tool,
+        sides=tuple(sides),
+        after=moves[-1],
+        words_of=words_of,
+        speeds=speeds,
+        remarks=tuple(remarks),
+    )
+
+
+def _joint_moves(robot: RobotModel, joints: Array, words_of: Maker) -> JointMoves:
+    return JointMoves(
+        axes=controller_axes(robot, joints),
+        T_base_tool=forward(robot.nominal(), joints),
+        words=configuration_words(robot, words_of, joints),
+    )
 
 
 def _pose_side(

@@ -26,10 +26,17 @@ if TYPE_CHECKING:
     from robotrue.cell.part import PartFrame
     from robotrue.core.arrays import Array
     from robotrue.planning.machining import MachiningSettings
-    from robotrue.program.formats.krl_machining import KrlSpeeds
     from robotrue.program.identity import ProgramIdentity
+    from robotrue.program.posts.machining_moves import JobSpeeds
+    from robotrue.program.posts.post_description import Post
+    from robotrue.program.posts.post_writer import WrittenProgram
 
 HEAD: Final = "written by robotrue; drive it once slowly, without the spindle"
+SUFFIXES: Final = (
+    *(".src", ".mod", ".modx", ".prg", ".script", ".urscript", ".jbi", ".ls", ".pgx"),
+    *(".mpf", ".spf", ".arc", ".h", ".nc", ".tap", ".cnc", ".ngc"),
+)
+"""Of programs in the languages that are read; a post may state others."""
 
 
 class ProgramRequest(Request):
@@ -52,12 +59,18 @@ class ProgramRequest(Request):
         Path,
         Output(
             names=("--output", "-o"),
-            what="a KRL program",
-            suffixes=(".src",),
-            only=True,
-            help="KRL program (.src) to write.",
+            what="a robot program",
+            suffixes=SUFFIXES,
+            help="Program to write; its suffix says the language: .src is KRL, .mod RAPID, ...",
         ),
     ]
+    language: Annotated[
+        str | None,
+        Option(help="Post that writes it, by name, where the suffix does not say which."),
+    ] = None
+    post: Annotated[
+        Path | None, InputFile(help="Post description of your own (TOML) that writes it.")
+    ] = None
     model: Annotated[
         Reference | None, Item(noun="model", help="Also compensate the program with this model.")
     ] = None
@@ -91,7 +104,9 @@ class ProgramRequest(Request):
     feed_mm_per_min: Annotated[
         float | None, Option(help="Feed of points that cut before any is stated.")
     ] = None
-    blend_mm: Annotated[float, Option(help="$APO.CDIS; 0 stops at every point.")] = BLEND_MM
+    blend_mm: Annotated[
+        float, Option(help="How far a corner may be cut; 0 stops at every point.")
+    ] = BLEND_MM
     max_shift_mm: Annotated[
         float, Option(help="With --model: leave a target alone that would move further.")
     ] = MAX_SHIFT_MM
@@ -150,11 +165,10 @@ def run(request: ProgramRequest, context: Context) -> MadeProgram:
     """Writes the program and says what each side asks of the arm.
 
     Raises:
-        ConfigurationError: A name, a limit or a part frame that cannot be.
-        ModelMismatchError: Not a KUKA arm, or a model of another arm.
+        ConfigurationError: A name, a limit, a post or a part frame that cannot be.
+        ModelMismatchError: An arm the language is not for, or a model of another arm.
         ReachError: A point out of reach, or no clear way between sides.
     """
-    from robotrue.app.program_page import program_page
     from robotrue.app.registered import provenance_of_file, provenance_used
     from robotrue.app.toolpath_sides import (
         choose_frames,
@@ -164,13 +178,14 @@ def run(request: ProgramRequest, context: Context) -> MadeProgram:
         read_pass,
         sides_document,
     )
-    from robotrue.core.files import write_atomic
     from robotrue.core.mesh import read_mesh
-    from robotrue.planning.machining import job_program, plan_machining
-    from robotrue.program.identity import identity_path, write_identity
+    from robotrue.planning.machining import job_moves, plan_machining
+    from robotrue.program.posts import choose_post
+    from robotrue.program.posts.post_writer import write_machining
 
     output, paths = context.output(request.output), request.toolpaths
-    cell, settings = _cell_and_settings(request, context)
+    post = choose_post(request.output, name=request.language, file=request.post)
+    cell, settings = _cell_and_settings(request, post, context)
     speeds = _read_speeds(request)
     mesh = None if request.mesh is None else read_mesh(request.mesh)
     frames = choose_frames(cell, paths, request.part)
@@ -182,20 +197,15 @@ def run(request: ProgramRequest, context: Context) -> MadeProgram:
     ]
     sides = [each.side for each in passes]
     job = plan_machining(cell, sides, settings, mesh=mesh)
-    data = job_program(job, cell.robot, output.stem, speeds, remarks=(HEAD,))
+    moves = job_moves(job, cell.robot, output.stem, speeds, words_of=post.words_of, remarks=(HEAD,))
+    program = write_machining(post, moves, output.name)
+    _require_own_files(program, output)
     notes = [*note_frames(cell, frames), *(n for s in sides for n in s.path.notes), *job.notes]
+    notes += program.at_controller
     identity = identity_of_frame(cell, frames[0], paths[0])
+    beside, made = _write_files(request, context, cell, frames[0], program, identity)
     origin = provenance_used(cell, None)
-    made: Mapping[str, object] | None = None
-    beside: object = None
-    if request.model is None:
-        write_atomic(output, data)
-        if identity is not None:
-            write_identity(output, data, identity)
-            beside = str(identity_path(output))
-    else:
-        made = _compensate(request, context, cell, frames[0], data, identity)
-        beside = made.get("identity")
+    if request.model is not None:
         origin = merge([origin, provenance_of_file(context.model_file(request.model))])
     document: ProgramDocument = {
         "output": str(output),
@@ -204,12 +214,7 @@ def run(request: ProgramRequest, context: Context) -> MadeProgram:
         "compensation": made,
         "notes": notes,
     }
-    if request.report is not None:
-        page = context.output(request.report)
-        write_atomic(
-            page, program_page(cell, document, simulated=bool(simulation_mark(origin))).encode()
-        )
-        context.wrote("report", page)
+    _write_page(request, context, cell, document, origin)
     for note in notes:
         context.note(note)
     count = f"{len(sides)} side{'' if len(sides) == 1 else 's'}"
@@ -217,12 +222,91 @@ def run(request: ProgramRequest, context: Context) -> MadeProgram:
     return MadeProgram(counts=document, provenance=origin)
 
 
-def _cell_and_settings(request: ProgramRequest, context: Context) -> tuple[Cell, MachiningSettings]:
+def _write_page(
+    request: ProgramRequest,
+    context: Context,
+    cell: Cell,
+    document: ProgramDocument,
+    origin: Provenance,
+) -> None:
+    from robotrue.app.program_page import program_page
+    from robotrue.core.files import write_atomic
+
+    if request.report is not None:
+        page = context.output(request.report)
+        write_atomic(
+            page, program_page(cell, document, simulated=bool(simulation_mark(origin))).encode()
+        )
+        context.wrote("report", page)
+
+
+def _require_own_files(program: WrittenProgram, output: Path) -> None:
+    """Refuses to write over a file of frames beside the program that is not of this program.
+
+    Raises:
+        ConfigurationError: There is one.
+    """
+    from robotrue.core.files import read_bytes
+
+    mark = f"robotrue {output.stem}.".encode()
+    for name in list(program.files)[1:]:
+        path = output.with_name(name)
+        if path.stem == output.stem or not path.exists() or mark in read_bytes(path):
+            continue
+        raise ConfigurationError(
+            f"{name} beside the program is not of it, and the program needs its own.",
+            source=path,
+            hint="write the program into a folder of its own.",
+        )
+
+
+def _write_files(
+    request: ProgramRequest,
+    context: Context,
+    cell: Cell,
+    frame: PartFrame | None,
+    program: WrittenProgram,
+    identity: ProgramIdentity | None,
+) -> tuple[object, Mapping[str, object] | None]:
+    """Writes the files; returns the path of the identity, and what compensation made of them."""
+    from robotrue.core.files import write_atomic
+    from robotrue.program.identity import identity_path, write_identity
+
+    output = context.output(request.output)
+    made: dict[str, object] | None = None
+    if request.model is not None:
+        made = _compensate(request, context, cell, frame, program, identity)
+    first, *others = program.files
+    written = [first] if made is None else []
+    written += [name for name in others if made is None or not _holds_targets(program, name)]
+    for name in written:
+        write_atomic(output if name == first else output.with_name(name), program.files[name])
+    for name in others:
+        context.wrote("beside it", output.with_name(name))
+    if made is not None:
+        return made.get("identity"), made
+    if identity is None:
+        return None, None
+    write_identity(output, program.files[first], identity)
+    return str(identity_path(output)), None
+
+
+def _holds_targets(program: WrittenProgram, name: str) -> bool:
+    """Whether compensation writes this file besides the first, since targets stand in it."""
+    from robotrue.program.lang import languages
+
+    first = next(iter(program.files))
+    return any(name in each.name_companions(first) for each in languages().values())
+
+
+def _cell_and_settings(
+    request: ProgramRequest, post: Post, context: Context
+) -> tuple[Cell, MachiningSettings]:
     """The cell, and how the sides are to be driven.
 
     Raises:
-        ConfigurationError: A name that KRL does not take, a limit or a home that is none.
-        ModelMismatchError: Not a KUKA arm.
+        ConfigurationError: A name that the language does not take, a limit or a home that is none.
+        ModelMismatchError: An arm of another maker than those of the post.
     """
     import numpy as np
 
@@ -230,11 +314,11 @@ def _cell_and_settings(request: ProgramRequest, context: Context) -> tuple[Cell,
     from robotrue.cell.cutter_axis import cutter_axis
     from robotrue.compensation.steps import StepRule
     from robotrue.planning.machining import MachiningSettings
-    from robotrue.program.formats.krl_machining import require_name
+    from robotrue.program.posts.post_writer import require_name
     from robotrue.robot.spin import SpinSettings
 
     StepRule(max_mm=request.max_step_mm, allow=request.allow_steps)
-    require_name(request.output.stem)
+    require_name(post, request.output.stem)
     if not 0.0 <= request.stock_mm <= 100.0:
         raise ConfigurationError(
             f"--stock-mm is {request.stock_mm:g} mm, expected 0 to 100.", hint="--stock-mm 1"
@@ -243,11 +327,12 @@ def _cell_and_settings(request: ProgramRequest, context: Context) -> tuple[Cell,
         raise ConfigurationError(f"--margin-mm is {request.margin_mm:g} mm, expected 0 or more.")
     path = context.cell_file(request.cell)
     cell = read_cell(path)
-    if cell.robot.maker != "kuka":
+    if post.stated.makers and cell.robot.maker not in post.stated.makers:
         raise ModelMismatchError(
-            f"{cell.robot.name} is of maker {cell.robot.maker!r}; programs are written in KRL, for "
-            "KUKA controllers.",
+            f"{cell.robot.name} is of maker {cell.robot.maker!r}; post {post.stated.name!r} writes "
+            f"{post.stated.title}, for arms of {', '.join(post.stated.makers)}.",
             source=path,
+            hint="a suffix of -o for this arm's controller; [robot] maker states the maker.",
         )
     settings = MachiningSettings(
         spin=SpinSettings(cutter=cutter_axis(cell, request.cutter)),
@@ -257,11 +342,11 @@ def _cell_and_settings(request: ProgramRequest, context: Context) -> tuple[Cell,
     return cell, settings
 
 
-def _read_speeds(request: ProgramRequest) -> KrlSpeeds:
-    from robotrue.program.formats.krl_machining import KrlSpeeds
+def _read_speeds(request: ProgramRequest) -> JobSpeeds:
+    from robotrue.program.posts.machining_moves import JobSpeeds
 
     feed = request.feed_mm_per_min
-    return KrlSpeeds(
+    return JobSpeeds(
         rapid=request.rapid_mm_per_s * MM,
         feed=float("nan") if feed is None else feed * MM / 60.0,
         blend=request.blend_mm * MM,
@@ -285,7 +370,7 @@ def _compensate(
     context: Context,
     cell: Cell,
     frame: PartFrame | None,
-    data: bytes,
+    program: WrittenProgram,
     identity: ProgramIdentity | None,
 ) -> dict[str, object]:
     """Compensates the program as ``robotrue compensate`` would, from a file of its own."""
@@ -307,9 +392,10 @@ def _compensate(
         )
     with tempfile.TemporaryDirectory() as folder:
         plain = Path(folder) / request.output.name
-        write_atomic(plain, data)
+        for name, data in program.files.items():
+            write_atomic(plain.with_name(name), data)
         if identity is not None:
-            write_identity(plain, data, identity)
+            write_identity(plain, program.files[plain.name], identity)
         asked = CompensateRequest(
             model=request.model,
             program=(plain,),

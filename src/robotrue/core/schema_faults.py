@@ -1,4 +1,4 @@
-"""What is wrong with a cell.toml, in the user's words: key, value, what is allowed, line."""
+"""What is wrong with a TOML file, in the user's words: key, value, what is allowed, line."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from typing import Final, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from robotrue.cell.schema import CellFile
 from robotrue.core.document_decoder import expected_value, join_key, show_value
 from robotrue.errors import ConfigurationError
 
@@ -22,7 +21,7 @@ def configuration_error(
     *,
     path: str | Path,
     text: str,
-    schema: type[BaseModel] = CellFile,
+    schema: type[BaseModel],
 ) -> ConfigurationError:
     """Returns the error for the first fault pydantic found; unknown keys come before the others.
 
