@@ -169,6 +169,13 @@ _FRAME_VA: Final = """[*SYSTEM*]$MNUFRAME  Storage: CMOS  Access: RW  : ARRAY[1,
       X:     0.000   Y:     0.000   Z:   200.000
       W:     0.000   P:     0.000   R:     0.000
 """
+_POSREG_VA: Final = """[*POSREG*]$POSREG  Storage: CMOS  Access: RW  : ARRAY[1,99] OF Position Reg
+    [1,1] =   '' Uninitialized
+    [1,2] =   'home'
+  Group: 1   Config: N U T, 0, 0, 0
+  X:   650.000   Y:     0.000   Z:   700.000
+  W:   180.000   P:     0.000   R:     0.000
+"""
 FANUC: Final = (
     Case("handling: frames of SYSFRAME.VA", {
         "PICK.LS": _ls("   1:  UFRAME_NUM=1 ;\n   2:  UTOOL_NUM=1 ;\n   3:J P[1] 50% CNT50    ;\n"
@@ -176,12 +183,54 @@ FANUC: Final = (
                        {1: (1, 1), 2: (1, 1), 3: (1, 1)}),
         "SYSFRAME.VA": _FRAME_VA}, 3),
     Case("approach by an offset of constants", {
-        "OFFS.LS": _ls("   1:  UFRAME_NUM=1 ;\n   2:  UTOOL_NUM=1 ;\n"
+        "OFFS.LS": _ls("   1:  UFRAME_NUM=1 ;\n   2:  UTOOL_NUM=1 ;\n   3:  PR[1]=LPOS-LPOS    ;\n"
+                       "   4:  PR[1,3]=50    ;\n"
+                       "   5:L P[1] 200mm/sec FINE Offset,PR[1]    ;\n"
+                       "   6:L P[1] 200mm/sec FINE    ;\n",
+                       {1: (1, 1)}),
+        "SYSFRAME.VA": _FRAME_VA}, 2),
+    Case("approach by an offset of which the job sets three of six numbers", {
+        "PART.LS": _ls("   1:  UFRAME_NUM=1 ;\n   2:  UTOOL_NUM=1 ;\n"
                        "   3:  PR[1,1]=0    ;\n   4:  PR[1,2]=0    ;\n   5:  PR[1,3]=50    ;\n"
                        "   6:L P[1] 200mm/sec FINE Offset,PR[1]    ;\n"
                        "   7:L P[1] 200mm/sec FINE    ;\n",
                        {1: (1, 1)}),
         "SYSFRAME.VA": _FRAME_VA}, 2),
+    Case("registers set from a position, by sums and numbers in R", {
+        "SUMS.LS": _ls("   1:  UFRAME_NUM=1 ;\n   2:  UTOOL_NUM=1 ;\n   3:  R[1]=120    ;\n"
+                       "   4:  PR[5]=P[1]    ;\n   5:  PR[5,3]=PR[5,3]+R[1]    ;\n"
+                       "   6:J PR[5] 50% CNT50    ;\n   7:L P[1] 200mm/sec FINE    ;\n"
+                       "   8:  PR[6]=LPOS-LPOS    ;\n   9:  PR[6,2]=(-30)    ;\n"
+                       "  10:  PR[7]=PR[5]+PR[6]    ;\n  11:L PR[7] 200mm/sec CNT10    ;\n"
+                       "  12:L P[2] 200mm/sec FINE Tool_Offset,PR[6]    ;\n"
+                       "  13:  OFFSET CONDITION PR[6]    ;\n"
+                       "  14:L P[2] 200mm/sec FINE Offset    ;\n",
+                       {1: (1, 1), 2: (1, 1)}),
+        "SYSFRAME.VA": _FRAME_VA}, 5),
+    Case("a loop, a branch and a called program between them", {
+        "LOOP.LS": _ls("   1:  UFRAME_NUM=1 ;\n   2:  UTOOL_NUM=1 ;\n   3:  PR[1]=LPOS-LPOS    ;\n"
+                       "   4:  PR[1,3]=60    ;\n   5:  FOR R[2]=1 TO 4    ;\n"
+                       "   6:L P[1] 200mm/sec FINE Offset,PR[1]    ;\n   7:  CALL GRIP    ;\n"
+                       "   8:L P[2] 200mm/sec FINE Offset,PR[1]    ;\n   9:  ENDFOR    ;\n"
+                       "  10:  IF DI[3]=ON,JMP LBL[9]    ;\n  11:L P[3] 200mm/sec FINE    ;\n"
+                       "  12:  LBL[9]    ;\n  13:L P[4] 200mm/sec FINE Offset,PR[1]    ;\n",
+                       {1: (1, 1), 2: (1, 1), 3: (1, 1), 4: (1, 1)}),
+        "GRIP.LS": _ls("   1:  DO[4]=ON    ;\n   2:  WAIT    .50(sec)    ;\n", {1: (1, 1)})
+        .replace("/PROG  JOB", "/PROG  GRIP"),
+        "SYSFRAME.VA": _FRAME_VA}, 4),
+    Case("home and rest in registers of POSREG.VA", {
+        "REST.LS": _ls("   1:  UFRAME_NUM=1 ;\n   2:  UTOOL_NUM=1 ;\n"
+                       "   3:J PR[2:home] 50% FINE    ;\n   4:L P[1] 200mm/sec FINE    ;\n"
+                       "   5:C P[2]    \n       P[3] 200mm/sec FINE    ;\n"
+                       "   6:J PR[2:home] 50% FINE    ;\n",
+                       {1: (1, 1), 2: (1, 1), 3: (1, 1)}),
+        "POSREG.VA": _POSREG_VA, "SYSFRAME.VA": _FRAME_VA}, 5),
+    Case("a shelf counted by a register, a point of vision", {
+        "SHELF.LS": _ls("   1:  UFRAME_NUM=1 ;\n   2:  UTOOL_NUM=1 ;\n   3:L P[1] 99mm/sec FINE ;\n"
+                        "   4:  PR[3,3]=R[7]*40    ;\n   5:L P[2] 200mm/sec FINE Offset,PR[3]  ;\n"
+                        "   6:L P[3] 200mm/sec FINE VOFFSET,VR[1]    ;\n",
+                        {1: (1, 1), 2: (1, 1), 3: (1, 1)}),
+        "SYSFRAME.VA": _FRAME_VA}, 1),
 )  # fmt: skip
 JBI: Final = (
     Case("handling: user frame of UFRAME.CND", {

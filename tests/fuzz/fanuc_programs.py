@@ -48,7 +48,7 @@ def _config(pen: Pen) -> str:
 
 def _moves(pen: Pen, i: int) -> list[str]:
     kind, move = (
-        pen.whole(0, 9),
+        pen.whole(0, 12),
         f"P[{i}] {pen.pick('200mm/sec', '10cm/min')} {pen.pick('CNT1', 'FINE')} ;",
     )
     if kind <= 3:
@@ -65,4 +65,14 @@ def _moves(pen: Pen, i: int) -> list[str]:
     if kind == 8:
         return [f"L P[{i}:x] 5mm/sec FINE Offset,PR[1] ;", "  CALL SUB ;",
                 f"Touch Offset PR[{i}] ;", f"L {move}", "Touch Offset End ;"]  # fmt: skip
+    if kind == 10:
+        return [f"PR[{i}]=P[{i}] ;", f"PR[{i},3]=PR[{i},3]+{pen.whole(0, 9)} ;",
+                f"L PR[{i}] 5mm/sec FINE ;", f"L {move}"]  # fmt: skip
+    if kind == 11:
+        return ["PR[90]=LPOS-LPOS ;", f"PR[90,{pen.whole(1, 3)}]=({pen.whole(-9, 9)}) ;",
+                f"L P[{i}] 5mm/sec FINE {pen.pick('', 'Tool_')}Offset,PR[90] ;",
+                *([f"L {move}"] if pen.chance(0.5) else [])]  # fmt: skip
+    if kind == 12:
+        return [f"IF DI[{i}]=ON,JMP LBL[{i}] ;", f"PR[90,1]={i} ;", f"LBL[{i}] ;",
+                f"J P[{i}:x] 4% FINE Offset,PR[90] ;"]  # fmt: skip
     return ["  DO[5]=ON ;", "  WAIT   .50(sec) ;", f"S {move}", "  LBL[1] ;"]

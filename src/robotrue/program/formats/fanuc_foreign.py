@@ -51,6 +51,13 @@ def words_behind(tail: bytes) -> bytes:
     return words[: timed.start()] if timed else words
 
 
+def cut_timed(tail: bytes) -> bytes:
+    """Returns what stands behind a target up to what is called at a time."""
+    words = _BRACKETS.sub(lambda match: b"[" + b" " * (len(match[0]) - 2) + b"]", tail.upper())
+    timed = _TIMED.search(words)
+    return tail[: timed.start()] if timed else tail
+
+
 def odd_word(words: bytes) -> str:
     """Returns the first of the words behind a target that may move it, or nothing."""
     odd = [word for word in words.split() if not _HARMLESS.fullmatch(word)]

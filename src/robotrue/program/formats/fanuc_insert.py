@@ -15,6 +15,7 @@ import numpy as np
 
 from robotrue.core.arm_words import NO_WORD
 from robotrue.errors import ShapeError
+from robotrue.program.formats.fanuc_copies import MOST, behind_records, copy_record
 from robotrue.program.formats.fanuc_scan import FanucScan, scan
 from robotrue.program.formats.fanuc_write import config_word, read_config
 from robotrue.program.formats.move_trail import (
@@ -47,10 +48,6 @@ _QUIET: Final = re.compile(
 _LOOPS: Final = ((re.compile(rb"\s*FOR\b"), 1), (re.compile(rb"\s*ENDFOR\b"), -1))
 _HEAD: Final = re.compile(rb"\A[ \t]*(\d+)[ \t]*:")
 _COUNT: Final = re.compile(rb"(LINE_COUNT\s*=\s*)(\d+)")
-_NAME: Final = re.compile(rb"\s*P\s*\[[^\]]*\]")
-_CLOSE: Final = re.compile(rb"\}\s*;[ \t]*(?:\r\n|\n|\r)?")
-_MOST: Final = 32_766
-"""Highest number of a position."""
 
 
 class _Reader:
@@ -61,6 +58,7 @@ class _Reader:
         self.found = scan(program.data, name=program.name)
         self.row = {number: row for row, number in enumerate(self.found.number.tolist())}
         self.lines = line_starts(program.data)
+        self.written = {first for each in program.spans.written for first, _ in each.spans}
 
     def read(self) -> None:
         """Reads every statement."""
@@ -93,7 +91,7 @@ class _Reader:
         begin, end = match.span(2)
         count = 2 if letter == b"C" else 1
         targets = list(_TARGET.finditer(self.data, begin, end))[:count]
-        if len(targets) < count:
+        if len(targets) < count or self.written & {each.start() for each in targets}:
             self.run.close()
             self.trail.lose()
             return
@@ -195,26 +193,17 @@ class _Writer:
     def _position(self, model: int, row: int) -> bytes:
         """Adds a record like another and returns its name."""
         number, self.next = self.next, self.next + 1
-        if number > _MOST:
-            raise ShapeError(f"P[{number}] is no position: numbers end at {_MOST}.")
-        data, found, tokens = self.data, self.found, self.program.spans.tokens
-        begin = line_start(data, int(found.place[model]))
-        close = _CLOSE.search(data, int(tokens.start[model, 5]))
-        end = close.end() if close else len(data)
-        head = _NAME.match(data, begin)
-        edits = [(begin, head.end() - begin if head else 0, b"P[%d]" % number)]
+        if number > MOST:
+            raise ShapeError(f"P[{number}] is no position: numbers end at {MOST}.")
+        tokens = self.program.spans.tokens
         values = new_numbers(
             self.program, model, self.insertion.position[row], self.insertion.rotation[row]
         )
         starts, sizes = tokens.start[model].tolist(), tokens.length[model].tolist()
-        edits += zip(starts, sizes, values, strict=True)
+        edits = [*zip(starts, sizes, values, strict=True)]
         edits += self._config(model, self.insertion.words[row].tolist())
-        out: list[bytes] = []
-        cursor = begin
-        for first, size, text in sorted(edits):
-            out += data[cursor:first], text
-            cursor = first + size
-        self.records.append(b"".join([*out, data[cursor:end]]))
+        place = int(self.found.place[model])
+        self.records.append(copy_record(self.data, place, starts[5], number, edits))
         return b"P[%d]" % number
 
     def _config(self, model: int, words: list[int]) -> list[tuple[int, int, bytes]]:
@@ -255,8 +244,7 @@ class _Writer:
             int(self.program.spans.tokens.start[:, 5].max(initial=0)),
             max(self.found.others.values(), default=0),
         )
-        close = _CLOSE.search(self.data, place)
-        return close.end() if close else place
+        return behind_records(self.data, place)
 
 
 def _label(number: int, width: int) -> bytes:

@@ -9,15 +9,30 @@ from __future__ import annotations
 
 import re
 from array import array
-from collections.abc import Container, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
 
+from robotrue.core.arrays import IntArray
 from robotrue.errors import FormatError
-from robotrue.program.formats.fanuc_foreign import in_another_language, odd_word, words_behind
+from robotrue.program.formats.fanuc_foreign import (
+    cut_timed,
+    in_another_language,
+    odd_word,
+    words_behind,
+)
+from robotrue.program.formats.fanuc_offsets import (
+    NO_OFFSET,
+    MoveTarget,
+    TargetOffset,
+    join_targets,
+    read_offset,
+    target_of,
+)
 from robotrue.program.formats.fanuc_scan import FanucScan
+from robotrue.program.formats.fanuc_values import State
 from robotrue.program.formats.text_lines import line_at, line_starts
 from robotrue.program.program import Motion, Reason
 
@@ -50,6 +65,7 @@ _OPTIONS: Final = (
     (re.compile(rb"\bRTCP\b"), Reason.TOOL_ON_FLOOR, "RTCP has the tool stand outside the robot"),
     (re.compile(rb"\bCOORD\b"), Reason.EXTERNAL_AXIS, "COORD moves with another group"),
 )
+_SETS: Final = re.compile(rb"[ \t]*=")
 _TAILS: Final = 4096
 """Tails of moves remembered."""
 
@@ -62,6 +78,8 @@ class FanucMoves:
         motion: How each row is moved to, by row.
         flags: Reasons found in statements, by row.
         arcs: Rows that make one arc, or one run of arcs.
+        offsets: What moves the targets of records whose moves all have it, by row.
+        written: Targets with rows of their own, behind those of the records.
         current: What ``UFRAME_NUM`` and ``UTOOL_NUM`` are set to: distinct texts by side.
         changed: Line of the frames that the program computes, by side and number, ``?`` for any.
         calls: Programs called that may set the number of frame and tool.
@@ -72,6 +90,8 @@ class FanucMoves:
     motion: dict[int, Motion] = field(default_factory=dict)
     flags: dict[int, Reason] = field(default_factory=dict)
     arcs: list[list[int]] = field(default_factory=list)
+    offsets: dict[int, TargetOffset] = field(default_factory=dict)
+    written: list[MoveTarget] = field(default_factory=list)
     current: dict[str, set[str]] = field(default_factory=lambda: {"base": set(), "tool": set()})
     changed: dict[tuple[str, str], int] = field(default_factory=dict)
     calls: list[str] = field(default_factory=list)
@@ -89,18 +109,24 @@ def quiet_programs(files: Sequence[tuple[str, bytes]]) -> tuple[str, ...]:
     )
 
 
-def moves(scan: FanucScan, name: str, harmless: Container[str] = ()) -> FanucMoves:
+def moves(
+    scan: FanucScan,
+    name: str,
+    harmless: Container[str] = (),
+    registers: Mapping[int, State] | None = None,
+) -> FanucMoves:
     """Returns what the statements do.
 
     Args:
         scan: The program.
         name: Of its file.
         harmless: Programs that set no frame or tool number, in lower case.
+        registers: What is known of registers at moves, by the first byte of their statement.
 
     Raises:
         FormatError: A statement without its ``;``.
     """
-    walk = _Walk(scan, name, harmless)
+    walk = _Walk(scan, name, harmless, registers or {})
     at, end = scan.statements
     match = _STATEMENT.match(scan.data, at, end)
     while match is not None:
@@ -116,31 +142,42 @@ def moves(scan: FanucScan, name: str, harmless: Container[str] = ()) -> FanucMov
             line=line_at(scan.data, at),
             hint="the file is cut off or was edited: export the program again.",
         )
-    walk.close_run()
+    walk.finish()
     return walk.out
 
 
 class _Walk:
-    def __init__(self, scan: FanucScan, name: str, harmless: Container[str]) -> None:
-        self._harmless = harmless
+    def __init__(
+        self,
+        scan: FanucScan,
+        name: str,
+        harmless: Container[str],
+        registers: Mapping[int, State],
+    ) -> None:
+        self._harmless, self._registers = harmless, registers
+        self._uses: dict[int, MoveTarget] = {}
+        self._read: set[int] = set()
+        self._set: set[int] = set()
         self.name, self.data = name, scan.data
         self.out = FanucMoves()
         self._starts = line_starts(self.data)
         self._row = {number: row for row, number in enumerate(scan.number.tolist())}
-        self._others = scan.others
+        self._scan, self._others = scan, scan.others
         self._run: list[int] = []
+        self._groups: list[list[int]] = []
         self._told: set[str] = set()
         self._tails: dict[bytes, tuple[tuple[Reason, str], ...]] = {}
         self._foreign = in_another_language(scan.data, scan.statements)
         first, last = scan.statements
         self._leaps = _LEAP.search(scan.data, first, last) is not None
-        self._shifted = False
+        self._shifted = self._shifts_all = False
         tracking = _TRACKING.search(scan.data, 0, first)
         if tracking:
             self._tell("tracking", tracking.start(), "line tracking schedule "
                        f"{tracking[1].decode()}: the positions count from a frame that moves with "
                        "the conveyor; they are not compensated")  # fmt: skip
             self.out.flags |= dict.fromkeys(self._row.values(), Reason.UNKNOWN_FRAME)
+            self._set.update(self._row.values())
 
     def statement(self, place: int, text: bytes) -> None:
         """Reads one; comments and remarked statements are passed over."""
@@ -150,6 +187,7 @@ class _Walk:
             if row is not None and not options:
                 self._use(place, row, _MOTION[plain[1]])
                 return
+        place += len(text) - len(text.lstrip())
         text = text.lstrip()
         if not text or text.startswith((b"!", b"//", b"--")):
             return
@@ -162,50 +200,119 @@ class _Walk:
         elif b"P" in text or b"U" in text or b"CALL" in text:
             self._other(place, text)
 
-    def close_run(self) -> None:
+    def finish(self) -> None:
+        """Ends what is open, and gives targets of several kinds rows of their own."""
+        self._close_run()
+        path = np.array(self.out.path, np.int64).reshape(-1, 3)
+        if self._uses or self._read:
+            self._give_rows(path)
+            self.out.path = array("q", path.ravel().tolist())
+            self.out.motion.clear()
+            for _, row, how in path.tolist():
+                if row >= 0 and (row not in self.out.motion or how == Motion.PTP):
+                    self.out.motion[row] = Motion(how)
+        for group in self._groups:
+            rows = [int(path[use, 1]) if use >= 0 else -1 for use in group]
+            known = [row for row in rows if row >= 0]
+            if len(known) < len(rows):
+                for row in known:
+                    self._flag(row, Reason.EXPRESSION)
+            if known:
+                self.out.arcs.append(known)
+                if self.out.motion[known[-1]] == Motion.ARC_VIA:
+                    self.out.motion[known[-1]] = Motion.ARC_END
+
+    def _give_rows(self, path: IntArray) -> None:
+        """Writes into the path the rows of targets that are not what one record says."""
+        count = len(self._scan.number)
+        rows = {use.row for use in self._uses.values()} | self._read
+        moved = {row: np.flatnonzero(path[:, 1] == row).tolist() for row in rows if row >= 0}
+        registers = [use for use, target in self._uses.items() if target.row < 0]
+        apart = [] if self._shifts_all else registers
+        for row, uses in moved.items():
+            apart += self._uses_apart(row, uses, path)
+        targets = {use: self._use_of(use, path) for use in sorted(apart)}
+        joined = join_targets(targets.values())
+        number = {target.alike: count + k for k, target in enumerate(joined)}
+        for use, target in targets.items():
+            path[use, 1] = number[target.alike]
+        self.out.written = joined
+
+    def _uses_apart(self, row: int, uses: list[int], path: IntArray) -> list[int]:
+        """Returns the moves to a record whose target needs a row of its own.
+
+        The record serves the moves of one kind, if no other statement and no move that is not
+        understood uses it; then all the others get positions of their own.
+        """
+        if row in self._set:
+            return []
+        targets = {use: self._use_of(use, path) for use in uses}
+        good = {use: target.offset for use, target in targets.items() if target.known}
+        kinds = list(dict.fromkeys(good.values()))
+        if row in self._read or row in self.out.flags:
+            return list(good)
+        first = NO_OFFSET if NO_OFFSET in kinds else kinds[0]
+        if first != NO_OFFSET:
+            self.out.offsets[row] = first
+        return [use for use, offset in good.items() if offset != first]
+
+    def _use_of(self, use: int, path: IntArray) -> MoveTarget:
+        """Returns the target of a move; that of a plain one is found again."""
+        target = self._uses.get(use)
+        if target is None:
+            place, row, _ = path[use].tolist()
+            match = _PLAIN.match(self.data, place)
+            found = match if match is not None else _TARGET.search(self.data, place)
+            span = (0, 0) if found is None else found.span()
+            if match is not None:
+                span = match.start(2) - 2, match.start(3)
+            target = MoveTarget(row, line_at(self.data, place), (span,))
+        return target
+
+    def _close_run(self) -> None:
         """Ends a run of A moves: its points share their fate."""
         if len(self._run) > 1:
-            self.out.arcs.append(self._run)
-            if self.out.motion[self._run[-1]] == Motion.ARC_VIA:
-                self.out.motion[self._run[-1]] = Motion.ARC_END
+            self._groups.append(self._run)
         self._run = []
 
     def _move(self, place: int, letter: bytes, text: bytes) -> None:
         count = 2 if letter == b"C" else 1
-        targets = list(_TARGET.finditer(text, 0, text.rfind(b"]") + 1))[:count]
-        tail = text[targets[-1].end() :] if targets else b""
-        rows = [self._target(place, each) for each in targets]
-        known = [row for row in rows if row is not None]
-        if not known:
+        found = list(_TARGET.finditer(text, 0, text.rfind(b"]") + 1))[:count]
+        tail = text[found[-1].end() :] if found else b""
+        state = self._registers.get(place, {})
+        targets = [self._target(place, each, tail, state, arc=letter == b"C") for each in found]
+        if letter != b"A":
+            self._close_run()
+        if not any(targets):
             line, how = line_at(self.data, place), _MOTION.get(letter, Motion.ARC_END)
             self.out.path.extend((place, -line, int(how)))
-        if letter != b"A":
-            self.close_run()
+        ways = {b"C": (Motion.ARC_VIA, Motion.ARC_END), b"A": (self._next_of_run(),)}
+        uses = [
+            -1 if target is None else self._use_target(place, target, how)
+            for target, how in zip(
+                targets, ways.get(letter, (_MOTION.get(letter, Motion.LIN),)), strict=False
+            )
+        ]
         if letter == b"C":
-            for row, how in zip(rows, (Motion.ARC_VIA, Motion.ARC_END), strict=False):
-                if row is not None:
-                    self._use(place, row, how)
-            if len(known) < 2:
-                for row in known:
-                    self._flag(row, Reason.EXPRESSION)
-            self.out.arcs.append(known)
-        elif letter == b"A":
-            for row in known:
-                # The first is reached on a straight line and begins the arc.
-                how = Motion.ARC_VIA if len(self._run) % 2 else Motion.ARC_END
-                self._use(place, row, how if self._run else Motion.LIN)
-                self._run.append(row)
-        else:
-            for row in known:
-                self._use(place, row, _MOTION[letter])
-        for reason, what in self._options(tail):
-            self._tell(what, place, f"{what}; such targets are not compensated")
-            for row in known:
-                self._flag(row, reason)
+            self._groups.append(uses if len(uses) == count else [*uses, -1])
+        elif letter == b"A" and (uses[:1] != [-1] or self._run):
+            self._run += uses
 
-        if self._shifted:
-            for row in known:
-                self._flag(row, Reason.EXPRESSION)
+    def _next_of_run(self) -> Motion:
+        """The first point of a run is reached on a straight line and begins the arc."""
+        if not self._run:
+            return Motion.LIN
+        return Motion.ARC_VIA if len(self._run) % 2 else Motion.ARC_END
+
+    def _use_target(self, place: int, target: MoveTarget, how: Motion) -> int:
+        """Notes a move to a target and returns its number in the path."""
+        use = len(self.out.path) // 3
+        if target.row >= 0:
+            self._use(place, target.row, how)
+        else:
+            self.out.path.extend((place, -target.line, int(how)))
+        self._uses[use] = target
+        return use
 
     def _shift(self, place: int, ends: bool) -> None:
         """Begins or ends what moves every target by a register; in a program that jumps, all."""
@@ -213,25 +320,68 @@ class _Walk:
             self._tell("shift", place, "Touch Offset and MP OFFSET move the targets after them by "
                        "a register; they are not compensated")  # fmt: skip
             if self._leaps:
-                self._leaps = False  # once is enough
+                self._leaps, self._shifts_all = False, True  # once is enough
+                self._set.update(self._row.values())
                 for row in self._row.values():
                     self._flag(row, Reason.EXPRESSION)
         self._shifted = not ends
 
-    def _target(self, place: int, match: re.Match[bytes]) -> int | None:
-        text = match[2].strip()
-        if match[1] == b"PR":
-            self._tell("PR", place, "targets in position registers (PR) stand in the controller; "
-                       "they are not compensated")  # fmt: skip
-            return None
+    def _target(
+        self, place: int, match: re.Match[bytes], tail: bytes, state: State, *, arc: bool
+    ) -> MoveTarget | None:
+        """Returns a target of a move; None where it is no record and no known register."""
+        text, line = match[2].strip(), line_at(self.data, place)
+        span = place + match.start(), place + match.end()
         if not text.isdigit() or len(text) > 6:
-            self._note_computed(place)
+            if match[1] == b"P":
+                self._note_computed(place)
+            else:
+                self._tell("PR", place, "a position register (PR) is chosen by a computed number; "
+                           "such targets are not compensated")  # fmt: skip
             return None
+        if match[1] == b"PR":
+            target, why = target_of(int(text), state, line, span)
+            if target is None:
+                self._tell(f"PR{int(text)}", place, f"a target in a position register: {why}; such "
+                           "targets are not compensated")  # fmt: skip
+                return None
+            target = self._shift_target(
+                place, target, tail, state, frame=target.in_force[0], arc=arc
+            )
+            return target if target.known else None
         row = self._row.get(int(text))
-        if row is None and int(text) not in self._others:
-            self._tell("absent", place, f"/POS does not hold P[{int(text)}]; moves to such points "
-                       "are not compensated")  # fmt: skip
-        return row
+        if row is None:
+            if int(text) not in self._others:
+                self._tell("absent", place, f"/POS does not hold P[{int(text)}]; moves to such "
+                           "points are not compensated")  # fmt: skip
+            return None
+        target = MoveTarget(row, line, (span,))
+        frame = int(self._scan.frame[row])
+        return self._shift_target(place, target, tail, state, frame=frame, arc=arc)
+
+    def _shift_target(
+        self, place: int, target: MoveTarget, tail: bytes, state: State, *, frame: int, arc: bool
+    ) -> MoveTarget:
+        """Returns a target as the words behind it shift it; flags its record if they are odd."""
+        odd = self._options(tail)
+        if odd and not self._foreign:
+            offset, rest, why = read_offset(cut_timed(tail), state, frame)
+            others = self._options(rest)
+            joint = target.row >= 0 and bool(self._scan.is_axis[target.row])
+            shifts = offset is not None and offset != NO_OFFSET
+            if shifts and (joint or arc):
+                why = f"an {'arc' if arc else 'axis target'} with an offset is not followed"
+            elif offset is not None and not others:
+                odd, target = (), target._replace(offset=offset)
+            elif why and not others:
+                odd = ((Reason.EXPRESSION, f"{odd[0][1]}: {why}"),)
+        for reason, what in odd:
+            self._tell(what, place, f"{what}; such targets are not compensated")
+            if target.row >= 0:
+                self._flag(target.row, reason)
+        if self._shifted and target.row >= 0:
+            self._flag(target.row, Reason.EXPRESSION)
+        return target._replace(known=not odd and not self._shifted)
 
     def _other(self, place: int, text: bytes) -> None:
         """Reads a statement that is no move: frames it sets, positions it reads."""
@@ -248,13 +398,16 @@ class _Walk:
                 key = _SIDE[holder[1]], _digits(number)
                 if key not in self.out.changed:
                     self.out.changed[key] = int(np.searchsorted(self._starts, place, "right"))
-        for found in _POINT.findall(text, 0, text.rfind(b"]") + 1):
-            plain = _digits(found)
+        for match in _POINT.finditer(text, 0, text.rfind(b"]") + 1):
+            found, plain = match[1], _digits(match[1])
+            sets = _SETS.match(text, match.end()) is not None
             row = self._row.get(int(plain)) if plain.isdigit() and len(plain) <= 6 else None
             if row is not None:
+                (self._set if sets else self._read).add(row)
                 self._flag(row, Reason.EXPRESSION)
                 self._tell("read", place, f"P[{int(plain)}] is used by a statement that is no "
-                           "move; such positions are not compensated")  # fmt: skip
+                           "move; such positions are not compensated, moves to those that are only "
+                           "read get positions of their own")  # fmt: skip
             elif not found.strip().isdigit():
                 self._note_computed(place)
 
@@ -263,6 +416,7 @@ class _Walk:
             return
         self._tell("index", place, "a position is chosen by a computed number; no position of this "
                    "program is compensated")  # fmt: skip
+        self._set.update(self._row.values())
         for row in self._row.values():
             self._flag(row, Reason.EXPRESSION)
 

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
 from robotrue.core.arm_words import NO_WORD, WORDS
 from robotrue.core.arrays import BoolArray, IntArray
-from robotrue.core.units import DEG
+from robotrue.core.poses import pose
+from robotrue.core.units import DEG, MM
 from robotrue.program.external_axes import COUNT, Carried, mark_described
 from robotrue.program.formats.fanuc_moves import FanucMoves, moves
 from robotrue.program.formats.fanuc_records import CURRENT
+from robotrue.program.formats.fanuc_register_files import follow_registers
+from robotrue.program.formats.fanuc_registers import Effects
 from robotrue.program.formats.fanuc_scan import FanucScan, scan
 from robotrue.program.formats.fanuc_write import FanucSpans, read_config
 from robotrue.program.formats.numbered_frames import NumberedFrames
@@ -24,51 +28,67 @@ from robotrue.program.program import FrameTable, Motion, Program, Reason
 _HOLDER: Final = {"base": "UFRAME", "tool": "UTOOL"}
 
 
-def read_fanuc(data: bytes, name: str, frames: FrameTable) -> Program:
+def read_fanuc(data: bytes, name: str, frames: FrameTable, effects: Effects) -> Program:
     """Returns the program of an LS file.
+
+    Args:
+        data: Its bytes.
+        name: Of the file.
+        frames: What it names but does not hold.
+        effects: What programs that are called set.
 
     Raises:
         FormatError: Not an LS program, cut off, or a record that cannot be read.
     """
     found = scan(data, name=name)
-    return _Builder(found, moves(found, name, frames.harmless_routines), name, frames).program()
+    known, said = follow_registers(found, frames, effects)
+    walk = moves(found, name, frames.harmless_routines, known)
+    if walk.written or walk.offsets or not known:
+        walk.notes += [f"{name}: {each}" for each in said]
+    return _Builder(found, walk, name, frames).program()
 
 
 class _Builder:
+    """Columns of one program: its records in file order, then targets with rows of their own."""
+
     def __init__(self, found: FanucScan, walk: FanucMoves, name: str, given: FrameTable) -> None:
         self.scan, self.walk, self.name, self.given = found, walk, name, given
         self.notes: list[str] = []
         self.frames = NumberedFrames(given, name, holder=_HOLDER, zero_is_root=True)
         for (side, number), line in walk.changed.items():
             self.frames.change(side, number, line, "the program")
-        self.line = np.searchsorted(line_starts(found.data), found.place, side="right")
+        own = np.searchsorted(line_starts(found.data), found.place, side="right")
+        count, written = len(own), walk.written
+        self.line = np.concatenate([own, np.array([t.line for t in written], np.int64)])
+        self.source = np.concatenate(
+            [np.arange(count), np.array([target.row for target in written], np.int64)]
+        )
+        self.is_axis = np.where(self.source >= 0, _take(found.is_axis, self.source), 0)
+        rows = {row: count + k for k, row in enumerate(self.source[count:].tolist())}
+        copies = [(rows[row], found.external[row]) for row in rows if row in found.external]
+        self.external = {**found.external, **dict(copies)}
 
     def program(self) -> Program:
         """Returns the program."""
-        found, n = self.scan, len(self.scan.number)
-        tokens = TargetTokens(
-            start=found.start,
-            length=np.where(np.isnan(found.value), 0, found.length),
-            value=found.value,
-            kind=found.is_axis,
-            unit=np.full((2, 6), DEG),
-            whole=np.zeros(2, np.bool_),
-        )
+        found, n = self.scan, len(self.source)
+        tokens = self._tokens()
         position, rotation, axes = values_of(tokens)
-        base, tool = self._numbers("base", found.frame), self._numbers("tool", found.tool)
+        base, tool = self._frame_columns("base"), self._frame_columns("tool")
         reason = self._frame_reasons(base, tool)
+        self._shift_frames(base, tool)
         motion = np.full(n, int(Motion.UNUSED), np.int64)
         motion[list(self.walk.motion)] = list(self.walk.motion.values())
         moved = self._external(reason, base)
         reason[motion == Motion.UNUSED] = Reason.UNUSED
-        untaught = np.asarray(np.isnan(found.value).any(axis=1))
+        untaught = np.asarray(np.isnan(tokens.value).any(axis=1))
         if untaught.any():
             reason[untaught] = Reason.INCOMPLETE
             self._tell(untaught, "positions were never taught (********)", "teach them")
         reason[list(self.walk.flags)] = list(self.walk.flags.values())
         share_fate(reason, self.walk.arcs)
         self._axis_note(reason)
-        return Program(
+        config = np.full((n - len(found.number), 2), -1)
+        program = Program(
             name=self.name,
             dialect="fanuc_ls",
             data=found.data,
@@ -86,11 +106,87 @@ class _Builder:
             T_flange_tool=self.frames.stack_matrices("tool"),
             notes=tuple(dict.fromkeys(self.notes + self.walk.notes)),
             path=np.array(self.walk.path, np.int64).reshape(-1, 3),
-            spans=FanucSpans(tokens=tokens, config=found.config),
+            spans=FanucSpans(
+                tokens=tokens,
+                config=np.concatenate([found.config, config]),
+                place=found.place,
+                written=tuple(self.walk.written),
+                taken=max([0, *found.number.tolist(), *found.others]),
+                end=max([int(found.start[:, 5].max(initial=0)), *found.others.values()]),
+            ),
         )
+        return self._put_open_first(program)
+
+    def _put_open_first(self, program: Program) -> Program:
+        """Returns the program with those rows first, behind the records, that get a record.
+
+        So they stand in the order in which they are read again once they have one.
+        """
+        count, spans = len(self.scan.number), program.spans
+        closed = ~np.isin(program.reason, (Reason.NONE, Reason.JOINT_TARGET))
+        own = self.source[count:]
+        rank = np.where(closed[count:], np.where((own >= 0) & (_take(closed, own) == 0), 1, 2), 0)
+        order = np.concatenate([np.arange(count), count + np.argsort(rank, kind="stable")])
+        if np.array_equal(order, np.arange(len(order))):
+            return program
+        tokens = spans.tokens
+        path = np.array(program.path)
+        path[:, 1] = np.where(
+            path[:, 1] < 0, path[:, 1], np.argsort(order)[np.maximum(path[:, 1], 0)]
+        )
+        return replace(
+            program.take(order),
+            path=path,
+            spans=replace(
+                spans,
+                tokens=replace(tokens, value=tokens.value[order], kind=tokens.kind[order]),
+                written=tuple(spans.written[row - count] for row in order[count:].tolist()),
+            ),
+        )
+
+    def _tokens(self) -> TargetTokens:
+        """Returns where the numbers stand; those of rows without a record stand nowhere."""
+        found, written = self.scan, self.walk.written
+        nowhere = np.zeros((len(written), 6), np.int64)
+        own = [
+            found.value[target.row] if target.pose is None else np.array(target.pose.values)
+            for target in written
+        ]
+        return TargetTokens(
+            start=np.concatenate([found.start, nowhere]),
+            length=np.concatenate([np.where(np.isnan(found.value), 0, found.length), nowhere]),
+            value=np.concatenate([found.value, np.array(own).reshape(-1, 6)]),
+            kind=self.is_axis,
+            unit=np.full((2, 6), DEG),
+            whole=np.zeros(2, np.bool_),
+        )
+
+    def _frame_columns(self, side: str) -> IntArray:
+        """Returns the frame or tool index of every row, before offsets."""
+        written = self.scan.frame if side == "base" else self.scan.tool
+        own = [target.in_force[side == "tool"] for target in self.walk.written]
+        numbers = np.concatenate([written, np.array(own, np.int64)])
+        copies = np.flatnonzero((np.arange(len(numbers)) >= len(written)) & (self.source >= 0))
+        numbers[copies] = written[self.source[copies]]
+        return self._numbers(side, numbers)
+
+    def _shift_frames(self, base: IntArray, tool: IntArray) -> None:
+        """Puts the offsets of moves into frames and tools, in place."""
+        count = len(self.scan.number)
+        offsets = {count + k: target.offset for k, target in enumerate(self.walk.written)}
+        for row, offset in sorted({**self.walk.offsets, **offsets}.items()):
+            for side, column, shift in (
+                ("base", base, offset.in_frame),
+                ("tool", tool, offset.in_tool),
+            ):
+                if any(shift):
+                    step = pose(np.eye(3), np.array(shift) * MM)
+                    column[row] = self.frames.shift(side, int(column[row]), step)
 
     def _numbers(self, side: str, written: IntArray) -> IntArray:
         """Returns the frame or tool index of every row from its UF or UT."""
+        if not len(written):
+            return np.empty(0, np.int64)
         numbers, first, inverse = np.unique(written, return_index=True, return_inverse=True)
         found = [
             self._number(side, "F" if number == CURRENT else str(number), int(self.line[row]))
@@ -119,7 +215,7 @@ class _Builder:
         return self.frames.unknown(side, what, line, f"set {name}_NUM once, or write its number")
 
     def _frame_reasons(self, base: IntArray, tool: IntArray) -> IntArray:
-        is_axis = self.scan.is_axis == 1
+        is_axis = self.is_axis == 1
         reason = np.where(is_axis, int(Reason.JOINT_TARGET), int(Reason.NONE))
         for side, column in (("base", base), ("tool", tool)):
             lost = np.isin(column, self.frames.list_lost(side))
@@ -135,10 +231,10 @@ class _Builder:
         External axes count as they stand in the record: E1.. of group 1, then other groups.
         """
         values = np.full((len(base), COUNT), np.nan)
-        for row, axes in self.scan.external.items():
+        for row, axes in self.external.items():
             values[row, : len(axes)] = [value for _, _, value in axes[:COUNT]]
         moved = self.frames.carry_frames(base, values)
-        lost = moved.unknown & (self.scan.is_axis == 0)
+        lost = moved.unknown & (self.is_axis == 0)
         lost &= np.isin(np.arange(len(base)), list(self.walk.motion))
         if lost.any():
             reason[lost] = Reason.EXTERNAL_AXIS
@@ -152,7 +248,7 @@ class _Builder:
         told = mark_described(self.given.external)
         values = {
             row: [each for k, each in enumerate(axes) if k >= COUNT or not told[k]]
-            for row, axes in self.scan.external.items()
+            for row, axes in self.external.items()
         }
         away = [row for row, axes in values.items() if any(value != 0.0 for _, _, value in axes)]
         still = len({tuple(axes) for axes in values.values()}) == 1
@@ -184,21 +280,18 @@ class _Builder:
 
     def _words(self) -> IntArray:
         """Returns CONFIG as numbers (n, 6)."""
-        words = np.full((len(self.scan.number), WORDS["fanuc"]), NO_WORD, np.int64)
+        words = np.full((len(self.source), WORDS["fanuc"]), NO_WORD, np.int64)
         read: dict[bytes, list[int] | None] = {}
         odd = np.zeros(len(words), np.bool_)
-        for row, (start, length) in enumerate(self.scan.config.tolist()):
-            if start < 0:
-                continue
-            text = self.scan.data[start : start + length]
+        for row, text in enumerate(self._configurations()):
             if text not in read:
                 match = read_config(text)
                 read[text] = None if match is None else match[0]
-            found = read[text]
-            if found is None:
+            known = read[text]
+            if known is None:
                 odd[row] = bool(text.strip())
             else:
-                words[row] = found
+                words[row] = known
         if odd.any():
             line = self.line[np.flatnonzero(odd)[0]]
             self.notes.append(
@@ -206,3 +299,22 @@ class _Builder:
                 "is and does not choose the arm's configuration."
             )
         return words
+
+    def _configurations(self) -> list[bytes]:
+        """Returns the text of CONFIG of every row, empty where there is none."""
+        data = self.scan.data
+        own = [
+            data[first : first + size] if first >= 0 else b""
+            for first, size in self.scan.config.tolist()
+        ]
+        return own + [
+            own[target.row] if target.pose is None else target.pose.config
+            for target in self.walk.written
+        ]
+
+
+def _take(column: IntArray | BoolArray, rows: IntArray) -> IntArray:
+    """Returns entries of a column (n,), anything for rows of -1."""
+    if not len(column):
+        return np.zeros(len(rows), np.int64)
+    return np.asarray(column[np.maximum(rows, 0)])

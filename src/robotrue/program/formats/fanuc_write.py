@@ -13,10 +13,23 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arm_words import NO_WORD
-from robotrue.core.arrays import IntArray
+from robotrue.core.arrays import Array, IntArray
+from robotrue.core.rotations import abc_from_matrix
+from robotrue.core.units import DEG, MM
 from robotrue.errors import ShapeError
-from robotrue.program.formats.pose_write import changed_rows
-from robotrue.program.formats.target_tokens import TargetTokens, rewritten
+from robotrue.program.formats.fanuc_copies import (
+    MOST,
+    Edit,
+    behind_records,
+    copy_record,
+    print_record,
+)
+from robotrue.program.formats.fanuc_offsets import MoveTarget
+from robotrue.program.formats.move_trail import line_end
+from robotrue.program.formats.number_text import restyle
+from robotrue.program.formats.path_kernels import decimals_of
+from robotrue.program.formats.pose_write import changed_rows, find_moved, require_printable
+from robotrue.program.formats.target_tokens import LEAST_DECIMALS, POSE, TargetTokens, rewritten
 from robotrue.program.program import Program, Replacement
 
 _TURN: Final = rb"([+-]?\d{1,2})\s*"
@@ -27,6 +40,10 @@ _LETTERS: Final = ("NF", "DU", "BT")
 """Letter of 0 and of 1 for the first three words."""
 
 
+_MOST_DECIMALS: Final = 9
+"""Of a number in a new record, which has as many as the others."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FanucSpans:
     """Where the numbers stand.
@@ -34,10 +51,18 @@ class FanucSpans:
     Attributes:
         tokens: The six numbers of each position.
         config: (n, 2) first byte and length of the text of CONFIG, -1 where there is none.
+        place: (k,) a byte of the first line of each record; the rows behind have none.
+        written: Targets of the rows behind, which get records of their own.
+        taken: Highest number of a position.
+        end: A byte of the last record.
     """
 
     tokens: TargetTokens
     config: IntArray
+    place: IntArray
+    written: tuple[MoveTarget, ...] = ()
+    taken: int = 0
+    end: int = 0
 
 
 def read_config(text: bytes) -> tuple[list[int], list[tuple[int, int]]] | None:
@@ -60,6 +85,7 @@ def write_fanuc(program: Program, replacement: Replacement) -> bytes:
     if not isinstance(spans, FanucSpans):
         raise ShapeError(f"{program.name} was not read by the fanuc_ls dialect, but by another.")
     others = _configurations(program, replacement, spans)
+    others += _write_out(program, replacement, spans)
     return rewritten(program, replacement, spans.tokens, others, aligned=True)
 
 
@@ -72,13 +98,116 @@ def _configurations(
     new = changed[:, None] & (words != NO_WORD) & (program.words != NO_WORD)
     new &= words != program.words
     out: list[tuple[int, int, bytes]] = []
-    for row in np.flatnonzero(new.any(axis=1)).tolist():
+    for row in np.flatnonzero(new[: len(spans.place)].any(axis=1)).tolist():
         first, size = spans.config[row].tolist()
         found = read_config(program.data[first : first + size])
         for column in np.flatnonzero(new[row]).tolist() if found else ():
             begin, end = found[1][column] if found else (0, 0)
             out.append((first + begin, end - begin, config_word(column, int(words[row, column]))))
     return out
+
+
+def _write_out(program: Program, replacement: Replacement, spans: FanucSpans) -> list[Edit]:
+    """Returns the edits of targets with rows of their own: their names, and new records.
+
+    One that is left alone gets a record, too, where the record it names is changed for others.
+    """
+    if not spans.written:
+        return []
+    changed = changed_rows(program, replacement)
+    place, turn, axes = find_moved(program, replacement)
+    posed = spans.tokens.kind == POSE
+    moved = changed & np.where(posed, place.any(axis=1) | turn, axes.any(axis=1))
+    out: list[Edit] = []
+    records: list[bytes] = []
+    for row, target in enumerate(spans.written, len(spans.place)):
+        if not (moved[row] or (target.row >= 0 and moved[target.row])):
+            continue
+        number = spans.taken + len(records) + 1
+        if number > MOST:
+            raise ShapeError(f"P[{number}] is no position: numbers end at {MOST}.")
+        values = _values_of(program, replacement, spans, row, changed=bool(moved[row]))
+        records.append(_record(program, replacement, spans, row, number, values))
+        out += [(first, end - first, b"P[%d]" % number) for first, end in target.spans]
+    if records:
+        out.append((behind_records(program.data, spans.end), 0, b"".join(records)))
+    return out
+
+
+def _values_of(
+    program: Program, replacement: Replacement, spans: FanucSpans, row: int, *, changed: bool
+) -> Array:
+    """Returns the six numbers of a target, as printed."""
+    tokens = spans.tokens
+    if not changed:
+        return np.asarray(tokens.value[row])
+    if tokens.kind[row] != POSE:
+        return np.asarray(replacement.axes[row]) / DEG
+    near = tokens.value[row, :2:-1] * DEG
+    turned = abc_from_matrix(np.asarray(replacement.rotation[row]), near=near) / DEG
+    values = np.concatenate([np.asarray(replacement.position[row]) / MM, turned[::-1]])
+    require_printable(program, values[None], np.ones((1, 6), np.bool_), "mm or deg")
+    return values
+
+
+def _record(
+    program: Program,
+    replacement: Replacement,
+    spans: FanucSpans,
+    row: int,
+    number: int,
+    values: Array,
+) -> bytes:
+    """Returns the record of a target: a copy of the one its moves name, or of a register."""
+    target, data, tokens = spans.written[row - len(spans.place)], program.data, spans.tokens
+    new = np.asarray(replacement.words)[row].tolist()
+    if target.pose is not None:
+        config = b"".join(
+            text
+            for _, _, text in _respell_config(target.pose.config, program, row, new, whole=True)
+        )
+        shown = decimals_of(np.frombuffer(data, np.uint8), tokens.start, tokens.length)
+        decimals = np.clip(shown.max(axis=0, initial=0), LEAST_DECIMALS, _MOST_DECIMALS).tolist()
+        return print_record(
+            number, values.tolist(), decimals, target.in_force, config, line_end(data)
+        )
+    model = target.row
+    first, size = spans.config[model].tolist()
+    edits = (
+        [
+            (first + begin, length, text)
+            for begin, length, text in _respell_config(
+                data[first : first + size], program, row, new
+            )
+        ]
+        if first >= 0
+        else []
+    )
+    starts, sizes = tokens.start[model].tolist(), tokens.length[model].tolist()
+    for start, length, value in zip(starts, sizes, values.tolist(), strict=True):
+        token = data[start : start + length]
+        edits.append((start, length, restyle(token, value, least=LEAST_DECIMALS)))
+    return copy_record(data, int(spans.place[model]), starts[5], number, edits)
+
+
+def _respell_config(
+    text: bytes, program: Program, row: int, new: list[int], *, whole: bool = False
+) -> list[Edit]:
+    """Returns the edits of CONFIG's text that make it say new words; all of it with ``whole``."""
+    known = read_config(text)
+    old, spans = program.words[row].tolist(), known[1] if known else [(0, 0)] * len(new)
+    edits = [
+        (begin, end - begin, config_word(column, word))
+        for column, (word, (begin, end)) in enumerate(zip(new, spans, strict=True))
+        if known and word not in (NO_WORD, old[column])
+    ]
+    if not whole:
+        return edits
+    parts, at = [], 0
+    for begin, size, word in edits:
+        parts += [text[at:begin], word]
+        at = begin + size
+    return [(0, len(text), b"".join([*parts, text[at:]]))]
 
 
 def config_word(column: int, value: int) -> bytes:

@@ -102,6 +102,18 @@ class NumberedFrames:
             f"add {side} {printed} to the cell ([[controller.{side}]])",
         )
 
+    def shift(self, side: str, index: int, T_frame_shifted: Array) -> int:
+        """Returns the index of a frame, or tool, moved in itself; that of one not known stays."""
+        if (side, index) in self.lost:
+            return index
+        name = f"{index} by {T_frame_shifted.round(9).tolist()}"
+        moved = self._enter(side, name, self.matrices[side][index] @ T_frame_shifted)
+        if side == "base":
+            self._riders[moved] = self._riders.get(index, (False,) * len(self._axes))
+            if index in self._on_robot:
+                self._on_robot.add(moved)
+        return moved
+
     def unknown(self, side: str, what: str, line: int, cure: str) -> int:
         """Returns the index of a frame that is not known."""
         known = len(self.matrices[side])

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 _PROG: Final = re.compile(rb"(?:\A(?:\xef\xbb\xbf)?|[\r\n])[ \t]*/PROG\b")
 _SECTION: Final = re.compile(rb"[\r\n][ \t]*/(?:ATTR|MN|POS)[ \t]*[\r\n]")
 _VA: Final = re.compile(r"^\[\*SYSTEM\*\]\$MNU(FRAME|TOOL)\b(?!NUM)", re.MULTILINE)
+_POSREG: Final = re.compile(r"^\[\*POSREG\*\]\$POSREG\b", re.MULTILINE)
 _VA_ONE: Final = re.compile(
     r"\[[ \t]*1[ \t]*,[ \t]*(\d{1,9})[ \t]*\][ \t]*=(?>[^\[]*?Group[ \t]*:[ \t]*1\b)[^\[]*?"
     + r"\s++".join(rf"{letter}[ \t]*+:[ \t]*+({NUMBER})" for letter in "XYZWPR"),
@@ -52,10 +53,12 @@ def _score(data: bytes) -> float:
 def _read(files: NamedBytes, frames: FrameTable) -> tuple[Program, ...]:
     from robotrue.program.formats.fanuc_moves import quiet_programs
     from robotrue.program.formats.fanuc_read import read_fanuc
+    from robotrue.program.formats.fanuc_registers import list_effects
 
+    effects = list_effects(files, frames.harmless_routines)
     quiet = (*frames.harmless_routines, *quiet_programs(files))
     frames = replace(frames, harmless_routines=quiet)
-    return tuple(read_fanuc(data, name, frames) for name, data in files)
+    return tuple(read_fanuc(data, name, frames, effects) for name, data in files)
 
 
 def _write(program: Program, replacement: Replacement) -> bytes:
@@ -73,7 +76,8 @@ def _inserter() -> Inserter:
 def _feeds(program: Program) -> Array:
     moves = _MOVE.finditer(program.data)
     stated = (
-        (move[1], float(move[2]) * (_CM_PER_MIN if move[3] == b"cm/min" else 1.0)) for move in moves
+        (move[1], float(move[2]) * (_CM_PER_MIN if move[3].lower() == b"cm/min" else 1.0))
+        for move in moves
     )
     return feeds_of_points(program, stated, _POINT)
 
@@ -92,14 +96,14 @@ def _read_frames(name: str, text: str) -> ControllerFile:
             matrix = frame_of(numbers[:3], numbers[:2:-1])
             side = out.bases if match[1].upper() == "FRAME" else out.tools
             side[str(int(one[1]))] = matrix
-    if not out.bases and not out.tools:
+    if not (out.bases or out.tools or _POSREG.search(text)):
         raise FormatError(
             "no position of group 1 in $MNUFRAME or $MNUTOOL.",
             source=name,
             line=1,
             hint="save the frames as ASCII (SYSFRAME.VA), not the binary SYSFRAME.SV.",
         )
-    return out
+    return replace(out, declarations=_POSREG.search(text) is not None)
 
 
 def _print_frame(xyz: Array, R: Array, name: str, number: int) -> str:
@@ -127,8 +131,8 @@ LANGUAGE: Final = Language(
     inserter=_inserter,
     feeds=_feeds,
     frame_files=FrameFiles(
-        names=("SYSFRAME.VA",),
-        recognise=lambda text: bool(_VA.search(text)),
+        names=("SYSFRAME.VA", "FRAMEVAR.VA", "POSREG.VA"),
+        recognise=lambda text: bool(_VA.search(text) or _POSREG.search(text)),
         read=_read_frames,
     ),
     frame_form=FrameForm(

@@ -1,0 +1,149 @@
+"""Targets of Fanuc LS moves that are not, or not only, what a position record says.
+
+``Offset,PR[1]`` moves a target in its user frame, ``Tool_Offset,PR[1]`` in its tool. How the
+controller joins a turned offset is not documented where we could read it, so only offsets without
+a turn are followed. A register as a target stands in the frames in force.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from typing import Final, NamedTuple
+
+from robotrue.program.formats.fanuc_values import (
+    OffsetCondition,
+    RegisterPose,
+    State,
+    Value,
+)
+
+_OFFSET: Final = re.compile(
+    rb"\b(TOOL_)?OFFSET\b(?:[ \t]*,[ \t]*PR\[[ \t]*(\d{1,6})[ \t]*(?::[^\]]*)?\])?", re.IGNORECASE
+)
+_ZERO: Final = (0.0, 0.0, 0.0)
+
+
+class TargetOffset(NamedTuple):
+    """By what a move shifts its target.
+
+    Attributes:
+        in_frame: (x, y, z) mm in the user frame.
+        in_tool: (x, y, z) mm in the tool.
+    """
+
+    in_frame: tuple[float, ...] = _ZERO
+    in_tool: tuple[float, ...] = _ZERO
+
+
+NO_OFFSET: Final = TargetOffset()
+
+
+class MoveTarget(NamedTuple):
+    """The target of one or several moves.
+
+    Attributes:
+        row: Of the position record, -1 for a register.
+        line: One-based, of the first move.
+        spans: First byte and end of its name in each move.
+        offset: What the moves shift it by.
+        pose: Of a register.
+        in_force: Numbers of the user frame and the tool in force, of a register.
+        known: All of this is known.
+    """
+
+    row: int
+    line: int
+    spans: tuple[tuple[int, int], ...]
+    offset: TargetOffset = NO_OFFSET
+    pose: RegisterPose | None = None
+    in_force: tuple[int, int] = (-1, -1)
+    known: bool = True
+
+    @property
+    def alike(self) -> tuple[object, ...]:
+        """What moves to one and the same target have in common."""
+        return self.row, self.offset, self.pose, self.in_force
+
+
+def read_offset(tail: bytes, state: State, frame: int) -> tuple[TargetOffset | None, bytes, str]:
+    """Returns the offset of a move, what else stands behind its target, and why it is not known.
+
+    Args:
+        tail: What stands behind the target.
+        state: What is known of registers there.
+        frame: Number of the user frame of the target.
+    """
+    found = list(_OFFSET.finditer(tail))
+    rest = _OFFSET.sub(b"", tail)
+    shifts = {"OFFSET": _ZERO, "TOOL_OFFSET": _ZERO}
+    for match in found:
+        name = "TOOL_OFFSET" if match[1] else "OFFSET"
+        shift, why = _shift_of(name, match[2], state, frame)
+        if shift is None:
+            return None, rest, why
+        shifts[name] = shift
+    if len(found) > len({bool(match[1]) for match in found}):
+        return None, rest, "an offset stands there twice"
+    return TargetOffset(shifts["OFFSET"], shifts["TOOL_OFFSET"]), rest, ""
+
+
+def _shift_of(
+    name: str, number: bytes | None, state: State, frame: int
+) -> tuple[tuple[float, float, float] | None, str]:
+    """Returns (x, y, z) mm, or why they are not known."""
+    if number is not None:
+        told: Value | None = state.get(f"PR{int(number)}")
+        what = f"PR[{int(number)}]"
+    else:
+        condition = state.get(name)
+        if not isinstance(condition, OffsetCondition):
+            return None, "the register of its condition is not known there"
+        what = f"PR[{condition.register}]"
+        told = state.get(f"PR{condition.register}")
+        if told != condition.pose:
+            return None, f"{what} is not the same at its condition and at the move"
+        if condition.frame >= 0 and condition.frame != frame:
+            return None, f"its condition names frame {condition.frame}, the target has another"
+    if not isinstance(told, RegisterPose):
+        return None, (
+            f"what {what} holds there is not known: give POSREG.VA beside the program, or set it "
+            "by constants on every way to the move"
+        )
+    if any(told.values[3:]):
+        return None, f"{what} turns the target, and how is not documented"
+    x, y, z = told.values[:3]
+    return (x, y, z), ""
+
+
+def target_of(
+    number: int, state: Mapping[str, Value], line: int, span: tuple[int, int]
+) -> tuple[MoveTarget | None, str]:
+    """Returns the target ``PR[number]`` of a move, or why it is not known."""
+    pose, base, tool = (state.get(name) for name in (f"PR{number}", "UF", "UT"))
+    if not isinstance(pose, RegisterPose):
+        return None, (
+            f"what PR[{number}] holds there is not known: give POSREG.VA beside the program, or "
+            "set it from a position on every way to the move"
+        )
+    if not pose.config.strip():
+        return None, f"the CONFIG of PR[{number}] is not known: set it from a position"
+    if not isinstance(base, float) or not isinstance(tool, float):
+        return None, (
+            f"PR[{number}] stands in the frames in force, which are not known there: set "
+            "UFRAME_NUM and UTOOL_NUM by numbers before the move"
+        )
+    if base != int(base) or tool != int(tool) or min(base, tool) < 0:
+        return None, "UFRAME_NUM or UTOOL_NUM is no number of a frame"
+    target = MoveTarget(-1, line, (span,), pose=pose)
+    return target._replace(in_force=(int(base), int(tool))), ""
+
+
+def join_targets(targets: Iterable[MoveTarget]) -> list[MoveTarget]:
+    """Returns targets that are one and the same as one each, with the names of all their moves."""
+    joined: dict[tuple[object, ...], MoveTarget] = {}
+    for target in targets:
+        before = joined.get(target.alike)
+        spans = (*(before.spans if before else ()), *target.spans)
+        joined[target.alike] = (before or target)._replace(spans=spans)
+    return list(joined.values())
