@@ -278,6 +278,37 @@ def test_another_maker_s_arm_gets_no_krl(cli, bench: Path) -> None:
     assert "post 'krl' writes KRL, for arms of kuka" in got.err
 
 
+@pytest.mark.parametrize(
+    ("arm", "name", "beside"),
+    [
+        ("ABB IRB 6660-205/1.9", "job.mod", ()),
+        ("Fanuc R-2000iC/165F", "job.ls", ("SYSFRAME.VA",)),
+        ("Yaskawa GP225", "job.jbi", ("UFRAME.CND", "TOOL.CND")),
+    ],
+)
+def test_other_makers_arms_get_programs_in_their_language(
+    cli, bench: Path, arm: str, name: str, beside: tuple[str, ...]
+) -> None:
+    """Read back with what was written beside it: the points of the tool path in the part frame."""
+    base = BASE.replace("950, -100, 450", "1250, -100, 650")
+    (bench / "arm.toml").write_text(
+        f'schema = 1\n[robot]\npreset = "{arm}"\n[tool]\nxyz_mm = [200, 10, 200]\n'
+        f"abc_deg = [1, 60, -2]\n{base}"
+    )
+    folder = bench / "out"
+    folder.mkdir()
+    got = cli("program", bench / "arm.toml", bench / "top.apt", "-o", folder / name, "--json")
+    assert got.code == 0, got.err
+    assert sorted(path.name for path in folder.iterdir()) == sorted((name, *beside))
+    points, _ = program_points(folder / name)
+    found = pose_from_xyz_abc(np.array([1.25, -0.1, 0.65]), np.array([3, 0.5, -0.7]) * DEG)
+    np.testing.assert_allclose(points[1:-1], apply(found, raster() * MM), atol=1 * UM)
+    if beside:
+        (folder / beside[0]).write_text("//UFRAME 1\nmine\n")
+        refused = cli("program", bench / "arm.toml", bench / "top.apt", "-o", folder / name)
+        assert f"{beside[0]} beside the program is not of it" in refused.err
+
+
 def test_the_table_and_the_notes(cli, bench: Path) -> None:
     register(bench / "cell.toml")
     head = "UNITS/MM\nWOBBLE/ON\nFEDRAT/1200,MMPM\n"

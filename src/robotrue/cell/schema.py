@@ -44,7 +44,7 @@ class RobotTable(_Table):
     urdf: str | None = None
     convention: Literal["dh", "mdh"] | None = None
     dh: Annotated[list[DhRow], Field(min_length=1)] | None = None
-    maker: Literal["kuka", "abb", "fanuc", "yaskawa", "ur"] | None = None
+    maker: Literal["kuka", "abb", "fanuc", "yaskawa", "ur", "staubli"] | None = None
     axes_sign: list[Literal[1, -1]] | None = None
     axes_offset_deg: list[Number] | None = None
     limits_deg: list[Two] | None = None

@@ -35,9 +35,10 @@ from robotrue.program.posts.machining_moves import (
     SideMoves,
 )
 from robotrue.program.toolpath import Toolpath
-from robotrue.robot.configuration import configuration_words, controller_axes
+from robotrue.robot.configuration import axis_relation, configuration_words, controller_axes
 from robotrue.robot.forward import forward
 from robotrue.robot.inverse import branch_of
+from robotrue.robot.makers import joints_of_posture
 from robotrue.robot.model import RobotModel
 from robotrue.robot.spin import SHAPES, SpinSettings
 
@@ -147,7 +148,9 @@ HOMES: Final = (
     )
     * DEG
 )
-"""rad, controller's axes: where KUKA arms are usually parked; the first that is clear is taken."""
+"""rad, axes of a KUKA arm where it is usually parked; the first that is clear is taken.
+
+Arms of other makers stand alike."""
 LOOKED_AT: Final = 2000
 """Points of a side looked at for collisions while cutting, evenly over it."""
 
@@ -322,8 +325,11 @@ def _homes(
     """Postures (6,) rad the job may begin and end at: inside the limits and clear."""
     faults: list[str] = []
     good: list[Array] = []
-    for axes in np.atleast_2d(settings.home) if np.size(settings.home) else HOMES:
-        home = axes if robot.controller is None else robot.controller.to_model(axes)
+    stated = np.size(settings.home) > 0
+    homes = [axis_relation(robot)(settings.home)] if stated else [
+        joints_of_posture(robot, axes) for axes in HOMES
+    ]  # fmt: skip
+    for home in homes:
         beyond = (home < robot.limits[:, 0]) | (home > robot.limits[:, 1])
         hits = [
             k
@@ -335,7 +341,7 @@ def _homes(
             continue
         joint = int(np.argmax(beyond))
         why = f"A{joint + 1} is beyond its limits" if beyond.any() else hits[0]
-        shown = ", ".join(f"{value / DEG:g}" for value in axes)
+        shown = ", ".join(f"{value / DEG + 0.0:g}" for value in controller_axes(robot, home))
         faults.append(f"home (A1..A6 {shown} deg): {why}.")
     if not good:
         raise ConfigurationError(faults[0], hint="another --home-deg A1,..,A6, clear of the part.")

@@ -27,12 +27,13 @@ from robotrue.core.poses import apply, inverse
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ReachError
 from robotrue.planning.arm_scene import Scene, collisions, scene_of, to_obstacle
+from robotrue.robot.makers import joints_of_posture
 
 FINE: Final = 2.0 * DEG
 CLEARANCE: Final = 10.0 * MM
 """Kept from obstacles and of the arm from itself."""
 DRAWN: Final = np.array([-120.0, 90.0]) * DEG
-"""rad, controller's A2 and A3 of an arm drawn in: the upper arm leans back, the forearm rises."""
+"""rad, A2 and A3 of a KUKA arm drawn in: the upper arm leans back, the forearm rises."""
 
 
 def scene_without_reflector(cell: Cell) -> Scene:
@@ -108,9 +109,8 @@ def _draw_in(start: Array, end: Array, shape: Array) -> list[Array]:
 
 
 def _drawn_shape(scene: Scene) -> Array:
-    controller = scene.cell.robot.controller
     axes = np.concatenate([[0.0], DRAWN, np.zeros(3)])
-    return (axes if controller is None else controller.to_model(axes))[1:3]
+    return joints_of_posture(scene.cell.robot, axes)[1:3]
 
 
 def _sample_moves(postures: Array) -> Array:

@@ -21,7 +21,7 @@ from robotrue.errors import ConfigurationError
 from robotrue.robot.model import Configuration, RobotModel
 from robotrue.robot.opw import TOLERANCE, OpwGeometry, opw_geometry
 
-MAKERS: Final = ("kuka", "abb", "fanuc", "yaskawa", "ur")
+MAKERS: Final = ("kuka", "abb", "fanuc", "yaskawa", "ur", "staubli")
 """Makers a cell may name."""
 FROM_HORIZONTAL: Final[Array] = np.eye(6) - np.outer(np.eye(6)[2], np.eye(6)[1])
 """Fanuc's display: J3 is the angle of the forearm to the horizontal, whatever J2 is."""
@@ -81,6 +81,19 @@ def apply_maker(
             "A = sign * q + offset.",
         )
     return made
+
+
+def joints_of_posture(robot: RobotModel, kuka_axes: Array) -> Array:
+    """Returns the joints q (6,) rad of the posture a KUKA arm displays as these axes (6,) rad.
+
+    An arm of another maker stands alike; one that is not ortho-parallel takes the values as its
+    own controller's.
+    """
+    geometry = None if robot.maker == "kuka" else opw_geometry(robot)
+    if geometry is None:
+        return kuka_axes if robot.controller is None else robot.controller.to_model(kuka_axes)
+    sense, zero = _COUNTING["kuka"]
+    return geometry.joints(np.array(sense) * (kuka_axes - np.array([*zero, 0.0]) * DEG))
 
 
 def _otherwise(geometry: OpwGeometry, counting: Configuration, maker: str) -> list[int]:

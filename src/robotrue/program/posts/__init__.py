@@ -14,7 +14,6 @@ from typing import Final
 
 from robotrue.core.extensions import extension_files
 from robotrue.errors import ConfigurationError
-from robotrue.program.lang import language_names
 from robotrue.program.posts.post_description import Post, read_post
 
 FOLDER: Final = Path(__file__).parent
@@ -31,28 +30,13 @@ def read_posts() -> Mapping[str, Post]:
     """
     known: dict[str, Post] = {}
     for path in (*sorted(FOLDER.glob("*.toml")), *extension_files(GROUP)):
-        post = read_own_post(path)
+        post = read_post(path)
         if post.stated.name in known:
             raise ConfigurationError(
                 f"a second post {post.stated.name!r}.", source=path, hint="another name."
             )
         known[post.stated.name] = post
     return MappingProxyType(known)
-
-
-def read_own_post(path: Path) -> Post:
-    """Returns the post in a file.
-
-    Raises:
-        ConfigurationError: It cannot be used, or its language is none that is read.
-    """
-    post = read_post(path)
-    if post.stated.language not in language_names():
-        raise ConfigurationError(
-            f"language is {post.stated.language!r}, expected one of {', '.join(language_names())}.",
-            source=path,
-        )
-    return post
 
 
 def choose_post(output: Path, *, name: str | None = None, file: Path | None = None) -> Post:
@@ -69,7 +53,7 @@ def choose_post(output: Path, *, name: str | None = None, file: Path | None = No
     posts = read_posts()
     suffix = output.suffix.lower()
     if file is not None:
-        named = [read_own_post(file)]
+        named = [read_post(file)]
     elif name is not None:
         named = [post for post in posts.values() if post.stated.name == name]
     else:

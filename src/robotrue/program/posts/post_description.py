@@ -19,6 +19,7 @@ from robotrue.core.arm_words import Maker
 from robotrue.core.files import parse_toml, read_bytes
 from robotrue.core.schema_faults import configuration_error, line_of_key
 from robotrue.errors import ConfigurationError
+from robotrue.program.lang import language_names
 from robotrue.program.posts.line_template import LineTemplate, parse_template
 from robotrue.program.posts.post_fields import (
     AXES,
@@ -207,6 +208,11 @@ class _PostBuilder:
     def build(self) -> Post:
         """Returns the post."""
         stated = self._stated
+        if stated.language not in language_names():
+            allowed = ", ".join(language_names())
+            raise self._fault(
+                ("language",), f"language is {stated.language!r}, expected one of {allowed}"
+            )
         self._check_words()
         blocks = {name: self._block(name, getattr(stated, name)) for name in BLOCKS}
         events = blocks["moves"].events

@@ -46,6 +46,10 @@ _TOOL: Final = re.compile(r"(?:LOADTL|TOOLNO)\s*/\s*([\w.-]+)", re.IGNORECASE)
 _LARGEST_LOSS: Final = 0.05
 """Share of a feed that its printed digits may be off."""
 _SAME_FRAME: Final = 1e-12
+_STRAIGHT: Final = (
+    "between sides the tool moves on straight lines to the postures of the joint moves that were "
+    "checked: the lines themselves were not; drive them slowly."
+)
 
 
 def require_name(post: Post, name: str) -> None:
@@ -161,6 +165,8 @@ class _JobWriter:
             for template in self._post.at_controller
             for T in self._frames
         ]
+        if self._post.stated.straight_between_sides:
+            told.append(_STRAIGHT)
         return WrittenProgram(files=files, at_controller=tuple(dict.fromkeys(told)))
 
     def _block_lines(self, block: Block) -> list[str]:
