@@ -20,6 +20,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from robotrue.program.formats import read_job
+from robotrue.program.orientation import OrientationRule
 from robotrue.program.program import FrameTable, Motion, Program, Reason
 
 
@@ -232,6 +233,23 @@ FANUC: Final = (
                         {1: (1, 1), 2: (1, 1), 3: (1, 1)}),
         "SYSFRAME.VA": _FRAME_VA}, 1),
 )  # fmt: skip
+
+
+def _job(points: str, moves: str) -> str:
+    counted = sum(line[:1] == "C" for line in points.split("\n"))
+    variables = sum(line[:1] == "P" for line in points.split("\n"))
+    return (
+        f"/JOB\n//NAME JOB\n//POS\n///NPOS {counted},0,0,{variables},0,0\n{points}//INST\n"
+        f"///DATE 2020/01/01 00:00\n///ATTR SC,RW\n///GROUP1 RB1\nNOP\n{moves}END\n"
+    )
+
+
+def _c_points(count: int) -> str:
+    return "".join(
+        f"C{k:05d}={900 + 10 * (k % 3)}.0,{20 * k}.0,400.0,180.0,0.0,0.0\n" for k in range(count)
+    )
+
+
 JBI: Final = (
     Case("handling: user frame of UFRAME.CND", {
         "PICK.JBI": "/JOB\r\n//NAME PICK\r\n//POS\r\n///NPOS 3,0,0,0,0,0\r\n///TOOL 0\r\n"
@@ -245,10 +263,70 @@ JBI: Final = (
         "C00001=1100,2100,-3100,410,510,610\r\n//INST\r\n///DATE 2020/01/01 00:00\r\n"
         "///ATTR SC,RW\r\n///GROUP1 RB1\r\nNOP\r\nMOVL C00000 V=100.0\r\nMOVL C00001 V=100.0\r\n"
         "END\r\n"}, 2),
+    Case("a job with arguments, arcs, a label and an output", {
+        "ARCS.JBI": _job("///TOOL 0\n///POSTYPE BASE\n///RECTAN\n///RCONF 0,0,0,0,0,0,0,0\n"
+                         + _c_points(6) + "//ARGINFO\n///ARGTYPE B,,,,,,,\n///COMMENT\npart\n",
+                         "MOVJ C00000 VJ=10.00\nMOVL C00001 V=50.0\nMOVC C00001 V=50.0\n"
+                         "MOVC C00002 V=50.0\nMOVC C00003 V=50.0\nDOUT OT#(3) ON\n*NEXT\n"
+                         "MOVL C00004 V=99.0\nMOVL C00005 V=99.0 PL=1\n")}, 7),
+    Case("user frame and tool of the condition files, points in degrees", {
+        "USER.JBI": _job("///USER 1\n///TOOL 3\n///POSTYPE USER\n///RECTAN\n"
+                         "///RCONF 0,0,0,0,0,0,0,0\n" + _c_points(3)
+                         + "///POSTYPE ANGLE\n///ANGLE\nC00003=0.0,10.0,-20.0,0.0,-60.0,0.0\n",
+                         "MOVJ C00003 VJ=10.00\nMOVL C00000 V=50.0\nMOVL C00001 V=50.0\n"
+                         "MOVS C00002 V=50.0\n"),
+        "UFRAME.CND": "//UFRAME 1\n///NAME\n///TOOL 0\n////BUSER 900,0,300,0,0,15\n",
+        "TOOL.CND": "//TOOL 3\n///NAME torch\n0.0,5.0,380.0,0.0,35.0,0.0\n"}, 4),
+    Case("a shift by a known variable, and a step", {
+        "SHIFT.JBI": _job("///TOOL 0\n///POSTYPE BASE\n///RECTAN\n///RCONF 0,0,0,0,0,0,0,0\n"
+                          + _c_points(2) + "P00009=0.000,0.000,50.000,0.0000,0.0000,0.0000\n",
+                          "SFTON P009\nMOVL C00000 V=50.0\nSFTOF\nMOVL C00001 V=50.0\n"
+                          "IMOV P009 V=20.0 BF\n")}, 2),
+    Case("a called job, points of variables that nothing sets", {
+        "CALLS.JBI": _job("///TOOL 0\n///POSTYPE BASE\n///RECTAN\n///RCONF 0,0,0,0,0,0,0,0\n"
+                          + _c_points(2) + "P00001=900.0,0.0,500.0,180.0,0.0,0.0\n",
+                          "MOVJ P001 VJ=10.00\nCALL JOB:GRIP\nMOVL C00000 V=50.0\n"
+                          "MOVL C00001 V=50.0\nMOVL P001 V=50.0\n"),
+        "GRIP.JBI": _job("///TOOL 0\n///POSTYPE BASE\n///RECTAN\n" + _c_points(1),
+                         "DOUT OT#(1) ON\nTIMER T=0.30\n").replace("NAME JOB", "NAME GRIP")}, 4),
 )  # fmt: skip
-CELL: Final = FrameTable(tools={"0": np.eye(4)}, pulses_per_degree=np.full(6, 1000.0))
-"""What the cell says beside the files: tool 0, and the pulses of the drives."""
-CORPUS: Final = {"KRL": KRL, "RAPID": RAPID, "Fanuc": FANUC, "JBI": JBI}
+_GCODE_HEAD: Final = "%\nO100 (PART)\nG90 G17 G21\nG54 G43.4 H1 T1 M6\n"
+GCODE: Final = (
+    Case("milling with five axes, what stays is left out", {
+        "MILL.NC": _GCODE_HEAD + "G0 X0. Y0. Z50. A0. B0. C0.\nG1 Z2. F500.\n"
+        + "".join(f"X{3 * k}.5 B{k}.\n" for k in range(1, 11)) + "G0 Z50.\nM30\n%\n"}, 13),
+    Case("arcs, a helix and a whole circle", {
+        "ARCS.NC": _GCODE_HEAD + "G0 X0. Y0. Z5. A0. B0. C0.\nG1 Z0. F300.\nG2 X10. I5. J0.\n"
+        "G3 X20. Z-1. I5. J0.\nG3 I5. J0.\nG1 X30.\nM30\n%\n"}, 9),
+    Case("whole numbers without a point", {
+        "WHOLE.NC": _GCODE_HEAD + "G0 X0 Y0 Z50 A0 B0 C0\nG1 Z2 F500\nX10\nG2 X20 I5 J0\nY30.5\n"
+        "G0 Z50\nM30\n%\n"}, 7),
+    Case("a local zero and its end", {
+        "LOCAL.NC": _GCODE_HEAD + "G0 X0. Y0. Z5. A0. B0. C0.\nG52 X100. Y0. Z0.\n"
+        "G1 X0. Y0. Z0. F300.\nX10.\nG52 X0. Y0. Z0.\nG1 X0. Y0. Z5. A0. B0. C0.\n"
+        "X10.\nM30\n%\n"}, 5),
+)  # fmt: skip
+_CL_HEAD: Final = "PARTNO/PART\nUNITS/MM\nMULTAX/ON\nLOADTL/1\n"
+APT: Final = (
+    Case("points with a tool axis", {
+        "MILL.APT": _CL_HEAD + "RAPID\nGOTO/0,0,50,0,0,1\nFEDRAT/500,MMPM\n"
+        + "".join(f"GOTO/{k}.0,2.0,1.0,0.0,{0.02 * k:.4f},{(1 - (0.02 * k) ** 2) ** 0.5:.7f}\n"
+                  for k in range(12)) + "FINI\n"}, 13),
+    Case("continued lines, a fixed axis, comments", {
+        "LONG.APT": _CL_HEAD + "$$ OPERATION NAME : FLOOR\nTLAXIS/0,0,1\nGOTO/ 1.0, $\n 2.0, 3.0\n"
+        "SPINDL/9000,RPM,CLW\nGOTO/4,5,6\nCOOLNT/ON\nGOTO/7,8,9\nFINI\n"}, 3),
+)  # fmt: skip
+CELL: Final = FrameTable(
+    tools={"0": np.eye(4), "T1": np.eye(4)},
+    bases={"G54": np.eye(4)},
+    pulses_per_degree=np.full(6, 1000.0),
+    orientation=OrientationRule(angles="rpy", spin=0.0),
+    units_without_point="mm",
+)
+"""What the cell says beside the files: tools, pulses of the drives, angles, whole numbers."""
+CORPUS: Final = {
+    "KRL": KRL, "RAPID": RAPID, "Fanuc": FANUC, "JBI": JBI, "G-code": GCODE, "APT": APT,
+}  # fmt: skip
 
 
 def read_case(case: Case, folder: Path) -> tuple[Program, ...]:
@@ -259,13 +337,13 @@ def read_case(case: Case, folder: Path) -> tuple[Program, ...]:
 
 
 def count_moves(programs: tuple[Program, ...]) -> int:
-    """Returns how many moves go to poses that can be compensated."""
+    """Returns how many moves go to poses that can be compensated; axis values on request."""
     count = 0
     for program in programs:
         used = program.motion != Motion.UNUSED
         rows = program.path[:, 1] if len(program.path) else np.flatnonzero(used)
         rows = rows[rows >= 0]
-        count += int((program.reason[rows] == Reason.NONE).sum())
+        count += int(np.isin(program.reason[rows], (Reason.NONE, Reason.JOINT_TARGET)).sum())
     return count
 
 

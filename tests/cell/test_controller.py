@@ -22,6 +22,7 @@ pulses_per_degree = [1365.3, 1365.3, -1365.3, 900, 900, 500]
 external_axes_at_rest = true
 fixed_tool = "tool_in_part"
 harmless_routines = ["Spindle_On", "GRIP"]
+units_without_point = "mm"
 angles = "rpy"
 cutter = "-x"
 spin_deg = 30
@@ -65,6 +66,7 @@ def test_every_key_reaches_the_table(tmp_path: Path) -> None:
     assert told.pulses_per_degree.tolist() == [1365.3, 1365.3, -1365.3, 900, 900, 500]
     assert told.external_axes_at_rest
     assert told.fixed_tool == "tool_in_part"
+    assert told.units_without_point == "mm"
     assert told.harmless_routines == ("spindle_on", "grip")
     expected = pose_from_xyz_abc(np.array([100, 200, 300]) * MM, np.array([30, 20, 10]) * DEG)
     np.testing.assert_allclose(told.bases["3"], expected, atol=1e-15)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from path_samples import FANUC, RULE, SINUMERIK, TABLE, read
@@ -331,3 +333,13 @@ def test_names_of_programs_variables_and_skipped_switches_change_nothing(head: s
     program = fanuc(f"{head}\nG1 X1. Y2. Z3. A0. B0. C0.\nX2.")
     assert reasons(program) == [Reason.NONE] * 2
     assert not any("not understood" in note for note in program.notes)
+
+
+@pytest.mark.parametrize(("stated", "known"), [("", False), ("increment", False), ("mm", True)])
+def test_numbers_without_a_point_are_what_the_cell_says(stated: str, known: bool) -> None:
+    text = "G1 X1. Y2. Z3. A1. B2. C3.\nX10\nX0"
+    program = fanuc(text, replace(TABLE, units_without_point=stated))
+    why = Reason.NONE if known else Reason.EXPRESSION
+    assert reasons(program) == [Reason.NONE, why, Reason.NONE]
+    assert any("units_without_point" in note for note in program.notes) != known
+    np.testing.assert_allclose(program.position[1, 0], 0.01)

@@ -313,3 +313,35 @@ def test_a_called_job_that_is_given_and_sets_no_point_is_no_matter() -> None:
         sub = re.sub(r"//NAME .*", "//NAME SUB", sub)
         job = [("main.jbi", main.encode()), ("sub.jbi", sub.encode())]
         assert find_language("jbi").read_job(job, frames=TABLE)[0].reason.tolist() == [why]
+
+
+def test_points_in_pulses_on_a_path_hint_at_axis_targets() -> None:
+    table = replace(TABLE, pulses_per_degree=np.full(6, 1000.0))
+    said = "are compensated with --axis-targets"
+    assert said in "".join(body(PULSES, "MOVL C00000 V=9.0", table).notes)
+    assert said not in "".join(body(PULSES, "MOVJ C00000 VJ=9.0", table).notes)
+
+
+@pytest.mark.parametrize("rows", [120, 230])
+def test_gear_ratios_of_the_parameters_are_proposed_and_not_used(rows: int) -> None:
+    lines = [["7"] * 10 for _ in range(rows)]
+    first, late = (97, 2) if rows < 200 else (109, 0)
+    lines[first][late : late + 6] = ["1", "2", "3", "4", "5", "-6"]
+    lines[first + 1][:6] = ["360"] * 6
+    text = "///RC1G\r\n" + "".join(",".join(each) + "\r\n" for each in lines) + "///SV1G\r\n1,2\r\n"
+    table = replace(TABLE, declarations=(("ALL.PRM", text.encode()),))
+    program = body(PULSES, "MOVL C00000 V=9.0", table)
+    assert program.reason.tolist() == [Reason.INCOMPLETE]
+    ratios = "[4096.0, 2048.0, 1365.3333, 1024.0, 819.2, 682.6667]"
+    assert f"in ALL.PRM at 4096 pulses a turn give {ratios}" in "".join(program.notes)
+
+
+@pytest.mark.parametrize("before", ["//POS", "//INST"])
+def test_a_job_with_arguments(before: str) -> None:
+    arguments = "//ARGINFO\n///ARGTYPE B,I,,,,,,\n///COMMENT\nnumber of the part\n\n"
+    job = text(f"{HEAD}C00000={P}", "MOVL C00000").replace(
+        f"\n{before}\n", f"\n{arguments}{before}\n"
+    )
+    program = read(job)
+    assert program.reason.tolist() == [Reason.NONE]
+    assert program.line.tolist() == [14 if before == "//POS" else 9]

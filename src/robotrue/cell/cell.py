@@ -127,7 +127,7 @@ class Cell(Columns):
             told.bases or told.tools or told.external or told.external_axes_at_rest
             or told.fixed_tool or told.pulses_per_degree is not None or told.orientation.stated
             or len(told.start)
-            or told.harmless_routines
+            or told.harmless_routines or told.units_without_point
         )  # fmt: skip
 
     @property

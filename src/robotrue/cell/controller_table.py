@@ -58,6 +58,7 @@ def read_controller(table: ControllerTable, read_file: Callable[[str], bytes]) -
         orientation=_read_orientation(table),
         start=np.array(table.start_deg or []) * DEG,
         harmless_routines=tuple(name.strip().lower() for name in table.harmless_routines),
+        units_without_point=table.units_without_point or "",
     )
 
 
@@ -192,6 +193,8 @@ def controller_table(stated: FrameTable) -> dict[str, object]:
         table["start_deg"] = round_digits(stated.start / DEG)
     if stated.harmless_routines:
         table["harmless_routines"] = list(stated.harmless_routines)
+    if stated.units_without_point:
+        table["units_without_point"] = stated.units_without_point
     for side, frames in (("base", stated.bases), ("tool", stated.tools)):
         if frames:
             table[side] = [_frame_table(key, T) for key, T in frames.items()]

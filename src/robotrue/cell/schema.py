@@ -180,6 +180,7 @@ class ControllerTable(_Table):
     spin_deg: Number | None = None
     start_deg: Annotated[list[Number], Field(min_length=6, max_length=6)] | None = None
     harmless_routines: list[str] = []
+    units_without_point: Literal["mm", "increment"] | None = None
     base: list[NamedFrameTable] = []
     tool: list[NamedFrameTable] = []
     external: list[ExternalTable] = []

@@ -20,6 +20,7 @@ from robotrue.core.explained import Explained
 from robotrue.program.external_axes import ExternalAxis
 from robotrue.program.orientation import OrientationRule
 
+WholeNumbers: TypeAlias = Literal["", "mm", "increment"]
 FixedTool: TypeAlias = Literal["", "tool_in_part", "part_in_tool"]
 
 
@@ -160,6 +161,9 @@ class FrameTable:
             stands at a first target that does not say it; empty if not stated.
         harmless_routines: Routines in no given file that change neither frames nor points, in
             lower case; behind others that are called, targets are left alone.
+        units_without_point: What ``X10`` without a point is to a Fanuc control: ``mm``, the unit in
+            force, or an ``increment``. Only where it is the unit in force such points are
+            compensated; empty: not stated.
     """
 
     T_base_frame: Array = field(default_factory=lambda: np.eye(4))
@@ -175,3 +179,4 @@ class FrameTable:
     orientation: OrientationRule = field(default_factory=OrientationRule)
     start: Array = field(default_factory=lambda: np.empty(0))
     harmless_routines: tuple[str, ...] = ()
+    units_without_point: WholeNumbers = ""

@@ -350,11 +350,12 @@ class _Builder:
             "the control moves the path sideways by the radius of the tool (G41, G42, RL, RR)",
         )
         self._frame_reasons(give, base, tool)
-        if self.vocabulary.increments:
+        if self.vocabulary.increments and self.given.units_without_point != "mm":
             give(
                 self._increments(),
                 Reason.EXPRESSION,
-                "a number without a point counts increments on some controls",
+                "a number without a point counts increments on some controls; where it is the unit "
+                'in force, state [controller] units_without_point = "mm" in the cell',
             )
         self._turn_reasons(give)
         give(arcs.bad, Reason.INCOMPLETE, "an arc whose circle cannot be told")

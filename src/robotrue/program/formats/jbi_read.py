@@ -13,6 +13,7 @@ from robotrue.core.units import DEG
 from robotrue.errors import ShapeError
 from robotrue.program.external_axes import COUNT, Carried
 from robotrue.program.formats.jbi_moves import JbiMoves, moves
+from robotrue.program.formats.jbi_ratios import propose_ratios
 from robotrue.program.formats.jbi_scan import UNITS, Header, JbiScan, scan
 from robotrue.program.formats.jbi_write import JbiSpans
 from robotrue.program.formats.numbered_frames import NumberedFrames
@@ -76,6 +77,7 @@ class _Builder:
         reason[found.count != 6] = Reason.INCOMPLETE
         reason[list(self.walk.flags)] = list(self.walk.flags.values())
         share_fate(reason, self.walk.runs)
+        self._hint_at_axes(reason, motion)
         self._count_notes()
         rconf = np.array([header.rconf for header in found.headers], np.int64)[found.header]
         rconf[kind != UNITS["RECTAN"]] = -1
@@ -175,11 +177,28 @@ class _Builder:
         pulses = kind == UNITS["PULSE"]
         if pulses.any() and self.given.pulses_per_degree is None:
             reason[pulses] = Reason.INCOMPLETE
-            self._tell(pulses, "points in pulses whose axis values are not known", _PULSES_HINT)
+            hint, proposal = _PULSES_HINT, propose_ratios(self.given)
+            if proposal is not None:
+                hint += (
+                    f"; the gear ratios in {proposal[0]} at 4096 pulses a turn give {proposal[1]}, "
+                    "without the sign of an axis that counts the other way: compare one position "
+                    "with the pendant first"
+                )
+            self._tell(pulses, "points in pulses whose axis values are not known", hint)
         odd = self.scan.count != 6
         if odd.any():
             self._tell(odd, "points that have not six values", "six-axis arms are supported")
         return reason
+
+    def _hint_at_axes(self, reason: IntArray, motion: IntArray) -> None:
+        """Says how points in pulses or degrees on a path are compensated, too."""
+        path = (reason == Reason.JOINT_TARGET) & ~np.isin(motion, (Motion.PTP, Motion.UNUSED))
+        if path.any():
+            line = self.scan.line[np.flatnonzero(path)[0]]
+            self.notes.append(
+                f"{self.name}:{line}: {int(path.sum())} points of MOVL, MOVC and MOVS are axis "
+                "values (the first is in this line); they are compensated with --axis-targets."
+            )
 
     def _tell(self, rows: BoolArray, what: str, cure: str) -> None:
         line = self.scan.line[np.flatnonzero(rows)[0]]

@@ -26,6 +26,7 @@ _HEADER: Final = re.compile(rb"///(\w+)[ \t]*(.*)")
 _NUMBER: Final = re.compile(NUMBER)
 UNITS: Final = {"RECTAN": 0, "ANGLE": 1, "PULSE": 2}
 """How numbers are meant: a pose in mm and deg, axes in deg, axes in pulses."""
+_ARGUMENTS: Final = b"//ARGINFO"
 _BOM: Final = b"\xef\xbb\xbf"
 _AT_ONCE: Final = 8192
 """Point lines read by one call of the compiled loop."""
@@ -178,6 +179,8 @@ class _Reader:
         while (text := self._next()) is not None:
             if text.upper() in wanted:
                 return text.upper()
+            if text.upper() == _ARGUMENTS:
+                self._pass_arguments()
             if text and not text.startswith((b"/", b"'")):
                 self._refuse(f"{_show(text)} stands where {names} should", "export the job again")
         self._refuse(f"the file ends before {names}", "give a whole Yaskawa job")
@@ -202,6 +205,15 @@ class _Reader:
             self.found["C"] += count - variables
             more = count == _AT_ONCE or self._other()
 
+    def _pass_arguments(self) -> None:
+        """Passes over what stands in ``//ARGINFO``: kinds of arguments and text for people."""
+        at, line = self.at, self.line
+        while (text := self._next()) is not None:
+            if text.startswith(b"//") and not text.startswith(b"///"):
+                self.at, self.line = at, line
+                return
+            at, line = self.at, self.line
+
     def _name(self, kind: str, number: int) -> int:
         self.found[kind] += 1
         return number + (P_POINTS if kind == "P" else 0)
@@ -215,6 +227,9 @@ class _Reader:
         if text is None:
             self._refuse("the file ends before //INST", "it is cut off: export the job again")
         point, header = _OTHER_POINT.fullmatch(text), _HEADER.fullmatch(text)
+        if text.upper() == _ARGUMENTS:
+            self._pass_arguments()
+            return True
         if text.upper() == b"//INST":
             return False
         if point:

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 _JOB: Final = re.compile(rb"(?:\A(?:\xef\xbb\xbf)?|[\r\n])[ \t]*/JOB[ \t]*[\r\n]", re.IGNORECASE)
 _SECTION: Final = re.compile(rb"[\r\n][ \t]*//(?:POS|INST|NAME)\b", re.IGNORECASE)
 _CND: Final = re.compile(r"^//(TOOL|UFRAME)[ \t]+(\d{1,9})[ \t]*$", re.IGNORECASE)
+_RATIOS: Final = re.compile(r"^///RC1G\b", re.MULTILINE)
 _SIX: Final = re.compile(rf"{NUMBER}(?:[ \t]*,[ \t]*{NUMBER}){{5}}")
 _BASIC: Final = re.compile(r"^/+BASICFRM[ \t]+(.*)$", re.IGNORECASE)
 _BASE_FRAME: Final = 16
@@ -72,7 +73,7 @@ def _feeds(program: Program) -> Array:
 
 
 def _recognise_frames(text: str) -> bool:
-    return any(_CND.match(line) for line in text.split("\n")[:64])
+    return any(_CND.match(line) for line in text.split("\n")[:64]) or bool(_RATIOS.search(text))
 
 
 def _read_frames(name: str, text: str) -> ControllerFile:
@@ -80,6 +81,8 @@ def _read_frames(name: str, text: str) -> ControllerFile:
 
     User frames are in the base frame unless ``///BASICFRM`` says otherwise.
     """
+    if _RATIOS.search(text):
+        return ControllerFile(name=name, declarations=True)
     out = ControllerFile(name=name)
     notes: list[str] = []
     current: tuple[str, str] | None = None
@@ -146,7 +149,9 @@ LANGUAGE: Final = Language(
     inserter=_inserter,
     feeds=_feeds,
     frame_files=FrameFiles(
-        names=("TOOL.CND", "UFRAME.CND"), recognise=_recognise_frames, read=_read_frames
+        names=("TOOL.CND", "UFRAME.CND", "ALL.PRM", "RC.PRM"),
+        recognise=_recognise_frames,
+        read=_read_frames,
     ),
     frame_form=FrameForm(
         name="yaskawa",
