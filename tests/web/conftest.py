@@ -19,6 +19,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from serving import serving
 from web_shop import Client, Served, Shop, fill, write_files
 
+from robotrue.store.workspace import Workspace
 from robotrue.web import server
 from robotrue.web.job_process import JobProcess
 from robotrue.web.serve_settings import ServeSettings
@@ -67,10 +68,15 @@ def client(filled: Shop, monkeypatch: pytest.MonkeyPatch) -> Iterator[Client]:
     """Makes clients of the interface, of this shop or another; else settings of the server."""
     with contextlib.ExitStack() as stack:
 
-        def make(host: str = "127.0.0.1", shop: Shop | None = None, **settings: Any) -> TestClient:
+        def make(
+            host: str = "127.0.0.1",
+            shop: Shop | None = None,
+            workspace: Workspace | None = None,
+            **settings: Any,
+        ) -> TestClient:
             monkeypatch.setattr(server, "QueryWorkers", InProcess)
             monkeypatch.setattr(server, "JobProcess", NoJobProcess)
-            workspace = (shop or filled).workspace
+            workspace = workspace or (shop or filled).workspace
             wanted = ServeSettings(workspace=workspace.folder, host=host, **settings)
             context = server.server_context(wanted, workspace)
             base = "http://127.0.0.1" if host == "127.0.0.1" else "http://cell.example"

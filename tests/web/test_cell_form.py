@@ -114,6 +114,7 @@ def watched(browser: Any, fresh: Served) -> Iterator[Watched]:
 def test_from_the_form_to_the_second_version(watched: Watched, fresh: Served) -> None:
     page = watched.page
     page.goto("/")
+    watched.find("next-step").click()  # an empty project begins with its cell
     watched.find("cell-preview").get_by_text("preset =").wait_for()
     watched.find("cell-robot").select_option("UR10")
     watched.find("cell-mass_kg").fill("lots")

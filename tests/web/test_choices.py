@@ -178,7 +178,7 @@ def test_an_address_without_a_page_says_so_and_leads_back(browser: Any, stage: S
         assert answer.status == 404
         assert "未找到" in seen.page.locator("h1").inner_text()
         seen.find("home").click()
-        seen.find("scene").wait_for()
+        seen.find("stages").wait_for()
         seen.faults = [f for f in seen.faults if "404" not in f]
     plain = httpx.get(f"{stage.served.address}/nowhere", trust_env=False)
     assert plain.status_code == 404

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 import pytest
 from web_shop import Client, Shop
 
+from robotrue.store.workspace import Workspace
 from robotrue.web.language import LANGUAGES
 from robotrue.web.pages import SCREENS
 
@@ -15,7 +17,12 @@ from robotrue.web.pages import SCREENS
 def test_every_page_and_part_is_built(client: Client, filled: Shop, language: str) -> None:
     here = client()
     addresses = {screen.path for screen in SCREENS}
-    addresses |= {f"/?cell={filled.cell.id}", f"/?cell={filled.cell.id}&edit=1", "/?new=1"}
+    addresses |= {
+        f"/cell?cell={filled.cell.id}",
+        f"/?cell={filled.cell.id}",
+        f"/?cell={filled.cell.id}&edit=1",
+        "/?new=1",
+    }
     addresses |= {"/drilling?view=model", "/drilling?view=monitor", "/history?offset=1"}
     for path, id, parts in (
         ("/measurements", filled.measured.id, ("", "judged", "rows")),
@@ -30,6 +37,27 @@ def test_every_page_and_part_is_built(client: Client, filled: Shop, language: st
         if "part=" not in address or address.endswith("part="):
             assert f'<html lang="{language}">' in answer.text, address
         assert not re.search(r"<script(?! src=| type=)|\son\w+=", answer.text), address
+
+
+def test_a_project_shows_its_stages_and_the_next_step(client: Client, tmp_path: Path) -> None:
+    """An empty one teaches; the practice project makes cell and poses, which say what they are."""
+    english = {"accept-language": "en"}
+    with Workspace.create(tmp_path / "shop") as workspace:
+        here = client(workspace=workspace)
+        page = here.get("/", headers=english).text
+        assert 'href="/cell?new=1">Make a cell' in page
+        assert page.count("stage done") == 0
+        for path in ("/plan", "/measurements", "/calibration", "/registration", "/drift"):
+            assert 'data-testid="needs"' in here.get(path).text, path
+        assert here.post("/api/sample-project", json={}).status_code == 201
+        page = here.get("/", headers=english).text
+        assert page.count("stage done") == 2
+        assert 'href="/calibration">Calibrate' in page
+        assert "Add the practice cell" not in page
+        poses = here.get("/measurements", headers=english).text
+        assert poses.count('class="simulated"') == 2
+        form = here.get("/calibration", headers=english).text
+        assert form.count(" checked") == 1  # the set that was imported last
 
 
 def test_what_is_not_there_is_said_on_the_page(client: Client) -> None:

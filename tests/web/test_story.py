@@ -93,8 +93,8 @@ def test_from_tracker_file_to_downloaded_program(
         watched.find("take-in").click()
         watched.find("rows").wait_for()
 
-        page.goto("/calibration")
-        watched.find("pick-set").check()
+        watched.find("calibrate-with").click()
+        assert watched.find("pick-set").is_checked()
         watched.find("method").select_option("geometric")
         watched.find("calibrate").click()
         watched.find("job").wait_for()

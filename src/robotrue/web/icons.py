@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 PATHS: Final = {
+    "overview": "M4 6a2 2 0 1 0 4 0 2 2 0 1 0-4 0M8 6h8a4 4 0 0 1 0 8H8a3 3 0 0 0 0 6h8M16 20a2 2 0 1 0 4 0 2 2 0 1 0-4 0",  # noqa: E501
     "cell": "M5 20v-6l5-7 6 4M3 20h8M16 11l3 2M16 11l2-3",
     "measurements": "M4 20l5-5M9 15a3 3 0 1 0 4-4 3 3 0 0 0-4 4M14 10l3-3M17 3v4h4M4 4h5M4 8h3",
     "calibration": "M12 3v3M12 18v3M3 12h3M18 12h3M12 12m-5 0a5 5 0 1 0 10 0 5 5 0 1 0-10 0M12 12h.01",  # noqa: E501

@@ -70,6 +70,7 @@ class PageContext:
         in_use: Id of the model of pages whose address names none; empty: there is none.
         models: To choose from, the newest first.
         screens: All, in the order of the navigation.
+        stages: How many items show that each stage of the project was reached, by its name.
     """
 
     server: ServerContext
@@ -81,6 +82,7 @@ class PageContext:
     model: ModelRecord | None
     in_use: str
     models: tuple[ModelRecord, ...]
+    stages: Mapping[str, int]
 
     @property
     def workspace(self) -> Workspace:
@@ -179,6 +181,7 @@ class Screen:
         parts: What comes later, by name: each fills a place that the page leaves for it.
         styles: Addresses of its own style sheets.
         below: Further address; what it names in braces is in the query.
+        stage: Of the project it belongs to; empty: none, or all.
         operations: That it has forms of its own for.
     """
 
@@ -188,4 +191,5 @@ class Screen:
     parts: Mapping[str, Build] = field(default_factory=dict)
     styles: tuple[str, ...] = ()
     below: str = ""
+    stage: str = ""
     operations: tuple[str, ...] = ()

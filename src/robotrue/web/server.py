@@ -36,6 +36,7 @@ from robotrue.web.pages import SCREENS
 from robotrue.web.pages.live_screen import FILES as LIVE_FILES
 from robotrue.web.preferences import preferences_from
 from robotrue.web.problems import DOCUMENTED, answer_with_problems
+from robotrue.web.project_stages import count_items
 from robotrue.web.reports import reports_router
 from robotrue.web.serve_settings import ServeSettings
 from robotrue.web.sessions import Sessions, Tries
@@ -196,6 +197,7 @@ def _add_page(app: FastAPI, server: ServerContext, screen: Screen) -> None:
             model=shown.model,
             in_use=shown.in_use,
             models=shown.offered,
+            stages=await asyncio.to_thread(count_items, server.workspace),
         )
         return HTMLResponse(await _build_page(context, part))
 

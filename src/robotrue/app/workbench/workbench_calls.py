@@ -52,6 +52,13 @@ def read_cell_text(folder: str, id: str, version: int) -> bytes:
     return _ask(answer, folder, id, version)
 
 
+def add_sample_project(folder: str) -> CellRecord:
+    """Returns the cell of a practice project that was added, with simulated poses and a program."""
+    from robotrue.app.workbench.sample_project import add_sample_project as answer
+
+    return _ask(answer, folder)
+
+
 def import_cell(folder: str, paths: Sequence[Path], name: str) -> CellRecord:
     """Returns the record of a cell.toml and the files it names."""
     from robotrue.app.workbench.file_imports import import_cell as answer

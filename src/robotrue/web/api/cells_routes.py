@@ -75,6 +75,12 @@ def router(server: ServerContext) -> APIRouter:
         made = await server.workers.ask(calls.save_cell_text, folder, stated.text, "", id, version)
         return record_document(made, CELL.name)
 
+    @routes.post("/sample-project", status_code=201)
+    async def add_sample_project() -> dict[str, object]:
+        """The practice cell, added with simulated poses and a program to compensate."""
+        made = await server.workers.ask(calls.add_sample_project, folder)
+        return record_document(made, CELL.name)
+
     @routes.get("/cells/{id}/text", response_class=PlainTextResponse)
     async def read_cell(
         id: Id, version: Annotated[int | None, Query(ge=1, le=1_000_000)] = None

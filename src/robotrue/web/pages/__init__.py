@@ -18,6 +18,7 @@ from robotrue.web.pages import (
     history_screen,
     live_screen,
     measurements_screen,
+    overview_screen,
     plan_screen,
     programs_screen,
     registration_screen,
@@ -25,6 +26,7 @@ from robotrue.web.pages import (
 )
 
 SCREENS: Final[tuple[Screen, ...]] = (
+    overview_screen.PAGE,
     cell_screen.PAGE,
     plan_screen.PAGE,
     measurements_screen.PAGE,

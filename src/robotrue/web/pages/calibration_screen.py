@@ -28,6 +28,7 @@ async def _build(context: PageContext) -> str:
         jobs=await context.jobs("calibrate"),
         model=context.model,
         reports=None if context.model is None else await _certificate(context, context.model),
+        missing=await _missing(context),
         form=await _form(context),
         models=await context.items(MODEL, ItemQuery(limit=50)),
     )
@@ -41,18 +42,26 @@ async def _certificate(context: PageContext, model: ModelRecord) -> Reports:
     return await find_reports(context, model, "model", "measurements", "tolerance_mm", sets=unseen)
 
 
-async def _form(context: PageContext) -> dict[str, object] | None:
-    """The fields that ask for a calibration; None where there is nothing to calibrate with."""
+async def _missing(context: PageContext) -> str:
+    """The page to go to first; empty: there is a cell and there are poses."""
+    for stage, page in (("setup", "cell"), ("measure", "measurements")):
+        if not context.stages[stage]:
+            return page
+    return ""
+
+
+async def _form(context: PageContext) -> dict[str, object]:
+    """The fields that ask for a calibration; the set of the address is picked, else the newest."""
     cells = await context.items(CELL, ItemQuery(limit=50))
     sets = await context.items(MEASUREMENT, ItemQuery(limit=100))
-    if not cells or not sets:
-        return None
+    picked = context.query.get("measurements", sets[0].id if sets else "")
     form = RequestForm(
         context=context,
         request=CalibrateRequest,
         group="calibration",
         records={"cell": cells, "measurement": sets},
         marks={"measurements": "pick-set", "method": "method"},
+        values={"measurements": picked},
     )
     picks, *others = (
         form.control(each)
@@ -113,6 +122,7 @@ def _warnings(context: PageContext, stated: _Doubts) -> list[Markup]:
 PAGE: Final = Screen(
     name="calibration",
     path="/calibration",
+    stage="calibrate",
     build=_build,
     parts={"learned": _show_learned},
     operations=("calibrate", "report"),

@@ -38,4 +38,6 @@ async def _text(context: PageContext, id: str) -> str:
     return context.render("cell_text.html", versions=versions, latest=versions[-1], shown=shown)
 
 
-PAGE: Final = Screen(name="cell", path="/", build=_build, styles=("/static/cell.css",))
+PAGE: Final = Screen(
+    name="cell", path="/cell", stage="setup", build=_build, styles=("/static/cell.css",)
+)

@@ -139,6 +139,7 @@ def _shifts(cause: _CauseTerms) -> list[str]:
 PAGE: Final = Screen(
     name="drift",
     path="/drift",
+    stage="monitor",
     build=_build,
     styles=("/static/plan.css",),
     operations=("drift", "drift_plan", "transfer"),

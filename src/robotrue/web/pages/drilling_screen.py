@@ -106,6 +106,7 @@ def _holes(test: _TestTilts) -> list[dict[str, object]]:
 PAGE: Final = Screen(
     name="drilling",
     path="/drilling",
+    stage="monitor",
     build=_build,
     styles=("/static/drilling.css",),
     operations=("drill_fit", "drill_report"),

@@ -25,7 +25,7 @@ TONES: Final[Mapping[str, str]] = {
 PAGES_OF: Final = {
     "measurement": "/measurements?id=", "model": "/calibration?model=", "program": "/programs?id=",
     "drift-check": "/drift?id=", "registration": "/registration?registration=",
-    "cell": "/?cell=", "live": "/live?source=",
+    "cell": "/cell?cell=", "live": "/live?source=",
 }  # fmt: skip
 KEPT: Final = (
     "cell", "measurement", "model", "program", "registration", "drift-check", "document",

@@ -40,5 +40,9 @@ def _view_markup() -> str:
 
 
 PAGE: Final = Screen(
-    name="live", path="/live", build=_build, styles=(f"{FILES}/live.css", "/static/live.css")
+    name="live",
+    path="/live",
+    stage="monitor",
+    build=_build,
+    styles=(f"{FILES}/live.css", "/static/live.css"),
 )

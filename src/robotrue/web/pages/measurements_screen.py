@@ -158,6 +158,7 @@ def _read_mapping(query: Mapping[str, str]) -> dict[str, Any] | None:
 PAGE: Final = Screen(
     name="measurements",
     path="/measurements",
+    stage="measure",
     build=_build,
     parts={"judged": _judge, "rows": _rows, "columns": _columns},
 )

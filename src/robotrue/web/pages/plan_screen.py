@@ -132,6 +132,7 @@ def _reason(context: PageContext, name: str) -> str:
 PAGE: Final = Screen(
     name="plan",
     path="/plan",
+    stage="measure",
     build=_build,
     parts={"shown": _show_promise},
     styles=("/static/plan.css",),

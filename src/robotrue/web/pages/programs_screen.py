@@ -132,6 +132,7 @@ def _tolerance(context: PageContext) -> float | None:
 PAGE: Final = Screen(
     name="programs",
     path="/programs",
+    stage="use",
     build=_build,
     parts={"judged": _judge},
     styles=("/static/plan.css",),

@@ -85,6 +85,7 @@ async def _show_registration(context: PageContext, record: RegistrationRecord) -
 PAGE: Final = Screen(
     name="registration",
     path="/registration",
+    stage="use",
     build=_build,
     styles=("/static/touch.css",),
     operations=("register", "probe_plan", "report"),

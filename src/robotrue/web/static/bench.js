@@ -155,7 +155,9 @@
   // A form whose fields are the parameters of a job.
   const jobForm = (kind, form) => {
     const button = form.querySelector("button");
-    pressed(button, async () => job(kind, await stated(form), button));
+    const unpicked = [...form.querySelectorAll("[data-least]")].find((each) => !each.querySelector(":checked"));
+    if (unpicked) tell(button, { title: "invalid request", detail: unpicked.dataset.least });
+    else pressed(button, async () => job(kind, await stated(form), button));
   };
   // Makes something of what is on the page, then opens it.
   const make = (url, body, go, button) =>

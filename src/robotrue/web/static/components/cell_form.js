@@ -56,7 +56,7 @@ export default {
       this.busy = true;
       try {
         const made = await window.bench.ask("POST", "/api/cells/text", { text: this.shown, name: this.name.trim() || this.robot });
-        location.href = `/?cell=${made.id}`;
+        location.href = `/cell?cell=${made.id}`;
       } catch (cause) {
         this.fault = cause;
         this.busy = false;

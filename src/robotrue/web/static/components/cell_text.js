@@ -23,7 +23,7 @@ export default {
       this.busy = true;
       try {
         await window.bench.ask("POST", `/api/cells/${this.id}/text`, { text: this.content, version: this.latest });
-        location.href = `/?cell=${this.id}&edit=1`;
+        location.href = `/cell?cell=${this.id}&edit=1`;
       } catch (cause) {
         this.fault = cause;
         this.busy = false;
