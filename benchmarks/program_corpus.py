@@ -299,7 +299,7 @@ GCODE: Final = (
         "ARCS.NC": _GCODE_HEAD + "G0 X0. Y0. Z5. A0. B0. C0.\nG1 Z0. F300.\nG2 X10. I5. J0.\n"
         "G3 X20. Z-1. I5. J0.\nG3 I5. J0.\nG1 X30.\nM30\n%\n"}, 9),
     Case("whole numbers without a point", {
-        "WHOLE.NC": _GCODE_HEAD + "G0 X0 Y0 Z50 A0 B0 C0\nG1 Z2 F500\nX10\nG2 X20 I5 J0\nY30.5\n"
+        "WHOLE.NC": _GCODE_HEAD + "G0 X0 Y0 Z50 A0 B0 C0\nG1 Z2 F500\nX10\nG2 X20 I5 J0\nG1 Y30.5\n"
         "G0 Z50\nM30\n%\n"}, 7),
     Case("a local zero and its end", {
         "LOCAL.NC": _GCODE_HEAD + "G0 X0. Y0. Z5. A0. B0. C0.\nG52 X100. Y0. Z0.\n"

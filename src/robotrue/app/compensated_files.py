@@ -20,6 +20,7 @@ from robotrue.cell.cutter_axis import cutter_axis
 from robotrue.cell.part import PartFrame
 from robotrue.compensation.between_targets import Between, look_between, require_no_spin
 from robotrue.compensation.compensate_file import CompensatedFile, compensate_file
+from robotrue.compensation.left_alone import list_left_alone
 from robotrue.compensation.process_force import (
     DescribedForce,
     StatedForce,
@@ -219,7 +220,7 @@ def _rewritten(
     """Returns what the compensation of a file came to."""
     if file.held is not None and result.held is not None:
         held = (file.held, result.held)
-        counts = _counts(result.summary(), force)
+        counts = _counts(result.summary(), force) | _name_left_alone(file.held, result.held)
         steps = result.tally.steps
         return Rewritten(sha256=result.sha256, counts=counts, steps=steps, held=held)
     beside = "moves between points beside it and its own are not looked at for steps."
@@ -242,8 +243,15 @@ def _write_held(
     stream.write(data)
     tally = result.tally(program)
     counts = {"route": "whole", **_counts(tally.summary(), force), **more}
+    counts |= _name_left_alone(program, result)
     held = (program, result)
     return Rewritten(sha256=sha256(data), counts=counts, steps=tally.steps, held=held)
+
+
+def _name_left_alone(program: Program, result: Compensation) -> dict[str, object]:
+    """Returns the targets that keep their numbers, one by one; no key where there are none."""
+    left = list_left_alone(program, result.status)
+    return {"left_alone": left} if left else {}
 
 
 def _counts(summary: Mapping[str, object], force: StatedForce) -> dict[str, object]:
@@ -331,6 +339,7 @@ def _tell(target: Path, document: Mapping[str, Any], force: StatedForce, context
 def _together(documents: Sequence[Mapping[str, Any]]) -> dict[str, object]:
     """The counts of a program of several files, and each file by itself."""
     status: Counter[str] = Counter()
+    left = [each for document in documents for each in document.get("left_alone", ())]
     for document in documents:
         status.update(document["status"])
     return {
@@ -339,6 +348,7 @@ def _together(documents: Sequence[Mapping[str, Any]]) -> dict[str, object]:
         "status": dict(status),
         "notes": [place_in_file(d["source"], note) for d in documents for note in d["notes"]],
         "files": list(documents),
+        **({"left_alone": left} if left else {}),
     }
 
 
