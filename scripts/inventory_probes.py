@@ -216,8 +216,9 @@ def _value(node: ast.expr, module: Any) -> Any:
 
 
 def program_formats() -> Iterator[str]:
-    """Yields the dialects, their suffixes, who can insert targets, controllers' frame files."""
+    """Yields the dialects, their suffixes, who can insert targets, frame files, and the posts."""
     from robotrue.program.lang import languages
+    from robotrue.program.posts import read_posts
 
     for name, language in sorted(languages().items()):
         yield f"{name}: {' '.join(sorted(language.suffixes))}"
@@ -225,6 +226,8 @@ def program_formats() -> Iterator[str]:
             yield f"{name} inserts targets"
         if language.frame_files:
             yield from (f"{name} frames {file}" for file in language.frame_files.names)
+    for name, post in sorted(read_posts().items()):
+        yield f"post {name}: {' '.join(sorted(post.stated.suffixes))}"
 
 
 def measurement_formats() -> Iterator[str]:

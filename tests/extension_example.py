@@ -10,6 +10,7 @@ from pathlib import Path
 
 from robotrue.calibration.terms import term_registry
 from robotrue.measurement.formats.mapping import read_layouts
+from robotrue.program.posts import read_posts
 from robotrue.robot import presets
 
 PACKAGE = Path(__file__).resolve().parents[1] / "examples" / "extension"
@@ -27,6 +28,7 @@ def forget_extensions() -> None:
     term_registry.load_outside.cache_clear()
     presets.read_preset_tables.cache_clear()
     read_layouts.cache_clear()
+    read_posts.cache_clear()
 
 
 @contextmanager

@@ -17,6 +17,7 @@ from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM, UM
 from robotrue.program.formats import read_job, read_program
 from robotrue.program.identity import read_identity
+from robotrue.program.posts import FOLDER
 from robotrue.program.program import FrameTable, Motion
 from robotrue.robot.model import nominal_identity
 from robotrue.robot.presets import preset
@@ -276,6 +277,38 @@ def test_another_maker_s_arm_gets_no_krl(cli, bench: Path) -> None:
     got = cli("program", bench / "ur.toml", bench / "top.apt", "-o", bench / "job.src")
     assert got.code == 1
     assert "post 'krl' writes KRL, for arms of kuka" in got.err
+
+
+def test_a_post_of_the_user_and_a_compensated_program_in_another_language(cli, bench: Path) -> None:
+    from robotrue.calibration.lineage import identity_of
+
+    cell = bench / "cell.toml"
+    cell.write_text(cell.read_text() + '\n[controller]\nangles = "rpy"\n')
+    identity = identity_of(read_model(bench / "model.rtm").model)
+    register(cell, identity=identity, model_file="model.rtm")
+    own = bench / "own.toml"
+    own.write_bytes((FOLDER / "krl.toml").read_bytes().replace(b'"HALT"', b'"; HALT"'))
+    for options, name in (
+        (("--post", own), "a.src"),
+        ((), "b.src"),
+        (("--language", "krl"), "c.src"),
+    ):
+        got = cli("program", cell, bench / "top.apt", "-o", bench / name, *options)
+        assert got.code == 0, got.err
+    texts = {(bench / name).read_bytes().split(b"\n", 2)[2] for name in ("a.src", "b.src", "c.src")}
+    assert len(texts) == 1
+    command = ("program", cell, bench / "top.apt", "-o", bench / "job.mpf", "--json")
+    plain = cli(*command)
+    assert plain.code == 0, plain.err
+    assert any("writes its work frames to G54" in note for note in plain.document["notes"])
+    before, lines = program_points(bench / "job.mpf")
+    got = cli(*command, "--model", bench / "model.rtm")
+    assert got.code == 0, got.err
+    assert got.document["compensation"]["compensated"] == len(lines)
+    moved, _ = program_points(bench / "job.mpf")
+    assert 0.1 * MM < np.linalg.norm(moved - before, axis=1).mean() < 5 * MM
+    wrong = cli("program", cell, bench / "top.apt", "-o", bench / "job.mod")
+    assert "post 'rapid' writes RAPID, for arms of abb" in wrong.err
 
 
 @pytest.mark.parametrize(

@@ -6,10 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from extension_example import WarmDrives, forget_extensions, installed_example
+from extension_example import PACKAGE, WarmDrives, forget_extensions, installed_example
 from robotrue.calibration.terms.term_registry import further_terms, term_of
 from robotrue.errors import ArchiveError, ConfigurationError
 from robotrue.measurement.formats.measured_files import read_measurements
+from robotrue.program.posts import choose_post
 from robotrue.robot.presets import preset, preset_names
 
 
@@ -28,6 +29,18 @@ def test_the_example_brings_a_term_a_robot_and_a_layout(tmp_path: Path) -> None:
     assert "Example E6" not in preset_names()
     with pytest.raises(ArchiveError, match="warm-drives"):
         term_of(WarmDrives.name)
+
+
+def test_the_post_of_the_example_is_chosen_by_name_and_not_by_a_suffix_of_ours(
+    tmp_path: Path,
+) -> None:
+    with installed_example(tmp_path):
+        post = choose_post(Path("job.src"), name="krl_spindle")
+        assert post.source.parent == PACKAGE / "src" / "robotrue_example" / "posts"
+        assert "spindle_right" in post.blocks["moves"].events
+        assert choose_post(Path("job.src")).stated.name == "krl"
+    with pytest.raises(ConfigurationError, match="no post is called 'krl_spindle'"):
+        choose_post(Path("job.src"), name="krl_spindle")
 
 
 @pytest.mark.parametrize(

@@ -68,6 +68,9 @@ def choose_post(output: Path, *, name: str | None = None, file: Path | None = No
             f"has the suffix {output.suffix or '(none)'}; allowed are {', '.join(allowed)}.",
             hint=f"name it {output.with_suffix(next(iter(allowed))).name}.",
         )
+    own = [post for post in fitting if post.source.parent == FOLDER]
+    if len(own) == 1:  # a package outside does not take a suffix over; it is asked for by name
+        return own[0]
     if len(fitting) > 1:
         names = [post.stated.name for post in fitting]
         raise ConfigurationError(
