@@ -64,7 +64,7 @@ def test_what_is_not_there_is_said_on_the_page(client: Client) -> None:
     here = client()
     for path in ("/measurements?id=nothing", "/programs?id=nothing", "/drift?id=nothing"):
         answer = here.get(path, headers={"accept-language": "en"})
-        assert "Not here." in answer.text
+        assert "Page not found." in answer.text
         assert "nothing" in answer.text
     missing = here.get("/nowhere", headers={"accept": "text/html"})
     assert missing.status_code == 404

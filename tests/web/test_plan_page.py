@@ -7,11 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import httpx
+import numpy as np
 import pytest
 from serving import WAIT, serving, watching
 from web_shop import Client, Served, Shop, fill, unpacked, write_files
 
 from robotrue.app.job_kinds import job_kinds
+from robotrue.robot.presets import preset
 from robotrue.store import jobs
 from robotrue.store.jobs_claim import claim
 from robotrue.store.jobs_work import attempt
@@ -47,6 +49,10 @@ def test_a_plan_tells_how_the_instrument_sees_its_poses(client: Client, filled: 
     plan = here.get(f"/api/plans/{made.result['document']['id']}").json()
     assert plan["simulated"] is True  # the model it starts from is
     assert len(plan["joints_deg"]) == 5
+    controller = preset("KUKA KR160 R1570").controller
+    assert controller is not None  # the table is typed into a pendant: its axes, not the model's
+    axes = controller.to_controller(np.deg2rad(plan["joints_deg"]))
+    np.testing.assert_allclose(np.deg2rad(plan["axes_deg"]), axes, atol=1e-9)
     assert plan["visibility"]["tracker"] is False
     tips = unpacked(plan["scene"]["robot"]["tool"])[:, 0]
     assert abs(tips - unpacked(plan["scene"]["points"]["position"])).max() < 1e-5

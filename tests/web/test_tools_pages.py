@@ -137,7 +137,8 @@ def test_a_page_of_no_operation_is_refused(here: Any) -> None:
         assert "no page is made of the operation" in shown
     assert here.get("/tools/predict/more").status_code == 404
     assert (
-        "Not here." in here.get("/tools/predict?job=none", headers={"accept-language": "en"}).text
+        "Page not found."
+        in here.get("/tools/predict?job=none", headers={"accept-language": "en"}).text
     )
 
 

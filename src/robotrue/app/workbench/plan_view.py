@@ -39,6 +39,9 @@ def show_plan(workspace: Workspace, plan_id: str, version: int) -> bytes:
             "simulated": simulated,
             "model": used[0].name if used else "",
             "cell": cell.robot.name,
+            "axes_deg": None
+            if cell.robot.controller is None
+            else cell.robot.controller.to_controller(joints) / DEG,
             "visibility": _visibility(cell, joints),
             "scene": {
                 "robot": body_document(cell, joints),
