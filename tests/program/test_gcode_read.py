@@ -343,3 +343,26 @@ def test_numbers_without_a_point_are_what_the_cell_says(stated: str, known: bool
     assert reasons(program) == [Reason.NONE, why, Reason.NONE]
     assert any("units_without_point" in note for note in program.notes) != known
     np.testing.assert_allclose(program.position[1, 0], 0.01)
+
+
+LOCAL = "G52 X100. Y0. Z-5.\nG1 X1. Y2. Z3. A1. B2. C3.\nX4.\n"
+POINT = "G1 X1. Y2. Z3. A1. B2. C3."
+
+
+def places(program: Program) -> list[float]:
+    """x in base, mm; NaN where a point is not known."""
+    x = program.T_base_frame[program.frame, 0, 3] + program.position[:, 0]
+    return np.where(program.reason == Reason.NONE, x / MM, np.nan).round(6).tolist()
+
+
+def test_a_local_zero_of_constants_moves_the_work_offset() -> None:
+    table = replace(TABLE, bases={"G54": np.eye(4), "G55": np.eye(4)})
+    assert places(fanuc(f"{LOCAL}G52 X0 Y0 Z0\n{POINT}", table)) == [101.0, 104.0, 1.0]
+    assert places(fanuc(f"{LOCAL}G52 X7. Y0. Z0.\n{POINT}", table)) == [101.0, 104.0, 8.0]
+    for odd in ("G55", "G54", "G52 X7.", "G52 X7 Y0 Z0", "M98 P7\nG90 G54 G43.4 G1 G17 G21"):
+        found = places(fanuc(f"{LOCAL}{odd}\n{POINT}", table))
+        assert found[:2] == [101.0, 104.0]
+        assert np.isnan(found[2]), odd
+    inches = fanuc(f"G20\n{LOCAL}", table)
+    assert np.isnan(places(inches)).all()
+    assert any("is not in millimetres for sure" in note for note in inches.notes)

@@ -30,6 +30,8 @@ class Findings:
         flags: Why the point of a block cannot be compensated.
         silent: Blocks whose coordinates are no point to go to.
         frames: (block, name, matrix or None) of work frames the program sets; None is not known.
+        local: (block, name, x y z as printed) of local zeros (G52) that are constants; the name is
+            a work frame of its own.
         names: Names of frames and tools, whose numbers are states.
         told: (first byte, sentence about what stands there).
         remarks: (first byte, sentence) that leaves nothing out.
@@ -45,6 +47,7 @@ class Findings:
     flags: dict[int, Reason] = field(default_factory=dict)
     silent: set[int] = field(default_factory=set)
     frames: list[tuple[int, str, Array | None]] = field(default_factory=list)
+    local: list[tuple[int, str, tuple[float, float, float]]] = field(default_factory=list)
     names: list[str] = field(default_factory=list)
     told: list[tuple[int, str]] = field(default_factory=list)
     remarks: list[tuple[int, str]] = field(default_factory=list)

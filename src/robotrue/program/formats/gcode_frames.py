@@ -8,6 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from robotrue.core.arrays import Array, IntArray
+from robotrue.core.poses import pose
+from robotrue.core.units import MM
 from robotrue.program.formats.gcode_blocks import Blocks
 from robotrue.program.formats.gcode_kernels import NO_STATE
 from robotrue.program.formats.gcode_vocabulary import NAMED, UNCERTAIN, Modal, Vocabulary
@@ -57,13 +59,52 @@ class GcodeFrames:
         since = np.where(at >= 0, called[at] if len(called) else 0, -1)
         made = np.array([each[0] for each in self._blocks.findings.frames], np.int64)
         version = np.searchsorted(made, since)
-        first, run = _runs(setting * (len(made) + 1) + version)
+        local = np.searchsorted(self._local_blocks(), block)
+        first, run = _runs(
+            (setting * (len(made) + 1) + version) * (len(self._blocks.findings.local) + 1) + local
+        )
         index = [
             self._base(int(setting[k]), int(version[k]), int(block[k]) + 1) for k in first.tolist()
         ]
         return np.array(index, np.int64)[run]
 
+    def _local_blocks(self) -> IntArray:
+        return np.array([each[0] for each in self._blocks.findings.local], np.int64)
+
+    def _local_base(self, place: int, version: int, line: int) -> int:
+        """Returns the frame that a local zero moves the work offset before it to."""
+        findings = self._blocks.findings
+        block, name, zero = findings.local[place]
+        own = {NAMED - findings.names.index(each[1]) for each in findings.local}
+        said = [each for each in self._said(Modal.FRAME, block) if each not in own]
+        inch = self._said(Modal.INCH, block)
+        if inch and inch[-1] != 0:
+            what = f"{name} is not in millimetres for sure"
+            return self._known.unknown("base", what, line, "state G21 before it")
+        index = self._base_without_local(said[-1] if said else 0, version, line)
+        if not any(zero):
+            return index
+        return self._known.shift("base", index, pose(np.eye(3), np.array(zero) * MM))
+
+    def _said(self, group: Modal, block: int) -> list[int]:
+        """Returns the settings of a state before a block, in order."""
+        column = self._blocks.state[:block, group]
+        return [int(each) for each in column[column != NO_STATE].tolist()]
+
     def _base(self, setting: int, version: int, line: int) -> int:
+        findings = self._blocks.findings
+        before = [k for k, each in enumerate(findings.local) if each[0] < line - 1]
+        if not before:
+            return self._base_without_local(setting, version, line)
+        _, name, zero = findings.local[before[-1]]
+        if setting == NAMED - findings.names.index(name):
+            return self._local_base(before[-1], version, line)
+        if any(zero) and setting != UNCERTAIN:
+            what = f"is called again while {name} may stay in force"
+            return self._known.unknown("base", what, line, "end it with G52 X0. Y0. Z0. first")
+        return self._base_without_local(setting, version, line)
+
+    def _base_without_local(self, setting: int, version: int, line: int) -> int:
         name = self._frame_name(setting)
         for block, named, matrix in reversed(self._blocks.findings.frames[:version]):
             if named == name:

@@ -42,6 +42,15 @@ _FRAME: Final = re.compile(rb"\$P_UIFR\[(\d{1,2})\]$")
 _PART: Final = re.compile(rb"(CTRANS|CROT)\(([^()]*)\)")
 _NUMBER: Final = re.compile(WHOLE_NUMBER)
 _GAP: Final = re.compile(rb"\s*+")
+_LOCAL_ZERO: Final = re.compile(
+    rb"(?:N\d+[ \t]*)?G0*52[ \t]*X("
+    + WHOLE_NUMBER
+    + rb")[ \t]*Y("
+    + WHOLE_NUMBER
+    + rb")[ \t]*Z("
+    + WHOLE_NUMBER
+    + rb")"
+)
 _POSITION: Final = re.compile(rb"[XYZ]")
 _PRESET: Final = re.compile(rb"P(\d{1,3})")
 _BASED: Final = re.compile(rb"'(?:B([01]{1,40})|H([0-9A-F]{1,10}))'")
@@ -344,6 +353,8 @@ class _Block:
         elif code in _ENDING and not self._anywhere(_POSITION):
             self._out.shift(self._block, _ENDING[code], False)
             self._out.forget(self._block)
+        elif code == "G52" and self._set_local_zero():
+            return
         elif code in _MOVING:
             self._quiet = True
             self._tell(f"{code} moves or turns the coordinates")
@@ -355,6 +366,22 @@ class _Block:
             self._tell(f"{code} is not known here")
             self._out.barrier(self._block)
             self._out.flag(self._block, Reason.EXPRESSION)
+
+    def _set_local_zero(self) -> bool:
+        """Reads a local zero of three constants as a work frame; False for any other."""
+        match = _LOCAL_ZERO.fullmatch(self._text.strip())
+        numbers = match.groups() if match else ()
+        sure = all(b"." in each or float(each) == 0.0 for each in numbers)
+        if not numbers or not sure or self._vocabulary.name != "fanuc_gcode":
+            return False
+        x, y, z = (float(each) for each in numbers)
+        named = f"G52 of line {self._block + 1}"
+        self._out.local.append((self._block, named, (x, y, z)))
+        self._out.set(self._block, Modal.FRAME, NAMED - self._out.name(named))
+        self._out.shift(self._block, "local", False)
+        self._out.forget(self._block)
+        self._quiet, self._at = True, len(self._text)
+        return True
 
     def _call(self, what: str) -> None:
         if what != "M99":
