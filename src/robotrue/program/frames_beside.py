@@ -81,7 +81,7 @@ def with_files_beside(
         notes += one.notes
         in_base = {key: table.T_base_world @ matrix for key, matrix in one.bases.items()}
         for side, have, new in (("base", bases, in_base), ("tool", tools, one.tools)):
-            notes += _differing(side, one.name, have, new)
+            notes += _find_differing(side, one.name, have, new)
             have.update({key: matrix for key, matrix in new.items() if key not in have})
     return replace(table, bases=bases, tools=tools, declarations=tuple(declared)), notes
 
@@ -110,7 +110,7 @@ def _frame_files(path: Path, dialect: str, root: Path | None) -> list[Path]:
     return list(out.values())
 
 
-def _differing(
+def _find_differing(
     side: str, name: str, have: Mapping[str, Array], new: Mapping[str, Array]
 ) -> list[str]:
     out = []

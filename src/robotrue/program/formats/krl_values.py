@@ -219,7 +219,7 @@ class KrlValues:
         name = key.rpartition(":")[2]
         changes = self._changes.get(key)
         if changes:
-            return self._reaching(key, index, line, changes, arguments, depth)
+            return self._find_reaching(key, index, line, changes, arguments, depth)
         if key != name:
             return self._parameter(key, depth)
         given = self._given.get(name, {}).get(index)
@@ -252,7 +252,7 @@ class KrlValues:
             )
         return values[0]
 
-    def _reaching(
+    def _find_reaching(
         self,
         key: str,
         index: str,

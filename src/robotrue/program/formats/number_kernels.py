@@ -19,6 +19,8 @@ _ROUND: Final = 2.0**52
 SLACK: Final = 8
 """Bytes behind a number or a copy that its writing may touch."""
 _POWER: Final = np.array([10.0**k for k in range(23)])
+_QUICK: Final = 1e8
+"""Values below this are printed by the compiled way."""
 SLOW_DECIMALS: Final = 13
 """From here on a number is left to the slow way, which rounds exactly."""
 
@@ -161,6 +163,7 @@ def is_plain(buf: Bytes, start: int, end: int) -> bool:
 @compiled(PLAIN)
 def respell(
     buf: Bytes,
+    index: IntArray,
     start: IntArray,
     length: IntArray,
     old: Array,
@@ -172,44 +175,94 @@ def respell(
     aligned: bool,
     out: Bytes,
 ) -> int:
-    """Copies ``buf`` to ``out`` with tokens (t,), in order, rewritten; returns the bytes written.
+    """Copies ``buf`` to ``out`` with tokens rewritten; returns the bytes written.
 
-    A plain token keeps its decimals, or gets ``least`` where it has fewer than ``enough``; it stays
+    ``index`` (t,) are the tokens in the order of the bytes, places in the tables behind it. A plain
+    token keeps its decimals, or gets ``least`` where it has fewer than ``enough``; it stays
     where it says the value already. Of others ``texts[slow[t] : slow[t + 1]]`` is what to write.
-    When ``aligned``, a token keeps its column where the blanks before it allow.
+    When ``aligned``, a token keeps its column where the blanks before it allow. ``out`` needs
+    ``SLACK`` bytes more than what is written.
     """
-    scratch, cursor, k = np.empty(64, np.uint8), 0, 0
-    for t in range(start.size):
-        first, last = start[t], start[t] + length[t]
-        if slow[t + 1] > slow[t]:
-            text, size = texts[slow[t] : slow[t + 1]], slow[t + 1] - slow[t]
-        else:
+    scratch, cursor, k = np.empty(64 + texts.size, np.uint8), 0, 0
+    swift = buf.size - SLACK  # up to here whole words may be copied
+    for t in range(index.size):
+        i = np.uint64(index[t])
+        first, last = start[i], start[i] + length[i]
+        odd, decimals, plus, bare = slow[t + 1] > slow[t], 0, False, False
+        if not odd:
             point = first
-            while buf[point] != 46:
+            while buf[np.uint64(point)] != 46:
                 point += 1
             decimals = last - point - 1
-            if decimals < enough[t]:
-                decimals = max(decimals, least[t])
-            if abs(value[t] - old[t]) <= _HALF_DIGIT[decimals]:
+            if decimals < enough[i]:
+                decimals = max(decimals, least[i])
+            if abs(value[i] - old[i]) <= _HALF_DIGIT[np.uint64(decimals)]:
                 continue
-            signed = buf[first] == 43 or buf[first] == 45
-            bare = point == first + signed
-            text, size = scratch, put_number(scratch, 0, value[t], decimals, buf[first] == 43, bare)
-        if not aligned:
-            k = copy_bytes(out, k, buf, cursor, first)
-            cursor = first
-        k = place(out, k, buf, cursor, first, last, text, size)
+            plus = buf[first] == 43
+            bare = point == first + (plus or buf[first] == 45)
+        if aligned and first - 2 >= cursor and buf[first - 1] == 32 and buf[first - 2] == 32:
+            if odd:
+                size = slow[t + 1] - slow[t]
+                copy_bytes(scratch, 0, texts, slow[t], slow[t + 1])
+            else:
+                size = put_number(scratch, 0, value[i], decimals, plus, bare)
+            k = place(out, k, buf, cursor, first, last, scratch, size)
+        else:
+            if first <= swift:
+                k = copy_short(out, k, buf, cursor, first)
+            else:
+                k = copy_bytes(out, k, buf, cursor, first)
+            if odd:
+                k = copy_bytes(out, k, texts, slow[t], slow[t + 1])
+            else:
+                k = put_number(out, k, value[i], decimals, plus, bare)
         cursor = last
     return copy_bytes(out, k, buf, cursor, buf.size)
 
 
+@compiled(PLAIN, inline=True)
+def _in_a_name(byte: int) -> bool:
+    """Returns whether a digit behind the byte would be a part of a name."""
+    return 48 <= byte <= 57 or 65 <= (byte & 223) <= 90 or byte == 95
+
+
 @compiled(PLAIN)
-def plain_tokens(buf: Bytes, start: IntArray, length: IntArray) -> BoolArray:
-    """Returns which tokens (t,) are plain."""
-    out = np.empty(start.size, np.bool_)
-    for t in range(start.size):
-        out[t] = is_plain(buf, start[t], start[t] + length[t])
-    return out
+def pick_tokens(
+    buf: Bytes,
+    start: IntArray,
+    length: IntArray,
+    touched: BoolArray,
+    value: Array,
+    picked: IntArray,
+    odd: IntArray,
+    joined: BoolArray,
+) -> tuple[int, bool]:
+    """Lists the touched tokens (n, w) row by row; returns how many, and whether they rise.
+
+    Args:
+        buf: The bytes.
+        start: First byte of each; below 0 where there is none.
+        length: Bytes of each.
+        touched: Those to list.
+        value: What each shall say.
+        picked: (t,) place of each in the tables.
+        odd: (t,) 1 where it is not plain, or not below 1e8.
+        joined: (t,) a digit in the place of its first byte would belong to the name before it.
+    """
+    count, before, rising = 0, -1, True
+    for row in range(start.shape[0]):
+        for column in range(start.shape[1]):
+            first = start[row, column]
+            if not touched[row, column] or first < 0:
+                continue
+            rising &= first > before
+            before = first
+            picked[count] = row * start.shape[1] + column
+            plain = is_plain(buf, first, first + length[row, column])
+            odd[count] = not (plain and abs(value[row, column]) < _QUICK)
+            joined[count] = first > 0 and _in_a_name(buf[first - 1])
+            count += 1
+    return count, rising
 
 
 @compiled(PLAIN)

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray, IntArray
-from robotrue.program.formats.number_kernels import literal_numbers, plain_tokens, respell
+from robotrue.program.formats.number_kernels import SLACK, literal_numbers, pick_tokens, respell
 from robotrue.program.formats.number_text import restyle
 
-_QUICK: Final = 1e8
-"""Values below this are printed by the compiled way."""
 _WIDEST: Final = 28
 """Bytes one rewritten number can take: sign, nine digits, point, fifteen decimals."""
 
@@ -92,6 +90,10 @@ class NumberTable:
         return Numbers(start=start, length=length, value=value)
 
 
+def _respell_odd(token: bytes, value: float, least: int) -> bytes:
+    return restyle(token, value, least=least)
+
+
 def respell_tokens(
     data: bytes,
     numbers: Numbers,
@@ -101,6 +103,8 @@ def respell_tokens(
     least: IntArray,
     *,
     aligned: bool = False,
+    apart: bool = False,
+    respell_odd: Callable[[bytes, float, int], bytes] = _respell_odd,
 ) -> bytes:
     """Returns the bytes with the touched numbers rewritten in their own style.
 
@@ -112,44 +116,39 @@ def respell_tokens(
         enough: (n, w) decimals that can hold a correction.
         least: (n, w) decimals to print where a number has fewer than that.
         aligned: A number after two or more blanks keeps its column where they allow it.
+        apart: A number right behind a name gets a blank where it would become a part of it.
+        respell_odd: Returns what takes the place of a number that is not plain digits with a point,
+            from its bytes, its new value and the decimals to print at least.
     """
-    where = np.nonzero(touched & (numbers.start >= 0))
-    order = np.argsort(numbers.start[where], kind="stable")
-    start, length, limit, more = (
-        column[where][order] for column in (numbers.start, numbers.length, enough, least)
-    )
-    old, value = numbers.value[where][order], values[where][order]
-    if not len(start):
+    text, size = np.frombuffer(data, np.uint8), touched.size
+    picked, joined = np.empty((2, size), np.int64), np.empty(size, np.bool_)
+    start, length = (np.ascontiguousarray(each) for each in (numbers.start, numbers.length))
+    limit, more = (np.ascontiguousarray(each) for each in (enough, least))
+    old, value = (np.ascontiguousarray(each) for each in (numbers.value, values))
+    count, rising = pick_tokens(text, start, length, touched, value, picked[0], picked[1], joined)
+    if not count:
         return data
-    text = np.frombuffer(data, np.uint8)
-    odd = ~plain_tokens(text, start, length) | (np.abs(value) >= _QUICK)
-    slow, texts = np.zeros(len(start) + 1, np.int64), b""
-    if odd.any():
-        slow, texts = _restyle_odd(data, np.flatnonzero(odd), start, length, value, limit, more)
-    out = np.empty(len(data) + _WIDEST * len(start) + len(texts), np.uint8)
-    size = respell(
-        text, start, length, old, value, limit, more, slow, np.frombuffer(texts, np.uint8),
-        aligned, out,
+    start, length, limit, more = (each.ravel() for each in (start, length, limit, more))
+    old, value = (each.ravel() for each in (old, value))
+    index, odd = picked[:, :count]
+    joined = joined[:count] & apart
+    if not rising:
+        order = np.argsort(start[index], kind="stable")
+        index, odd, joined = index[order], odd[order], joined[order]
+    slow, texts = np.zeros(count + 1, np.int64), b""
+    if odd.any() or joined.any():
+        spelled = []
+        for t in np.flatnonzero((odd != 0) | joined).tolist():
+            i = int(index[t])
+            token = data[start[i] : start[i] + length[i]]
+            fine = len(token.partition(b".")[2]) >= limit[i]
+            new = respell_odd(token, float(value[i]), 0 if fine else int(more[i]))
+            spelled.append(b" " + new if joined[t] and new[:1].isdigit() else new)
+            slow[t + 1] = len(spelled[-1])
+        slow, texts = np.cumsum(slow), b"".join(spelled)
+    out = np.empty(len(data) + _WIDEST * count + len(texts) + SLACK, np.uint8)
+    end = respell(
+        text, index, start, length, old, value, limit, more, slow,
+        np.frombuffer(texts, np.uint8), aligned, out,
     )  # fmt: skip
-    return out[:size].tobytes()
-
-
-def _restyle_odd(
-    data: bytes,
-    odd: IntArray,
-    start: IntArray,
-    length: IntArray,
-    value: Array,
-    enough: IntArray,
-    least: IntArray,
-) -> tuple[IntArray, bytes]:
-    """Returns the texts of the odd tokens in one piece, and where each begins (t + 1,)."""
-    size = np.zeros(len(start) + 1, np.int64)
-    texts = []
-    for t in odd.tolist():
-        token = data[start[t] : start[t] + length[t]]
-        shown = len(token.partition(b".")[2])
-        text = restyle(token, float(value[t]), least=0 if shown >= enough[t] else int(least[t]))
-        texts.append(text)
-        size[t + 1] = len(text)
-    return np.cumsum(size), b"".join(texts)
+    return out[:end].tobytes()

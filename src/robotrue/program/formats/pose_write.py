@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray
+from robotrue.core.compiled import PLAIN, compiled
 from robotrue.errors import ShapeError
 from robotrue.program.program import Program, Replacement
 
@@ -15,6 +18,25 @@ _SAME_POSITION: Final = 1e-11
 SAME_ROTATION: Final = 1e-10
 """Largest difference of a matrix element, or rad of an axis, that counts as unchanged."""
 _LARGEST: Final = 1e9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PrintedForm:
+    """How a language prints targets: three coordinates and its turns, or axis values.
+
+    Attributes:
+        length: m per unit of a coordinate.
+        turns: How many numbers say the orientation.
+        turn: Returns those of rotations (k, 3, 3) nearest to (k, turns) as printed.
+        axis: rad per unit of an axis value, for all or (n, 6).
+        unit: Of the numbers, for messages.
+    """
+
+    length: float
+    turns: int
+    turn: Callable[[Array, Array], Array]
+    axis: float | Array
+    unit: str
 
 
 def changed_rows(program: Program, replacement: Replacement) -> BoolArray:
@@ -29,22 +51,82 @@ def changed_rows(program: Program, replacement: Replacement) -> BoolArray:
     return changed
 
 
+def new_values(
+    program: Program,
+    replacement: Replacement,
+    value: Array,
+    is_axis: BoolArray,
+    form: PrintedForm,
+    rows: slice = slice(None),
+) -> tuple[Array, BoolArray]:
+    """Returns what the numbers of n rows shall say, as printed, and which of them may differ.
+
+    Args:
+        program: As it was read.
+        replacement: What its targets shall be.
+        value: (n, w) the numbers as printed: coordinates and turns, or six axis values, come first.
+        is_axis: (n,) the row holds axis values.
+        form: Of the language.
+        rows: Of the program and the replacement that are meant.
+
+    Raises:
+        ShapeError: A changed row has a value that is not finite, or beyond 1e9, with its line.
+    """
+    changed = changed_rows(program, replacement)[rows]
+    place, turn, axes = find_moved(program, replacement, rows)
+    values, touched = np.array(value), np.zeros(value.shape, np.bool_)
+    pose, end = changed & ~is_axis, 3 + form.turns
+    touched[:, :3] = place & pose[:, None]
+    new = np.asarray(replacement.position[rows], dtype=np.float64) / form.length
+    values[:, :3] = np.where(touched[:, :3], new, values[:, :3])
+    spun = np.flatnonzero(turn & pose)
+    turned = np.asarray(replacement.rotation[rows], dtype=np.float64)[spun]
+    values[spun, 3:end] = form.turn(turned, values[spun, 3:end])
+    touched[spun, 3:end] = True
+    at = np.flatnonzero(changed & is_axis)
+    if len(at):
+        touched[at, :6] = axes[at]
+        unit = np.broadcast_to(form.axis, (len(values), 6))[at]
+        wanted = np.asarray(replacement.axes[rows], dtype=np.float64)[at] / unit
+        values[at, :6] = np.where(axes[at], wanted, values[at, :6])
+    end = max(end, 6)
+    require_printable(program, values[:, :end], touched[:, :end], form.unit, rows)
+    return values, touched
+
+
 def find_moved(
-    program: Program, replacement: Replacement
+    program: Program, replacement: Replacement, rows: slice = slice(None)
 ) -> tuple[BoolArray, BoolArray, BoolArray]:
     """Returns which coordinates (n, 3), orientations (n,) and axes (n, dof) are not as read.
 
     What is not finite in the replacement counts as moved, so that it is refused and not passed by.
     """
     with np.errstate(invalid="ignore"):
-        place = ~(np.abs(replacement.position - program.position) <= _SAME_POSITION)
-        turn = ~(np.abs(replacement.rotation - program.rotation) <= SAME_ROTATION).all(axis=(1, 2))
-        axes = ~(np.abs(replacement.axes - program.axes) <= SAME_ROTATION)
-    return place, np.asarray(turn, dtype=np.bool_), axes
+        place = ~(np.abs(replacement.position[rows] - program.position[rows]) <= _SAME_POSITION)
+        axes = ~(np.abs(replacement.axes[rows] - program.axes[rows]) <= SAME_ROTATION)
+    turned = np.asarray(replacement.rotation[rows], dtype=np.float64)
+    return place, _find_turned(turned, program.rotation[rows]), axes
 
 
-def require_printable(program: Program, values: Array, touched: BoolArray, unit: str) -> None:
-    """Refuses values that no controller reads.
+@compiled(PLAIN)
+def _find_turned(new: Array, old: Array) -> BoolArray:
+    """Returns which of two stacks of matrices (n, 3, 3) are not the same."""
+    out = np.zeros(len(new), np.bool_)
+    for row in range(len(new)):
+        for i in range(3):
+            for j in range(3):
+                out[row] |= not abs(new[row, i, j] - old[row, i, j]) <= SAME_ROTATION
+    return out
+
+
+def require_printable(
+    program: Program,
+    values: Array,
+    touched: BoolArray,
+    unit: str,
+    rows: slice = slice(None),
+) -> None:
+    """Refuses values of some rows that no controller reads.
 
     Raises:
         ShapeError: A touched value is not finite, or not below 1e9, with its line.
@@ -55,6 +137,6 @@ def require_printable(program: Program, values: Array, touched: BoolArray, unit:
         raise ShapeError(
             f"the new target is {values[at].tolist()} ({unit}), expected finite numbers below 1e9.",
             source=program.name,
-            line=int(program.line[at]),
+            line=int(program.line[rows][at]),
             hint="leave this row unchanged.",
         )

@@ -255,9 +255,9 @@ class RapidValues:
             if key not in self._kept or key[0]:
                 self._kept[key] = self.value(text, place if key[0] else 0, key[0], depth + 1)
             return self._kept[key]
-        return self._reaching(key, place, scope, changes, depth)
+        return self._find_reaching(key, place, scope, changes, depth)
 
-    def _reaching(
+    def _find_reaching(
         self, key: tuple[str, str], place: int, scope: str, changes: list[RapidChange], depth: int
     ) -> RapidValue:
         """Returns the value of the one change that reaches a place on every way."""

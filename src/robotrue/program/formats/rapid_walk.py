@@ -338,7 +338,7 @@ class RapidWalk(Data):
                 line=line_at(self.data, start),
                 hint="the file may be cut off or edited by hand; export it again.",
             )
-        key = self._setting(tail)
+        key = self._name_setting(tail)
         self.story.settings.setdefault(key, (len(self.story.settings), start))
         stored = [self._look_up(a, b, "jointtarget" if move.axes else "robtarget")
                   for a, b in tail.places]  # fmt: skip
@@ -387,10 +387,10 @@ class RapidWalk(Data):
 
     def _use(self, point: int, motion: int, tail: Tail, start: int) -> None:
         settings = self.story.settings
-        number, _ = settings.setdefault(self._setting(tail), (len(settings), start))
+        number, _ = settings.setdefault(self._name_setting(tail), (len(settings), start))
         self.story.uses.add(point, self.place, motion, number)
 
-    def _setting(self, tail: Tail) -> tuple[str, str]:
+    def _name_setting(self, tail: Tail) -> tuple[str, str]:
         """Returns the names of tool and work object of a motion, parameters with their routine."""
         key = tail.tool, tail.work
         if self._with_parameters and any(self._is_parameter(name) for name in key):

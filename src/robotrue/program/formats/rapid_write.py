@@ -19,7 +19,7 @@ from robotrue.core.units import DEG, MM
 from robotrue.errors import ShapeError
 from robotrue.program.formats.number_table import Numbers, respell_tokens
 from robotrue.program.formats.path_kernels import decimals_of
-from robotrue.program.formats.pose_write import changed_rows, find_moved, require_printable
+from robotrue.program.formats.pose_write import PrintedForm, changed_rows, new_values
 from robotrue.program.formats.written_out import (
     NONE_WRITTEN,
     WrittenOut,
@@ -66,22 +66,11 @@ def write_rapid(program: Program, replacement: Replacement) -> bytes:
     spans = program.spans
     if not isinstance(spans, RapidSpans):
         raise ShapeError(f"{program.name} was not read by the rapid dialect, but by another.")
-    changed = changed_rows(program, replacement)
-    values = spans.numbers.value.copy()
-    touched = np.zeros(values.shape, dtype=np.bool_)
-    place, turn, axes = find_moved(program, replacement)
-    pose, axis = changed & ~spans.is_axis, changed & spans.is_axis
-    touched[:, :3] = place & pose[:, None]
-    touched[:, 3:7] = (turn & pose)[:, None]
-    values[:, :3] = np.where(touched[:, :3], replacement.position / MM, values[:, :3])
-    rows = np.flatnonzero(turn & pose)
-    values[rows, 3:7] = _choose_sides(replacement.rotation[rows], values[rows, 3:7])
+    values, touched = new_values(program, replacement, spans.numbers.value, spans.is_axis, _FORM)
     told = np.asarray(replacement.words, dtype=np.int64)
+    pose = changed_rows(program, replacement) & ~spans.is_axis
     touched[:, 7:11] = (told != NO_WORD) & pose[:, None]
     values[:, 7:11] = np.where(touched[:, 7:11], told, values[:, 7:11])
-    touched[:, :6] |= axes & axis[:, None]
-    values[:, :6] = np.where(axes & axis[:, None], replacement.axes / DEG, values[:, :6])
-    require_printable(program, values[:, :7], touched[:, :7], "mm, quaternion or deg")
     data, numbers = program.data, spans.numbers
     moves = (touched & (values != numbers.value)).any(axis=1)
     chosen = np.flatnonzero(moves[spans.written.row] | (spans.bound & moves.any()))
@@ -122,3 +111,8 @@ def _choose_sides(rotation: Array, old: Array) -> Array:
     sign = np.where(np.sum(new * old, axis=1, keepdims=True) < 0.0, -1.0, 1.0)
     out: Array = sign * new
     return out
+
+
+_FORM: Final = PrintedForm(
+    length=MM, turns=4, turn=_choose_sides, axis=DEG, unit="mm, quaternion or deg"
+)

@@ -18,7 +18,7 @@ from robotrue.core.units import DEG, MM
 from robotrue.program.euler import abc_from_matrices, matrices_from_abc
 from robotrue.program.formats.number_table import Numbers, respell_tokens
 from robotrue.program.formats.number_text import splice_texts
-from robotrue.program.formats.pose_write import changed_rows, find_moved, require_printable
+from robotrue.program.formats.pose_write import PrintedForm, new_values
 from robotrue.program.program import Program, Replacement
 
 LEAST_DECIMALS: Final = 3
@@ -83,8 +83,9 @@ def rewritten(
     Raises:
         ShapeError: A changed row has a value that is not finite, or beyond 1e9 mm, deg or pulses.
     """
-    changed = changed_rows(program, replacement)
-    values, touched = _compute_wanted(program, replacement, tokens, changed)
+    values, touched = new_values(
+        program, replacement, tokens.value, tokens.kind != POSE, _form_of(tokens)
+    )
     touched &= tokens.length > 0
     data, start = program.data, tokens.start
     if others:
@@ -98,26 +99,15 @@ def rewritten(
     return respell_tokens(data, numbers, values, touched, least, least, aligned=aligned)
 
 
-def _compute_wanted(
-    program: Program, replacement: Replacement, tokens: TargetTokens, changed: BoolArray
-) -> tuple[Array, BoolArray]:
-    """Returns what every number shall say (n, 6), as printed, and which of them may differ."""
-    values = tokens.value.copy()
-    touched = np.zeros(values.shape, dtype=np.bool_)
-    place, turn, axes = find_moved(program, replacement)
-    pose, axis = changed & (tokens.kind == POSE), changed & (tokens.kind != POSE)
-    touched[:, :3] = place & pose[:, None]
-    values[:, :3] = np.where(touched[:, :3], replacement.position / MM, values[:, :3])
-    spun = np.flatnonzero(turn & pose)
+def _form_of(tokens: TargetTokens) -> PrintedForm:
+    """How these targets are printed."""
     sign = -1.0 if tokens.x_first else 1.0
-    near = np.ascontiguousarray(tokens.value[spun, :2:-1]) * (sign * DEG)
-    turned = np.asarray(replacement.rotation[spun], dtype=np.float64)
-    turned = np.ascontiguousarray(turned.transpose(0, 2, 1) if tokens.x_first else turned)
-    values[spun, 3:] = abc_from_matrices(turned, near)[:, ::-1] * (sign / DEG)
-    touched[spun, 3:] = True
-    rows = np.flatnonzero(axis)
-    touched[rows] = axes[rows]
-    wanted = np.asarray(replacement.axes, dtype=np.float64)[rows] / tokens.unit[tokens.kind[rows]]
-    values[rows] = np.where(touched[rows], wanted, values[rows])
-    require_printable(program, values, touched, "mm, deg or pulses")
-    return values, touched
+
+    def turn(rotation: Array, printed: Array) -> Array:
+        near = np.ascontiguousarray(printed[:, ::-1]) * (sign * DEG)
+        turned = rotation.transpose(0, 2, 1) if tokens.x_first else rotation
+        abc = abc_from_matrices(np.ascontiguousarray(turned), near)
+        return abc[:, ::-1] * (sign / DEG)
+
+    axis = tokens.unit[tokens.kind]
+    return PrintedForm(length=MM, turns=3, turn=turn, axis=axis, unit="mm, deg or pulses")

@@ -15,11 +15,12 @@ from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.rotations import rotation_vector_from_matrix
 from robotrue.errors import ShapeError
 from robotrue.program.formats.number_table import Numbers, respell_tokens
-from robotrue.program.formats.pose_write import changed_rows, find_moved, require_printable
+from robotrue.program.formats.pose_write import PrintedForm, new_values
 from robotrue.program.program import Program, Replacement
 
-_ENOUGH: Final = np.array([6])
-_LEAST: Final = np.array([7])
+_ENOUGH: Final = 6
+_LEAST: Final = 7
+"""Decimals that can hold a correction, and those to print where there are fewer."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,29 +45,9 @@ def write_urscript(program: Program, replacement: Replacement) -> bytes:
     spans = program.spans
     if not isinstance(spans, UrSpans):
         raise ShapeError(f"{program.name} was not read by the urscript dialect, but by another.")
-    changed = changed_rows(program, replacement)
-    values = spans.numbers.value.copy()
-    touched = np.zeros(values.shape, dtype=np.bool_)
-    place, turn, axes = find_moved(program, replacement)
-    pose, axis = changed & ~spans.is_axis, changed & spans.is_axis
-    touched[:, :3] = place & pose[:, None]
-    touched[:, 3:] = (turn & pose)[:, None]
-    values[:, :3] = np.where(touched[:, :3], replacement.position, values[:, :3])
-    rows = np.flatnonzero(turn & pose)
-    values[rows, 3:] = nearest_rotation_vector(replacement.rotation[rows], values[rows, 3:])
-    if axis.any():
-        touched |= axes & axis[:, None]
-        values = np.where(axes & axis[:, None], replacement.axes, values)
-    require_printable(program, values, touched, "m, rad")
-    shape = values.shape
-    return respell_tokens(
-        program.data,
-        spans.numbers,
-        values,
-        touched,
-        np.broadcast_to(_ENOUGH, shape),
-        np.broadcast_to(_LEAST, shape),
-    )
+    values, touched = new_values(program, replacement, spans.numbers.value, spans.is_axis, _FORM)
+    enough, least = (np.full(values.shape, few) for few in (_ENOUGH, _LEAST))
+    return respell_tokens(program.data, spans.numbers, values, touched, enough, least)
 
 
 def nearest_rotation_vector(rotation: Array, near: Array) -> Array:
@@ -88,3 +69,8 @@ def nearest_rotation_vector(rotation: Array, near: Array) -> Array:
     turns = np.rint((np.sum(axis * near, axis=1, keepdims=True) - length) / (2.0 * np.pi))
     out: Array = vector + 2.0 * np.pi * turns * axis
     return out
+
+
+_FORM: Final = PrintedForm(
+    length=1.0, turns=3, turn=nearest_rotation_vector, axis=1.0, unit="m, rad"
+)
