@@ -8,62 +8,27 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from validation_fakes import FakeModel, measured
+from certificate_fakes import BUDGET, LINES, MODEL, make_facts, wave
+from validation_fakes import measured
 
 from robotrue.cell.part import PartFrame, PartTable
 from robotrue.compensation.difference import Difference
 from robotrue.core.model_identity import ModelIdentity
 from robotrue.errors import ConfigurationError, ModelMismatchError, ObservabilityError
-from robotrue.report.certificate import CertificateFacts, certificate_content, check_regions
+from robotrue.report.certificate import certificate_content, check_regions
 from robotrue.report.content import Conclusion, Fact, ReportContent, ReportTable
 from robotrue.report.json import content_sha256, is_intact, report_json
 from robotrue.report.page import report_html
 from robotrue.report.pdf import FONT_PACKAGE, font_families, report_pdf
 from robotrue.report.program_report import program_content
 from robotrue.report.registration_report import registration_content
-from robotrue.validation.budget import Budget, Contribution
 from robotrue.validation.evaluation import evaluate
 from robotrue.validation.iso9283 import repeated_poses
-from robotrue.validation.metrics import error_statistics
-from robotrue.validation.validate import validate
-
-
-def wave(joints):
-    return 1e-3 * np.stack([np.sin(3 * joints[:, 0]), np.cos(2 * joints[:, 1]), joints[:, 2]], 1)
-
-
-MODEL = FakeModel(mean=wave)
-LINES = tuple(
-    Contribution(
-        name=name, value=value, unit=unit, distribution="normal", divisor=1.0, sensitivity=c,
-        evaluation="A", in_target=name != "range",
-    )
-    for name, value, unit, c in (
-        ("model", 3e-5, "m", 1.0),
-        ("repeatability", 4e-5, "m", 1.0),
-        ("force", 0.0, "N", 1e-6),
-        ("range", 1.2e-4, "m", 1.0),
-    )
-)  # fmt: skip
-BUDGET = Budget(contributions=LINES, poses=60, worst=2e-4)
 
 
 @pytest.fixture(scope="module")
 def facts():
-    check = measured(60, error=wave)
-    seen = evaluate(MODEL, check)
-    rows = check_regions(seen.measured.position, check.group, check.group_names)
-    return CertificateFacts(
-        robot="Arm 7",
-        method="elastic",
-        simulated=True,
-        budget=BUDGET,
-        places=None,
-        check=validate(MODEL, check),
-        regions=tuple((name, error_statistics(seen.after[r])) for name, r in rows),
-        lineage=({"step": "fit", "rows": 80, "data_sha256": "ab" * 32, "sources": ["a.csv"]},),
-        provenance=(Fact(name="模型文件", key="model file", value="m.rtm sha256:" + "ab" * 32),),
-    )
+    return make_facts()
 
 
 def table(content: ReportContent, title: str) -> ReportTable:

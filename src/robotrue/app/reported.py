@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TypeAlias
@@ -39,26 +39,31 @@ class ReportDraft:
         content: What it says.
         numbers: Of it, for ``--json``.
         provenance: Of what it rests on.
+        xml: Makes its Digital Calibration Certificate; None for what has none.
     """
 
     content: ReportContent
     numbers: Mapping[str, object]
     provenance: Provenance
+    xml: Callable[[], bytes] | None = None
 
 
-def check_reports(outputs: Sequence[Path], sources: Sequence[Path]) -> None:
+def check_reports(
+    outputs: Sequence[Path], sources: Sequence[Path], *, certificate: bool = False
+) -> None:
     """Refuses, before any work is done, outputs that cannot be.
 
     Raises:
         ConfigurationError: Another ending than ``.html``, ``.pdf``, ``.json``, or a file or folder
             :func:`check_output` refuses.
     """
-    from robotrue.report.report_files import SUFFIXES, json_twin
+    from robotrue.report.report_files import SUFFIXES, XML, json_twin
 
+    allowed = (*SUFFIXES, XML) if certificate else SUFFIXES
     for output in outputs:
-        if output.suffix.lower() not in SUFFIXES:
+        if output.suffix.lower() not in allowed:
             raise ConfigurationError(
-                f"a report is {', '.join(SUFFIXES)}, not {output.suffix or 'without an ending'!r}.",
+                f"a report is {', '.join(allowed)}, not {output.suffix or 'without an ending'!r}.",
                 source=output,
                 hint=f"-o {output.with_suffix('.html').name}",
             )
@@ -66,7 +71,9 @@ def check_reports(outputs: Sequence[Path], sources: Sequence[Path]) -> None:
         check_output(json_twin(output), sources)
 
 
-def check_report_request(request: Request, outputs: Sequence[Path], lang: str) -> Lang:
+def check_report_request(
+    request: Request, outputs: Sequence[Path], lang: str, *, certificate: bool = False
+) -> Lang:
     """Refuses, before any work is done, what cannot be; returns the language of the report.
 
     Raises:
@@ -74,7 +81,7 @@ def check_report_request(request: Request, outputs: Sequence[Path], lang: str) -
     """
     from robotrue.report.words import language
 
-    check_reports(outputs, input_paths(request))
+    check_reports(outputs, input_paths(request), certificate=certificate)
     return language(lang)
 
 
@@ -82,7 +89,8 @@ def write_draft(draft: ReportDraft, outputs: Sequence[Path], context: Context) -
     """Writes a report and says so."""
     from robotrue.report.report_files import write_reports
 
-    written = write_reports([context.output(path) for path in outputs], draft.content)
+    files = [context.output(path) for path in outputs]
+    written = write_reports(files, draft.content, draft.xml)
     context.inform(f"report written to {', '.join(str(path) for path in written)}")
     return WrittenFiles(written=tuple(written), numbers=draft.numbers, provenance=draft.provenance)
 

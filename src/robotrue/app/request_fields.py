@@ -52,6 +52,14 @@ ForeignColumns: TypeAlias = Annotated[
     Path | None,
     InputFile(shells=NOT_IN_FORMS, help="Column mapping (TOML) for files of another layout."),
 ]
+CertificateDetails: TypeAlias = Annotated[
+    tuple[str, ...],
+    Option(
+        metavar="KEY=VALUE",
+        example="customer=Shop 4",
+        help="Line of the head of a certificate: number, customer, robot_serial, ...; repeatable.",
+    ),
+]
 Page: TypeAlias = Annotated[
     Path | None,
     Output(what="a page", suffixes=(".html", ".htm"), help="Also write a report page (HTML)."),

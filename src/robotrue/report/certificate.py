@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -14,6 +14,12 @@ from robotrue.core.catalogue import DEFAULT_LANG
 from robotrue.core.units import DEG, MM
 from robotrue.report.budget_section import budget_section
 from robotrue.report.calibration_report import calibration_content
+from robotrue.report.certificate_head import (
+    CertificateHead,
+    list_head_facts,
+    list_signers,
+    read_logo,
+)
 from robotrue.report.content import (
     Cell,
     Conclusion,
@@ -24,7 +30,15 @@ from robotrue.report.content import (
     Section,
     TableColumn,
 )
-from robotrue.report.labels import column, columns, joint_columns, statistics_table, tile, versions
+from robotrue.report.labels import (
+    column,
+    columns,
+    fact,
+    joint_columns,
+    statistics_table,
+    tile,
+    versions,
+)
 from robotrue.report.map_plots import UncertaintyMap
 from robotrue.report.words import ENGLISH, Lang, ReportTexts
 from robotrue.validation.budget import Budget
@@ -78,6 +92,7 @@ class CertificateFacts:
         doubts: Of the model, where there is no check.
         held_out: m, mean error on held-out blocks of the training rows; None if not recorded.
         provenance: Files and hashes.
+        head: Number, dates, customer, robot, instrument and place, as far as stated.
     """
 
     robot: str
@@ -94,6 +109,7 @@ class CertificateFacts:
     doubts: tuple[str, ...] = ()
     held_out: float | None = None
     provenance: tuple[Fact, ...] = ()
+    head: CertificateHead = field(default=CertificateHead())
 
 
 def certificate_content(
@@ -143,7 +159,17 @@ def certificate_content(
         sections=tuple(sections),
         unseen=tuple(map(t.sentence, limits)),
         doubts=(*body.doubts, *_registration_doubt(facts, t), t("cert.no_accreditation")),
+        head=(*list_head_facts(facts.head, t), _decision_rule(facts, tolerance, t)),
+        signers=list_signers(facts.head, t),
+        logo=read_logo(facts.head),
     )
+
+
+def _decision_rule(facts: CertificateFacts, tolerance: float | None, t: ReportTexts) -> Fact:
+    """How conformity is decided, ISO/IEC 17025:2017, 7.8.6."""
+    if tolerance is None or facts.check is None:
+        return fact(t, "head.rule", t("cert.no_rule"))
+    return fact(t, "head.rule", t("cert.rule", tolerance=tolerance / MM))
 
 
 def check_regions(
@@ -281,6 +307,10 @@ def _repeats(facts: CertificateFacts, t: ReportTexts) -> Section:
 
 
 def _parameters(parameters: Sequence[Parameter], t: ReportTexts) -> Section:
+    measured = [p for p in parameters if p.known != "prior only"]
+    unseen = len(parameters) - len(measured)
+    key = "cert.parameter_unseen" if unseen == 1 else "cert.parameters_unseen"
+    note = f" {t(key, n=unseen)}" if unseen else ""
     table = ReportTable(
         title=t("cert.parameters"),
         columns=(
@@ -288,10 +318,22 @@ def _parameters(parameters: Sequence[Parameter], t: ReportTexts) -> Section:
             *columns(t, "cert.value", "cert.sd", digits=4),
             *columns(t, "cert.unit", "cert.known"),
         ),
-        rows=tuple((p.name, p.value, p.sd, p.unit, t(f"known.{p.known}")) for p in parameters),
-        caption=t("cert.parameters_text"),
+        rows=tuple(
+            (_name_parameter(p.name, t), p.value, p.sd, p.unit, t(f"known.{p.known}"))
+            for p in measured
+        ),
+        caption=t("cert.parameters_text") + note,
     )
     return Section(title=t("cert.identified"), blocks=(table,))
+
+
+def _name_parameter(name: str, t: ReportTexts) -> str:
+    """The words for a name of :func:`robotrue.robot.model.parameter_names`."""
+    frame, _, term = name.partition("_")
+    if frame in ("base", "tool"):
+        return t(f"param.{frame}", term=term)
+    group = name.rstrip("0123456789")
+    return t(f"param.{group}", axis=name.removeprefix(group))
 
 
 def _lineage(lineage: Sequence[Mapping[str, object]], t: ReportTexts) -> Section:

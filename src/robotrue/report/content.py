@@ -243,6 +243,9 @@ class ReportContent:
         unseen: What the data cannot determine, one sentence each.
         doubts: When not to trust the numbers, one sentence each.
         provenance: Hashes, versions, settings, conditions.
+        head: Who, what, when and where, at the top of the first page.
+        signers: Role and name of those who sign it, on the first page.
+        logo: ``data:`` address of a picture for the first page; empty for none.
         lang: Language its texts are in; page and figures speak the same.
     """
 
@@ -255,6 +258,9 @@ class ReportContent:
     unseen: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
     provenance: tuple[Fact, ...] = field(default=())
+    head: tuple[Fact, ...] = ()
+    signers: tuple[Fact, ...] = ()
+    logo: str = ""
     lang: Lang = DEFAULT_LANG
 
 

@@ -77,7 +77,20 @@ def report_document(content: ReportContent) -> Mapping[str, object]:
         "unseen": list(content.unseen),
         "doubts": list(content.doubts),
         "provenance": _facts(content.provenance),
+        **_head(content),
     }
+
+
+def _head(content: ReportContent) -> Mapping[str, object]:
+    """What the first page states, where it states anything; the picture by its hash."""
+    if not content.head:
+        return {}
+    head: dict[str, object] = {"head": _facts(content.head)}
+    if content.signers:
+        head["signers"] = _facts(content.signers)
+    if content.logo:
+        head["logo_sha256"] = sha256(content.logo.encode("ascii"))
+    return head
 
 
 def _facts(facts: tuple[Fact, ...]) -> Mapping[str, object]:

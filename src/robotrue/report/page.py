@@ -68,6 +68,10 @@ def page_document(content: ReportContent, redraw: Callable[[str], str] = str) ->
             }
             for i, section in enumerate(content.sections)
         ],
+        "head": [[fact.name, fact.value] for fact in content.head],
+        "signers": [[fact.name, fact.value] for fact in content.signers],
+        "signature": words("page.signature"),
+        "logo": content.logo,
         "lists": [{"title": title, "items": list(items)} for title, items in lists if items],
         "provenance": {
             "title": words("page.provenance"),

@@ -5,6 +5,7 @@ Equal content, language and fonts give equal bytes: no time and no path is writt
 
 from __future__ import annotations
 
+import base64
 import json
 import re
 from importlib.resources import files
@@ -45,13 +46,19 @@ def report_pdf(content: ReportContent) -> bytes:
 
     Raises:
         MissingExtraError: typst is not installed.
-        ConfigurationError: Chinese text, and no font on this machine that has it.
+        ConfigurationError: Chinese text, and no font on this machine that has it; or a damaged
+            logo.
     """
     typst = _typst()
     fonts = font_families(content.lang, tuple(typst.Fonts().families()))
     template = files("robotrue.report").joinpath("page.typ").read_bytes()
     document = _HASH.sub(_breakable, json.dumps(_document(content, fonts), ensure_ascii=False))
-    made = typst.compile(template, format="pdf", sys_inputs={"report": document}, timestamp=0)
+    try:
+        made = typst.compile(template, format="pdf", sys_inputs={"report": document}, timestamp=0)
+    except typst.TypstError as cause:
+        raise ConfigurationError(
+            f"the PDF cannot be set: {cause}.", hint="check the logo; the HTML page may do."
+        ) from cause
     return bytes(made)
 
 
@@ -95,7 +102,10 @@ def _typst() -> ModuleType:
 def _document(content: ReportContent, fonts: tuple[str, ...]) -> dict[str, object]:
     """What the template prints: the document of the page, its drawings as files of their own."""
     document = page_document(content, lambda svg: standalone_svg(svg, ", ".join(fonts)))
+    kind, _, logo = content.logo.partition(";base64,")
     return document | {
+        "picture": list(base64.b64decode(logo)),
+        "picture_format": "svg" if kind.endswith("svg+xml") else "png",
         "lang": HTML_LANG[content.lang][:2],
         "fonts": list(fonts),
         "colours": LIGHT,

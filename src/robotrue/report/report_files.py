@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -10,10 +10,19 @@ from robotrue.core.files import read_bytes, sha256, write_atomic
 from robotrue.report.content import ReportContent
 
 SUFFIXES: Final = (".html", ".pdf", ".json")
+XML: Final = ".xml"
+"""Of a certificate, too: the Digital Calibration Certificate."""
 
 
-def write_reports(outputs: Sequence[Path], content: ReportContent) -> list[Path]:
+def write_reports(
+    outputs: Sequence[Path], content: ReportContent, xml: Callable[[], bytes] | None = None
+) -> list[Path]:
     """Writes the report to every output, and its JSON twin beside each; returns what was written.
+
+    Args:
+        outputs: Files; the ending says which form.
+        content: What the report says.
+        xml: Makes the content of ``.xml``; only certificates have one.
 
     Raises:
         MissingExtraError: A PDF is asked for and typst is not installed.
@@ -32,6 +41,8 @@ def write_reports(outputs: Sequence[Path], content: ReportContent) -> list[Path]
             from robotrue.report.pdf import report_pdf
 
             made[output] = report_pdf(content)
+        elif kind == XML and xml is not None:
+            made[output] = xml()
         made[json_twin(output)] = report_json(content).encode("utf-8")
     for path, data in made.items():
         write_atomic(path, data)

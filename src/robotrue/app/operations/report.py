@@ -20,6 +20,7 @@ from robotrue.app.operations.report_registration import (
 from robotrue.app.presentation import Block, Note
 from robotrue.app.reported import Language, ReportDraft
 from robotrue.app.request import Item, ItemVersion, Option, Reference, Request
+from robotrue.app.request_fields import CertificateDetails
 from robotrue.core.catalogue import DEFAULT_LANG
 from robotrue.core.provenance import Provenance
 from robotrue.errors import ConfigurationError
@@ -70,9 +71,10 @@ class ReportRequest(Request):
         False
     )
     forms: Annotated[
-        tuple[Literal["html", "pdf", "json"], ...],
-        Option(help="html, pdf, json; default: all that this machine can write."),
+        tuple[Literal["html", "pdf", "json", "xml"], ...],
+        Option(help="html, pdf, json, xml (DCC); default: the first three, as far as possible."),
     ] = ()
+    detail: CertificateDetails = ()
 
     @property
     def subject(self) -> str:
@@ -151,19 +153,18 @@ def run(request: ReportRequest, context: Context) -> ItemReport:
         about=place.record(noun_of(subject), about),
         links=tuple(links),
         numbers={kept: draft.numbers[name] for kept, name in KEPT[subject].items()},
-        files=tuple(_write(draft.content, request.forms or FORMS, subject, context)),
+        files=tuple(_write(draft, request.forms or FORMS, subject, context)),
         provenance=draft.provenance,
     )
 
 
-def _write(
-    content: ReportContent, forms: Sequence[str], subject: str, context: Context
-) -> list[Path]:
+def _write(draft: ReportDraft, forms: Sequence[str], subject: str, context: Context) -> list[Path]:
     """The files asked for; a PDF that cannot be set on this machine is left out and said so."""
     from robotrue.errors import MissingExtraError
     from robotrue.report.report_files import write_reports
 
     context.step("setting pages", 2, STEPS)
+    content = draft.content
     name = f"{'certificate' if subject == 'model' else subject}_{content.lang}"
     written = write_reports([context.output(Path(f"{name}.html"))], content)
     if "pdf" in forms:
@@ -174,8 +175,15 @@ def _write(
             if tuple(forms) != FORMS:  # asked for by name
                 raise
             context.inform(f"no PDF: {cause}")
+    if "xml" in forms:
+        if draft.xml is None:
+            raise ConfigurationError(
+                f"a report of a {subject} has no form 'xml', expected html, pdf or json.",
+                hint="a Digital Calibration Certificate is made of a model.",
+            )
+        written += write_reports([context.output(Path(f"{name}.xml"))], content, draft.xml)
     made = {path.suffix.removeprefix("."): path for path in written}
-    return [made[form] for form in FORMS if form in forms and form in made]
+    return [made[form] for form in (*FORMS, "xml") if form in forms and form in made]
 
 
 def _certificate(
@@ -189,6 +197,7 @@ def _certificate(
         test=request.measurements,
         output=(),
         tolerance_mm=request.tolerance_mm,
+        detail=request.detail,
         simulated=_is_simulated(place, [place.record(MODEL, model)]),
     )
     draft = draft_certificate(asked, place, lang)
