@@ -22,6 +22,7 @@ OWN = {  # refused by the command itself, in its own tests
     ("dynamics frf", "--report"),
     ("dynamics predict", "--report"),
     ("map", "-o"),
+    ("program", "-o"),
     ("drill report", "-o"),
     ("report calibration", "-o"),
     ("report program", "-o"),
@@ -29,6 +30,8 @@ OWN = {  # refused by the command itself, in its own tests
 }
 FOLDERS = {("demo", "--out"), ("reproduce", "-o"), ("reproduce", "--data"),
            ("workspace show", "-o"), ("simulate drill", "--write")}  # fmt: skip
+READ = {("program", "--post")}
+"""Files that are read; their help speaks of what is written."""
 
 
 def written() -> Iterator[tuple[str, str]]:
@@ -49,7 +52,7 @@ def written() -> Iterator[tuple[str, str]]:
     yield from below(typer.main.get_command(app), [])
 
 
-CHECKED = sorted({*written()} - OWN - FOLDERS)
+CHECKED = sorted({*written()} - OWN - FOLDERS - READ)
 
 
 def test_every_command_is_looked_at() -> None:
@@ -74,11 +77,20 @@ def test_an_archive_of_a_workspace_is_no_table(cli: Command) -> None:
     assert "an archive is written (.zip)" in cli("workspace", "export", "all.csv").err
 
 
-def test_a_program_is_written_as_krl_and_nothing_else(cli: Command) -> None:
-    for name in ("job", "job.txt", "job.dat", "job.mod"):
-        got = cli("program", "-o", name)
+def test_a_program_has_the_suffix_of_a_language(
+    cli: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name, message in (
+        ("job", "no program in any language has the suffix (none); allowed are .ls, "),
+        ("job.txt", "no program in any language has the suffix .txt"),
+        ("job.dat", "as a KRL point file does; a robot program is written (.src, "),
+    ):
+        got = cli("program", "cell.toml", "path.csv", "-o", name)
         assert got.code == 1
-        assert "a KRL program is written (.src). Try: name it job.src" in got.err
+        assert message in got.err
+        assert "Try: name it job." in got.err
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_compensated_program_keeps_its_language(
