@@ -26,7 +26,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "compensa
 import cases
 
 from robotrue.compensation import CompensationSettings, compensate
-from robotrue.core.compiled import PLAIN, compiled
+from robotrue.core.compiled import PLAIN, compile_kernel
 from robotrue.core.files import write_atomic
 from robotrue.core.poses import pose
 from robotrue.core.rotations import abc_from_matrix
@@ -77,7 +77,7 @@ def _with_measured_tool(program: Any, model: Any) -> Any:
     )
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def _reprinted(buf: Any, out: Any) -> Any:
     """Copies the bytes with every number parsed and formatted once; returns the size."""
     i, k, n = 0, 0, buf.size

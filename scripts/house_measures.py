@@ -19,7 +19,7 @@ MOST_OF_A_NAME: Final = 2
 """Files of the tree that may have the same name."""
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 _DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
-_COMPILERS: Final = {"compiled", "njit", "jit", "vectorize", "guvectorize"}
+_COMPILERS: Final = {"compile_kernel", "njit", "jit", "vectorize", "guvectorize"}
 _LONG_TEXT: Final = re.compile(r'"""[\s\S]*?"""')
 _COMMENT: Final = re.compile(r"^\s*#", re.MULTILINE)
 _NO_CODE: Final = re.compile(

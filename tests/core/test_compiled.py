@@ -36,23 +36,23 @@ def test_compiling_is_said_once_and_not_of_what_is_kept(tmp_path: Path) -> None:
 
 
 INNER = """
-from robotrue.core.compiled import PLAIN, compiled
+from robotrue.core.compiled import PLAIN, compile_kernel
 
 SCALE = 2.0
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def inner(x):
     return x + 1.0
 """
 OUTER = """
 from inner import SCALE, inner
-from robotrue.core.compiled import PLAIN, compiled
+from robotrue.core.compiled import PLAIN, compile_kernel
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def outer(x):
     return between(x) * SCALE
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def between(x):
     return inner(x)
 """
@@ -95,7 +95,7 @@ from numba.core.dispatcher import Dispatcher
 from robotrue.core.compiled import _stamp
 src = pathlib.Path(robotrue.__file__).parents[1]
 for path in sorted(src.glob("robotrue/**/*.py")):
-    if "@compiled(" in (text := path.read_text()) or "@cached" in text:
+    if "@compile_kernel(" in (text := path.read_text()) or "@cache_kernel" in text:
         name = ".".join(path.relative_to(src).with_suffix("").parts)
         for key, value in sorted(vars(importlib.import_module(name)).items()):
             if isinstance(value, Dispatcher) and value.py_func.__module__ == name:

@@ -54,7 +54,7 @@ def test_measures_are_those_counted_by_hand(scripts: None) -> None:
         '"""File.\n\n# no comment, Any text\n"""\n'
         "from typing import Any\n\n\n"
         "# why\n"
-        "@compiled(EXACT)\n"
+        "@compile_kernel(EXACT)\n"
         "def gathered(x: Any) -> Any:\n"
         '    """One.\n\n    Two.\n    """\n'
         '    y = "Any"  # Any\n'

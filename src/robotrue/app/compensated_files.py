@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, TypeAlias
 
 import numpy as np
 
@@ -50,6 +50,8 @@ from robotrue.program.identity import ProgramIdentity, identity_path, write_iden
 from robotrue.program.program import Program
 from robotrue.program.program_file import ProgramFile
 
+Counts: TypeAlias = Mapping[str, Any]
+"""Counts of a compensated file and what was predicted of it: JSON values."""
 PART: tuple[str, ...] = ("name", "xyz_mm", "abc_deg", "verdict")
 """What is said of the part frame a program runs in."""
 
@@ -67,7 +69,7 @@ class Rewritten:
     """
 
     sha256: str
-    counts: Mapping[str, Any]
+    counts: Counts
     steps: Steps = NO_STEPS
     held: tuple[Program, Compensation] | None = None
 
@@ -306,7 +308,7 @@ def _finish(
     return {"output": str(target), **document, "notes": [*notes, *document["notes"]]}
 
 
-def _tell(target: Path, document: Mapping[str, Any], force: StatedForce, context: Context) -> None:
+def _tell(target: Path, document: Counts, force: StatedForce, context: Context) -> None:
     """Says what was done and which targets were left alone."""
     name = document["source"]
     context.inform(
@@ -336,7 +338,7 @@ def _tell(target: Path, document: Mapping[str, Any], force: StatedForce, context
     _tell_each(sentences, [*(won["notes"] if won else ()), *document["notes"]], context)
 
 
-def _together(documents: Sequence[Mapping[str, Any]]) -> dict[str, object]:
+def _together(documents: Sequence[Counts]) -> dict[str, object]:
     """The counts of a program of several files, and each file by itself."""
     status: Counter[str] = Counter()
     left = [each for document in documents for each in document.get("left_alone", ())]

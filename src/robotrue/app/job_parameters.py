@@ -126,7 +126,7 @@ def _parameter(field: RequestField) -> tuple[object, object]:
 
 
 def stated_parameters(
-    operation: AnyOperation, parameters: Mapping[str, Any], places: Places | None = None
+    operation: AnyOperation, parameters: Mapping[str, object], places: Places | None = None
 ) -> Stated:
     """Returns the request that the parameters of a job state.
 

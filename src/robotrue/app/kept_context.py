@@ -74,9 +74,9 @@ class KeptContext(WorkspaceContext):
         taken = {each.name for each in record.attachments} & set(os.listdir(self.results))
         folder = self.folder(f"item {len(self.copies)}") if taken else self.results
         if noun == CELL.name:
-            path = copy_cell(workspace, record, folder)
+            path = copy_cell(workspace, self.record(CELL, reference), folder)
         elif noun == MODEL.name:
-            path = copy_model(workspace, record, folder)
+            path = copy_model(workspace, self.record(MODEL, reference), folder)
         else:
             path = copy_files(workspace, record, folder, REGISTERED)[0]
         for each in folder.iterdir():

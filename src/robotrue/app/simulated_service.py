@@ -10,7 +10,7 @@ import asyncio
 import signal
 import time
 from collections.abc import Awaitable, Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated, Any, Final, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Annotated, Final, TypeAlias, TypeVar, cast
 
 from robotrue.app.context import Context
 from robotrue.app.plain_result import PlainResult
@@ -20,6 +20,8 @@ from robotrue.errors import ConfigurationError
 from robotrue.simulation.device_defaults import LOCAL_HOST
 
 if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
     from robotrue.simulation.online_faults import Fault
     from robotrue.simulation.online_scenario import OnlineScenario
 
@@ -73,7 +75,10 @@ def announce(what: str, scenario: OnlineScenario, option: str, context: Context)
 
 
 def run_until_stopped(
-    what: str, run: Callable[[asyncio.Event], Awaitable[Any]], *, seconds: float | None
+    what: str,
+    run: Callable[[asyncio.Event], Awaitable[object]],
+    *,
+    seconds: float | None,
 ) -> PlainResult:
     """Runs until Ctrl-C, its own end or that of the time; returns its report.
 
@@ -96,7 +101,10 @@ def run_until_stopped(
     with prompt_answers(first=True):
         report = asyncio.run(_stoppable(run, seconds))
     took = time.monotonic() - begun
-    figures = {name: _json_value(name, value) for name, value in asdict(report).items()}
+    figures = {
+        name: _json_value(name, value)
+        for name, value in asdict(cast("DataclassInstance", report)).items()
+    }
     rows = ((LABELS.get(name, name), _text(value)) for name, value in figures.items())
     return PlainResult(
         values={"simulated": what, "seconds": took, **figures},

@@ -7,11 +7,12 @@ tables and, for covariances, as the bytes of its file.
 from __future__ import annotations
 
 import platform
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import lru_cache
 from importlib import import_module
 from importlib.metadata import version
-from typing import Any
+from typing import Protocol, cast
 
 from robotrue.calibration.archive import open_model
 from robotrue.calibration.model import ErrorModel
@@ -48,8 +49,7 @@ class DaskWorkers(ChunkWorkers):
 
     def _start(self, task: ChunkTask) -> Pending:
         content = self._client.scatter(task, hash=False)
-        pending: Pending = self._client.submit(_solve, self._shared, content, pure=False)
-        return pending
+        return cast(Pending, self._client.submit(_solve, self._shared, content, pure=False))
 
     def _restart(self, number: int) -> None:
         self._shared = self._scatter_job()
@@ -61,7 +61,49 @@ class DaskWorkers(ChunkWorkers):
         self._client.close()
 
 
-def connect_scheduler(address: str, *, timeout: float) -> Any:  # distributed has no types
+class DaskFuture(Protocol):
+    """What this package uses of a future of distributed, which has no types.
+
+    Attributes:
+        status: ``pending``, ``finished``, ``error``, ``cancelled`` or ``lost``.
+    """
+
+    status: str
+
+    def exception(self) -> BaseException | None:
+        """Returns what it failed with."""
+        ...
+
+    def cancel(self, *, force: bool) -> object:
+        """Ends it."""
+        ...
+
+
+class DaskClient(Protocol):
+    """What this package uses of a client of distributed, which has no types."""
+
+    def nthreads(self) -> Mapping[str, int]:
+        """Returns the threads of each worker, by its address."""
+        ...
+
+    def scatter(self, data: object, **options: bool) -> object:
+        """Returns a handle on data that was sent to the workers."""
+        ...
+
+    def submit(self, call: Callable[..., object], *arguments: object, pure: bool) -> DaskFuture:
+        """Returns the future of a call on a worker."""
+        ...
+
+    def run(self, call: Callable[[], tuple[str, ...]]) -> Mapping[str, tuple[str, ...]]:
+        """Returns what a call returns on each worker, by its address."""
+        ...
+
+    def close(self) -> None:
+        """Leaves the scheduler."""
+        ...
+
+
+def connect_scheduler(address: str, *, timeout: float) -> DaskClient:
     """Returns the client of a Dask scheduler that answers within ``timeout`` s.
 
     Raises:
@@ -76,15 +118,16 @@ def connect_scheduler(address: str, *, timeout: float) -> Any:  # distributed ha
             hint="pip install 'robotrue[dask]'.",
         ) from cause
     try:
-        return connect(address, timeout=timeout, set_as_default=False)
+        client: DaskClient = connect(address, timeout=timeout, set_as_default=False)
     except (OSError, ValueError) as cause:
         raise ConfigurationError(
             f"no Dask scheduler answers at {address!r} ({cause}).",
             hint="the address `dask scheduler` prints, such as tcp://10.0.0.5:8786.",
         ) from cause
+    return client
 
 
-def _client_at(address: str) -> tuple[Any, list[str]]:
+def _client_at(address: str) -> tuple[DaskClient, list[str]]:
     """Returns the client of a scheduler whose workers compute as this process does, and notes."""
     client = connect_scheduler(address, timeout=10.0)
     try:
@@ -94,7 +137,7 @@ def _client_at(address: str) -> tuple[Any, list[str]]:
         raise
 
 
-def _compare_versions(client: Any, address: str) -> list[str]:
+def _compare_versions(client: DaskClient, address: str) -> list[str]:
     """Returns notes on workers of another kind; raises where their results would differ."""
     if not client.nthreads():
         raise ConfigurationError(

@@ -9,13 +9,13 @@ from __future__ import annotations
 from robotrue.compensation.calibrated_arm import CalibratedArm
 from robotrue.compensation.nominal_kernels import write_theta
 from robotrue.core.arrays import Array
-from robotrue.core.compiled import EXACT, SUMS, compiled
+from robotrue.core.compiled import EXACT, SUMS, compile_kernel
 from robotrue.core.sines import exponentials, sine_and_cosine
 from robotrue.robot.chain import ORIGIN, Record
 from robotrue.robot.chain_kernels import multiply, walk, write_load_torque
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def locate(model: CalibratedArm, arm: Record, reuse: float, bump: Array, w: Record) -> None:
     """Writes the nominal and the actual chain at ``joints`` of the working memory.
 
@@ -60,7 +60,7 @@ def locate(model: CalibratedArm, arm: Record, reuse: float, bump: Array, w: Reco
             w.actual.frame[6, r, ORIGIN] += w.residual[r]
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def _write_drive_torque(arm: Record, w: Record) -> None:
     """Writes the load torque on the drives (6,) N m."""
     torque = w.nominal.torque
@@ -73,7 +73,7 @@ def _write_drive_torque(arm: Record, w: Record) -> None:
             w.drive_torque[i] = torque[i]
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def _add_ripple(ripple: Array, w: Record) -> None:
     """Adds A_k sin(k q) + B_k cos(k q), k = 1, 2, ..., to ``shift``, by Clenshaw's recurrence.
 
@@ -96,7 +96,7 @@ def _add_ripple(ripple: Array, w: Record) -> None:
         w.shift[i] += sine * a + cosine * c - d
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def _add_waves(harmonics: Array, ripple: Array, w: Record) -> None:
     """Adds A_k sin(N_k q) + B_k cos(N_k q) to ``shift``, any N_k."""
     for k in range(len(harmonics)):
@@ -105,7 +105,7 @@ def _add_waves(harmonics: Array, ripple: Array, w: Record) -> None:
             w.shift[i] += ripple[k, i] * sine + ripple[k, 6 + i] * cosine
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def _write_residual(model: CalibratedArm, arm: Record, bump: Array, w: Record) -> None:
     """Writes the smooth residual sum_m W_m exp(-|s - C_m|^2 / 2), (3,) m."""
     for i in range(6):
@@ -118,7 +118,7 @@ def _write_residual(model: CalibratedArm, arm: Record, bump: Array, w: Record) -
     _sum_bumps(model.weights, bump[0], w.residual)
 
 
-@compiled(SUMS)
+@compile_kernel(SUMS)
 def _write_exponents(centres: Array, half_square: Array, feature: Array, bump: Array) -> None:
     """Writes -|s - C_m|^2 / 2 of all centres."""
     own = 0.0
@@ -135,7 +135,7 @@ def _write_exponents(centres: Array, half_square: Array, feature: Array, bump: A
         bump[m] = u
 
 
-@compiled(SUMS)
+@compile_kernel(SUMS)
 def _sum_bumps(weights: Array, bump: Array, residual: Array) -> None:
     """Writes the weighted sums (3,) of all bumps."""
     x = y = z = 0.0

@@ -15,7 +15,7 @@ from robotrue.compensation.deflection_kernels import locate
 from robotrue.compensation.nominal_kernels import write_drive_jacobian, write_step
 from robotrue.compensation.status import Route, Status
 from robotrue.core.arrays import Array, BoolArray, IntArray
-from robotrue.core.compiled import EXACT, compiled
+from robotrue.core.compiled import EXACT, compile_kernel
 from robotrue.robot.chain import ORIGIN, Record, X, Y, Z
 from robotrue.robot.chain_kernels import deviation, invert_matrix, write_jacobian
 
@@ -35,7 +35,7 @@ LOST = 1e3
 """Error beyond which no step leads back."""
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def invert_targets(
     model: CalibratedArm,
     chunk: Chunk,
@@ -77,7 +77,7 @@ def invert_targets(
         )  # fmt: skip
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def predict_errors(
     model: CalibratedArm, chunk: Chunk, rows: IntArray, bump: Array, work: Record, error: Array
 ) -> None:
@@ -91,7 +91,7 @@ def predict_errors(
             error[k, r] = w.actual.frame[6, r, ORIGIN] - w.nominal.frame[6, r, ORIGIN]
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def _read_target(arm: Record, chunk: Chunk, n: int, w: Record) -> None:
     """Writes a target with its joints and its load into the working memory."""
     for r in range(3):
@@ -111,7 +111,7 @@ def _read_target(arm: Record, chunk: Chunk, n: int, w: Record) -> None:
     w.payload[3] = mass
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def _invert(
     model: CalibratedArm, arm: Record, limits: InversionLimits, bump: Array, w: Record
 ) -> int:
@@ -151,7 +151,7 @@ def _invert(
     return NOT_CONVERGED
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def _renew_inverse(arm: Record, w: Record) -> bool:
     """Writes the inverse Jacobian of the actual arm at the joints; False if it is singular."""
     write_jacobian(w.actual)
@@ -162,7 +162,7 @@ def _renew_inverse(arm: Record, w: Record) -> bool:
     return invert_matrix(w.jacobian, w.pivot, w.inverse)
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def _wrist_sine(frame: Array) -> float:
     """Returns the sine between axes 4 and 6."""
     squared = 0.0
@@ -173,7 +173,7 @@ def _wrist_sine(frame: Array) -> float:
     return math.sqrt(squared)
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def write_command(
     arm: Record, chunk: Chunk, limits: InversionLimits, n: int, status: int, joints: Array,
     command: Array, target: Array, outcome: Outcome,
@@ -221,7 +221,7 @@ def write_command(
         _write_in_frame(chunk.frames[chunk.frame[n]], command, n, outcome)
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def write_predicted(
     model: CalibratedArm, chunk: Chunk, limits: InversionLimits, rows: IntArray,
     converged: BoolArray, joints: Array, command: Array, target: Array, before: Array,
@@ -239,7 +239,7 @@ def write_predicted(
         )  # fmt: skip
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def _distance(pose: Array, target: Array) -> tuple[float, float]:
     """Returns m and rad between two poses (3, 4)."""
     shift = turn = trace = 0.0
@@ -257,7 +257,7 @@ def _distance(pose: Array, target: Array) -> tuple[float, float]:
     return math.sqrt(shift), turn
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def _write_in_frame(T_base_frame: Array, pose: Array, n: int, outcome: Outcome) -> None:
     """Writes a base pose as row ``n`` of the commands in work frame coordinates."""
     T = T_base_frame

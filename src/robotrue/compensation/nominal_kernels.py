@@ -12,7 +12,7 @@ import numpy as np
 
 from robotrue.compensation.status import Route
 from robotrue.core.arrays import Array, BoolArray, IntArray
-from robotrue.core.compiled import EXACT, compiled
+from robotrue.core.compiled import EXACT, compile_kernel
 from robotrue.core.sines import arc_tangent
 from robotrue.robot.chain import ORIGIN, Record, X, Y, Z
 from robotrue.robot.chain_kernels import deviation, invert_matrix, multiply, walk, write_jacobian
@@ -33,7 +33,7 @@ WIDEST_STEP = 0.3
 """rad; shorter steps stay on the branch."""
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def write_base_targets(
     frames: Array, frame: IntArray, route: IntArray, rotation: Array, position: Array, out: Array
 ) -> None:
@@ -60,7 +60,7 @@ def write_base_targets(
             )
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def choose_joints(
     arms: Record, target: Array, route: IntArray, tool: IntArray, given: Array, state: Record,
     work: Record, joints: Array, first: int,
@@ -107,7 +107,7 @@ def choose_joints(
     return len(route)
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def _closed_joints(arm: Record, w: Record, at: Record, free: bool) -> bool:
     """Writes the joints of a target nearest to those before; False where there are none.
 
@@ -150,7 +150,7 @@ def _closed_joints(arm: Record, w: Record, at: Record, free: bool) -> bool:
     return least < np.inf
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def _write_wrist(target: Array, T_tool_wrist: Array, hand: Array) -> None:
     """Writes the wrist flange in base (3, 4)."""
     for r in range(3):
@@ -160,7 +160,7 @@ def _write_wrist(target: Array, T_tool_wrist: Array, hand: Array) -> None:
         hand[r, ORIGIN] += target[r, ORIGIN]
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def _write_forearm(
     g: Record, hand: Array, shoulder: int, elbow: int, theta: Array
 ) -> tuple[bool, tuple[float, float, float, float]]:
@@ -209,7 +209,7 @@ def _write_forearm(
     return True, (sine1, cosine1, s23, c23)
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def _write_hand(
     hand: Array, forearm: tuple[float, float, float, float], flip: int, turn4: float, theta: Array
 ) -> None:
@@ -242,7 +242,7 @@ def _write_hand(
     theta[5] = arc_tangent(m21, m11) - turn4 if m33 > 0.0 else arc_tangent(-m21, -m11) + turn4
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def _forearm_distance(arm: Record, theta: Array, near: Array) -> float:
     """Returns the least squared distance, rad^2, that joints 1 to 3 can have; 0 if coupled."""
     distance = 0.0
@@ -254,7 +254,7 @@ def _forearm_distance(arm: Record, theta: Array, near: Array) -> float:
     return distance
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def _write_nearest(arm: Record, theta: Array, near: Array, free: bool, joints: Array) -> float:
     """Writes q (6,) rad at the turn nearest to ``near``; returns its squared distance, rad^2.
 
@@ -283,7 +283,7 @@ def _write_nearest(arm: Record, theta: Array, near: Array, free: bool, joints: A
     return distance
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def _iterated_joints(arm: Record, w: Record, near: Array) -> bool:
     """Writes the joints of a target by Newton from ``near``; False if it does not arrive."""
     chain, tool = w.nominal, w.nominal.frame[6]
@@ -312,7 +312,7 @@ def _iterated_joints(arm: Record, w: Record, near: Array) -> bool:
     return shift < 1e-9 and turn < 1e-9
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def write_theta(arm: Record, w: Record) -> None:
     """Writes the angles of the nominal chain from the joints."""
     theta = w.nominal.theta
@@ -325,7 +325,7 @@ def write_theta(arm: Record, w: Record) -> None:
             theta[i] = w.joints[i] + arm.zero[i]
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def write_drive_jacobian(arm: Record, jacobian: Array, w: Record) -> None:
     """Writes dx/dshift (6, 6) on the drive side, linear rows divided by ``length``."""
     scale = 1.0 / arm.length
@@ -341,7 +341,7 @@ def write_drive_jacobian(arm: Record, jacobian: Array, w: Record) -> None:
                 w.jacobian[r, i] = jacobian[r, i] * unit
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def write_step(arm: Record, w: Record) -> None:
     """Writes the Newton step (6,) rad: inverse Jacobian times the error."""
     for r in range(3):
@@ -349,7 +349,7 @@ def write_step(arm: Record, w: Record) -> None:
     multiply(w.inverse, w.error, w.step)
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def follow_joints(
     nominal: Array, route: IntArray, reached: bool, follow_approach: bool, max_joint_step: float,
     state: Record, approach: Array, jump: BoolArray,

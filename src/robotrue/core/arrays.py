@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias, TypeVar, overload
+from typing import TypeAlias, TypeVar, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +17,7 @@ Bytes: TypeAlias = npt.NDArray[np.uint8]
 """Bytes of a text."""
 Ints: TypeAlias = npt.NDArray[np.int32]
 """Places in a text below 2 GiB."""
-Integers: TypeAlias = npt.NDArray[np.integer[Any]]
+Integers: TypeAlias = npt.NDArray[np.integer]
 """Integers of any width."""
 S = TypeVar("S", bound=np.generic)
 Records: TypeAlias = np.ndarray[tuple[int], np.dtype[np.void]]

@@ -8,7 +8,7 @@ import logging
 import sys
 from collections.abc import Callable
 from types import CodeType, ModuleType
-from typing import Any, Final, TypeVar, cast
+from typing import Final, TypeVar, cast
 
 import numpy as np
 from numba import njit
@@ -32,14 +32,14 @@ COMPILING: Final = (
 """Logged once per process, level INFO, when a kernel is not found in the cache."""
 
 
-def compiled(flags: frozenset[str], *, inline: bool = False) -> Callable[[F], F]:
+def compile_kernel(flags: frozenset[str], *, inline: bool = False) -> Callable[[F], F]:
     """Returns a decorator that compiles a function to machine code at its first call.
 
     Args:
         flags: Liberties with floating-point arithmetic, one of the sets above.
         inline: Its code is put into the functions that call it.
 
-    The code is cached, see :func:`cached`.
+    The code is cached, see :func:`cache_kernel`.
     """
 
     def decorate(function: F) -> F:
@@ -49,12 +49,12 @@ def compiled(flags: frozenset[str], *, inline: bool = False) -> Callable[[F], F]
             error_model="numpy",
             inline="always" if inline else "never",
         )
-        return cast(F, cached(compiler(function)))
+        return cache_kernel(cast(F, compiler(function)))
 
     return decorate
 
 
-def cached(kernel: Any) -> Any:
+def cache_kernel(kernel: F) -> F:
     """Returns a function of ``numba.njit`` that keeps its machine code on the disk.
 
     The code lies next to the source, or in the user's cache folder where the installation is
@@ -64,7 +64,7 @@ def cached(kernel: Any) -> Any:
     constants they use. What is changed replaces what was kept.
     """
     with contextlib.suppress(RuntimeError):  # no place to keep it
-        kernel._cache = _KernelCache(kernel)
+        kernel._cache = _KernelCache(cast(Dispatcher, kernel))  # type: ignore[attr-defined]
     return kernel
 
 

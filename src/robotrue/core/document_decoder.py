@@ -59,6 +59,14 @@ def decode(
         raise error(message, source=source, line=line, hint=hint) from cause
 
 
+def encode(record: object) -> dict[str, object]:
+    """Returns a dataclass as JSON values that :func:`decode` reads, defaults left out."""
+    values = _adapter(cast(Hashable, type(record))).dump_python(
+        record, mode="json", exclude_defaults=True
+    )
+    return cast(dict[str, object], values)
+
+
 @functools.cache
 def _adapter(kind: Hashable) -> TypeAdapter[object]:
     from pydantic import TypeAdapter

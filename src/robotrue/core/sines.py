@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array
-from robotrue.core.compiled import EXACT, compiled
+from robotrue.core.compiled import EXACT, compile_kernel
 
 TWO_OVER_PI: Final = 2.0 / math.pi
 HALF_PI_HIGH: Final = float.fromhex("0x1.921fb54400000p+0")
@@ -28,7 +28,7 @@ LN2_LOW: Final = float.fromhex("0x1.a39ef35793c76p-33")
 MANTISSA_BITS: Final = 52
 
 
-@compiled(EXACT, inline=True)
+@compile_kernel(EXACT, inline=True)
 def sine_and_cosine(angle: float) -> tuple[float, float]:
     """Returns both; |error| < 2e-16.
 
@@ -62,21 +62,21 @@ def sine_and_cosine(angle: float) -> tuple[float, float]:
     )
 
 
-@compiled(EXACT, inline=True)
+@compile_kernel(EXACT, inline=True)
 def sines(angle: Array, count: int, out: Array) -> None:
     """Writes the sines of ``count`` angles, then their cosines, to ``out``; |error| < 2e-16."""
     for n in range(count):
         out[n], out[count + n] = sine_and_cosine(angle[n])
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def write_sines(angle: Array, sine: Array, cosine: Array) -> None:
     """Writes sine and cosine of all angles; |error| < 2e-16."""
     for n in range(len(angle)):
         sine[n], cosine[n] = sine_and_cosine(angle[n])
 
 
-@compiled(EXACT, inline=True)
+@compile_kernel(EXACT, inline=True)
 def arc_tangent(y: float, x: float) -> float:
     """Returns atan2(y, x) in rad; |error| < 5e-16. Two zeros give zero, what is not finite NaN.
 
@@ -105,7 +105,7 @@ def arc_tangent(y: float, x: float) -> float:
     return (-u if y < 0.0 else u) + ((x - x) + (y - y))
 
 
-@compiled(EXACT, inline=True)
+@compile_kernel(EXACT, inline=True)
 def arc_tangents(rows: Array, sine: int, cosine: int, count: int, out: int) -> None:
     """Writes atan2 of ``count`` sines and cosines, in rad.
 
@@ -115,7 +115,7 @@ def arc_tangents(rows: Array, sine: int, cosine: int, count: int, out: int) -> N
         rows[out + n] = arc_tangent(rows[sine + n], rows[cosine + n])
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def exponentials(values: Array, spare: Array) -> None:
     """Replaces numbers up to 700 by their exponentials; relative error < 1e-14.
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from robotrue.core.arrays import Array, Records
 from robotrue.core.columns import EMPTY, Column, Columns
-from robotrue.core.compiled import EXACT, compiled
+from robotrue.core.compiled import EXACT, compile_kernel
 from robotrue.dynamics.oscillators import Oscillators, real_modes
 from robotrue.errors import ModelMismatchError, ReachError, ShapeError
 from robotrue.robot.chain import ORIGIN, Z, chain_dtype, link_frames, links_of
@@ -184,7 +184,7 @@ def pose_modes(arm: FlexibleArm, joints: Array) -> PoseModes:
     )
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def write_mass_matrix(
     links: Records, chains: Records, centre: Array, weight: Array, inertia: Array, mass: Array
 ) -> None:
@@ -224,7 +224,7 @@ def write_mass_matrix(
             mass[k, j] = mass[j, k]
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def _write_turned(body: Array, inertia: Array, joint: Array, out: Array) -> None:
     """Writes R I R^T z (3,): the body's angular momentum per speed of a joint, in base."""
     local, momentum = np.zeros(3), np.zeros(3)

@@ -33,7 +33,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array, IntArray
-from robotrue.core.compiled import SUMS, compiled
+from robotrue.core.compiled import SUMS, compile_kernel
 from robotrue.dynamics.frf import ComplexArray
 from robotrue.dynamics.oscillators import Oscillators
 from robotrue.errors import ModelMismatchError, ShapeError
@@ -242,7 +242,7 @@ def _shape_ratio(before: Oscillators, after: Oscillators) -> Array:
     return np.where(size > 0.0, np.einsum("ki,ki->k", new, old) / np.maximum(size, 1e-300), 0.0)
 
 
-@compiled(SUMS)
+@compile_kernel(SUMS)
 def run(memory: Array, force: Array, out: Array) -> int:
     """Writes the displacement of each sample to ``out`` and moves the state on.
 

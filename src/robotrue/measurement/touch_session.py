@@ -9,12 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import cache
 from typing import Final, Literal, TypeAlias
 
-from pydantic import TypeAdapter, ValidationError
-
 from robotrue.core.csv_text import csv_text
+from robotrue.core.document_decoder import decode
 from robotrue.core.provenance import Provenance, mark_line
 from robotrue.errors import ConfigurationError
 
@@ -184,11 +182,6 @@ def session_document(session: ProbingSession) -> dict[str, object]:
     return asdict(session)
 
 
-@cache
-def _sessions() -> TypeAdapter[ProbingSession]:
-    return TypeAdapter(ProbingSession)
-
-
 def session_of(document: object) -> ProbingSession:
     """Returns a session from its JSON values; keys it does not know are passed over.
 
@@ -196,11 +189,9 @@ def session_of(document: object) -> ProbingSession:
         ConfigurationError: They are those of something else.
     """
     try:
-        return _sessions().validate_python(document)
-    except ValidationError as cause:
-        fault = cause.errors()[0]
-        where = ".".join(map(str, fault["loc"]))
-        raise ConfigurationError(f"no session of touches: {where}: {fault['msg']}.") from cause
+        return decode(ProbingSession, document, error=ConfigurationError)
+    except ConfigurationError as cause:
+        raise ConfigurationError(f"no session of touches: {cause.message}") from cause
 
 
 def session_csv(session: ProbingSession, readings: Sequence[TouchReading]) -> bytes:

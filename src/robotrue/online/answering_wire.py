@@ -11,12 +11,11 @@ import math
 import struct
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any, Final, Literal, TypeVar
-
-from pydantic import TypeAdapter
+from typing import Final, Literal, TypeVar
 
 from robotrue import errors
 from robotrue.core.columns import concat
+from robotrue.core.document_decoder import decode, encode
 from robotrue.errors import ConfigurationError, RobotrueError
 from robotrue.online.blocks import Block, ForceBlock, JointBlock
 from robotrue.online.egm_link import EgmSettings
@@ -146,23 +145,16 @@ class AnsweringReport:
     fault: AnsweringFault | None = None
 
 
-_ADAPTERS: Final[dict[type, TypeAdapter[Any]]] = {
-    kind: TypeAdapter(kind) for kind in (Opening, LinkRequest, AnsweringReport)
-}
-
-
 def write_message(content: Opening | LinkRequest | AnsweringReport, frame: bytes = b"") -> bytes:
     """Returns the bytes of a message."""
-    document = _ADAPTERS[type(content)].dump_python(content, mode="json", exclude_defaults=True)
-    text = json.dumps(document, separators=(",", ":")).encode()
+    text = json.dumps(encode(content), separators=(",", ":")).encode()
     return b"".join((_LENGTH.pack(len(text)), text, frame))
 
 
 def read_message(data: bytes, kind: type[M]) -> tuple[M, bytes]:
     """Returns the content of a message, and its frame or nothing."""
     end = _LENGTH.size + _LENGTH.unpack_from(data)[0]
-    content: M = _ADAPTERS[kind].validate_python(json.loads(data[_LENGTH.size : end]))
-    return content, data[end:]
+    return decode(kind, json.loads(data[_LENGTH.size : end])), data[end:]
 
 
 def frames(block: Block) -> Iterator[bytes]:

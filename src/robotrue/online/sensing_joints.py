@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array, IntArray, Records
-from robotrue.core.compiled import EXACT, compiled
+from robotrue.core.compiled import EXACT, compile_kernel
 from robotrue.errors import ModelMismatchError
 from robotrue.online.blocks import Flag, JointBlock
 from robotrue.online.estimates import Doubt
@@ -106,7 +106,7 @@ class JointTrack:
         self._path[:] = state["joint_path"]
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def _write_rows(
     host_time: Array,
     joints: Array,
@@ -174,7 +174,7 @@ def _write_rows(
             rows[i, 7 + j] = last[2 + j]
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def _write_acceleration(path: Array, acceleration: Array) -> None:
     """Writes the second derivative of the parabola through (k, 4) time and place; else zero."""
     k = len(path)

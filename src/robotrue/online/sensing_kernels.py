@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array, IntArray, Records
-from robotrue.core.compiled import EXACT, SUMS, compiled
+from robotrue.core.compiled import EXACT, SUMS, compile_kernel
 from robotrue.online.blocks import Flag
 from robotrue.online.estimates import Doubt
 from robotrue.online.sensing_pose import SENSOR, Constants, write_pose
@@ -50,7 +50,7 @@ _MOVED: Final = 1e-4
 """rad, turn of a joint after which the numbers of the pose are computed anew."""
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def ingest(
     first: int, host_time: Array, controller_time: Array, wrench: Array, flags: IntArray,
     frame: int, rows: Array, parameters: Records, c: Constants, states: Records, watches: Records,
@@ -140,7 +140,7 @@ def ingest(
     return len(host_time), count, GOES_ON, count
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def _find_joints(time: float, rows: Array, s: np.record) -> int:
     """Returns the last row of joints that came before a time, -1 without; the state keeps it."""
     row = int(s.row)
@@ -150,7 +150,7 @@ def _find_joints(time: float, rows: Array, s: np.record) -> int:
     return row
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def _check_clocks(time: float, sent: float, flag: int, p: np.record, s: np.record) -> int:
     """Doubts of a sample's clocks and flags; a gap in the sender's clock counts what is missing."""
     doubt = 0
@@ -167,7 +167,7 @@ def _check_clocks(time: float, sent: float, flag: int, p: np.record, s: np.recor
     return doubt
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def _write_joints(time: float, row: Array, p: np.record, c: Constants, q: Array) -> int:
     """Writes the joints of a time; returns doubts about them."""
     doubt, dof = int(row[1]), len(q)
@@ -181,7 +181,7 @@ def _write_joints(time: float, row: Array, p: np.record, c: Constants, q: Array)
     return doubt
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def _largest_difference(one: Array, two: Array) -> float:
     """Largest difference; NaN where one is."""
     size = 0.0
@@ -192,7 +192,7 @@ def _largest_difference(one: Array, two: Array) -> float:
     return size
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def _restart(now: Array, p: np.record, s: np.record, window: np.record) -> None:
     """Forgets all but clocks and joints; the low-passes begin at the present wrench."""
     s.started, s.lost, s.left, s.window_left = 1.0, 0.0, p.memory, p.window
@@ -201,7 +201,7 @@ def _restart(now: Array, p: np.record, s: np.record, window: np.record) -> None:
     s.squares_1[:], s.squares_2[:] = 0.0, 0.0
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def _count_missing(time: float, flag: int, p: np.record, s: np.record) -> bool:
     """Counts the samples that never came; says whether the sender's clock is not to be trusted."""
     if not np.isfinite(time):
@@ -229,7 +229,7 @@ def _count_missing(time: float, flag: int, p: np.record, s: np.record) -> bool:
     return bool(debt > _MOST_DEBT)
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def _write_wrench(
     read: Array,
     frame: int,
@@ -270,7 +270,7 @@ def _write_wrench(
             out[3 + r] -= pose.lever[u] * out[v] - pose.lever[v] * out[u]
 
 
-@compiled(SUMS)
+@compile_kernel(SUMS)
 def _write_work(
     part: float, now: Array, q: Array, pose: np.record, c: Constants, p: np.record, s: np.record,
     window: np.record, force: Array, work: np.record,
@@ -310,7 +310,7 @@ def _write_work(
             window.joints[k] += q[k]
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def _check_slow_force(s: np.record, p: np.record, c: Constants) -> int:
     """A slow force whose moment no cut makes, or unlike those the deviation was learned from."""
     doubt, slow = 0, s.stage_2
@@ -325,7 +325,7 @@ def _check_slow_force(s: np.record, p: np.record, c: Constants) -> int:
     return doubt
 
 
-@compiled(SUMS)
+@compile_kernel(SUMS)
 def combine(
     count: int, moved: Array, work: Records, parameters: Records, noise: Array, correction: Array,
     direction: Array, turn: float, states: Records, windows: Records, doubts: IntArray,

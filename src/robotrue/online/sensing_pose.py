@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from robotrue.core.arrays import Array, Records
-from robotrue.core.compiled import EXACT, compiled
+from robotrue.core.compiled import EXACT, compile_kernel
 from robotrue.robot.chain import ORIGIN
 from robotrue.robot.chain_kernels import walk, write_jacobian
 
@@ -81,7 +81,7 @@ class Constants(NamedTuple):
     projected: bool
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def walk_drives(
     joints: Array, zero_angle: Array, joint_map: Array, links: np.record, chain: np.record
 ) -> None:
@@ -94,7 +94,7 @@ def walk_drives(
     walk(links, chain)
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def write_pose(joints: Array, frame: int, c: Constants, poses: Records) -> None:
     """Writes the numbers of a pose.
 
@@ -132,7 +132,7 @@ def write_pose(joints: Array, frame: int, c: Constants, poses: Records) -> None:
     _write_bending(n, c, twist, pose)
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def _write_bending(n: int, c: Constants, twist: Array, pose: np.record) -> None:
     """Writes added, still, physics, spread and zero from the tool's twist per drive (n, 6)."""
     d = c.direction
@@ -171,7 +171,7 @@ def _write_bending(n: int, c: Constants, twist: Array, pose: np.record) -> None:
     _write_spread(n, c.covariance, push, pose)
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def _write_spread(n: int, covariance: Array, push: Array, pose: np.record) -> None:
     """Writes the variance per wrench squared that uncertain compliances leave."""
     for i in range(n):

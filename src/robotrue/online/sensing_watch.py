@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array, Records
-from robotrue.core.compiled import EXACT, compiled
+from robotrue.core.compiled import EXACT, compile_kernel
 from robotrue.online.sensing_records import new_record, record_dtype
 
 _WHOLE: Final = 8
@@ -40,7 +40,7 @@ def new_watch() -> Records:
     return watch
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def refuse_force(wrench: Array, largest: float, watch: np.record) -> bool:
     """Returns whether a sample is not to be used; ``watch`` is changed."""
     bad, whole, size, still = False, True, 0.0, True

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Records
-from robotrue.core.compiled import EXACT, compiled
+from robotrue.core.compiled import EXACT, compile_kernel
 from robotrue.dynamics.learned_deviation import WindowTrust
 from robotrue.dynamics.windows import WindowSet
 from robotrue.online.sensing_models import SensingModels
@@ -103,7 +103,7 @@ def peaks(sums: np.record, turn: float) -> tuple[float, float]:
     return bent / turns, pushed / turns
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def clear_window(window: np.record) -> None:
     """Sets the sums over a window to zero."""
     window.rows = window.turn_peak = window.turn_force = window.peaks = 0.0
@@ -111,7 +111,7 @@ def clear_window(window: np.record) -> None:
     window.force[:], window.joints[:] = 0.0, 0.0
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def add_peak(bent: float, pushed: float, turn: float, window: np.record) -> None:
     """Adds a sample to the peaks per turn of the spindle in the window, as ``peaks_per_turn``."""
     seen, turns = window.seen, window.turns

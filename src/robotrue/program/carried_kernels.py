@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 from robotrue.core.arrays import Array
-from robotrue.core.compiled import PLAIN, compiled
+from robotrue.core.compiled import PLAIN, compile_kernel
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def carry_sides(axis: Array, before: Array, sides: Array) -> None:
     """Carries a side vector along axes by the smallest rotations, in place.
 

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array, IntArray
-from robotrue.core.compiled import EXACT, PLAIN, compiled
+from robotrue.core.compiled import EXACT, PLAIN, compile_kernel
 from robotrue.core.sines import LARGEST, arc_tangents, sines
 
 _ABREAST: Final = 64
@@ -25,7 +25,7 @@ def matrices_from_abc(abc: Array, unit: float) -> Array:
     return out
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def _matrices(abc: Array, unit: float, out: Array, angle: Array, trig: Array) -> None:
     for first in range(0, len(abc), _ABREAST):
         count = min(_ABREAST, len(abc) - first)
@@ -40,7 +40,7 @@ def _matrices(abc: Array, unit: float, out: Array, angle: Array, trig: Array) ->
             _matrix(trig, n, out, first + n)
 
 
-@compiled(EXACT, inline=True)
+@compile_kernel(EXACT, inline=True)
 def _matrix(trig: Array, n: int, out: Array, i: int) -> None:
     """Writes one matrix from the sines and cosines of A, B, C in column ``n``."""
     sa, sb, sc = trig[n], trig[_ABREAST + n], trig[2 * _ABREAST + n]
@@ -56,7 +56,7 @@ def _matrix(trig: Array, n: int, out: Array, i: int) -> None:
     out[i, 2, 2] = cb * cc
 
 
-@compiled(PLAIN, inline=True)
+@compile_kernel(PLAIN, inline=True)
 def _wrap(angle: float) -> float:
     if -math.pi <= angle < math.pi:
         return angle
@@ -82,7 +82,7 @@ def renew_abc(rotation: Array, rows: IntArray, abc: Array, unit: float) -> None:
     _renew(rotation, rows, abc, unit, np.zeros(12 * _ABREAST))
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def _renew(rotation: Array, rows: IntArray, abc: Array, unit: float, work: Array) -> None:
     for first in range(0, len(rows), _ABREAST):
         count = min(_ABREAST, len(rows) - first)
@@ -103,7 +103,7 @@ def _renew(rotation: Array, rows: IntArray, abc: Array, unit: float, work: Array
             abc[i, at], abc[i, at + 1], abc[i, at + 2] = a / unit, b / unit, c / unit
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def _hand_in(
     rotation: Array, rows: IntArray, first: int, count: int, abc: Array, unit: float, work: Array
 ) -> None:
@@ -119,7 +119,7 @@ def _hand_in(
             work[(9 + j) * _ABREAST + n] = abc[i, abc.shape[1] - 3 + j] * unit
 
 
-@compiled(PLAIN, inline=True)
+@compile_kernel(PLAIN, inline=True)
 def _split_locked(r: Array, b: float, near_a: float, near_c: float) -> tuple[float, float]:
     """Returns A and C at the lock: R depends on A - sign * C alone, the turn is split evenly."""
     sign = 1.0 if b > 0 else -1.0
@@ -128,7 +128,7 @@ def _split_locked(r: Array, b: float, near_a: float, near_c: float) -> tuple[flo
     return near_a + split, near_c - sign * split
 
 
-@compiled(PLAIN, inline=True)
+@compile_kernel(PLAIN, inline=True)
 def _nearest(
     a: float, b: float, c: float, near_a: float, near_b: float, near_c: float
 ) -> tuple[float, float, float]:

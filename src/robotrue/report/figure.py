@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from html import escape
-from typing import Any, Final, TypeVar
+from typing import TYPE_CHECKING, Final, TypeVar
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
@@ -18,6 +18,9 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from robotrue.report.theme import LIGHT
+
+if TYPE_CHECKING:
+    from matplotlib.typing import RcKeyType
 
 INK: Final = LIGHT["ink"]
 MUTED: Final = LIGHT["muted"]
@@ -35,7 +38,7 @@ TITLE_HEIGHT: Final = 0.4
 """Inches a picture's title takes."""
 AnyFigure = TypeVar("AnyFigure", bound=Figure)
 
-_SETTINGS: Final[dict[Any, Any]] = {
+_SETTINGS: Final[dict[RcKeyType, object]] = {
     "svg.fonttype": "none",  # text stays text: searchable, in the page's font
     "svg.hashsalt": "robotrue",  # equal content gives equal ids, hence equal bytes
     "font.family": ["DejaVu Sans"],

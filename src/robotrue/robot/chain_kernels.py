@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from robotrue.core.arrays import Array
-from robotrue.core.compiled import EXACT, compiled
+from robotrue.core.compiled import EXACT, compile_kernel
 from robotrue.core.sines import write_sines
 from robotrue.robot.chain import ORIGIN, Record, X, Y, Z
 
@@ -17,7 +17,7 @@ SINGULAR_PIVOT = 1e-13
 """Pivot of a 6x6 matrix below which it is singular to rounding."""
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def walk(links: Record, chain: Record) -> None:
     """Writes ``frame`` of a chain from its ``theta``.
 
@@ -44,7 +44,7 @@ def walk(links: Record, chain: Record) -> None:
             )
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def write_jacobian(chain: Record) -> None:
     """Writes ``jacobian`` of a walked chain: m/rad, then rad/rad."""
     frame, jacobian, tool = chain.frame, chain.jacobian, chain.frame[-1]
@@ -56,7 +56,7 @@ def write_jacobian(chain: Record) -> None:
             jacobian[3 + r, i] = frame[i, r, Z]
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def write_load_torque(masses: Record, payload: Array, wrench: Array, chain: Record) -> None:
     """Writes ``torque`` of a walked chain: link weights, payload and wrench about the axes.
 
@@ -91,7 +91,7 @@ def write_load_torque(masses: Record, payload: Array, wrench: Array, chain: Reco
         chain.torque[i] = frame[i, X, Z] * t0 + frame[i, Y, Z] * t1 + frame[i, Z, Z] * t2
 
 
-@compiled(EXACT, inline=True)
+@compile_kernel(EXACT, inline=True)
 def first_moment(frame: Array, moment: Array) -> tuple[float, float, float]:
     """Returns the first moment kg m in base of one given in a frame, with its mass behind it."""
     a, b, c, mass = moment[0], moment[1], moment[2], moment[3]
@@ -102,7 +102,7 @@ def first_moment(frame: Array, moment: Array) -> tuple[float, float, float]:
     )
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def deviation(pose: Array, target: Array, error: Array) -> tuple[float, float]:
     """Writes pose minus target (6,) m and rad; returns both lengths.
 
@@ -137,7 +137,7 @@ def deviation(pose: Array, target: Array, error: Array) -> tuple[float, float]:
     return math.sqrt(squared), turn
 
 
-@compiled(EXACT)
+@compile_kernel(EXACT)
 def invert_matrix(matrix: Array, pivot: Array, inverse: Array) -> bool:
     """Writes the inverse of a matrix (6, 6) by Gauss-Jordan with row pivots; False if singular.
 
@@ -178,7 +178,7 @@ def invert_matrix(matrix: Array, pivot: Array, inverse: Array) -> bool:
     return True
 
 
-@compiled(EXACT, inline=True)
+@compile_kernel(EXACT, inline=True)
 def multiply(matrix: Array, vector: Array, out: Array) -> None:
     """Writes matrix (6, 6) @ vector (6,)."""
     for i in range(6):

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Final
 
-from sqlalchemy import delete, select, true, union
+from sqlalchemy import CompoundSelect, delete, select, true, union
 from sqlalchemy.orm import Session
 
 from robotrue.errors import ConfigurationError
@@ -186,7 +186,7 @@ def _own_files(session: Session, gone: set[str]) -> Iterator[BlobRow]:
         for part in _parts(sorted(gone)):
             own |= set(session.scalars(select(digest).where(item.in_(part))))
     for part in _parts(sorted(own)):
-        users = union(
+        users: CompoundSelect[object, str] = union(
             select(AttachmentRow.sha256, AttachmentRow.id).where(AttachmentRow.sha256.in_(part)),
             select(samples, measured).where(samples.in_(part)),
         )

@@ -134,7 +134,13 @@ def _find_tool(into: Transaction, cell: Cell) -> Ref:
     return _find_or_add(into, TOOL, identity=identity, name=f"tool {identity[:8]}", detail=detail)
 
 
-def _find_or_add(into: Transaction, noun: Noun[R], *, identity: str, **columns: Any) -> Ref:
+def _find_or_add(
+    into: Transaction,
+    noun: Noun[R],
+    *,
+    identity: str,
+    **columns: Any,
+) -> Ref:
     """Returns the item of this identity; it is added where there is none."""
     table = noun.table
     latest = select(table).where(table.latest == true(), noun.column("identity") == identity)

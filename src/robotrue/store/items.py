@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
 from datetime import datetime
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Final, TypeVar
 
 from sqlalchemy import Select, false, func, or_, select, true, tuple_, update
 from sqlalchemy.orm import InstrumentedAttribute, Session
@@ -230,7 +230,7 @@ def _select(noun: Noun[R], query: ItemQuery) -> Select[Versioned]:
     return chosen
 
 
-def _column(noun: Noun[R], field: str) -> InstrumentedAttribute[Any]:
+def _column(noun: Noun[R], field: str) -> InstrumentedAttribute[object]:
     known = [f.name for f in fields(noun.record) if f.name not in _NOT_SORTED]
     if field not in known:
         raise ConfigurationError(

@@ -15,7 +15,7 @@ from dataclasses import dataclass, fields
 from datetime import datetime
 from typing import Any, Final, NewType
 
-from sqlalchemy import ColumnElement, extract, func, literal_column, select
+from sqlalchemy import ColumnElement, Float, extract, func, literal_column, select, type_coerce
 from sqlalchemy.orm import Session
 
 from robotrue.core.json_values import plain_text
@@ -66,7 +66,7 @@ class Job:
 
     id: JobId
     kind: str
-    parameters: Mapping[str, Any]
+    parameters: Mapping[str, object]
     state: str
     progress: float
     text: str
@@ -245,8 +245,8 @@ def job_of(row: JobRow) -> Job:
     return Job(**{**values, "remarks": tuple(row.remarks)})
 
 
-def clock(session: Session) -> ColumnElement[Any]:
+def clock(session: Session) -> ColumnElement[float]:
     """Returns the time of the database, s: one clock for workers on several machines."""
     if session.get_bind().dialect.name == "postgresql":
-        return extract("epoch", func.clock_timestamp())
-    return literal_column("((julianday('now') - 2440587.5) * 86400.0)")
+        return type_coerce(extract("epoch", func.clock_timestamp()), Float[float]())
+    return literal_column("((julianday('now') - 2440587.5) * 86400.0)", Float[float]())

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, Final, Literal, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Final, Literal, Protocol, TypeAlias, cast
 
 from robotrue.errors import DatabaseDownError
 from robotrue.store.jobs import RUNNING, status
@@ -31,6 +31,11 @@ from robotrue.store.jobs_work import SCRATCH, attempt, attempt_as_child, tidy
 from robotrue.store.locks import hold_alone, is_abandoned
 from robotrue.store.query_defaults import SLOTS
 from robotrue.store.workspace import Workspace
+
+if TYPE_CHECKING:
+    from multiprocessing.context import SpawnContext
+
+    from robotrue.compensation.chunk_dask import DaskFuture
 
 Start: TypeAlias = Literal["spawn", "fork", "forkserver"]
 LOOK: Final = 0.05
@@ -71,7 +76,7 @@ class ProcessRun:
 
     def __init__(self, workspace: Workspace, target: str, claim: Claim, start: Start) -> None:
         arguments = (workspace.folder, workspace.url, target, claim)
-        context: Any = get_context(start)
+        context = cast("SpawnContext", get_context(start))  # its base has no Process
         self._process = context.Process(target=attempt_as_child, args=arguments)
         self._process.start()
 
@@ -135,7 +140,7 @@ class DaskEngine:
 class DaskRun:
     """An attempt on one of the workers."""
 
-    def __init__(self, future: Any) -> None:
+    def __init__(self, future: DaskFuture) -> None:
         self._future = future
 
     def poll(self) -> str | None:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Annotated, Any, Final, Generic, TypeVar, get_args, get_type_hints
+from typing import Annotated, Final, Generic, TypeVar, get_args, get_type_hints
 
 from sqlalchemy import BigInteger, Float, ForeignKey, Integer
 from sqlalchemy.orm import InstrumentedAttribute, MappedColumn, mapped_column
-from sqlalchemy.types import TypeEngine
 
 from robotrue.errors import ConfigurationError
 from robotrue.store.records import ItemRecord
@@ -16,9 +15,10 @@ from robotrue.store.schema import DOCUMENT as JSON_DOCUMENT
 from robotrue.store.schema import HASH, NAME, WORD, Versioned
 
 R = TypeVar("R", bound=ItemRecord)
+R_co = TypeVar("R_co", bound=ItemRecord, covariant=True)
 INDEXED: Final = "indexed"
 """A column that items are looked up by."""
-_PLAIN: Final[Mapping[type, TypeEngine[Any]]] = {int: Integer(), float: Float()}
+_PLAIN: Final[Mapping[object, Integer | Float[float]]] = {int: Integer(), float: Float()}
 Word = Annotated[str, WORD]
 Name = Annotated[str, NAME]
 Hash = Annotated[str, HASH]
@@ -144,7 +144,7 @@ class DriftCheckRecord(ItemRecord):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Noun(Generic[R]):
+class Noun(Generic[R_co]):
     """One noun.
 
     Attributes:
@@ -155,11 +155,11 @@ class Noun(Generic[R]):
 
     name: str
     table: type[Versioned]
-    record: type[R]
+    record: type[R_co]
 
-    def column(self, field: str) -> InstrumentedAttribute[Any]:
+    def column(self, field: str) -> InstrumentedAttribute[object]:
         """Returns the column of a field of the record."""
-        column: InstrumentedAttribute[Any] = getattr(self.table, field)
+        column: InstrumentedAttribute[object] = getattr(self.table, field)
         return column
 
 
@@ -172,7 +172,7 @@ def _make_noun(name: str, table: str, record: type[R]) -> Noun[R]:
     return Noun(name=name, table=row, record=record)
 
 
-def _make_column(hint: Any) -> MappedColumn[Any]:
+def _make_column(hint: object) -> MappedColumn[object]:
     if hint in _PLAIN:
         return mapped_column(_PLAIN[hint], nullable=False)
     _, kind, *more = get_args(hint)
@@ -189,7 +189,7 @@ REGISTRATION: Final = _make_noun("registration", "registrations", RegistrationRe
 PROGRAM: Final = _make_noun("program", "programs", ProgramRecord)
 DOCUMENT: Final = _make_noun("document", "documents", DocumentRecord)
 DRIFT_CHECK: Final = _make_noun("drift-check", "drift_checks", DriftCheckRecord)
-NOUNS: Final[dict[str, Noun[Any]]] = {
+NOUNS: Final[dict[str, Noun[ItemRecord]]] = {
     noun.name: noun
     for noun in (
         ROBOT, TOOL, CELL, MEASUREMENT, MODEL, REGISTRATION, PROGRAM, DOCUMENT, DRIFT_CHECK,
@@ -197,7 +197,7 @@ NOUNS: Final[dict[str, Noun[Any]]] = {
 }  # fmt: skip
 
 
-def noun_of(name: str) -> Noun[Any]:
+def noun_of(name: str) -> Noun[ItemRecord]:
     """Returns the noun of a name.
 
     Raises:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from pydantic import TypeAdapter, ValidationError
 from scipy.special import stdtrit
 
 from robotrue.core.arrays import Array, IntArray
+from robotrue.core.document_decoder import decode
 from robotrue.core.json_values import json_values
 from robotrue.core.units import MM
 from robotrue.errors import ArchiveError, ConvergenceError, ObservabilityError, RobotrueError
@@ -20,6 +20,8 @@ from robotrue.validation.stacking import stack_weights
 BASELINE: Final = "nominal"
 """The method that assumes an arm without errors. No arm is: it gives way to any gain."""
 UNKNOWN: Final = float("nan")
+_RARE: Final = ("unsettled", "stopped")
+"""Stated in documents only where they are true."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,35 +78,31 @@ class Selection:
     table: tuple[CandidateScore, ...]
     weights: Mapping[str, float] = field(default_factory=dict)
 
-    def summary(self) -> Mapping[str, Any]:
+    def summary(self) -> Mapping[str, object]:
         """Returns JSON values for a model's training summary; lengths in m."""
-        document: dict[str, Any] = json_values(asdict(self))
-        for row in document["table"]:
-            for name in ("unsettled", "stopped"):
-                if not row[name]:
-                    del row[name]
+        rows = [
+            {name: value for name, value in asdict(row).items() if value or name not in _RARE}
+            for row in self.table
+        ]
+        document: dict[str, object] = {**asdict(self), "table": rows}
         if not self.weights:
             del document["weights"]
-        return document
+        return json_values(document)
 
 
-_SELECTION: Final = TypeAdapter(Selection)
-
-
-def selection_from_summary(summary: Mapping[str, Any]) -> Selection:
+def selection_from_summary(summary: Mapping[str, object]) -> Selection:
     """Returns the selection that :meth:`Selection.summary` wrote, e.g. from a stored model.
 
     Raises:
         ArchiveError: The values are not those of a selection.
     """
     try:
-        table = [
-            {key: UNKNOWN if value is None else value for key, value in row.items()}
-            for row in summary["table"]
-        ]
-        return _SELECTION.validate_python({**summary, "table": table})
-    except (KeyError, TypeError, ValidationError, AttributeError) as cause:
-        raise ArchiveError(f"the selection in this summary cannot be read: {cause}.") from cause
+        rows = decode(list[dict[str, object]], summary.get("table"), key="table")
+        table = [{key: UNKNOWN if v is None else v for key, v in row.items()} for row in rows]
+        return decode(Selection, {**summary, "table": table})
+    except ArchiveError as cause:
+        message = f"the selection in this summary cannot be read: {cause.message}"
+        raise ArchiveError(message, hint=cause.hint) from cause
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -176,7 +176,7 @@ def _weigh_certain(
 
 
 def _mean_error(evidence: Evidence) -> float:
-    return float(np.linalg.norm(evidence.left_out()[0], axis=1).mean())
+    return float(np.linalg.norm(evidence.predict_left_out()[0], axis=1).mean())
 
 
 def _error_after(hypothesis: Hypothesis, robot: RobotModel, settings: FitSettings) -> float:

@@ -101,7 +101,7 @@ class Evidence:
         """(m, m) K^-1."""
         return np.asarray(self.root.T @ self.root)
 
-    def left_out(self) -> tuple[Array, Array]:
+    def predict_left_out(self) -> tuple[Array, Array]:
         """Returns residual (n, 3) m of each row predicted from all others, its covariance."""
         n = len(self.case.values)
         blocks = self.precision.reshape(n, 3, n, 3)[np.arange(n), :, np.arange(n), :]

@@ -75,7 +75,7 @@ class Scattered:
 
 def _grow_groups(residuals: Evidence, columns: Array, width: float) -> Iterator[BoolArray]:
     """Yields groups of rows that one set of coefficients makes likelier, from several seeds."""
-    gap, covariance = residuals.left_out()
+    gap, covariance = residuals.predict_left_out()
     inverse = np.linalg.inv(covariance)
     force = np.einsum("niq,nij,nj->nq", columns, inverse, gap)
     weight = np.einsum("niq,nij,njr->nqr", columns, inverse, columns)

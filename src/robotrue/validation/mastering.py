@@ -238,11 +238,11 @@ def _find_noise(
                 hint="check that all are of one fixed point, the tool, units, joint signs and "
                 "--touch-sigma-mm.",
             )
-        factor = noise_factor(prior, _kept(stack, keep), prior.noise)
+        factor = noise_factor(prior, _select_rows(stack, keep), prior.noise)
     return keep, factor
 
 
-def _kept(stack: Stack, keep: BoolArray) -> Stack:
+def _select_rows(stack: Stack, keep: BoolArray) -> Stack:
     good = np.flatnonzero(keep[stack.row])
     return Stack(
         columns=stack.columns[good],

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import asyncio
 import functools
-from typing import Any, Final
+import socket
+from typing import Any, Final, cast
 
 import uvicorn
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
+from uvicorn.server import ServerState
 
 from robotrue.web.serve_settings import Limits
 from robotrue.web.sessions import client_group
@@ -60,8 +62,16 @@ class Admission:
 class FrontProtocol(HttpToolsProtocol):
     """HTTP/1.1 with a limit on the size of a request head and on the time until it is whole."""
 
-    def __init__(self, *args: Any, admission: Admission, **facts: Any) -> None:
-        super().__init__(*args, **facts)
+    def __init__(
+        self,
+        config: uvicorn.Config,
+        server_state: ServerState,
+        app_state: dict[str, object],
+        _loop: asyncio.AbstractEventLoop | None = None,
+        *,
+        admission: Admission,
+    ) -> None:
+        super().__init__(config, server_state, app_state, _loop)
         self._admission = admission
         self._deadline: asyncio.TimerHandle | None = None
         self._unparsed = 0
@@ -129,7 +139,7 @@ class FrontServer(uvicorn.Server):
         super().__init__(config)
         self._limits = limits
 
-    async def startup(self, sockets: Any = None) -> None:
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         """Begins to listen."""
         if self.config.is_ssl:
             loop: Any = asyncio.get_running_loop()
@@ -143,9 +153,10 @@ def _group_of(protocol: Any) -> str:
     return client_group(protocol.client[0]) if protocol.client else ""
 
 
-def front(limits: Limits) -> Any:  # uvicorn takes what makes protocols, and types a class
+def front(limits: Limits) -> type[asyncio.Protocol]:
     """Returns the protocol class for ``uvicorn.Config(http=...)``, one for all connections."""
-    return functools.partial(FrontProtocol, admission=Admission(limits))
+    made = functools.partial(FrontProtocol, admission=Admission(limits))
+    return cast(type[asyncio.Protocol], made)  # uvicorn calls it, and types a class
 
 
 def with_descriptors(limits: Limits) -> Limits:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 from pydantic import Field
 
@@ -208,6 +208,7 @@ def _certificate(
 def _program(
     request: ReportRequest, program: Reference, place: WorkspaceContext, lang: Lang
 ) -> tuple[ReportDraft, list[Link]]:
+    from robotrue.app.stated_force import force_parameters
     from robotrue.store.nouns import MODEL, PROGRAM
     from robotrue.store.records import Link
 
@@ -224,6 +225,7 @@ def _program(
             hint='{"program": ..., "tolerance_mm": 0.2}',
         )
     model = _pin(used[0])
+    force = force_parameters(place.work.workspace, record)
     asked = ReportProgramRequest(
         before=_pin(first[0]),
         after=program,
@@ -232,7 +234,9 @@ def _program(
         output=(),
         strict=request.strict,
         simulated=_is_simulated(place, [place.record(MODEL, model)]),
-        **_force(place, record),
+        wrench=force.wrench,
+        cutter=force.cutter,
+        start=force.start,
     )
     draft = draft_program(asked, place, lang, _find_registered(place, record))
     return draft, [Link(role="model", to=used[0]), Link(role="before", to=first[0])]
@@ -262,15 +266,6 @@ def _find_registered(place: WorkspaceContext, record: ProgramRecord) -> Path | N
     for to in record.refs("cell"):
         return place.cell_file(_pin(to))
     return None
-
-
-def _force(place: WorkspaceContext, record: ProgramRecord) -> dict[str, Any]:
-    """The process force the program was compensated for, as it was stated."""
-    from robotrue.store import jobs
-
-    job = str(record.detail.get("job", ""))
-    stated = jobs.status(place.work.workspace, job).parameters if job else {}
-    return {name: stated[name] for name in ("wrench", "cutter", "start") if stated.get(name)}
 
 
 def _is_simulated(place: WorkspaceContext, models: Iterable[ModelRecord]) -> bool:

@@ -56,7 +56,7 @@ USUAL: Final = DengReadings()
 """How the paper's equations are read unless stated otherwise."""
 
 
-def _known_from(relation: str) -> Item:
+def _source_item(relation: str) -> Item:
     """What is known from one relation: the field of a job, with items and files."""
     return Item(
         noun="measurement",
@@ -95,10 +95,10 @@ class TransferRequest(Request):
         Item(noun="measurement", argument="[TARGET...]", sent=True, help="Target measurements."),
     ] = ()
     from_region: Annotated[
-        tuple[Reference, ...], _known_from("another region, the same arm and time")
+        tuple[Reference, ...], _source_item("another region, the same arm and time")
     ] = ()
-    from_campaign: Annotated[tuple[Reference, ...], _known_from("another time, the same arm")] = ()
-    from_unit: Annotated[tuple[Reference, ...], _known_from("another arm of the type")] = ()
+    from_campaign: Annotated[tuple[Reference, ...], _source_item("another time, the same arm")] = ()
+    from_unit: Annotated[tuple[Reference, ...], _source_item("another arm of the type")] = ()
     model: Annotated[
         Reference | None,
         Item(noun="model", shells=IN_JOBS, help="Model to bring up to date; it knows its cell."),

@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.app.force_options import parse_wrench
+from robotrue.app.stated_force import force_parameters
 from robotrue.app.workbench.arm_body import answer, body_document, pack_floats
 from robotrue.app.workbench.calibration_view import from_simulation
 from robotrue.calibration.model import ErrorModel
@@ -27,7 +28,7 @@ from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.program.formats import read_job
 from robotrue.program.program import Program
 from robotrue.robot.statics import Load
-from robotrue.store import cells, items, jobs, measurements, models, programs
+from robotrue.store import cells, items, measurements, models, programs
 from robotrue.store.layout import copy_files
 from robotrue.store.nouns import CELL, MODEL, PROGRAM, REGISTRATION, ModelRecord, ProgramRecord
 from robotrue.store.registrations import REGISTERED
@@ -111,9 +112,8 @@ def _read_programs(
     if used:  # a compensated program is judged by the model that compensated it
         record = items.get(workspace, MODEL, used[0].id, version=used[0].version)
     held = models.model_of(workspace, record)
-    job = str(after.detail.get("job", ""))
-    said = jobs.status(workspace, job).parameters if job else {}
-    cell = _cell(workspace, after, held.cell, scratch, said.get("part"))
+    stated = force_parameters(workspace, after)
+    cell = _cell(workspace, after, held.cell, scratch, stated.part)
     frames = frame_table(cell)
     before = [
         items.get(workspace, PROGRAM, to.id, version=to.version) for to in after.refs("before")
@@ -130,12 +130,12 @@ def _read_programs(
         model=held.model,
         record=record,
         cell=cell,
-        load=_load(cell.payload, said.get("wrench")),
-        home=start_joints(cell.robot, cell.controller.start, said.get("start")),
+        load=_load(cell.payload, stated.wrench),
+        home=start_joints(cell.robot, cell.controller.start, stated.start),
         simulated=from_simulation(held.model, rows)
         or (cell.part is not None and cell.part.provenance.simulated),
         compared=bool(before),
-        part=_part(cell, said.get("part")),
+        part=_part(cell, stated.part),
     )
 
 

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array, Bytes, IntArray
-from robotrue.core.compiled import PLAIN, compiled
+from robotrue.core.compiled import PLAIN, compile_kernel
 from robotrue.program.formats.krl_tokens import read_number
 
 CURRENT: Final = -1
@@ -24,7 +24,7 @@ _SMALL_D, _SMALL_E, _SMALL_G, _SMALL_M = np.frombuffer(b"degm", np.uint8).astype
 """Signs as numbers of one type: numba compiles a function again for each literal."""
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def plain_records(
     buf: Bytes, at: int, end: int, table: IntArray, spans: IntArray, value: Array
 ) -> tuple[int, int]:
@@ -54,7 +54,7 @@ def plain_records(
     return rows, at
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def _head(buf: Bytes, k: int, end: int, row: IntArray) -> int:
     """Reads ``P[n:"name"]{ GP1:`` and returns what follows, -1 if it does not stand there."""
     k = _sign(buf, k, end, _P)
@@ -71,7 +71,7 @@ def _head(buf: Bytes, k: int, end: int, row: IntArray) -> int:
     return _sign(buf, k, end, _COLON) if group == 1 else -1
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def _frames(buf: Bytes, k: int, end: int, row: IntArray) -> int:
     """Reads ``UF : 1, UT : 1,`` and CONFIG if it is there."""
     for column, letter in ((5, _F), (6, _T)):
@@ -96,7 +96,7 @@ def _frames(buf: Bytes, k: int, end: int, row: IntArray) -> int:
     return _sign(buf, _next(buf, j, end, _QUOTE), end, _COMMA)
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def _numbers(buf: Bytes, k: int, end: int, row: IntArray, spans: IntArray, value: Array) -> int:
     """Reads X Y Z W P R or J1 to J6 with their units."""
     k = _blank(buf, k, end)
@@ -128,26 +128,26 @@ def _numbers(buf: Bytes, k: int, end: int, row: IntArray, spans: IntArray, value
     return k
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def _blank(buf: Bytes, k: int, end: int) -> int:
     while 0 <= k < end and (buf[k] == 32 or 9 <= buf[k] <= 13):
         k += 1
     return k
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def _next(buf: Bytes, k: int, end: int, sign: np.int64) -> int:
     """Returns what follows a sign that stands at ``k``, -1 if it does not."""
     return k + 1 if 0 <= k < end and buf[k] == sign else -1
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def _sign(buf: Bytes, k: int, end: int, sign: np.int64) -> int:
     """As :func:`_next`, blanks before the sign allowed."""
     return _next(buf, _blank(buf, k, end), end, sign)
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def _whole(buf: Bytes, k: int, end: int, most: int) -> tuple[int, int]:
     """Returns a whole number of at most so many digits, -1 if there is none, and what follows."""
     k = _blank(buf, k, end)

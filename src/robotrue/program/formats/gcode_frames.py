@@ -76,8 +76,8 @@ class GcodeFrames:
         findings = self._blocks.findings
         block, name, zero = findings.local[place]
         own = {NAMED - findings.names.index(each[1]) for each in findings.local}
-        said = [each for each in self._said(Modal.FRAME, block) if each not in own]
-        inch = self._said(Modal.INCH, block)
+        said = [each for each in self._list_stated(Modal.FRAME, block) if each not in own]
+        inch = self._list_stated(Modal.INCH, block)
         if inch and inch[-1] != 0:
             what = f"{name} is not in millimetres for sure"
             return self._known.unknown("base", what, line, "state G21 before it")
@@ -86,7 +86,7 @@ class GcodeFrames:
             return index
         return self._known.shift("base", index, pose(np.eye(3), np.array(zero) * MM))
 
-    def _said(self, group: Modal, block: int) -> list[int]:
+    def _list_stated(self, group: Modal, block: int) -> list[int]:
         """Returns the settings of a state before a block, in order."""
         column = self._blocks.state[:block, group]
         return [int(each) for each in column[column != NO_STATE].tolist()]

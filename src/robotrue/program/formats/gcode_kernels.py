@@ -8,7 +8,7 @@ import numpy as np
 
 from robotrue.core.arrays import Array, Bytes, Integers
 from robotrue.core.compiled import PLAIN as AS_WRITTEN
-from robotrue.core.compiled import compiled
+from robotrue.core.compiled import compile_kernel
 
 EMPTY: Final = 0
 PLAIN: Final = 1
@@ -22,7 +22,7 @@ INDICES: Final = 14
 """Second index of an address: 0 for none, 1 + digit (A3=), 11 to 13 for X, Y, Z behind it (NX)."""
 
 
-@compiled(AS_WRITTEN)
+@compile_kernel(AS_WRITTEN)
 def count_letters(buf: Bytes) -> int:
     """Returns the letters of a file: no file has more words."""
     count = 0
@@ -31,7 +31,7 @@ def count_letters(buf: Bytes) -> int:
     return count
 
 
-@compiled(AS_WRITTEN)
+@compile_kernel(AS_WRITTEN)
 def read_blocks(
     buf: Bytes,
     first: Integers,
@@ -168,7 +168,7 @@ def read_blocks(
     return count
 
 
-@compiled(AS_WRITTEN)
+@compile_kernel(AS_WRITTEN)
 def _goes_on(buf: Bytes, i: int, end: int, equal: bool) -> bool:
     """Returns whether what follows a number makes it part of something larger."""
     while i < end and (buf[i] == 32 or buf[i] == 9):

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from robotrue.core.arrays import Array, Bytes, IntArray
-from robotrue.core.compiled import PLAIN, compiled
+from robotrue.core.compiled import PLAIN, compile_kernel
 from robotrue.program.formats.krl_tokens import read_number
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def point_lines(
     buf: Bytes,
     at: int,
@@ -50,7 +50,7 @@ def point_lines(
     return rows, at
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def _name(buf: Bytes, at: int, offset: int) -> tuple[int, int]:
     """Returns the number of the point named at ``at``, -1 if there is none, and what follows."""
     n, at = buf.size, _blank(buf, at)
@@ -67,7 +67,7 @@ def _name(buf: Bytes, at: int, offset: int) -> tuple[int, int]:
     return number + (offset if buf[at] == 80 else 0), k + 1
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def _values(buf: Bytes, k: int, spans: IntArray, value: Array) -> int:
     """Reads six numbers and the end of the line; returns the next line, -1 if they are not six."""
     n = buf.size
@@ -92,7 +92,7 @@ def _values(buf: Bytes, k: int, spans: IntArray, value: Array) -> int:
     return min(k + 1, n)
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def _blank(buf: Bytes, k: int) -> int:
     while k < buf.size and (buf[k] == 32 or buf[k] == 9):
         k += 1

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import BoolArray, Bytes, IntArray, Ints
-from robotrue.core.compiled import PLAIN, compiled
+from robotrue.core.compiled import PLAIN, compile_kernel
 from robotrue.program.formats.file_survey import Survey, WindowLines
 from robotrue.program.formats.krl_build import Builder
 from robotrue.program.formats.krl_frames import Frames
@@ -144,7 +144,7 @@ class MotionSurvey(KrlSurvey):
         )
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def _motions(
     line_kind: Bytes, agg_line: Ints, agg_flag: Bytes, agg_token: Ints, component: Bytes
 ) -> tuple[IntArray, IntArray, BoolArray]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray, IntArray, Integers
-from robotrue.core.compiled import PLAIN, compiled
+from robotrue.core.compiled import PLAIN, compile_kernel
 from robotrue.core.units import DEG, MM
 from robotrue.program.euler import matrices_from_abc
 from robotrue.program.formats.krl_scan import STATUS, Scan
@@ -49,7 +49,7 @@ def si_columns(values: Array, axis: BoolArray) -> tuple[Array, Array, Array]:
     return position, rotation, axes
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def _gather(
     token: Integers,
     end: Integers,

@@ -18,7 +18,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import BoolArray, Bytes, IntArray, Ints
-from robotrue.core.compiled import PLAIN, compiled
+from robotrue.core.compiled import PLAIN, compile_kernel
 from robotrue.program.formats.file_survey import WindowLines, reason_column
 from robotrue.program.formats.krl_scan import (
     AXIS,
@@ -150,7 +150,7 @@ def _point_lines(found: Scan, shape: Shape) -> tuple[BoolArray, BoolArray]:
     return plain, begins
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def _points(
     buf: Bytes, line_start: Ints, line_end: Ints, line_kind: Bytes, agg_line: Ints, agg_open: Ints,
     agg_close: Ints, agg_flag: Bytes, agg_token: Ints, component: Bytes, letters: Bytes,
@@ -185,7 +185,7 @@ def _points(
     return plain, begins
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def _point_kind(flag: int, component: Bytes, token: int, end: int) -> int:
     """Returns 0 for a whole pose, 1 for whole axis values, -1 for anything else."""
     pose, axis = 0, 0
@@ -197,7 +197,7 @@ def _point_kind(flag: int, component: Bytes, token: int, end: int) -> int:
     return 1 if axis else 0
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def _ends(buf: Bytes, i: int, end: int) -> bool:
     """Returns whether nothing follows a point but the rest of a structure."""
     while i < end and (buf[i] == _BLANK or buf[i] == _TAB):
@@ -205,7 +205,7 @@ def _ends(buf: Bytes, i: int, end: int) -> bool:
     return i >= end or buf[i] == _COMMA or buf[i] == _BRACE
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def _read_name(buf: Bytes, i: int, end: int, out: Bytes) -> tuple[int, int]:
     """Writes what stands before a point, its index left out; returns (length or -1, index)."""
     size, index, brackets, assigned = 0, -1, 0, False

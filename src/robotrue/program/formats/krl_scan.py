@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from robotrue.core.arrays import Array, Bytes, Integers, Ints
-from robotrue.core.compiled import PLAIN, compiled
+from robotrue.core.compiled import PLAIN, compile_kernel
 from robotrue.errors import FormatError
 from robotrue.program.formats.krl_tokens import aggregate, blank, find, plain_number, word
 
@@ -194,7 +194,7 @@ def _room(data: bytes) -> tuple[int, int, int]:
     return feeds + returns + 1, braces, braces + commas
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def _line_ends(buf: Bytes, i: int) -> tuple[int, int]:
     """Returns (end of code, end of line) of the line that starts at ``i``."""
     n = buf.size
@@ -208,7 +208,7 @@ def _line_ends(buf: Bytes, i: int) -> tuple[int, int]:
     return (j if code < 0 else code), j
 
 
-@compiled(PLAIN, inline=True)
+@compile_kernel(PLAIN, inline=True)
 def _repeats(
     buf: Bytes,
     i: int,
@@ -259,7 +259,7 @@ def _repeats(
     return j
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def _scan(
     buf: Bytes,
     i: int,

@@ -7,7 +7,7 @@ from abc import abstractmethod
 import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray, Bytes, IntArray, Ints
-from robotrue.core.compiled import PLAIN, compiled
+from robotrue.core.compiled import PLAIN, compile_kernel
 from robotrue.errors import FormatError
 from robotrue.program.formats.file_survey import Survey, WindowLines
 from robotrue.program.formats.krl_scan import EXTERNAL, STATUS, Scan, scan
@@ -61,7 +61,7 @@ class ExternalAxes:
         self.steady &= steady
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def _external_axes(
     agg_line: Ints, agg_token: Ints, component: Bytes, value: Array, plain: BoolArray, first: Array
 ) -> tuple[bool, bool]:

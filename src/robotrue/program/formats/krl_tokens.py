@@ -7,12 +7,12 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array, Bytes, Integers
-from robotrue.core.compiled import PLAIN, compiled
+from robotrue.core.compiled import PLAIN, compile_kernel
 
 _POW10: Final = np.array([10.0**k for k in range(23)])
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def blank(buf: Bytes, i: int, end: int) -> int:
     """Returns the first place from ``i`` that is not a blank or tab."""
     while i < end and (buf[i] == 32 or buf[i] == 9):
@@ -20,7 +20,7 @@ def blank(buf: Bytes, i: int, end: int) -> int:
     return i
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def word(buf: Bytes, i: int, end: int) -> tuple[int, int]:
     """Returns (key, end) of the word at ``i``; key 0 if none, -1 if longer than ten letters."""
     key, j = 0, i
@@ -37,7 +37,7 @@ def word(buf: Bytes, i: int, end: int) -> tuple[int, int]:
     return key, j
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def find(keys: Integers, key: int) -> int:
     """Returns the place of a key, -1 if it is not there."""
     for k in range(keys.size):
@@ -46,7 +46,7 @@ def find(keys: Integers, key: int) -> int:
     return -1
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def read_number(buf: Bytes, i: int, end: int) -> tuple[float, int]:
     """Returns (value, end) of ``[+-]?digits[.digits][ E[+-]digits]`` at ``i``; end = i if none."""
     j, negative = i, False
@@ -96,7 +96,7 @@ def read_number(buf: Bytes, i: int, end: int) -> tuple[float, int]:
     return (-value if negative else value), j
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def _read_based(buf: Bytes, i: int, end: int) -> tuple[float, int]:
     """Returns (value, end) of ``'B0110'``, ``'B 110'`` or ``'H1F'`` at ``i``; else end = i."""
     if i + 3 >= end:
@@ -122,7 +122,7 @@ def _read_based(buf: Bytes, i: int, end: int) -> tuple[float, int]:
     return float(value), j + 1
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def _skip_value(buf: Bytes, i: int, end: int) -> int:
     """Returns the ``,`` or ``}`` that ends an expression at ``i``, or ``end``."""
     depth = 0
@@ -138,7 +138,7 @@ def _skip_value(buf: Bytes, i: int, end: int) -> int:
     return end
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def aggregate(
     buf: Bytes,
     i: int,
@@ -204,7 +204,7 @@ def aggregate(
         j = after + 1
 
 
-@compiled(PLAIN, inline=True)
+@compile_kernel(PLAIN, inline=True)
 def plain_number(buf: Bytes, i: int) -> tuple[float, int]:
     """Returns (value, end) of ``-?digits[.digits]`` of at most 18 digits; end = i for all else.
 

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from robotrue.core.arrays import Array, BoolArray, Bytes, IntArray, Ints
-from robotrue.core.compiled import PLAIN, compiled
+from robotrue.core.compiled import PLAIN, compile_kernel
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ShapeError
 from robotrue.program.euler import renew_abc
@@ -156,7 +156,7 @@ def _tabulate(spans: KrlSpans, rows: slice) -> Numbers:
     return Numbers(start=start, length=length, value=value)
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def _gather(
     token: Ints,
     tokens: Ints,

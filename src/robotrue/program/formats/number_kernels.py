@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray, Bytes, IntArray
-from robotrue.core.compiled import PLAIN, compiled
+from robotrue.core.compiled import PLAIN, compile_kernel
 
 _HALF_DIGIT: Final = np.array([0.5 * 10.0**-k for k in range(16)])
 _TENS: Final = np.array([10**k for k in range(19)])
@@ -25,7 +25,7 @@ SLOW_DECIMALS: Final = 13
 """From here on a number is left to the slow way, which rounds exactly."""
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def put_whole(out: Bytes, k: int, whole: int) -> int:
     """Writes a non-negative integer at ``k``; returns its end."""
     size = 1
@@ -35,7 +35,7 @@ def put_whole(out: Bytes, k: int, whole: int) -> int:
     return k + size
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def _put_digits(out: Bytes, k: int, rest: np.uint64, size: int) -> None:
     """Writes the last ``size`` digits of an unsigned integer from ``k`` on, two at a time."""
     end = k + size
@@ -48,7 +48,7 @@ def _put_digits(out: Bytes, k: int, rest: np.uint64, size: int) -> None:
         out[k] = 48 + np.int64(rest % _TEN)
 
 
-@compiled(PLAIN, inline=True)
+@compile_kernel(PLAIN, inline=True)
 def _four(value: int) -> int:
     """Returns the four digits of 0 to 9999 as bytes, the first one lowest."""
     high = (value * 5243) >> 19
@@ -57,7 +57,7 @@ def _four(value: int) -> int:
     return (a | (high - 10 * a) << 8 | c << 16 | (low - 10 * c) << 24) + 0x30303030
 
 
-@compiled(PLAIN, inline=True)
+@compile_kernel(PLAIN, inline=True)
 def _put_four(out: Bytes, k: int, digits: int) -> None:
     out[np.uint64(k)] = digits & 255
     out[np.uint64(k + 1)] = digits >> 8 & 255
@@ -65,7 +65,7 @@ def _put_four(out: Bytes, k: int, digits: int) -> None:
     out[np.uint64(k + 3)] = digits >> 24 & 255
 
 
-@compiled(PLAIN, inline=True)
+@compile_kernel(PLAIN, inline=True)
 def put_number(out: Bytes, k: int, value: float, decimals: int, plus: bool, bare: bool) -> int:
     """Writes ``value`` with ``decimals`` at ``k``; returns its end.
 
@@ -100,7 +100,7 @@ def put_number(out: Bytes, k: int, value: float, decimals: int, plus: bool, bare
     return k + decimals
 
 
-@compiled(PLAIN, inline=True)
+@compile_kernel(PLAIN, inline=True)
 def copy_short(out: Bytes, k: int, buf: Bytes, start: int, end: int) -> int:
     """Copies ``buf[start:end]`` to ``k``, eight bytes at a time; returns its end.
 
@@ -121,7 +121,7 @@ def copy_short(out: Bytes, k: int, buf: Bytes, start: int, end: int) -> int:
     return k - (i - end)
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def copy_bytes(out: Bytes, k: int, buf: Bytes, start: int, end: int) -> int:
     """Copies ``buf[start:end]`` to ``k``; returns its end."""
     for i in range(start, end):
@@ -130,7 +130,7 @@ def copy_bytes(out: Bytes, k: int, buf: Bytes, start: int, end: int) -> int:
     return k
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def place(
     out: Bytes, k: int, buf: Bytes, cursor: int, start: int, end: int, text: Bytes, size: int
 ) -> int:
@@ -148,7 +148,7 @@ def place(
     return copy_bytes(out, k, text, 0, size)
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def is_plain(buf: Bytes, start: int, end: int) -> bool:
     """Returns whether a token is digits with at most one point and a sign, and not too long."""
     point = -1
@@ -160,7 +160,7 @@ def is_plain(buf: Bytes, start: int, end: int) -> bool:
     return point >= 0 and start < end and end - point <= SLOW_DECIMALS
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def respell(
     buf: Bytes,
     index: IntArray,
@@ -220,13 +220,13 @@ def respell(
     return copy_bytes(out, k, buf, cursor, buf.size)
 
 
-@compiled(PLAIN, inline=True)
+@compile_kernel(PLAIN, inline=True)
 def _in_a_name(byte: int) -> bool:
     """Returns whether a digit behind the byte would be a part of a name."""
     return 48 <= byte <= 57 or 65 <= (byte & 223) <= 90 or byte == 95
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def pick_tokens(
     buf: Bytes,
     start: IntArray,
@@ -265,7 +265,7 @@ def pick_tokens(
     return count, rising
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def literal_numbers(
     buf: Bytes,
     first: IntArray,
@@ -307,7 +307,7 @@ def literal_numbers(
                 value[row, column] = _exact(buf, begun, i)
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def _exact(buf: Bytes, start: int, end: int) -> float:
     """Returns a number that one product or quotient rounds to the last bit, NaN for others."""
     whole, digits, decimals, power, mark = 0, 0, 0, 0, end

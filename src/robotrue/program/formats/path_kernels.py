@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray, Bytes, IntArray
-from robotrue.core.compiled import PLAIN, compiled
+from robotrue.core.compiled import PLAIN, compile_kernel
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def decimals_of(buf: Bytes, start: IntArray, length: IntArray) -> IntArray:
     """Returns the decimals of tokens (n, w), 15 at most; 0 for one without a point, or none."""
     out = np.zeros(start.shape, np.int64)
@@ -25,7 +25,7 @@ def decimals_of(buf: Bytes, start: IntArray, length: IntArray) -> IntArray:
     return out
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def with_point(buf: Bytes, start: IntArray, length: IntArray) -> BoolArray:
     """Returns which tokens (t,) have a decimal point."""
     out = np.zeros(len(start), np.bool_)
@@ -35,7 +35,7 @@ def with_point(buf: Bytes, start: IntArray, length: IntArray) -> BoolArray:
     return out
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def owed_words(
     written: BoolArray, said: Array, wanted: Array, kept: Array, decimals: IntArray, turn: IntArray,
     skip: BoolArray, able: BoolArray, barred: BoolArray, owed: BoolArray, donor: IntArray,

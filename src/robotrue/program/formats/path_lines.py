@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from robotrue.core.arrays import Bytes, IntArray
-from robotrue.core.compiled import PLAIN, compiled
+from robotrue.core.compiled import PLAIN, compile_kernel
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def plain_gotos(
     buf: Bytes, first: IntArray, last: IntArray, start: IntArray, length: IntArray
 ) -> IntArray:
@@ -56,7 +56,7 @@ def plain_gotos(
     return out
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def blank_lines(buf: Bytes, first: IntArray, last: IntArray) -> None:
     """Puts blanks in lines (l,), line ends apart, in place."""
     for row in range(len(first)):
@@ -65,7 +65,7 @@ def blank_lines(buf: Bytes, first: IntArray, last: IntArray) -> None:
                 buf[i] = 32
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def cell_spans(
     buf: Bytes,
     first: IntArray,
@@ -107,14 +107,14 @@ def cell_spans(
             i += 1
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def _blanks(buf: Bytes, i: int, end: int) -> int:
     while i < end and (buf[i] == 32 or buf[i] == 9):
         i += 1
     return i
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def _number_end(buf: Bytes, i: int, end: int) -> int:
     """Returns the end of a number without exponent of at most fifteen digits, ``i`` for none."""
     at, digits, point = i, 0, False

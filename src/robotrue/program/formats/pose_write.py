@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray
-from robotrue.core.compiled import PLAIN, compiled
+from robotrue.core.compiled import PLAIN, compile_kernel
 from robotrue.errors import ShapeError
 from robotrue.program.program import Program, Replacement
 
@@ -108,7 +108,7 @@ def find_moved(
     return place, _find_turned(turned, program.rotation[rows]), axes
 
 
-@compiled(PLAIN)
+@compile_kernel(PLAIN)
 def _find_turned(new: Array, old: Array) -> BoolArray:
     """Returns which of two stacks of matrices (n, 3, 3) are not the same."""
     out = np.zeros(len(new), np.bool_)

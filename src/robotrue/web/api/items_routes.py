@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Path, Query
 from fastapi.responses import FileResponse
@@ -137,7 +137,7 @@ def _offer_changes(routes: APIRouter, workspace: Workspace) -> None:
         return ItemListing(items=shown, total=page.total, offset=page.offset)
 
 
-def _noun(name: str) -> Noun[Any]:
+def _noun(name: str) -> Noun[ItemRecord]:
     if name not in NOUNS:
         raise MissingError(f"{name!r} is no noun, expected {', '.join(NOUNS)}.")
     return NOUNS[name]
