@@ -5,9 +5,6 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 import trimesh
@@ -66,8 +63,8 @@ def main(out: Path) -> None:
         ax.fill(around[:, 0], around[:, 2], fill=False)
         ax.set(title=f"{name}: kept blue, dropped red", xlabel="x, mm", aspect="equal")
     job = plan_machining(cell, sides, MachiningSettings(), mesh=mesh)
-    moves = job_moves(job, robot, "vase", JobSpeeds())
-    for name, data in write_machining(read_posts()["krl"], moves).files.items():
+    program = write_machining(read_posts()["krl"], job_moves(job, robot, "vase", JobSpeeds()))
+    for name, data in program.files.items():
         write_atomic(out / name, data)
     figure.savefig(out / "09_from_cam.png", bbox_inches="tight")
     size = []  # the program run as it is, by the virtual arm

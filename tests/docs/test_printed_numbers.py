@@ -17,6 +17,8 @@ from printed_numbers import agree_in_print, assert_answers_agree
         ("47 of 50 poses", "48 of 50 poses", False),
         ("-0.1 mm", "0.0 mm", True),
         ("0.1 mm", "0.1 deg", False),
+        ("the arm (56d7239995fe); twice", "the arm (0a8132f11177); twice", True),
+        ("the arm (56d7239995fe); twice", "the arm (none); twice", False),
         ("Python 3.11.2", "Python 3.11.3", False),
     ],
 )
