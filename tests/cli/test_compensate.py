@@ -369,3 +369,36 @@ def test_the_arm_goes_home_also_behind_a_routine_in_no_file(cli, work: Path) -> 
         assert got.document["steps"]["count"] == 0
         written[name] = (work / "o.src").read_text().split("\n")[5:]
     assert written["unknown"] == written["known"]
+
+
+COMPUTED_TARGET = """DEF job()
+$BASE={X 0,Y 0,Z 0,A 0,B 0,C 0}
+$TOOL={X 60,Y 40,Z 250,A 0,B 0,C 0}
+PTP {A1 0,A2 -80,A3 80,A4 0,A5 40,A6 0}
+LIN {X 1200.0,Y 200.0,Z 900.0,A 0,B 120,C 0}
+LIN {X 1200.0,Y 100.0,Z 900.0,A 0,B 120,C 0}
+LIN {X 1150.0,Y 100.0,Z 950.0,A 0,B 118,C 0}
+LIN {X DEEP,Y 100.0,Z 900.0,A 0,B 120,C 0}
+LIN {X 1150.0,Y 200.0,Z 900.0,A 0,B 120,C 0}
+END
+"""
+
+
+def test_a_computed_target_gets_a_corrected_frame_to_state(cli, work: Path) -> None:
+    (work / "deep.src").write_text(COMPUTED_TARGET)
+    got = cli("compensate", work / "model.rtm", work / "deep.src", "-o", work / "o.src", "--json",
+              "--allow-steps")  # fmt: skip
+    assert got.code == 0, got.err
+    [found] = got.document["frame_corrections"]
+    assert (found["computed_targets"], found["fitted_targets"]) == (1, 4)
+    assert found["xyz_before_mm"] == [0.0, 0.0, 0.0]
+    assert found["predicted_error_after_um"]["max"] < found["predicted_error_before_um"]["mean"]
+    assert "1 computed target keeps its numbers. To move it too, run the program as" in got.err
+
+
+def test_the_frame_is_told_where_steps_stop_the_work(cli, work: Path) -> None:
+    (work / "deep.src").write_text(COMPUTED_TARGET)
+    got = cli("compensate", work / "model.rtm", work / "deep.src", "-o", work / "o.src")
+    assert got.code == 2
+    assert "in place of X 0.0000 Y 0.0000" in got.err
+    assert not (work / "o.src").exists()

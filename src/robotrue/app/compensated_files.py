@@ -20,6 +20,7 @@ from robotrue.cell.cutter_axis import cutter_axis
 from robotrue.cell.part import PartFrame
 from robotrue.compensation.between_targets import Between, look_between, require_no_spin
 from robotrue.compensation.compensate_file import CompensatedFile, compensate_file
+from robotrue.compensation.frame_correction import FrameCorrection, fit_frames
 from robotrue.compensation.left_alone import list_left_alone
 from robotrue.compensation.process_force import (
     DescribedForce,
@@ -96,6 +97,8 @@ def compensate_files(
         ]
         rewritten, between = _rewrite(request, ground, files, forces, streams, context)
         steps = _join_files(rewritten)
+        frames = [] if request.free_spin else _fit_frames(ground, rewritten)
+        _tell_each([], [place_in_file(each.program, each.sentence()) for each in frames], context)
         _require_steps(ground, files, rewritten, steps, context)
         documents = []
         for file, target, force, made, stack in zip(
@@ -107,6 +110,8 @@ def compensate_files(
     if ground.model is not None:
         document = {**document, "steps": ground.steps.document(steps)}
         _tell_each([path_sentence(steps)], [steps_sentence(steps)], context)
+    if frames:
+        document = {**document, "frame_corrections": [each.document() for each in frames]}
     if between is not None:
         document = {**document, "between_targets": between.document}
         _tell_each(between.sentences, between.left_whole, context)
@@ -136,6 +141,12 @@ def _join_files(rewritten: Sequence[Rewritten]) -> Steps:
     seen = [(program, result.status, result.shift) for program, result in held]
     cut = [made.steps for made in rewritten if made.held is None]
     return join_steps([job_steps(seen), *cut] if seen else cut)
+
+
+def _fit_frames(ground: Ground, rewritten: Sequence[Rewritten]) -> list[FrameCorrection]:
+    """Returns what a corrected work frame would do for the targets that are computed."""
+    held = [made.held for made in rewritten if made.held is not None]
+    return [each for program, result in held for each in fit_frames(program, result, ground.table)]
 
 
 def _require_steps(
