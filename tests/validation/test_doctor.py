@@ -126,6 +126,35 @@ def test_the_cause_is_named_with_its_rows_and_cured(cause, clean):
         assert finding.after < 0.6 * finding.before
 
 
+def test_a_lag_of_the_joints_is_removed_to_second_order(clean):
+    lag, step = 0.04, np.diff(clean.joints, axis=0, prepend=clean.joints[:1])
+    cured, finding = cure_rows(
+        ROBOT, replace(clean, joints=clean.joints - lag * step), None, "clock"
+    )
+    assert "joints stand 4 % of the way to those of the row before" in finding.hypothesis.text
+    np.testing.assert_allclose(cured.joints, clean.joints[1:], atol=5e-4)  # of steps of radians
+    np.testing.assert_array_equal(cured.source_row, clean.source_row[1:])
+
+
+@pytest.mark.parametrize(("step", "word"), [(1, "before"), (-1, "after")])
+def test_shifted_rows_lose_the_row_without_joints(clean, step, word):
+    kept = slice(1, None) if step > 0 else slice(0, -1)
+    file = replace(clean, joints=np.roll(clean.joints, step, axis=0)).subset(np.arange(COUNT)[kept])
+    cured, finding = cure_rows(ROBOT, file, None, "shifted-rows")
+    assert f"those of the row {word}" in finding.hypothesis.text
+    whole = clean.subset(np.searchsorted(clean.source_row, cured.source_row))
+    assert len(cured) == COUNT - 2
+    np.testing.assert_array_equal(cured.joints, whole.joints)
+
+
+def test_exchanged_columns_beyond_limits_are_no_full_turn(clean):
+    joints = clean.joints.copy()
+    joints[:, [1, 3]] = joints[:, [3, 1]]
+    joints[3, 1] = ROBOT.limits[1, 1] + 0.2  # a turn back is beyond the other limit
+    (finding,) = diagnose(ROBOT, replace(clean, joints=joints)).findings
+    assert finding.hypothesis.cause == "joints-exchanged"
+
+
 def test_the_report_has_six_words_lines_odds_and_cure(clean):
     rows = inches(clean)
     diagnosis = diagnose(ROBOT, rows)

@@ -37,6 +37,10 @@ PRIOR: Final = 0.05
 SURE: Final = 0.995
 """Probability of a cause from which it is named."""
 REFITTED: Final = 4
+REFINEMENTS: Final = 3
+"""Steps by which the effect of a cause that is not linear is estimated again."""
+WORTHWHILE: Final = 1.0
+"""Gain of log evidence below which no further step is made."""
 LARGEST_ODDS: Final = 1e6
 
 
@@ -189,17 +193,24 @@ def _error_after(hypothesis: Hypothesis, robot: RobotModel, settings: FitSetting
 def _refine_cure(
     hypothesis: Hypothesis, robot: RobotModel, settings: FitSettings
 ) -> tuple[Hypothesis, float]:
-    """The hypothesis with its rows put right by a second step, and their mean error (m)."""
+    """The hypothesis with its rows put right by further steps, and their mean error (m)."""
     if hypothesis.cured is None or hypothesis.refine is None:
         return hypothesis, _error_after(hypothesis, robot, settings)
-    first = _fit_clean(robot, hypothesis.cured, settings)
-    cured = hypothesis.refine(hypothesis.cured, first)
-    if cured is None:
-        return hypothesis, _mean_error(first)
-    second = _fit_clean(robot, cured, settings)
-    if second.log_evidence < first.log_evidence:
-        return hypothesis, _mean_error(first)
-    return replace(hypothesis, cured=cured), _mean_error(second)
+    best = _fit_clean(robot, hypothesis.cured, settings)
+    for _ in range(REFINEMENTS):
+        refined = hypothesis.refine(hypothesis.cured, best)
+        if refined is None or refined.cured is None:
+            break
+        trial = _fit_clean(robot, refined.cured, settings)
+        gain = trial.log_evidence - best.log_evidence
+        if gain > 0.0:
+            best = trial
+            hypothesis = replace(
+                hypothesis, text=refined.text, cured=refined.cured, refine=refined.refine
+            )
+        if gain < WORTHWHILE:
+            break
+    return hypothesis, _mean_error(best)
 
 
 def cure_rows(

@@ -44,7 +44,8 @@ class Scattered:
         if len(arm.chosen) < len(rows):
             chosen = self._find_others(rows, arm, chosen)
         price = -log_choices(len(group), np.flatnonzero(group))
-        found = Picked(inside=group, rows=chosen, log_odds=odds, width=width, price=price)
+        sizes = np.array([width])
+        found = Picked(inside=group, rows=chosen, log_odds=odds, sizes=sizes, price=price)
         return [self.segment.build(rows, residuals, arm, found)]
 
     def _find_group(self, residuals: Evidence, arm: Case) -> tuple[BoolArray | None, float, float]:

@@ -14,7 +14,7 @@ from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.forward import parameter_jacobian, walk
 from robotrue.robot.model import parameter_slice
 from robotrue.validation.doctor_case import Case
-from robotrue.validation.doctor_evidence import USUAL, Evidence, column_odds, learn, weigh_noise
+from robotrue.validation.doctor_evidence import USUAL, Evidence, columns_fit, learn, weigh_noise
 from robotrue.validation.doctor_segments import estimate_columns
 from robotrue.validation.doctor_suspicion import Hypothesis
 
@@ -24,6 +24,8 @@ LAGS: Final = np.array([1e-4, 1e-3, 1e-2, 1e-1, 1.0])
 """Part of a step between rows by which joints are early or late."""
 ROWS_APART: Final = 0.8
 """Of a whole row: from here on it is a shift of rows rather than a clock."""
+HALF: Final = 0.5
+"""Lag from which rows no more follow from the row before: an error at the end would grow."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,40 +77,68 @@ class Clock:
 
     def look(self, rows: MeasurementSet, residuals: Evidence, arm: Case) -> Sequence[Hypothesis]:
         """Returns the likelier of the two directions."""
-        found = [self._look(rows, residuals, arm, step) for step in (-1, 1)]
-        return [max(found, key=lambda each: each.log_odds)]
+        tried = [_build_lag(rows, residuals, arm, step, 0.0) for step in (-1, 1)]
+        likely = [each for each in tried if each is not None]
+        return [max(likely, key=lambda each: each.log_odds)] if likely else ()
 
-    def _look(self, rows: MeasurementSet, residuals: Evidence, arm: Case, step: int) -> Hypothesis:
-        way = joint_steps(rows, step)
-        column = np.einsum("nid,nd->ni", arm.drive, way[arm.chosen])[:, :, None]
-        white = residuals.root @ column.reshape(-1, 1)
-        odds, which = column_odds(
-            (white.T @ white)[None], (white.T @ residuals.white_values)[None], LAGS
+
+def _build_lag(
+    rows: MeasurementSet, residuals: Evidence, arm: Case, step: int, removed: float
+) -> Hypothesis | None:
+    """The hypothesis of a lag beside one that is removed from the examined rows already.
+
+    Args:
+        rows: As read.
+        residuals: Of the rows without the lag that is removed.
+        arm: Those rows, linearised.
+        step: -1: joints of the row before are mixed in; 1: of the row after.
+        removed: Lag that ``arm`` has no more.
+    """
+    way = joint_steps(arm.rows, step)
+    column = np.einsum("nid,nd->ni", arm.drive, way[arm.chosen])[:, :, None]
+    odds, width = columns_fit(residuals, column, LAGS)
+    every, other = drive_columns(arm.rows, arm), "before" if step < 0 else "after"
+
+    def revise(value: Array) -> Hypothesis:
+        lag = removed - width * float(value[0])
+        size = float(np.sqrt(((every @ (lag * way)[:, :, None]) ** 2).sum(axis=(1, 2)).mean()))
+
+        def refine(cured: MeasurementSet, again: Evidence) -> Hypothesis | None:
+            return _build_lag(rows, again, again.case, step, lag)
+
+        return Hypothesis(
+            cause="shifted-rows" if lag > ROWS_APART else "clock",
+            text=f"joints stand {100.0 * lag:.3g} % of the way to those of the row {other} "
+            f"({size / MM:.3f} mm): the clocks of controller and instrument differ",
+            log_odds=odds - np.log(2.0),
+            rows=np.arange(len(rows)),
+            cured=_remove_lag(rows, lag, step),
+            advice="take both readings at rest, or by one trigger",
+            columns=width * column,
+            price=float(np.log(2.0)),
+            revise=revise,
+            refine=refine,
         )
-        width, other = float(LAGS[which[0]]), "before" if step < 0 else "after"
-        every = drive_columns(rows, arm)
 
-        def refine(cured: MeasurementSet, again: Evidence) -> MeasurementSet | None:
-            return self._look(cured, again, again.case, step).cured
+    value = estimate_columns(residuals, width * column, 1.0)
+    return revise(value) if width * float(value[0]) < removed else None
 
-        def revise(value: Array) -> Hypothesis:
-            part = width * float(value[0])
-            size = float(np.sqrt(((every @ (part * way)[:, :, None]) ** 2).sum(axis=(1, 2)).mean()))
-            return Hypothesis(
-                cause="shifted-rows" if abs(part) > ROWS_APART else "clock",
-                text=f"joints belong {100.0 * part:.3g} % of the way to the row {other} "
-                f"({size / MM:.3f} mm): the clocks of controller and instrument differ",
-                log_odds=float(odds[0]) - np.log(2.0),
-                rows=np.arange(len(rows)),
-                cured=replace(rows, joints=rows.joints + part * way),
-                advice="take both readings at rest, or by one trigger",
-                columns=width * column,
-                price=float(np.log(2.0)),
-                revise=revise,
-                refine=refine,
-            )
 
-        return revise(estimate_columns(residuals, width * column, 1.0))
+def _remove_lag(rows: MeasurementSet, lag: float, step: int) -> MeasurementSet:
+    """Rows whose joints q' were ``(1 - lag) q + lag (q of the row before or after)``, with q.
+
+    The row at the end from which the others follow has no row to be mixed with: it is left out.
+    A lag of half a row and more is removed to first order.
+    """
+    if not 0.0 <= lag < HALF:
+        return replace(rows, joints=rows.joints - lag * joint_steps(rows, step))
+    read = rows.joints if step < 0 else rows.joints[::-1]
+    joints = read.copy()
+    for k in range(1, len(joints)):
+        joints[k] = (read[k] - lag * joints[k - 1]) / (1.0 - lag)
+    joints = joints if step < 0 else joints[::-1]
+    kept = np.arange(1, len(rows)) if step < 0 else np.arange(len(rows) - 1)
+    return replace(rows, joints=joints).subset(kept)
 
 
 def joint_steps(rows: MeasurementSet, step: int) -> Array:

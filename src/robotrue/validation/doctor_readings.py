@@ -103,7 +103,7 @@ def list_readings(robot: RobotModel, rows: MeasurementSet) -> Iterator[ColumnRea
     """Yields every other reading of the joint columns, and other robots of the size."""
     joints = rows.joints
     for step, word in ((-1, "before"), (1, "after")):
-        moved = np.roll(joints, -step, axis=0)
+        moved = np.roll(joints, step, axis=0)
         moved[-1 if step < 0 else 0] = np.nan
         # The joints of a row are those of the row before: its own stand in the row after.
         yield ColumnReading(
@@ -256,7 +256,10 @@ def _turns_off(angles: Array, limits: Array) -> Array:
     """Turns (n,) by which the smaller heap of a joint's angles stands away; zeros if none does."""
     beyond = np.where(angles > limits[1] + DEG, 1.0, np.where(angles < limits[0] - DEG, -1.0, 0.0))
     if beyond.any():
-        return np.asarray(beyond)
+        back = angles - TURN * beyond
+        within = (back > limits[0] - DEG) & (back < limits[1] + DEG)
+        # Else the column is that of another joint.
+        return np.asarray(beyond * within.all())
     order = np.sort(angles)
     gaps = np.diff(order)
     if not len(gaps) or gaps.max() < 0.5 * TURN:

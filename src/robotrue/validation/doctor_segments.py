@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -15,7 +15,7 @@ from robotrue.robot.forward import parameter_jacobian, walk
 from robotrue.robot.model import parameter_slice
 from robotrue.robot.statics import NO_LOAD, Load, drive_torque
 from robotrue.validation.doctor_case import Case, flange_turn, frame_columns
-from robotrue.validation.doctor_evidence import WIDTHS, Evidence, column_odds
+from robotrue.validation.doctor_evidence import WIDTHS, Evidence, column_odds, columns_fit
 from robotrue.validation.doctor_suspicion import HOPELESS, CauseName, Hypothesis, move_points
 
 LEAST: Final = 4
@@ -24,6 +24,9 @@ MOST_EDGES: Final = 31
 """Edges between which blocks are searched."""
 SCALE_WIDTHS: Final = np.array([1e-4, 5e-4, 2e-3, 1e-2, 1.0, 30.0])
 """Sd of a relative error of lengths: from the air to millimetres read as inches."""
+
+SHIFT_AND_TURN: Final = np.array([[1.0] * 6, [1.0] * 3 + [0.05] * 3])
+"""A motion turns the points as far as it shifts them, or hardly at all."""
 
 MakeColumns = Callable[[MeasurementSet, Case], Array]
 
@@ -36,15 +39,17 @@ class Picked:
         inside: (n,) of the examined rows.
         rows: Of the whole set.
         log_odds: Log Bayes factor, the price taken off.
-        width: m, likeliest sd of the effect.
+        sizes: (q,) m, likeliest sd of each coefficient of the effect.
         price: Log of the choices.
+        text: Of an effect that was taken off already; empty at the first step.
     """
 
     inside: BoolArray
     rows: IntArray
     log_odds: float
-    width: float
+    sizes: Array
     price: float
+    text: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,6 +62,7 @@ class Segment:
         advice: What to do.
         describe: Text from the coefficients (q,) and the effect (m rms).
         widths: (w,) sd of the coefficients, each as likely.
+        shares: (s, q) sizes of the columns beside one another, each as likely.
         heads: Whether the first rows may be the wrong ones. Where the frame or the reflector is not
             known, wrong first rows and wrong last rows are one hypothesis: the first are right.
     """
@@ -66,6 +72,7 @@ class Segment:
     advice: str
     describe: Callable[[Array, float], str]
     widths: Array = field(default_factory=lambda: WIDTHS)
+    shares: Array = field(default_factory=lambda: np.ones((1, 1)))
     heads: bool = False
 
     def look(self, rows: MeasurementSet, residuals: Evidence, arm: Case) -> Sequence[Hypothesis]:
@@ -74,14 +81,24 @@ class Segment:
         if count < 3 * LEAST:
             return ()
         columns = self.make_columns(arm.chosen_rows, arm)
-        first, last, odds, width = find_segment(residuals, columns, self.widths, heads=self.heads)
+        tried = [
+            (*find_segment(residuals, columns * share, self.widths, heads=self.heads), share)
+            for share in self.shares
+        ]
+        first, last, odds, width, share = max(tried, key=lambda each: each[2])
         if odds < HOPELESS:
             return ()
         inside = np.zeros(count, dtype=bool)
         inside[first:last] = True
         chosen = _whole_rows(arm.chosen, inside, len(rows))
-        price = choice_price(first, last, count)
-        found = Picked(inside=inside, rows=chosen, log_odds=odds, width=width, price=price)
+        among = float(np.log(len(self.shares)))
+        found = Picked(
+            inside=inside,
+            rows=chosen,
+            log_odds=odds - among,
+            sizes=width * share,
+            price=choice_price(first, last, count) + among,
+        )
         return [self.build(rows, residuals, arm, found)]
 
     def build(
@@ -89,19 +106,21 @@ class Segment:
     ) -> Hypothesis:
         """Returns the hypothesis of some rows, their effect estimated and taken off."""
         inside = picked.inside[:, None, None]
-        columns = picked.width * self.make_columns(arm.chosen_rows, arm) * inside
-        every = picked.width * self.make_columns(rows, arm)[picked.rows]
-
-        def refine(cured: MeasurementSet, again: Evidence) -> MeasurementSet | None:
-            return self.build(cured, again, again.case, picked).cured
+        columns = picked.sizes * self.make_columns(arm.chosen_rows, arm) * inside
+        every = picked.sizes * self.make_columns(rows, arm)[picked.rows]
 
         def revise(value: Array) -> Hypothesis:
             effect = np.zeros((len(rows), 3))
             effect[picked.rows] = every @ value
             size = float(np.sqrt((effect[picked.rows] ** 2).sum(axis=1).mean()))
+            text = picked.text or self.describe(picked.sizes * value, size)
+
+            def refine(cured: MeasurementSet, again: Evidence) -> Hypothesis | None:
+                return self.build(cured, again, again.case, replace(picked, text=text))
+
             return Hypothesis(
                 cause=self.cause,
-                text=self.describe(picked.width * value, size),
+                text=text,
                 log_odds=picked.log_odds,
                 rows=picked.rows,
                 cured=move_points(rows, effect),
@@ -230,33 +249,36 @@ class Drift:
     def look(self, rows: MeasurementSet, residuals: Evidence, arm: Case) -> Sequence[Hypothesis]:
         """Returns the drift of all rows."""
         columns = drift_columns(arm.chosen_rows, arm)
-        white = residuals.root @ columns.reshape(len(residuals.lower), -1)
-        odds, which = column_odds((white.T @ white)[None], (white.T @ residuals.white_values)[None])
-        if odds[0] < HOPELESS:
+        tried = [(*columns_fit(residuals, columns * share), share) for share in SHIFT_AND_TURN]
+        odds, width, share = max(tried, key=lambda each: each[0])
+        price = float(np.log(len(tried)))
+        if odds < HOPELESS:
             return ()
-        width = float(WIDTHS[which[0]])
-        every = width * drift_columns(rows, arm)
+        sizes = width * share
+        every = sizes * drift_columns(rows, arm)
 
         def revise(value: Array) -> Hypothesis:
-            size = float(np.linalg.norm(width * value[:3])) / MM
+            size = float(np.linalg.norm(sizes[:3] * value[:3])) / MM
             return Hypothesis(
                 cause="drift",
                 text=f"the instrument drifts by {size:.3f} mm from the first row to the last",
-                log_odds=float(odds[0]),
+                log_odds=odds - price,
                 rows=np.arange(len(rows)),
                 cured=move_points(rows, every @ value),
                 advice="let instrument and mount warm up, and shoot fixed points during the run",
-                columns=width * columns,
+                columns=sizes * columns,
+                price=price,
                 revise=revise,
             )
 
-        return [revise(estimate_columns(residuals, width * columns, 1.0))]
+        return [revise(estimate_columns(residuals, sizes * columns, 1.0))]
 
 
 SEGMENTS: Final = (
     Segment(
         cause="instrument-moved",
         make_columns=motion_columns,
+        shares=SHIFT_AND_TURN,
         advice="shoot fixed points again, or number these rows as a station of their own",
         describe=lambda value, size: (
             f"the instrument or its frame moved: these rows are off by {size / MM:.3f} mm"

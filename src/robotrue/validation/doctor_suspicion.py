@@ -37,8 +37,8 @@ class Hypothesis:
             ``log_odds`` rest on a fit of their own.
         price: Log of the choices that were made to find it, in ``log_odds`` already.
         revise: From coefficients (q,) of ``columns`` to the hypothesis that has them.
-        refine: From cured rows, fitted anew, to rows that are cured better: the effect is not
-            linear where it is large.
+        refine: From cured rows, fitted anew, to the hypothesis that cures them better: an effect
+            that is large is not linear. Its text, ``cured`` and ``refine`` replace those.
         advice: What to do in the shop, an imperative sentence.
     """
 
@@ -52,7 +52,7 @@ class Hypothesis:
     columns: Array | None = None
     price: float = 0.0
     revise: Callable[[Array], Hypothesis] | None = None
-    refine: Callable[[MeasurementSet, Evidence], MeasurementSet | None] | None = None
+    refine: Callable[[MeasurementSet, Evidence], Hypothesis | None] | None = None
 
 
 class DataSuspicion(Protocol):
