@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -148,9 +149,23 @@ def test_the_first_point_no_spin_reaches_is_the_one_named():
     assert refused.value.line == 70
 
 
-def test_an_arm_without_a_spherical_wrist_is_refused():
-    with pytest.raises(ConfigurationError, match="UR5 is not an ortho-parallel arm"):
-        resolve_spin(preset("UR5"), PART, path(raster(), [0, 0, 1]), Z)
+def test_an_arm_with_parallel_axes_follows_a_path():
+    ur10 = preset("UR10").with_tool(TILTED)
+    part = pose(np.eye(3), np.array([0.55, -0.2, 0.2]))
+    here = path(raster(), [0, 0, 1])
+    posed = resolve_spin(ur10, part, here, Z)
+    reached = forward(ur10, posed.joints)
+    np.testing.assert_allclose(reached[:, :3, 3], apply(part, here.position), atol=1e-9)
+    np.testing.assert_allclose(-reached[:, :3, 2], np.tile(part[:3, 2], (len(here), 1)), atol=1e-9)
+    assert np.abs(np.diff(posed.joints, axis=0)).max() < 45.0 * DEG
+    assert (branches_of(ur10, posed.joints) == posed.branch).all()
+
+
+def test_an_arm_of_another_kind_is_refused():
+    bent = preset("UR5")
+    bent = replace(bent, alpha=bent.alpha + np.array([0.0, 1e-3, 0.0, 0.0, 0.0, 0.0]))
+    with pytest.raises(ConfigurationError, match="UR5 has neither a spherical wrist nor"):
+        resolve_spin(bent, PART, path(raster(), [0, 0, 1]), Z)
     with pytest.raises(ShapeError, match="cutter has length 0"):
         SpinSettings(cutter=np.zeros(3))
 

@@ -37,9 +37,8 @@ from robotrue.program.lang import languages
 from robotrue.program.program import Program
 from robotrue.robot.configuration import configuration_words, renew_words
 from robotrue.robot.forward import forward, walk
-from robotrue.robot.inverse import branches_of, inverse_branches, require_opw
+from robotrue.robot.inverse import ClosedArm, branches_of, inverse_branches, require_closed
 from robotrue.robot.model import RobotModel
-from robotrue.robot.opw import OpwGeometry
 from robotrue.robot.spin import SpinPath, SpinSettings, limit_cost, refined_way, singular_cost
 
 GAIN: Final = 0.05
@@ -132,7 +131,7 @@ def choose_spins(
     """
     settings = settings or CompensationSettings()
     robot = model.robot.nominal()
-    geometry = require_opw(robot)
+    geometry = require_closed(robot)
     _require_printed(program)
     base = compensate(model, program, settings=replace(settings, covariance=False))
     load = settings.load_for(len(program))
@@ -197,7 +196,7 @@ def _require_printed(program: Program) -> None:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Task:
     robot: RobotModel
-    geometry: OpwGeometry
+    geometry: ClosedArm
     compliance: Array
     program: Program
     path: CutPath
@@ -354,7 +353,7 @@ def _posture_quality(task: _Task, joints: Array) -> PostureQuality:
     return PostureQuality(
         joints=frozen(joints, (n, 6), "joints", allow_nan=True),
         room=_room(task.robot, joints),
-        wrist=np.arcsin(np.abs(np.sin(task.geometry.angles(joints)[:, 4]))),
+        wrist=np.arcsin(np.minimum(task.geometry.singular_measures(joints)[:, 0], 1.0)),
         across=np.linalg.norm(across(moved, task.path.feed_direction), axis=1),
         stiffness=stiffness(task.wrench, moved),
     )

@@ -37,20 +37,19 @@ from robotrue.program.carried import about_z, carried_frames, to_z
 from robotrue.program.toolpath import Toolpath
 from robotrue.robot.inverse import (
     BRANCHES,
+    ClosedArm,
     branch_of,
     inverse,
     inverse_branches,
-    require_opw,
+    require_closed,
 )
 from robotrue.robot.model import RobotModel
-from robotrue.robot.opw import OpwGeometry
 from robotrue.robot.spin import (
     SpinPath,
     SpinSettings,
     can_be_taken,
     refined_way,
     singular_cost,
-    singular_measures,
 )
 
 MOST_STATIONS: Final = 2000
@@ -204,12 +203,12 @@ def resolve_spin(
 
     Raises:
         ReachError: A point no spin reaches, or a path no single branch follows; with the line.
-        ConfigurationError: Not an ortho-parallel arm.
+        ConfigurationError: An arm without closed branches.
     """
     fault: ReachError | None = None
     side = _SideTask(
         robot=robot.nominal(),
-        geometry=require_opw(robot),
+        geometry=require_closed(robot),
         T_base_part=T_base_part,
         path=path,
         dense=dense_path(path),
@@ -234,7 +233,7 @@ class _SideTask:
     """A side whose spins are to be chosen: what every step of it needs."""
 
     robot: RobotModel
-    geometry: OpwGeometry
+    geometry: ClosedArm
     T_base_part: Array
     path: Toolpath
     dense: DensePath
@@ -295,7 +294,7 @@ def _pose_targets(side: _SideTask, stations: IntArray, way: SpinPath) -> Posed:
     bad[1:] |= ~(np.abs(np.diff(joints, axis=0)).max(axis=1) <= _STEP)
     if bad.any():
         raise _narrow(side.path, int(dense.target[int(np.argmax(bad))]))
-    wrist = np.arcsin(np.clip(singular_measures(geometry, joints)[:, 0].min(), 0.0, 1.0))
+    wrist = np.arcsin(np.clip(geometry.singular_measures(joints)[:, 0].min(), 0.0, 1.0))
     return Posed(
         path=side.path,
         T_base_part=side.T_base_part,

@@ -1,7 +1,8 @@
-"""Analytic inverse kinematics of the nominal ortho-parallel arm: eight branches, limits, turns.
+"""Analytic inverse kinematics of the nominal arm: eight branches, limits, turns.
 
-What a controller computes. For the actual arm (errors, compliance) and for arms without a spherical
-wrist see :mod:`robotrue.robot.inverse_numeric`.
+What a controller computes. For arms with a spherical wrist (:mod:`robotrue.robot.opw`) and for arms
+with axes 2 to 4 parallel (:mod:`robotrue.robot.parallel_arm`); for all others, and for the actual
+arm with errors and compliance, see :mod:`robotrue.robot.inverse_numeric`.
 
 Branch numbers are ``4 * wrist_flip + 2 * shoulder + elbow``:
 
@@ -10,6 +11,8 @@ Branch numbers are ``4 * wrist_flip + 2 * shoulder + elbow``:
 * ``elbow`` 0: the forearm is folded in the positive sense of theta_opw 3 (towards the front when
   the arm stands upright), 1: the other way.
 * ``wrist_flip`` 0: theta_opw 5 >= 0, 1: theta_opw 5 < 0.
+
+What they are for an arm with parallel axes is told there.
 
 Source: Brandstoetter, Angerer, Hofbaur 2014, section 3; the elbow by one square root and an
 arctangent instead of two arc cosines, the sixth axis from the fifth row instead of its own
@@ -24,11 +27,13 @@ import numpy as np
 
 from robotrue.core.arrays import Array, IntArray, frozen
 from robotrue.core.poses import inverse as inverse_pose
-from robotrue.core.rotations import wrap
 from robotrue.errors import ConfigurationError, ReachError
 from robotrue.robot.model import RobotModel
 from robotrue.robot.opw import OpwGeometry, opw_geometry
+from robotrue.robot.parallel_arm import ParallelGeometry, parallel_geometry, solve_branches
 
+ClosedArm: TypeAlias = OpwGeometry | ParallelGeometry
+"""An arm whose inverse has eight closed branches."""
 BRANCHES: Final = 8
 STRAIGHT_WRIST: Final = 1e-9
 """rad; a wrist straighter than this leaves A4 free, and the previous one is kept."""
@@ -55,12 +60,33 @@ def require_opw(robot: RobotModel) -> OpwGeometry:
     return geometry
 
 
+def closed_geometry(robot: RobotModel) -> ClosedArm | None:
+    """Returns the geometry whose inverse has closed branches; None for other arms."""
+    return opw_geometry(robot) or parallel_geometry(robot)
+
+
+def require_closed(robot: RobotModel) -> ClosedArm:
+    """Returns the geometry whose inverse has closed branches.
+
+    Raises:
+        ConfigurationError: Neither a spherical wrist nor axes 2 to 4 parallel.
+    """
+    geometry = closed_geometry(robot)
+    if geometry is None:
+        raise ConfigurationError(
+            f"{robot.name} has neither a spherical wrist nor parallel axes 2 to 4; its inverse has "
+            "no closed branches.",
+            hint="inverse_numeric.solve with a seed, or inverse_numeric.solve_global without.",
+        )
+    return geometry
+
+
 def inverse_branches(
     robot: RobotModel,
     T_base_flange: Array,
     *,
     reference: Array | None = None,
-    geometry: OpwGeometry | None = None,
+    geometry: ClosedArm | None = None,
 ) -> Array:
     """Returns the joints of all eight branches (n, 8, 6) rad, NaN where a branch does not exist.
 
@@ -71,12 +97,12 @@ def inverse_branches(
         T_base_flange: (n, 4, 4).
         reference: (n, 6) or (6,) rad; supplies A4 where the wrist is straight, A1 where the
             wrist point is on axis 1, and the turn of every joint.
-        geometry: From :func:`require_opw`, to spare reading it again.
+        geometry: From :func:`require_closed`, to spare reading it again.
 
     Raises:
-        ConfigurationError: Not an ortho-parallel arm.
+        ConfigurationError: An arm without closed branches.
     """
-    arm = require_opw(robot) if geometry is None else geometry
+    arm = require_closed(robot) if geometry is None else geometry
     T = np.asarray(T_base_flange, dtype=np.float64)
     near = np.zeros((1, 6)) if reference is None else np.atleast_2d(reference)
     near = np.broadcast_to(near, (len(T), 6))
@@ -87,13 +113,15 @@ def inverse_branches(
     return out
 
 
-def _options(arm: OpwGeometry, T_base_flange: Array, near: Array) -> Array:
+def _options(arm: ClosedArm, T_base_flange: Array, near: Array) -> Array:
     """All branches (8, 6, m) for m poses, each joint on the turn nearest to near (m, 6)."""
-    T_base_opw = _then(T_base_flange, inverse_pose(arm.T_opw_flange))
-    hand = np.ascontiguousarray(np.moveaxis(T_base_opw[:, :3], 0, -1))
-    joints = _joints(arm, _block(arm, hand, np.ascontiguousarray(arm.angles(near).T)))
-    joints -= _TURN * np.rint((joints - near.T) * (1.0 / _TURN))
-    return joints
+    if isinstance(arm, ParallelGeometry):
+        joints = np.moveaxis(solve_branches(arm, T_base_flange, near), 0, -1)
+    else:
+        T_base_opw = _then(T_base_flange, inverse_pose(arm.T_opw_flange))
+        hand = np.ascontiguousarray(np.moveaxis(T_base_opw[:, :3], 0, -1))
+        joints = _joints(arm, _block(arm, hand, np.ascontiguousarray(arm.angles(near).T)))
+    return np.asarray(joints - _TURN * np.rint((joints - near.T) * (1.0 / _TURN)))
 
 
 def _then(T: Array, step: Array) -> Array:
@@ -210,7 +238,7 @@ def inverse_batch(
     *,
     near: Array | None = None,
     branch: int | IntArray | None = None,
-    geometry: OpwGeometry | None = None,
+    geometry: ClosedArm | None = None,
 ) -> Array:
     """Returns joints (n, 6) rad inside the limits, each pose by itself; NaN where there are none.
 
@@ -220,12 +248,12 @@ def inverse_batch(
         near: (n, 6) or (6,) rad. Of the branches (or of the turns of the given one) the nearest
             to it in the Euclidean sense is taken; the middle of the limits if not given.
         branch: Branch number for all or (n,) per pose; any branch if not given.
-        geometry: From :func:`require_opw`, to spare reading it again.
+        geometry: From :func:`require_closed`, to spare reading it again.
 
     Raises:
-        ConfigurationError: Not an ortho-parallel arm.
+        ConfigurationError: An arm without closed branches.
     """
-    arm = require_opw(robot) if geometry is None else geometry
+    arm = require_closed(robot) if geometry is None else geometry
     n = len(T_base_tool)
     seed = np.broadcast_to(_seed(robot, near), (n, 6))
     fixed = None if branch is None else np.broadcast_to(np.asarray(branch, dtype=np.int64), (n,))
@@ -271,9 +299,9 @@ def inverse_path(
     half a turn from one pose to the next, as the arm itself would have to.
 
     Raises:
-        ConfigurationError: Not an ortho-parallel arm.
+        ConfigurationError: An arm without closed branches.
     """
-    arm = require_opw(robot)
+    arm = require_closed(robot)
     seed = _seed(robot, near)
     T_base_flange = T_base_tool @ inverse_pose(robot.T_flange_tool)
     chosen, start, first = _first_reached(robot, T_base_tool, seed, branch, arm)
@@ -298,7 +326,7 @@ def inverse_path(
 
 
 def _first_reached(
-    robot: RobotModel, T_base_tool: Array, seed: Array, branch: int | None, arm: OpwGeometry
+    robot: RobotModel, T_base_tool: Array, seed: Array, branch: int | None, arm: ClosedArm
 ) -> tuple[int, int, Array]:
     """Branch, index and joints of the first pose inside the limits; index -1 if there is none."""
     for start in range(0, len(T_base_tool), _FIRST):
@@ -312,27 +340,20 @@ def _first_reached(
     return 0, -1, seed
 
 
-def _straight(geometry: OpwGeometry, joints: Array) -> IntArray:
-    bend = np.abs(np.sin(geometry.angles(joints)[:, 4]))
+def _straight(geometry: ClosedArm, joints: Array) -> IntArray:
+    bend = geometry.singular_measures(joints)[:, 0]
     return np.flatnonzero(bend < STRAIGHT_WRIST).astype(np.int64)
 
 
-def branch_of(robot: RobotModel, joints: Array, *, geometry: OpwGeometry | None = None) -> int:
+def branch_of(robot: RobotModel, joints: Array, *, geometry: ClosedArm | None = None) -> int:
     """Returns the branch number of joints (6,) rad, see the head of this module."""
     return int(branches_of(robot, np.asarray(joints)[None], geometry=geometry)[0])
 
 
-def branches_of(
-    robot: RobotModel, joints: Array, *, geometry: OpwGeometry | None = None
-) -> IntArray:
+def branches_of(robot: RobotModel, joints: Array, *, geometry: ClosedArm | None = None) -> IntArray:
     """Returns the branch numbers (n,) of joints (n, 6) rad, see the head of this module."""
-    arm = require_opw(robot) if geometry is None else geometry
-    angles = arm.angles(np.asarray(joints, dtype=np.float64))
-    ahead, _ = arm.wrist_point(angles)
-    fold = wrap(angles[:, 2] + np.arctan2(arm.a2, arm.c3))
-    flip = wrap(angles[:, 4]) < 0.0
-    out: IntArray = (4 * flip + 2 * (ahead < 0.0) + (fold < 0.0)).astype(np.int64)
-    return out
+    arm = require_closed(robot) if geometry is None else geometry
+    return arm.branches(joints)
 
 
 def inverse(
@@ -353,10 +374,10 @@ def inverse(
     Raises:
         ReachError: No branch reaches the pose, or only beyond a joint limit.
         ShapeError: Not a finite 4 x 4 pose.
-        ConfigurationError: Not an ortho-parallel arm.
+        ConfigurationError: An arm without closed branches.
     """
     T = frozen(T_base_tool, (4, 4), "T_base_tool")[None]
-    geometry = require_opw(robot)
+    geometry = require_closed(robot)
     found: Array = inverse_batch(robot, T, near=near, branch=branch, geometry=geometry)[0]
     if not np.isnan(found[0]):
         return found
@@ -365,7 +386,7 @@ def inverse(
 
 def _unreachable(
     robot: RobotModel,
-    geometry: OpwGeometry,
+    geometry: ClosedArm,
     T: Array,
     near: Array | None,
     branch: int | None,
@@ -378,11 +399,7 @@ def _unreachable(
     alive = kept[~np.isnan(kept).any(axis=1)]
     which = robot.name if branch is None else f"branch {branch} of {robot.name}"
     if not len(alive):
-        wrist = T_base_flange[0, :3, 3] - geometry.c4 * (
-            T_base_flange[0, :3, :3] @ _axis6(geometry)
-        )
-        span = float(np.linalg.norm(wrist - [0.0, 0.0, geometry.c1]))
-        longest = geometry.a1 + geometry.c2 + float(np.hypot(geometry.a2, geometry.c3))
+        span, longest = float(geometry.span(T_base_flange)[0]), geometry.stretch
         folded = " (the arm cannot fold to it)" if span <= longest else ""
         return ReachError(
             f"{which} cannot reach this pose: the wrist point is {span:.4f} m from the middle of "
@@ -400,8 +417,3 @@ def _unreachable(
         f"allowed {low:.3f} to {high:.3f} deg (model sense).",
         hint="turn the tool about its axis, or move the part.",
     )
-
-
-def _axis6(geometry: OpwGeometry) -> Array:
-    """Direction of axis 6 in the flange frame of the DH table."""
-    return geometry.T_opw_flange[:3, :3].T[:, 2]

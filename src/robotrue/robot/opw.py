@@ -18,7 +18,7 @@ from typing import Annotated, Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array
+from robotrue.core.arrays import Array, IntArray
 from robotrue.core.columns import Column, Columns
 from robotrue.core.poses import inverse as inverse_pose
 from robotrue.core.poses import pose
@@ -88,6 +88,39 @@ class OpwGeometry(Columns):
         forward_m = self.a1 + self.c2 * np.sin(upper) + length * np.sin(fore)
         return forward_m, self.c1 + self.c2 * np.cos(upper) + length * np.cos(fore)
 
+    @property
+    def stretch(self) -> float:
+        """Metres from axis 1 to the wrist point with everything in line."""
+        return self.a1 + self.c2 + float(np.hypot(self.a2, self.c3))
+
+    def span(self, T_base_flange: Array) -> Array:
+        """Returns how far the wrist point is from the middle of the shoulder, (n,) m."""
+        axis6 = T_base_flange[:, :3, :3] @ self.T_opw_flange[:3, :3].T[:, 2]
+        wrist = T_base_flange[:, :3, 3] - self.c4 * axis6
+        return np.asarray(np.linalg.norm(wrist - [0.0, 0.0, self.c1], axis=1))
+
+    def singular_measures(self, joints: Array) -> Array:
+        """Returns sine of wrist, sine of elbow (signs dropped) and m from axis 1, (..., 3).
+
+        The determinant of the Jacobian is their product times a constant.
+        """
+        return np.asarray(np.abs(np.stack(self._posture(joints), axis=-1)))
+
+    def branches(self, joints: Array) -> IntArray:
+        """Returns the branch numbers (n,) of joints (n, 6) rad.
+
+        They are told in the head of :mod:`robotrue.robot.inverse`.
+        """
+        wrist, fold, ahead = self._posture(np.asarray(joints, dtype=np.float64))
+        return np.asarray(4 * (wrist < 0.0) + 2 * (ahead < 0.0) + (fold < 0.0), dtype=np.int64)
+
+    def _posture(self, joints: Array) -> tuple[Array, Array, Array]:
+        """Sine of the wrist, sine of the elbow, and m that the wrist point is ahead of axis 1."""
+        angles = self.angles(joints)
+        ahead, _ = self.wrist_point(angles)
+        fold = np.sin(angles[..., 2] + np.arctan2(self.a2, self.c3))
+        return np.sin(angles[..., 4]), fold, ahead
+
 
 def opw_forward(geometry: OpwGeometry, joints: Array) -> Array:
     """Returns T_base_flange (n, 4, 4) from q (n, 6) rad by the closed OPW form."""
@@ -134,7 +167,7 @@ def opw_geometry(robot: RobotModel) -> OpwGeometry | None:
     Fails when: the table holds right angles rounded coarser than 1e-9 rad (1.5708): such an arm is
     not ortho-parallel to the accuracy promised, and None is returned.
     """
-    if robot.dof != 6 or not _is_unimodular(robot.joint_map):
+    if robot.dof != 6 or not is_unimodular(robot.joint_map):
         return None
     table = np.concatenate([robot.theta, robot.d, robot.a, robot.alpha, robot.joint_map.ravel()])
     return _from_table(robot.convention, table.tobytes())
@@ -157,8 +190,8 @@ def _from_table(convention: Convention, table: bytes) -> OpwGeometry | None:
     return geometry if gap < TOLERANCE * max(1.0, bare.reach) else None
 
 
-def _is_unimodular(matrix: Array) -> bool:
-    """Whole turns of q must be whole turns of theta and the other way round."""
+def is_unimodular(matrix: Array) -> bool:
+    """Whether whole turns of q are whole turns of theta and the other way round."""
     whole = bool(np.all(matrix == np.rint(matrix)))
     return whole and bool(np.isclose(abs(np.linalg.det(matrix)), 1.0))
 

@@ -29,8 +29,8 @@ from robotrue.core.columns import Column, Columns
 from robotrue.core.rotations import wrap
 from robotrue.core.units import DEG
 from robotrue.errors import ShapeError
+from robotrue.robot.inverse import ClosedArm
 from robotrue.robot.model import RobotModel
-from robotrue.robot.opw import OpwGeometry
 
 COMFORT: Final = np.array([np.sin(20.0 * DEG), np.sin(15.0 * DEG), 0.15])
 """w0 of wrist, elbow and shoulder; the last over the length of the stretched arm."""
@@ -120,7 +120,7 @@ class SpinPath:
 
 def best_way(
     robot: RobotModel,
-    geometry: OpwGeometry,
+    geometry: ClosedArm,
     grid: Grid,
     settings: SpinSettings,
     *,
@@ -187,7 +187,7 @@ def _no_path(reached: int) -> SpinPath:
 
 def refined_way(
     robot: RobotModel,
-    geometry: OpwGeometry,
+    geometry: ClosedArm,
     stand: Stand,
     length: Array,
     settings: SpinSettings,
@@ -253,7 +253,7 @@ def _first_turn(robot: RobotModel, joints: Array, near: Array | None = None) -> 
 
 
 def can_be_taken(
-    robot: RobotModel, geometry: OpwGeometry, joints: Array, settings: SpinSettings
+    robot: RobotModel, geometry: ClosedArm, joints: Array, settings: SpinSettings
 ) -> Array:
     """Returns the cost of standing at joints (..., 6) rad; infinite or NaN where it cannot be."""
     stand = limit_cost(robot, _first_turn(robot, joints), settings)
@@ -273,25 +273,13 @@ def limit_cost(robot: RobotModel, joints: Array, settings: SpinSettings) -> Arra
     return np.asarray(np.where(outside, np.inf, (u / (1.0 - u)).sum(axis=-1)))
 
 
-def singular_measures(geometry: OpwGeometry, joints: Array) -> Array:
-    """Returns sine of wrist, sine of elbow (signs dropped) and m from axis 1, (..., 3).
-
-    The determinant of the Jacobian of an ortho-parallel arm is their product times a constant.
-    """
-    angles = geometry.angles(joints)
-    ahead, _ = geometry.wrist_point(angles)
-    fold = np.sin(angles[..., 2] + np.arctan2(geometry.a2, geometry.c3))
-    return np.asarray(np.abs(np.stack([np.sin(angles[..., 4]), fold, ahead], axis=-1)))
-
-
-def singular_cost(geometry: OpwGeometry, joints: Array, settings: SpinSettings) -> Array:
+def singular_cost(geometry: ClosedArm, joints: Array, settings: SpinSettings) -> Array:
     """Returns the sum of (w0 / w)^2 (...); infinite inside the margins, NaN stays NaN."""
-    measure = singular_measures(geometry, joints)
+    measure = geometry.singular_measures(joints)
     least = np.array(
         [np.sin(settings.wrist_margin), np.sin(settings.elbow_margin), settings.shoulder_margin]
     )
-    stretch = geometry.a1 + geometry.c2 + np.hypot(geometry.a2, geometry.c3)
-    scale = COMFORT * np.array([1.0, 1.0, stretch])
+    scale = COMFORT * np.array([1.0, 1.0, geometry.stretch])
     near = (measure < least).any(axis=-1)
     return np.asarray(
         np.where(near, np.inf, ((scale / np.maximum(measure, 1e-9)) ** 2).sum(axis=-1))
