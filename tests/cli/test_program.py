@@ -279,6 +279,24 @@ def test_another_maker_s_arm_gets_no_krl(cli, bench: Path) -> None:
     assert "post 'krl' writes KRL, for arms of kuka" in got.err
 
 
+def test_a_universal_robot_gets_ur_script_that_reads_back(cli, tmp_path: Path) -> None:
+    tmp_path.joinpath("top.apt").write_text(apt(raster()))
+    cell = tmp_path / "cell.toml"
+    cell.write_text('schema = 1\n[robot]\npreset = "UR10"\n[tool]\nxyz_mm = [0, 0, 150]\n')
+    place = pose(np.eye(3), np.array([0.6, -0.1, 0.1]))
+    frame = PartFrame(
+        name="block", T_base_part=place, covariance=np.eye(6) * 1e-8, touches=12, rms=5e-5,
+        verdict="GO",
+    )  # fmt: skip
+    table = PartTable(frames=(frame,), identity=nominal_identity(preset("UR10")), method="points")
+    cell.write_text(cell.read_text() + "\n" + write_toml(part_tables(table)))
+    got = cli("program", cell, tmp_path / "top.apt", "-o", tmp_path / "job.script")
+    assert got.code == 0, got.err
+    points, _ = program_points(tmp_path / "job.script")
+    wanted = apply(place, raster() * MM)
+    np.testing.assert_allclose(points[1:-1], wanted, atol=1 * UM)
+
+
 def test_a_post_of_the_user_and_a_compensated_program_in_another_language(cli, bench: Path) -> None:
     from robotrue.calibration.lineage import identity_of
 

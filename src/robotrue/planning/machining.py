@@ -150,7 +150,18 @@ HOMES: Final = (
 )
 """rad, axes of a KUKA arm where it is usually parked; the first that is clear is taken.
 
-Arms of other makers stand alike."""
+Arms of other makers stand alike, if their wrist is spherical."""
+PARALLEL_HOMES: Final = (
+    np.array(
+        [
+            [0.0, -90.0, 90.0, -90.0, -90.0, 0.0],
+            [0.0, -90.0, -90.0, -90.0, 90.0, 0.0],
+            [180.0, -90.0, 90.0, -90.0, -90.0, 0.0],
+        ]
+    )
+    * DEG
+)
+"""rad, axes of an arm of Universal Robots that stands upright, tool down; the same use."""
 LOOKED_AT: Final = 2000
 """Points of a side looked at for collisions while cutting, evenly over it."""
 
@@ -162,7 +173,8 @@ class MachiningSettings:
     Attributes:
         spin: How rotations about the tool axis are chosen.
         lift: m, from the box around the part, before and after each side.
-        home: (6,) rad, controller's axes; empty takes the first of ``HOMES`` that is clear.
+        home: (6,) rad, controller's axes; empty takes the first of ``HOMES`` (of
+            ``PARALLEL_HOMES`` for Universal Robots) that is clear.
     """
 
     spin: SpinSettings = field(
@@ -326,9 +338,12 @@ def _homes(
     faults: list[str] = []
     good: list[Array] = []
     stated = np.size(settings.home) > 0
-    homes = [axis_relation(robot)(settings.home)] if stated else [
-        joints_of_posture(robot, axes) for axes in HOMES
-    ]  # fmt: skip
+    if stated:
+        homes = [axis_relation(robot)(settings.home)]
+    elif robot.maker == "ur":
+        homes = [axis_relation(robot)(axes) for axes in PARALLEL_HOMES]
+    else:
+        homes = [joints_of_posture(robot, axes) for axes in HOMES]
     for home in homes:
         beyond = (home < robot.limits[:, 0]) | (home > robot.limits[:, 1])
         hits = [
