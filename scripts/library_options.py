@@ -11,16 +11,17 @@ import sys
 from pathlib import Path
 from typing import Final
 
+from robotrue.app.operations.plan import OF_HIERARCHY
 from robotrue.app.request import InputFile, Item, Output, RequestField
 from robotrue.library.operation_call import command_fields
 
 TARGET: Final = Path(__file__).parents[1] / "src" / "robotrue" / "library" / "option_types.py"
 STATED: Final = {
     "calibrate": ("cell", "measurements", "output"),
-    "transfer": ("cell", "measurements", "output", "source"),
+    "transfer": ("cell", "measurements", "output", "source", "fleet"),
     "validate": ("model", "measurements"),
     "compensate": ("model", "program", "output", "cell"),
-    "plan": ("cell", "model", "output"),
+    "plan": ("cell", "model", "output", "method", *OF_HIERARCHY),
 }
 """Fields that a function of the library states itself."""
 HEAD: Final = '''"""Options of the library's functions; made by ``scripts/library_options.py``."""

@@ -12,6 +12,7 @@ import pytest
 from printed_numbers import assert_answers_agree
 
 import robotrue as rt
+from robotrue.library.practice import write_practice_cell
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 sys.path.insert(0, str(DOCS))
@@ -29,13 +30,16 @@ def printed_text(output: dict[str, Any]) -> str:
     return "".join(f"{kind}\n{''.join(text)}\n" for kind, text in sorted(parts.items()))
 
 
-def copy_folder(source: Path, target: str) -> Path:
+def write_or_copy(source: Path, target: str, *, seed: int | None = None) -> Path:
+    """Copies the practice cell that is there already; another seed is another cell."""
+    if seed is not None:
+        return write_practice_cell(target, seed=seed)
     return Path(shutil.copytree(source, target))
 
 
 def test_there_are_notebooks_and_the_index_lists_them():
     index = (DOCS / "notebooks" / "index.md").read_text()
-    assert len(notebooks()) >= 3
+    assert len(notebooks()) >= 8
     assert all(f"{path.stem}\n" in index for path in notebooks())
 
 
@@ -44,7 +48,7 @@ def test_a_notebook_runs_and_shows_what_it_saved(path, tmp_path, monkeypatch, re
     saved, again = read_notebook(path), read_notebook(path)
     if any("ROBOTRUE_DATA" in "".join(cell["source"]) for cell in saved["cells"]):
         monkeypatch.setenv("ROBOTRUE_DATA", str(request.getfixturevalue("data_dir")))
-    monkeypatch.setattr(rt, "write_practice_cell", partial(copy_folder, practice))
+    monkeypatch.setattr(rt, "write_practice_cell", partial(write_or_copy, practice))
     monkeypatch.chdir(tmp_path)
     execute(again, draw=False)
     pictures = page_of(saved, path.stem)[1]

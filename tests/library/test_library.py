@@ -216,3 +216,40 @@ def test_a_cell_is_made_of_a_robot_name(tmp_path):
     assert "payload kg               1.5" in cell.summary()
     with pytest.raises(rt.RobotrueError, match="no robot preset"):
         rt.make_cell("UR99")
+
+
+def test_a_fleet_is_given_as_models_files_or_folders(practice, model, tmp_path):
+    cell = rt.read_cell(practice / "cell.toml")
+    sister = rt.read_measurements(cell, practice / "held_out.csv")
+    model.save(tmp_path / "arm.robotrue")
+    objects = rt.transfer(cell, fleet=[model])
+    files = rt.transfer(cell, fleet=tmp_path / "arm.robotrue")
+    joints = sister.joints_deg[:3]
+    ours, theirs = (each.predict(joints_deg=joints) for each in (objects, files))
+    assert np.array_equal(ours.error_mm, theirs.error_mm)
+    assert np.array_equal(ours.sigma_mm, theirs.sigma_mm)
+
+
+def test_a_hierarchical_plan_is_refused_before_its_work(practice):
+    with pytest.raises(rt.RobotrueError, match=r"one list of poses.*Try: rt.run\(\"plan\""):
+        rt.plan(practice / "no-such-cell.toml", method="hierarchical")
+
+
+def test_a_registered_cell_names_the_file_of_the_model_and_no_temporary_one(
+    practice, model, points, tmp_path
+):
+    fields = {"points": points, "output": tmp_path / "registered.toml", "fit": "frame"}
+    with pytest.raises(rt.RobotrueError, match=r"no file. Try: model.save"):
+        rt.run("register", cell=model, **fields)
+    model.save(tmp_path / "arm.robotrue")
+    loaded = rt.load_model(tmp_path / "arm.robotrue")
+    rt.run("register", cell=loaded, **fields)
+    registered = rt.read_cell(tmp_path / "registered.toml")
+    assert registered.cell.part is not None
+    assert registered.cell.part.model_file == "arm.robotrue"
+    rt.compensate(loaded, practice / "part.src", cell=registered)
+    rt.calibrate(practice / "cell.toml", practice / "held_out.csv", method="geometric").save(
+        tmp_path / "arm.robotrue"
+    )
+    with pytest.raises(rt.RobotrueError, match=r"the file holds .*, the model that was loaded"):
+        rt.run("register", cell=loaded, **fields)

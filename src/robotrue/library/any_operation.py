@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Final, cast
 
 from robotrue.app.operation import Result
 from robotrue.app.presentation import Block, Facts, Table
@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from robotrue.library.pictures import Picture
+
+NAME_THEIR_MODEL: Final = ("register", "register_rounds")
+"""Operations whose registered cell names the file of the model."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -66,7 +69,7 @@ class OperationResult(Presented):
         if not shown:
             raise ConfigurationError(f"{self.operation} prints no table.", hint=".document()")
         block = max(shown, key=lambda each: len(each.rows))
-        names = list(block.columns) if isinstance(block, Table) else ["name", "value"]
+        names = name_columns(block.columns) if isinstance(block, Table) else ["name", "value"]
         frame = pd.DataFrame(block.rows, columns=names)
         for name in names:
             numbers = pd.to_numeric(frame[name], errors="coerce")
@@ -95,6 +98,15 @@ class OperationResult(Presented):
         return f"result of {self.operation}"
 
 
+def name_columns(columns: Sequence[str]) -> list[str]:
+    """Returns a different name for each column: one without a heading is a name or a remark."""
+    names: list[str] = []
+    for number, heading in enumerate(columns):
+        name = heading or ("remark" if number else "name")
+        names.append(name if name not in names else f"{name} {number + 1}")
+    return names
+
+
 def operations() -> dict[str, str]:
     """Returns the operations for ``run`` by name, with one line each."""
     return {each.name: each.help for each in listings() if each.command}
@@ -109,7 +121,8 @@ def run(operation: str, /, **options: object) -> OperationResult:
             cells, models, measurements and programs as objects or as paths.
 
     Raises:
-        ConfigurationError: No such operation or option, or a service that runs until it is stopped.
+        ConfigurationError: No such operation or option, a service that runs until it is stopped,
+            or a model without a file for a cell that names it.
         RobotrueError: What the operation raises.
     """
     if operation_of(operation).is_service:
@@ -120,7 +133,7 @@ def run(operation: str, /, **options: object) -> OperationResult:
     named = {field.name for field in command_fields(operation)}
     with open_context() as context:
         fields = {
-            name: _place_object(context, value) if name in named else value
+            name: _place_object(context, operation, value) if name in named else value
             for name, value in options.items()
         }
         call = call_operation(context, operation, object, fields)
@@ -129,18 +142,20 @@ def run(operation: str, /, **options: object) -> OperationResult:
     )
 
 
-def _place_object(context: ObjectsContext, value: object) -> object:
+def _place_object(context: ObjectsContext, operation: str, value: object) -> object:
     """A value with the objects of the library as files.
 
     Raises:
         ConfigurationError: A model that has no file; what the operation writes would name it.
     """
     if isinstance(value, tuple | list):
-        return tuple(_place_object(context, each) for each in value)
+        return tuple(_place_object(context, operation, each) for each in value)
     if isinstance(value, RobotCell):
         return place_cell(context, value)
     if isinstance(value, Measurements):
         return place_measured(context, value)
+    if isinstance(value, Model) and operation in NAME_THEIR_MODEL:
+        return value.require_file(f"{operation} writes the name of the model's file into the cell")
     if isinstance(value, Model):
         return value.place(context)
     return value.path if isinstance(value, RobotProgram) else value

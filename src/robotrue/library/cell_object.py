@@ -18,6 +18,7 @@ from robotrue.cell.config import read_cell as parse_cell_file
 from robotrue.core.files import write_atomic
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, MM
+from robotrue.errors import ConfigurationError
 from robotrue.library.presented import Presented
 from robotrue.robot.presets import preset_names
 
@@ -96,6 +97,22 @@ class RobotCell(Presented):
         write_atomic(Path(path), text.encode())
         for name, data in files.items():
             write_atomic(Path(path).parent / name, data)
+
+    def require_file(self) -> Path:
+        """Returns the file that it was read from, for a registered cell, which names its model.
+
+        Raises:
+            ConfigurationError: It was not read from a file, or the file holds another text by now.
+        """
+        path = Path(self.cell.source)
+        if not (self.cell.source and path.is_file() and path.read_text("utf-8") == self.cell.text):
+            raise ConfigurationError(
+                "a registered cell is used with its file, which names its model; the file is not "
+                "there or has changed.",
+                source=self.cell.source or None,
+                hint="rt.read_cell with the path of the registered cell.",
+            )
+        return path
 
     def _describe(self) -> str:
         frame = "base" if self.cell.frame == "base" else "unknown"

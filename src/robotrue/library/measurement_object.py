@@ -158,8 +158,14 @@ def cell_of(cell: CellSource) -> RobotCell:
 
 
 def place_cell(context: ObjectsContext, cell: CellSource) -> Path:
-    """Returns the file of a cell."""
-    return context.add_cell(cell.cell) if isinstance(cell, RobotCell) else Path(cell)
+    """Returns the file of a cell; of a registered one its own, which names its model.
+
+    Raises:
+        ConfigurationError: A registered cell that was not read from a file, or whose file changed.
+    """
+    if not isinstance(cell, RobotCell):
+        return Path(cell)
+    return context.add_cell(cell.cell) if cell.cell.part is None else cell.require_file()
 
 
 def place_measured(context: ObjectsContext, source: MeasuredSource) -> Path:

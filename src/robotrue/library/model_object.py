@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias, Union, Unpack
@@ -15,11 +15,11 @@ from robotrue.app.operations.predict import Predictions
 from robotrue.app.operations.transfer import Transferred
 from robotrue.app.presentation import Block
 from robotrue.app.reporting import Message
-from robotrue.calibration.lineage import provenance_of
+from robotrue.calibration.lineage import identity_of, provenance_of
 from robotrue.calibration.training_summary import TrainingSummary
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import MM
-from robotrue.errors import ConfigurationError
+from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.library.cell_object import RobotCell
 from robotrue.library.measurement_object import (
     CellSource,
@@ -61,11 +61,13 @@ class Model(Presented):
         stored: Model, cell and archive.
         shown: What the operation that made it shows.
         messages: What was reported meanwhile.
+        path: File that it was loaded from; None of a model made here.
     """
 
     stored: ModelFile
     shown: tuple[Block, ...]
     messages: tuple[Message, ...] = ()
+    path: Path | None = None
 
     @property
     def cell(self) -> RobotCell:
@@ -133,6 +135,28 @@ class Model(Presented):
         """Returns the file that stands for the model in a context."""
         return context.add_model(self.stored, f"{name}.robotrue")
 
+    def require_file(self, why: str) -> Path:
+        """Returns the file that it was loaded from, for what names it.
+
+        Raises:
+            ConfigurationError: It was not loaded from a file.
+            ModelMismatchError: The file holds another model by now.
+        """
+        if self.path is None:
+            raise ConfigurationError(
+                f"{why}; this model has no file.",
+                hint='model.save("arm.robotrue"), then "arm.robotrue" in place of the model.',
+            )
+        ours = identity_of(self.stored.model)
+        held = identity_of(read_model(self.path).model)
+        if not ours.same(held):
+            raise ModelMismatchError(
+                f"the file holds {held}, the model that was loaded from it is {ours}.",
+                source=self.path,
+                hint="load it again, or save the model under another name.",
+            )
+        return self.path
+
     def blocks(self) -> Iterable[Block]:
         """Returns what was learned, and what was not."""
         return self.shown
@@ -180,7 +204,7 @@ def load_model(path: str | Path) -> Model:
         ArchiveError: Not a model file, damaged, or from a newer robotrue.
     """
     stored = read_model(path)
-    return Model(stored=stored, shown=tuple(model_blocks(stored.model)))
+    return Model(stored=stored, shown=tuple(model_blocks(stored.model)), path=Path(path))
 
 
 def model_of(model: ModelSource) -> Model:
@@ -216,13 +240,14 @@ def calibrate(
     return Model(stored=stored, shown=shown, messages=call.messages)
 
 
-@with_options_of("transfer", "cell", "measurements", "output", "source")
+@with_options_of("transfer", "cell", "measurements", "output", "source", "fleet")
 def transfer(
     cell: CellSource,
     *data: MeasuredSource,
     from_region: KnownSource | None = None,
     from_campaign: KnownSource | None = None,
     from_unit: KnownSource | None = None,
+    fleet: ModelSource | Sequence[ModelSource] = (),
     **options: Unpack[TransferOptions],
 ) -> Model:
     """Returns a model that carries what is known to another region, date or arm, under guard.
@@ -233,6 +258,7 @@ def transfer(
         from_region: Known of another region, the same arm and time.
         from_campaign: Known of another time, the same arm.
         from_unit: Known of another arm of the type.
+        fleet: Models of other arms of the type, or folders of such models; one or more.
         options: See below.
 
     Raises:
@@ -249,6 +275,7 @@ def transfer(
                 for relation, each in known.items()
                 if each is not None
             ],
+            "fleet": _place_fleet(context, fleet),
             **options,
         }
         call = call_operation(context, "transfer", Transferred, fields)
@@ -261,6 +288,17 @@ def _place_known(context: ObjectsContext, known: KnownSource, name: str) -> Path
     if isinstance(known, Model):
         return known.place(context, name)
     return place_measured(context, known)
+
+
+def _place_fleet(
+    context: ObjectsContext, fleet: ModelSource | Sequence[ModelSource]
+) -> tuple[Path, ...]:
+    """The files of models and the folders of a fleet; an object is named by its number."""
+    members = (fleet,) if isinstance(fleet, str | Path | Model) else fleet
+    return tuple(
+        each.place(context, f"fleet_{number}") if isinstance(each, Model) else Path(each)
+        for number, each in enumerate(members, 1)
+    )
 
 
 def _place_queries(

@@ -19,7 +19,6 @@ class CalibrateOptions(TypedDict, total=False):
 class TransferOptions(TypedDict, total=False):
     """Options of ``transfer``, beside what the function states."""
 
-    fleet: str | Path | Sequence[str | Path]
     mapping: str | Path | None
     report: str | Path | None
     curve: bool
@@ -77,15 +76,3 @@ class PlanOptions(TypedDict, total=False):
     krl: str | Path | None
     trigger_output: int
     report: str | Path | None
-    method: Literal["information", "hierarchical"]
-    source_region: str | None
-    target_region: str | None
-    sub_spaces: int
-    grid: str
-    turns_deg: str
-    target_poses: int
-    further: float
-    target_rule: Literal["random", "boundary", "corners", "space-filling"]
-    attitude: Literal["turning", "fixed"]
-    tool_abc_deg: str
-    posture_deg: str | None

@@ -10,17 +10,19 @@ from typing import TYPE_CHECKING, Unpack
 import numpy as np
 import numpy.typing as npt
 
-from robotrue.app.operations.plan import Planned
+from robotrue.app.operations.plan import OF_HIERARCHY, Planned
 from robotrue.app.presentation import Block
 from robotrue.app.reporting import Message
 from robotrue.core.files import write_atomic
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, MM
+from robotrue.errors import ConfigurationError
 from robotrue.library.measurement_object import CellSource, place_cell
 from robotrue.library.model_object import ModelSource, model_of
 from robotrue.library.operation_call import call_operation, open_context, with_options_of
 from robotrue.library.option_types import PlanOptions
 from robotrue.library.presented import Presented
+from robotrue.planning.plan_defaults import INFORMATION
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -94,7 +96,7 @@ class PosesToMeasure(Presented):
         return f"plan for {self.robot}: {len(self)} poses, expected {self.expected_mm:.3f} mm"
 
 
-@with_options_of("plan", "cell", "model", "output")
+@with_options_of("plan", "cell", "model", "output", "method", *OF_HIERARCHY)
 def plan(
     cell: CellSource, *, model: ModelSource | None = None, **options: Unpack[PlanOptions]
 ) -> PosesToMeasure:
@@ -110,6 +112,12 @@ def plan(
         ConfigurationError: An option that is not allowed; the hierarchical method, which
             ``run("plan", ...)`` does.
     """
+    if options.get("method", INFORMATION) != INFORMATION:
+        raise ConfigurationError(
+            "rt.plan returns one list of poses; a hierarchical plan has two, of the source and of "
+            "its sub-spaces.",
+            hint='rt.run("plan", cell=..., output="poses.csv", method="hierarchical", ...)',
+        )
     with open_context() as context:
         place = place_cell(context, cell)
         fields = {
