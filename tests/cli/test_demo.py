@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 import json
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +13,8 @@ from robotrue.app.files_context import FilesContext
 from robotrue.app.reporting import Silent
 from robotrue.program.formats import read_program
 from robotrue.simulation.flange_hole import FlangeHole, side_rows
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 class Steps(Silent):
@@ -55,6 +59,33 @@ def test_the_compensated_program_lands_nearer_and_says_simulated(demo):
     assert json.loads((demo[0].folder / "results.json").read_text()) == results
     assert "SIMULATED" in demo[0].page.read_text()
     assert all("SIMULATED" in str(table.rows) for table in demo[0].tables)
+
+
+def test_the_readme_and_the_tutorial_print_the_numbers_of_the_demo(demo):
+    """A value on a rounding boundary may be printed up on one processor, down on the next."""
+    results, readme = demo[0].results, (ROOT / "README.md").read_text(encoding="utf-8")
+    rows = {
+        "50 held-out poses, mean mm": ("held_out", "mean_mm"),
+        "39 targets on the hole's path, mean mm": ("dry_run", "mean_mm"),
+        "milled 210 mm hole, position mm": ("hole", "position_mm"),
+        "milled 210 mm hole, contour mean mm": ("hole", "contour_mean_mm"),
+    }
+    for row, (part, key) in rows.items():
+        printed = re.search(rf"\| {re.escape(row)} \|.*\| ([\d.]+) -> ([\d.]+) \|", readme)
+        assert printed is not None, row
+        for text, when in zip(printed.groups(), ("before", "after"), strict=True):
+            assert float(text) == pytest.approx(results[part][when][key], abs=0.0011), row
+    tutorial = (ROOT / "docs/tutorial/first-calibration.md").read_text(encoding="utf-8")
+    listed = [
+        [float(number) for number in re.findall(r"-?\d+\.\d+", line)]
+        for line in tutorial.splitlines()
+        if "robotrue, SIMULATED" in line
+    ]
+    rows_now = [row for table in demo[0].tables for row in table.rows if "SIMULATED" in str(row)]
+    assert len(listed) == len(rows_now) >= 6
+    for printed_row, row in zip(listed, rows_now, strict=True):
+        now = [cell for cell in row if isinstance(cell, float)]
+        assert printed_row == pytest.approx(now, abs=0.0011), row
 
 
 def test_only_numbers_of_targets_differ(demo):

@@ -1,4 +1,4 @@
-"""Do jobs, each in a process of its own, until Ctrl-C."""
+"""Run queued jobs, each in its own process, until Ctrl-C."""
 
 from __future__ import annotations
 

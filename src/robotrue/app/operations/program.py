@@ -69,7 +69,7 @@ class ProgramRequest(Request):
         Option(help="Post that writes it, by name, where the suffix does not say which."),
     ] = None
     post: Annotated[
-        Path | None, InputFile(help="Post description of your own (TOML) that writes it.")
+        Path | None, InputFile(help="Your own post description (TOML) that writes it.")
     ] = None
     model: Annotated[
         Reference | None, Item(noun="model", help="Also compensate the program with this model.")

@@ -1,4 +1,4 @@
-"""An ATI force sensor: counts over UDP, once it is asked for them."""
+"""An ATI force sensor: sends counts over UDP on request."""
 
 from __future__ import annotations
 

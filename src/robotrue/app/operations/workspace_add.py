@@ -25,7 +25,7 @@ class WorkspaceAddRequest(Request):
     """Which files, as which noun."""
 
     noun: Annotated[str, Option(argument="NOUN", help="cell, measurement, model or program.")]
-    files: Annotated[tuple[Path, ...], InputFile(argument="FILE...", help="What is taken in.")]
+    files: Annotated[tuple[Path, ...], InputFile(argument="FILE...", help="Files to import.")]
     cell: Annotated[str | None, Option(help="Cell the measurements were made in: id or name.")] = (
         None
     )

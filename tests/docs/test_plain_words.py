@@ -1,0 +1,68 @@
+"""README, tutorial, how-to pages and the help of every option use plain technical English."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Final
+
+import pytest
+
+from robotrue.app.registry import listings, operation_of
+from robotrue.app.request import fields_of
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES: Final = sorted(
+    [
+        ROOT / "README.md",
+        *(ROOT / "docs/tutorial").glob("*.md"),
+        *(ROOT / "docs/howto").glob("*.md"),
+    ]
+)
+INSTEAD: Final = {
+    r"of (its|their|your) own\b": "its own NOUN, separate, another",
+    r"\b(is|are|was|were) (told|said)\b": "is reported, is shown",
+    r"\basked for\b": "requested, queued",
+    r"\bnobody\b": "un-..., not ...",
+    r"\b(is|are) believed\b": "is used, is trusted, prior",
+    r"\btaken in\b": "imported",
+    r"\bwhoever\b": "the customer, the operator",
+    r"\bdoubts? (is|names?|says?|of)\b": "warning",
+    r"\bcame of it\b": "result",
+    r"\bsay(s)? of (it|them)(self|selves)\b": "state",
+}
+"""A phrase that is not plain technical English, and what to write instead."""
+FENCE: Final = re.compile(r"^ *```.*?^ *```$|`[^`\n]*`|^ {4}.*$", re.DOTALL | re.MULTILINE)
+
+
+def find_phrases(text: str) -> list[str]:
+    """Returns each phrase of the list with some words around it, and what to write instead."""
+    return [
+        f"...{text[max(0, hit.start() - 40) : hit.end() + 30]!r}: write {better}"
+        for phrase, better in INSTEAD.items()
+        for hit in re.finditer(phrase, text, re.IGNORECASE)
+    ]
+
+
+def help_texts() -> Iterator[tuple[str, str]]:
+    """Yields the help of every operation and of every option, by name."""
+    for listing in listings():
+        yield listing.name, listing.help
+        for field in fields_of(operation_of(listing.name).request):
+            yield f"{listing.name} {field.name}", field.entry.help
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_a_page_uses_plain_words(page: Path) -> None:
+    assert not find_phrases(FENCE.sub("", page.read_text(encoding="utf-8")))
+
+
+def test_every_help_uses_plain_words() -> None:
+    found = {name: phrases for name, text in help_texts() if (phrases := find_phrases(text))}
+    assert not found
+
+
+def test_a_phrase_of_the_list_is_found_in_text_and_not_in_code() -> None:
+    text = "The part has a frame of its own.\n```text\nnobody\n```\n`is told`\n"
+    assert len(find_phrases(FENCE.sub("", text))) == 1
