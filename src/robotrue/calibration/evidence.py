@@ -27,6 +27,7 @@ from typing import Final
 
 import numpy as np
 from scipy.linalg import eigh
+from scipy.linalg.blas import dsyrk, dtrmm
 from scipy.linalg.lapack import dlauum, dpotrf, dtrtri
 from scipy.special import wrightomega
 
@@ -103,6 +104,13 @@ class Sums:
     def few(self) -> bool:
         """Whether the rows are kept."""
         return len(self.values) > 0
+
+    def misfit(self, mean: Array) -> float:
+        """Returns the sum of the squares that weights (p,) leave of the values."""
+        if self.few:
+            left = self.values - self.columns @ mean
+            return float(left @ left)
+        return float(self.power - 2.0 * mean @ self.pull + mean @ self.gram @ mean)
 
     def part(self, kept: BoolArray) -> Sums:
         """Returns the sums over some of the columns (p,)."""
@@ -283,14 +291,14 @@ def _posterior_of_few(
     """
     sd = prior_sd(groups, len(channels[0].pull))
     scale = 1.0 / np.sqrt(np.asarray(noise))
-    columns = np.concatenate([s.columns * a for s, a in zip(channels, scale, strict=True)]) * sd
+    columns = np.concatenate([s.columns * (a * sd) for s, a in zip(channels, scale, strict=True)])
     values = np.concatenate([s.values * a for s, a in zip(channels, scale, strict=True)])
     if not np.isfinite(columns).all():
         raise ConvergenceError(
             f"the rows of {len(sd)} weights are not finite.",
             hint="look for wild rows or units in the measurements.",
         )
-    kernel = columns @ columns.T
+    kernel = dsyrk(1.0, columns.T, trans=1, lower=1)  # its lower triangle
     factor, fault = dpotrf(kernel + np.eye(len(kernel)), lower=1, clean=1)
     if fault:
         raise ConvergenceError(
@@ -298,9 +306,9 @@ def _posterior_of_few(
             hint="look for wild rows or units in the measurements.",
         )
     inverse, _ = dtrtri(factor, lower=1)
-    turned = inverse @ columns
-    unit = turned.T @ (inverse @ values)
-    left = np.maximum(1.0 - (turned**2).sum(axis=0), 0.0)
+    turned = dtrmm(1.0, inverse, columns.T, side=1, lower=1, trans_a=1)  # its columns are rows
+    unit = turned @ (inverse @ values)
+    left = np.maximum(1.0 - np.einsum("ij,ij->i", turned, turned), 0.0)
     root = _root_of_few(kernel, columns) * sd if rooted else np.empty((0, 0))
     evidence = -float(unit @ unit) / 2.0 - float(np.log(np.diagonal(factor)).sum())
     given = 1.0 - (inverse**2).sum(axis=0)
@@ -310,7 +318,7 @@ def _posterior_of_few(
 
 
 def _root_of_few(kernel: Array, columns: Array) -> Array:
-    """The symmetric root of 1 - B' K^-1 B, from K = U (1 + s^2) U'."""
+    """The symmetric root of 1 - B' K^-1 B, from K = U (1 + s^2) U' given below its diagonal."""
     square, left_vectors = eigh(kernel, driver="evd")
     square = np.maximum(square, 0.0)
     turned = left_vectors.T @ columns
@@ -334,9 +342,8 @@ def _weights(
 
     The first channel has spent what the others have not.
     """
-    misfit = [s.power - 2.0 * mean @ s.pull + mean @ s.gram @ mean for s in channels]
-    for s, t, m in zip(channels, noise, misfit, strict=True):
-        evidence -= 0.5 * (s.count * float(np.log(2.0 * np.pi * t)) + float(m) / t)
+    for s, t in zip(channels, noise, strict=True):
+        evidence -= 0.5 * (s.count * float(np.log(2.0 * np.pi * t)) + s.misfit(mean) / t)
     determined = np.array([float((1.0 - left[g.columns]).sum()) for g in groups])
     return Weights(
         mean=mean,
@@ -389,9 +396,8 @@ def _move_scales(at: Weights, channels: Sequence[Sums]) -> tuple[tuple[PriorGrou
         groups.append(group)
     noise = np.empty(len(channels))
     for k, s in enumerate(channels):
-        misfit = float(s.power - 2.0 * at.mean @ s.pull + at.mean @ s.gram @ at.mean)
         free = max(s.count - at.spent[k], 0.05 * s.count)
-        noise[k] = max(max(misfit, 1e-30) / free, s.least)
+        noise[k] = max(max(s.misfit(at.mean), 1e-30) / free, s.least)
     return tuple(groups), noise
 
 
