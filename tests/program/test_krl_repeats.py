@@ -71,7 +71,7 @@ def test_pairs_of_lines(first: bytes) -> None:
 number = st.from_regex(rb"[-+]?\d{0,5}\.?\d{0,6}(E-?\d)?", fullmatch=True)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=120, deadline=None)
 @given(st.lists(st.lists(number, min_size=6, max_size=6), min_size=2, max_size=6), st.data())
 def test_lines_of_any_numbers(rows: list[list[bytes]], data: st.DataObject) -> None:
     text = b"".join(b"LIN {X %b,Y %b,Z %b,A %b,B %b,C %b} C_DIS\n" % tuple(row) for row in rows)
