@@ -10,7 +10,6 @@ import pytest
 from robotrue.calibration.belief import Belief, with_amplitude, with_centres, with_nuisances
 from robotrue.calibration.machined import (
     compensated_covariance,
-    compensated_joint_covariance,
     machined_covariance,
     smooth_rest,
     tip_columns,
@@ -129,25 +128,6 @@ def test_what_is_machined_where_it_was_touched_loses_the_arm_s_error() -> None:
     assert np.trace(back, axis1=1, axis2=2).min() > (0.5 * MM) ** 2
 
 
-def test_blocks_of_the_joint_covariance() -> None:
-    points, joints = postures("R", 6, 3)
-    touches = ProbingSet(names=tuple(map(str, range(6))), point=points, joints=joints)
-    told = ProbingSettings(touch_sigma=0.1 * MM, learn=False, robust=False, priors=SETTINGS)
-    found = estimate_probing(NominalModel(robot=NOMINAL), touches, told)
-    _, work = postures("L", 5, 4)
-    whole = compensated_joint_covariance(
-        found.belief, Query(joints=work), T_base_part=found.T_base_part
-    )
-    alone = machined_covariance(found, Query(joints=work))
-    for k in range(5):
-        block = slice(3 * k, 3 * k + 3)
-        np.testing.assert_allclose(whole[block, block], alone[k], rtol=1e-12, atol=1e-20)
-    assert np.linalg.eigvalsh(whole).min() > 0.0
-    step = np.hstack([np.eye(3), -np.eye(3)])
-    between = step @ whole[:6, :6] @ step.T  # two features cut together keep their distance
-    assert np.trace(between) < 0.5 * (np.trace(alone[0]) + np.trace(alone[1]))
-
-
 def test_what_no_centre_carries_is_in_both_routes() -> None:
     points, joints = postures("R", 8, 5)
     _, work = postures("R", 4, 6)
@@ -162,8 +142,6 @@ def test_what_no_centre_carries_is_in_both_routes() -> None:
     np.testing.assert_allclose(np.diagonal(smooth_rest(smooth, query)), left)
     more = compensated_covariance(smooth, query) - compensated_covariance(plain, query)
     np.testing.assert_allclose(more, left[:, None, None] * np.eye(3), atol=1e-16)
-    whole = compensated_joint_covariance(smooth, query)
-    np.testing.assert_allclose(whole[:3, :3], compensated_covariance(smooth, query)[0], rtol=1e-9)
     args = dict(
         points=touch_points("R", 4, np.random.default_rng(6)),
         T_base_part=T_BASE_DRAWN,

@@ -29,6 +29,14 @@ def model_output(help: str, *, saved_as: str = "", renews: str = "") -> Output:
     )
 
 
+def cell_output(help: str, *, renews: str = "") -> Output:
+    """Returns ``--output`` of a cell file."""
+    return Output(
+        names=("--output", "-o"), what="a cell", suffixes=(".toml",), renews=renews, help=help
+    )
+
+
+CellFile: TypeAlias = Annotated[Reference, Item(noun="cell", argument="CELL", help="cell.toml")]
 CalibratedModel: TypeAlias = Annotated[
     Reference, Item(noun="model", argument="MODEL", help="Model file of `calibrate`.")
 ]
@@ -89,6 +97,9 @@ TouchSigma: TypeAlias = Annotated[
 ]
 ToolSigma: TypeAlias = Annotated[
     float | None, Option(help="Of the tip in the flange; 0: unchanged since the model was made.")
+]
+PartTolerance: TypeAlias = Annotated[
+    float | None, Option(help="What machined points must keep, for the verdict.")
 ]
 AT_TARGET: Final = "target"
 """The measured point, not the tool of programs."""

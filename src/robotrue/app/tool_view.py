@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from robotrue.cell.cell import Cell
 from robotrue.cell.cell_text import cell_text
 from robotrue.cell.config import parse_cell
@@ -23,6 +25,15 @@ def tool_texts(
     """Returns the controller's name and its lines for each format that is asked for."""
     found = [controller_tool(T_flange_tool, form, number=number) for form in formats]
     return tuple((each.system, each.text) for each in found)
+
+
+def require_tool_formats(formats: Sequence[str], number: int) -> None:
+    """Rejects a format of tools before any work.
+
+    Raises:
+        ConfigurationError: No controller is called so, or its table has no such number.
+    """
+    tool_texts(np.eye(4), formats, number)
 
 
 def write_tool(cell: Cell, source: Path, T_flange_tool: Array, output: Path) -> None:

@@ -154,28 +154,6 @@ def compensated_covariance(
     return np.asarray(belief.inflation * (spread + rest[:, None, None] * np.eye(3)))
 
 
-def compensated_joint_covariance(
-    belief: Belief,
-    query: Query,
-    *,
-    T_base_part: Mapping[int, Array] | None = None,
-    part: npt.ArrayLike = 0,
-    layout: ParameterLayout | None = None,
-) -> Array:
-    """Returns the covariance (3 n, 3 n) m^2 of all machined points together, point by point.
-
-    For a tolerance between two features; blocks on the diagonal are
-    :func:`compensated_covariance`. Arguments and errors as there.
-    """
-    columns = tip_columns(belief, query, T_base_part=T_base_part, part=part, layout=layout)
-    half = (columns @ belief.root.T).reshape(3 * len(columns), -1)
-    left = smooth_rest(belief, query)
-    # The uncarried residual is three alike processes along base axes: any rotation keeps them.
-    rest = np.kron(left, np.eye(3))
-    rest += belief.visit * np.eye(len(rest))
-    return np.asarray(belief.inflation * (half @ half.T + rest))
-
-
 def unchanged_covariance(
     belief: Belief,
     touches: Query,

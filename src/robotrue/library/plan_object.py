@@ -89,7 +89,7 @@ class PosesToMeasure(Presented):
 
         plan = self.result.plan
         curve = draw_accuracy_curve(plan)
-        drawings = [curve.drawing(ENGLISH), draw_places(plan.position, "base, commanded")]
+        drawings = [curve.make_drawing(ENGLISH), draw_places(plan.position, "base, commanded")]
         return make_picture(drawings, title=curve.title)
 
     def _describe(self) -> str:

@@ -113,7 +113,7 @@ class Validation(Presented):
         ]  # fmt: skip
         mark = "SIMULATED: " if self.simulated else ""
         title = f"{mark}{report.robot}, {self.result.poses} poses"
-        return make_picture([plot.drawing(ENGLISH) for plot in plots], title=title)
+        return make_picture([plot.make_drawing(ENGLISH) for plot in plots], title=title)
 
     def _describe(self) -> str:
         return (

@@ -172,16 +172,16 @@ class Plot(Columns, ABC):
             raise ShapeError(f"{type(self).__name__}: no points.")
 
     @abstractmethod
-    def drawing(self, words: ReportTexts) -> Drawing:
+    def make_drawing(self, words: ReportTexts) -> Drawing:
         """Returns the picture; ``words`` are for what it says itself."""
 
     def svg(self, key: str, words: ReportTexts) -> str:
         """Returns the picture as an SVG element whose ids begin with ``key``."""
-        return inline_svg(self.drawing(words), key=key, label=escape(self.title, quote=True))
+        return inline_svg(self.make_drawing(words), key=key, label=escape(self.title, quote=True))
 
     def png(self, words: ReportTexts = ENGLISH) -> bytes:
         """Returns the picture as PNG, its title above it."""
-        return png(self.drawing(words), title=self.title)
+        return png(self.make_drawing(words), title=self.title)
 
     def json_block(self) -> dict[str, object]:
         """Returns the numbers as JSON values; lengths in mm, angles in deg."""

@@ -31,7 +31,7 @@ class SideContour(Plot):
     kind: ClassVar[str] = "side-contour"
     json_keys: ClassVar[Mapping[str, str]] = {"cuts_mm": "cuts"}
 
-    def drawing(self, words: ReportTexts) -> Drawing:
+    def make_drawing(self, words: ReportTexts) -> Drawing:
         """Returns the contour with the points inside it, both axes alike."""
 
         def draw(axes: list[Axes]) -> None:

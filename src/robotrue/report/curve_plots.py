@@ -115,7 +115,7 @@ class PoseCurves(Plot):
             ]
         }
 
-    def drawing(self, words: ReportTexts) -> Drawing:
+    def make_drawing(self, words: ReportTexts) -> Drawing:
         """Returns accuracy, and coverage where measured, against the number of poses."""
         counts = np.unique(np.concatenate([s.count for s in self.series]))
         even = bool(counts[0] <= 0.0)  # zero has no place on a logarithmic axis: equal steps
@@ -244,7 +244,7 @@ class BudgetPlot(Plot):
         "combined_mm": "combined",
     }
 
-    def drawing(self, words: ReportTexts) -> Drawing:
+    def make_drawing(self, words: ReportTexts) -> Drawing:
         """Returns one bar for each contribution and one for the sum."""
         names = (*self.names, self.combined_name)
         value = np.append(self.value, self.combined) / UM
@@ -293,7 +293,7 @@ class TiltPlot(Plot):
         "limit_deg": "limit",
     }
 
-    def drawing(self, words: ReportTexts) -> Drawing:
+    def make_drawing(self, words: ReportTexts) -> Drawing:
         """Returns residuals against force and against tilt, and about both axes."""
         looks = (
             (self.before / DEG, BEFORE, words("plot.before")),

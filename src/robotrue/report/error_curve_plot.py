@@ -36,7 +36,7 @@ class ErrorCurves(Plot):
     def _json_more(self) -> dict[str, object]:
         return {"errors_mm": nullable(self.errors / MM)}
 
-    def drawing(self, words: ReportTexts) -> Drawing:
+    def make_drawing(self, words: ReportTexts) -> Drawing:
         """Returns one panel for each axis, the number of the point to the right."""
 
         def draw(axes: list[Axes]) -> None:

@@ -71,7 +71,7 @@ class PartMap(Plot):
             "uncovered": list(self.uncovered),
         }
 
-    def drawing(self, words: ReportTexts) -> Drawing:
+    def make_drawing(self, words: ReportTexts) -> Drawing:
         """Returns one panel for each machined group, side by side."""
         norm = LogNorm(*_widen_log(self.radius.min() / MM, self.radius.max() / MM))
 
@@ -132,7 +132,7 @@ class UncertaintyMap(Plot):
     kind: ClassVar[str] = "uncertainty-map"
     json_keys: ClassVar[Mapping[str, str]] = {"position_mm": "position", "radius_95_mm": "radius"}
 
-    def drawing(self, words: ReportTexts) -> Drawing:
+    def make_drawing(self, words: ReportTexts) -> Drawing:
         """Returns the places from above (x, y) and from the side (x, z)."""
         norm = Normalize(*_widen(float(self.radius.min()) / MM, float(self.radius.max()) / MM))
         order = np.argsort(self.radius, kind="stable")  # the least known on top
@@ -193,7 +193,7 @@ class MapSlices(Plot):
             "values_mm": nullable(self.values / MM),
         }
 
-    def drawing(self, words: ReportTexts) -> Drawing:
+    def make_drawing(self, words: ReportTexts) -> Drawing:
         """Returns the slices as small multiples, one scale a row."""
         rows, columns = len(self.quantities), len(self.slices)
 

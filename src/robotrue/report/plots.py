@@ -50,7 +50,7 @@ class PointErrors(Plot):
     kind: ClassVar[str] = "point-errors"
     json_keys: ClassVar[Mapping[str, str]] = _BEFORE_AFTER | {"limit_mm": "limit"}
 
-    def drawing(self, words: ReportTexts) -> Drawing:
+    def make_drawing(self, words: ReportTexts) -> Drawing:
         """Returns the error length at each point, before and after."""
         shown = thin_rows(self.after, MOST_POINTS)
         few = len(shown) <= MOST_JOINED
@@ -99,7 +99,7 @@ class ErrorDistribution(Plot):
     kind: ClassVar[str] = "distribution"
     json_keys: ClassVar[Mapping[str, str]] = _BEFORE_AFTER
 
-    def drawing(self, words: ReportTexts) -> Drawing:
+    def make_drawing(self, words: ReportTexts) -> Drawing:
         """Returns cumulative shares and a histogram of error lengths."""
 
         def draw(axes: list[Axes]) -> None:
@@ -162,7 +162,7 @@ class ErrorMap(Plot):
         if self.plane not in PLANES:
             raise ShapeError(f"plane {self.plane!r}, expected one of {PLANES}.")
 
-    def drawing(self, words: ReportTexts) -> Drawing:
+    def make_drawing(self, words: ReportTexts) -> Drawing:
         """Returns error arrows at their places, before and after."""
         across_up = tuple("xyz".index(name) for name in self.plane)
         shown = thin_rows(np.linalg.norm(self.after, axis=1), MOST_ARROWS)
@@ -209,7 +209,7 @@ class CoveragePlot(Plot):
         name: name for name in ("stated", "observed", "low", "high")
     }
 
-    def drawing(self, words: ReportTexts) -> Drawing:
+    def make_drawing(self, words: ReportTexts) -> Drawing:
         """Returns stated against observed probability."""
 
         def draw(axes: list[Axes]) -> None:
@@ -266,7 +266,7 @@ class HoleContour(Plot):
         if not (np.isfinite(self.radius) and self.radius > 0.0):
             raise ShapeError(f"radius {self.radius} m, expected a positive length.")
 
-    def drawing(self, words: ReportTexts) -> Drawing:
+    def make_drawing(self, words: ReportTexts) -> Drawing:
         """Returns the contour with magnified deviations, before and after."""
         commanded = self.radius * np.stack([np.cos(self.angle), np.sin(self.angle)], axis=1) / MM
         band = 0.0 if self.limit is None else self.limit * self.magnification / MM

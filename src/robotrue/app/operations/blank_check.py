@@ -9,8 +9,8 @@ from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.plain_result import PlainResult
 from robotrue.app.presentation import Block, Facts, Note, Table
-from robotrue.app.request import InputFile, Item, Option, Output, Reference, Request
-from robotrue.app.request_fields import TouchSigma
+from robotrue.app.request import InputFile, Item, Option, Reference, Request
+from robotrue.app.request_fields import TouchSigma, cell_output
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 from robotrue.validation.registration_defaults import (
@@ -48,13 +48,7 @@ class BlankCheckRequest(Request):
     probe_radius_mm: Annotated[float, Option(help="Of the probe's ball.")] = PROBE_RADIUS_MM
     touch_sigma_mm: TouchSigma = TOUCH_MM
     output: Annotated[
-        Path | None,
-        Output(
-            names=("--output", "-o"),
-            what="a cell",
-            suffixes=(".toml",),
-            help="Also write the registered cell with the part shifted.",
-        ),
+        Path | None, cell_output("Also write the registered cell with the part shifted.")
     ] = None
 
 

@@ -11,7 +11,7 @@ from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Facts, Note
 from robotrue.app.request import ON_COMMAND_LINE, Item, Option, Reference, Request
-from robotrue.app.request_fields import ForeignColumns, ModelOutput, SavedPage
+from robotrue.app.request_fields import CellFile, ForeignColumns, ModelOutput, SavedPage
 from robotrue.core.provenance import Provenance
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ SHOWN_ROWS: Final = 10
 class CalibrateRequest(Request):
     """What to calibrate, from what, by which method."""
 
-    cell: Annotated[Reference, Item(noun="cell", argument="CELL", help="cell.toml")]
+    cell: CellFile
     measurements: Annotated[
         tuple[Reference, ...],
         Item(noun="measurement", argument="MEAS...", sent=True, help="Measurements."),

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Facts, Note, Table
-from robotrue.app.request import InputFile, Item, Option, Reference, Request
-from robotrue.app.request_fields import model_output
+from robotrue.app.request import InputFile, Option, Request
+from robotrue.app.request_fields import CellFile, model_output
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import MM
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 class CalibrateLengthsRequest(Request):
     """What to calibrate, and from which lengths."""
 
-    cell: Annotated[Reference, Item(noun="cell", argument="CELL", help="cell.toml")]
+    cell: CellFile
     lengths: Annotated[
         Path,
         InputFile(

@@ -23,7 +23,7 @@ from robotrue.app.request import (
     Request,
     fields_of,
 )
-from robotrue.app.request_fields import SavedPage, table_output
+from robotrue.app.request_fields import CellFile, SavedPage, table_output
 from robotrue.calibration.deng2022.readings import AttitudeReading, DengReadings
 from robotrue.calibration.deng2022.sampling_rules import TARGET_RULE, TargetRule
 from robotrue.core.provenance import Provenance, marked_document
@@ -74,7 +74,7 @@ SHOWN: Final = (4, 6, 8, 10, 15, 20, 25, 30, 40, 50, 60, 80, 100)
 class PlanRequest(Request):
     """Which poses to choose, for which work."""
 
-    cell: Annotated[Reference, Item(noun="cell", argument="CELL", help="cell.toml")]
+    cell: CellFile
     output: Annotated[Path, table_output(saved_as="poses.csv", help="CSV of the poses to write.")]
     poses: Annotated[
         int, Option(names=("--poses", "-n"), offered=(4, 500), help="How many, at most.")

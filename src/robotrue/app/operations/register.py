@@ -15,8 +15,10 @@ from robotrue.app.request_fields import (
     CellOrModel,
     FrameFormats,
     FrameNumber,
+    PartTolerance,
     ToolSigma,
     TouchSigma,
+    cell_output,
 )
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import MM
@@ -45,23 +47,13 @@ class RegisterRequest(Request):
 
     cell: CellOrModel
     points: Annotated[Path, InputFile(argument="POINTS", help="CSV of the touches.")]
-    output: Annotated[
-        Path,
-        Output(
-            names=("--output", "-o"),
-            what="a cell",
-            suffixes=(".toml",),
-            help="Registered cell to write.",
-        ),
-    ]
+    output: Annotated[Path, cell_output("Registered cell to write.")]
     touch_sigma_mm: TouchSigma = TOUCH_MM
     robot_sigma_mm: Annotated[
         float | None, Option(help="Of the arm over the part; default: what its model says.")
     ] = None
     tool_sigma_mm: ToolSigma = None
-    tolerance_mm: Annotated[
-        float | None, Option(help="What machined points must keep, for the verdict.")
-    ] = None
+    tolerance_mm: PartTolerance = None
     probe_radius_mm: Annotated[float, Option(help="Of the probe's ball.")] = PROBE_RADIUS_MM
     fit: Annotated[
         Literal["auto", "frame", "joint"],

@@ -10,13 +10,15 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block
-from robotrue.app.request import InputFile, Option, Output, Request
+from robotrue.app.request import InputFile, Option, Request
 from robotrue.app.request_fields import (
     CellOrModel,
     FrameFormats,
     FrameNumber,
+    PartTolerance,
     ToolSigma,
     TouchSigma,
+    cell_output,
 )
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import MM
@@ -41,15 +43,7 @@ class RegisterRoundsRequest(Request):
             argument="ROUND...", help="CSV of the touches of each round, the first one first."
         ),
     ]
-    output: Annotated[
-        Path,
-        Output(
-            names=("--output", "-o"),
-            what="a cell",
-            suffixes=(".toml",),
-            help="Cell with the frame for the next run.",
-        ),
-    ]
+    output: Annotated[Path, cell_output("Cell with the frame for the next run.")]
     frame: Annotated[
         str | None,
         Option(help="X,Y,Z,A,B,C of the part in the first run; default: what CELL says."),
@@ -60,9 +54,7 @@ class RegisterRoundsRequest(Request):
     ] = METHOD
     touch_sigma_mm: TouchSigma = TOUCH_MM
     tool_sigma_mm: ToolSigma = None
-    tolerance_mm: Annotated[
-        float | None, Option(help="What machined points must keep, for the verdict.")
-    ] = None
+    tolerance_mm: PartTolerance = None
     frame_format: FrameFormats = ()
     frame_number: FrameNumber = FRAME_NUMBER
 

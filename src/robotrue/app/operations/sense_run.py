@@ -9,6 +9,7 @@ from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.plain_result import PlainResult
 from robotrue.app.request import InputFile, Item, Option, Reference, Request
+from robotrue.app.request_fields import CellFile
 from robotrue.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 class SenseRunRequest(Request):
     """What the service reads, what it knows of the arm, what it writes, how it corrects."""
 
-    cell: Annotated[Reference, Item(noun="cell", argument="CELL", help="cell.toml")]
+    cell: CellFile
     robot: Annotated[str, Option(help="Joints: rsi://, egm://, rtde:// or replay://FILE.csv")]
     force: Annotated[str, Option(help="Force: rdt://, egm://, rtde:// or replay://FILE.csv|.tdms")]
     out: Annotated[

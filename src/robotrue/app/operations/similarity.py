@@ -12,7 +12,7 @@ from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Note, Table
 from robotrue.app.request import Item, Option, Output, Reference, Request
-from robotrue.app.request_fields import ForeignColumns, Page
+from robotrue.app.request_fields import CellFile, ForeignColumns, Page
 from robotrue.calibration.deng2022.similarity_readings import READING, SimilarityReading
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import MM
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 class SimilarityRequest(Request):
     """Which measurements, and which regions of them."""
 
-    cell: Annotated[Reference, Item(noun="cell", argument="CELL", help="cell.toml")]
+    cell: CellFile
     measurements: Annotated[
         tuple[Reference, ...],
         Item(noun="measurement", argument="MEAS...", help="Measured poses, in base."),

@@ -11,7 +11,8 @@ from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.plain_result import PlainResult
 from robotrue.app.presentation import Facts, Text
-from robotrue.app.request import InputFile, Option, Output, Request
+from robotrue.app.request import InputFile, Option, Request
+from robotrue.app.request_fields import cell_output
 from robotrue.cell.spindle_defaults import REFLECTOR_SIGMA_UM
 from robotrue.core.provenance import merge
 from robotrue.core.units import DEG, MM, UM
@@ -50,13 +51,7 @@ class SpindleAxisRequest(Request):
     cell: Annotated[Path | None, InputFile(help="cell.toml to take the tool from the axis.")] = None
     output: Annotated[
         Path | None,
-        Output(
-            names=("--output", "-o"),
-            what="a cell",
-            suffixes=(".toml",),
-            renews="cell",
-            help="With --cell: cell.toml to write, with this [tool].",
-        ),
+        cell_output("With --cell: cell.toml to write, with this [tool].", renews="cell"),
     ] = None
 
 

@@ -9,8 +9,14 @@ from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.plain_result import PlainResult
 from robotrue.app.presentation import Facts, Text
-from robotrue.app.request import InputFile, Option, Output, Request
-from robotrue.app.request_fields import CellOrModel, ToolFormats, ToolNumber, TouchSigma
+from robotrue.app.request import InputFile, Option, Request
+from robotrue.app.request_fields import (
+    CellOrModel,
+    ToolFormats,
+    ToolNumber,
+    TouchSigma,
+    cell_output,
+)
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 from robotrue.validation.registration_defaults import SQUARE_DEG, TOOL_NUMBER, TOUCH_MM
@@ -47,13 +53,7 @@ class ToolAxisRequest(Request):
         str, Option(help="x,y,z in the flange: what x of the tool frame is turned towards.")
     ] = "1,0,0"
     output: Annotated[
-        Path | None,
-        Output(
-            names=("--output", "-o"),
-            what="a cell",
-            suffixes=(".toml",),
-            help="Also write the cell with z of [tool] along the axis.",
-        ),
+        Path | None, cell_output("Also write the cell with z of [tool] along the axis.")
     ] = None
     touch_sigma_mm: TouchSigma = TOUCH_MM
     square_sigma_deg: Annotated[
@@ -74,14 +74,12 @@ def run(request: ToolAxisRequest, context: Context) -> PlainResult:
     import numpy as np
 
     from robotrue.app.registered import open_model
-    from robotrue.app.tool_view import tool_texts, write_tool
+    from robotrue.app.tool_view import require_tool_formats, tool_texts, write_tool
     from robotrue.calibration.nominal import NominalModel
     from robotrue.cell.registration.tool import tool_frame
     from robotrue.core.number_list import parse_number_list
-    from robotrue.program.controller_frames import controller_tool
 
-    for form in request.tool_format:
-        controller_tool(np.eye(4), form, number=request.tool_number)  # refuses before any work
+    require_tool_formats(request.tool_format, request.tool_number)
     source = context.cell_file(request.cell)
     cell, model = open_model(source)
     arm = NominalModel(robot=cell.robot) if model is None else model

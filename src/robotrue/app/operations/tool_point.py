@@ -9,8 +9,15 @@ from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.plain_result import PlainResult
 from robotrue.app.presentation import Block, Facts, Note, Table, Text
-from robotrue.app.request import InputFile, Option, Output, Request
-from robotrue.app.request_fields import CellOrModel, ToolFormats, ToolNumber, ToolSigma, TouchSigma
+from robotrue.app.request import InputFile, Option, Request
+from robotrue.app.request_fields import (
+    CellOrModel,
+    ToolFormats,
+    ToolNumber,
+    ToolSigma,
+    TouchSigma,
+    cell_output,
+)
 from robotrue.core.units import MM
 from robotrue.validation.registration_defaults import TOOL_NUMBER, TOUCH_MM
 
@@ -33,13 +40,7 @@ class ToolPointRequest(Request):
         ),
     ] = None
     output: Annotated[
-        Path | None,
-        Output(
-            names=("--output", "-o"),
-            what="a cell",
-            suffixes=(".toml",),
-            help="Also write the cell with the tool in place of the probe.",
-        ),
+        Path | None, cell_output("Also write the cell with the tool in place of the probe.")
     ] = None
     touch_sigma_mm: TouchSigma = TOUCH_MM
     tool_sigma_mm: ToolSigma = None
@@ -61,18 +62,16 @@ def run(request: ToolPointRequest, context: Context) -> PlainResult:
     import numpy as np
 
     from robotrue.app.registered import open_model
-    from robotrue.app.tool_view import tool_texts, write_tool
+    from robotrue.app.tool_view import require_tool_formats, tool_texts, write_tool
     from robotrue.calibration.nominal import NominalModel
     from robotrue.core.poses import pose
     from robotrue.core.provenance import merge
     from robotrue.measurement.formats.part_points import read_points
     from robotrue.planning.information import settings_of
-    from robotrue.program.controller_frames import controller_tool
     from robotrue.validation.registration_frame import RegistrationSettings
     from robotrue.validation.tool_calibration import calibrate_tool
 
-    for form in request.tool_format:
-        controller_tool(np.eye(4), form, number=request.tool_number)  # refuses before any work
+    require_tool_formats(request.tool_format, request.tool_number)
     source = context.cell_file(request.cell)
     cell, model = open_model(source)
     touches = read_points(request.touches).touches

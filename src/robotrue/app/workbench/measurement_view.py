@@ -43,7 +43,7 @@ def judge_measurement(
             "after_m": _sizes(seen.after),
             "coverage": inside.share,
             "worst": _worst(seen),
-            "screening": _screening(seen),
+            "screening": _screen_poses(seen),
         }
     )
 
@@ -92,7 +92,7 @@ def _worst(seen: Evaluation) -> list[dict[str, object]]:
     ]
 
 
-def _screening(seen: Evaluation) -> dict[str, object]:
+def _screen_poses(seen: Evaluation) -> dict[str, object]:
     try:
         found = screen(seen.measured, seen.after, seen.covariance)
     except ImplausibleDataError as error:  # the model is wrong here, not the rows

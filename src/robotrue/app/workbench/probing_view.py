@@ -76,10 +76,10 @@ def show_probing(workspace: Workspace, id: str, version: int, feature: int) -> b
             "model": None if at.model_record is None else at.model_record.name,
             "parts": list(session.parts),
             "features": _features(at, found, radii),
-            "readings": [_reading(each) for each in session.readings],
+            "readings": [_describe_reading(each) for each in session.readings],
             "kept": len(session.kept),
             "next": _next(at, known, believed, wanted),
-            "held": None if session.held is None else _reading(session.held),
+            "held": None if session.held is None else _describe_reading(session.held),
             "known": {"radius_mm": radius, "feature": worst},
             "curve_mm": [each.radius_mm for each in session.kept],
             "fit": None if found is None else _fit(found),
@@ -95,7 +95,7 @@ def _axis_names(at: Opened) -> list[str]:
     return [f"{letter}{k + 1}" for k in range(at.cell.robot.dof)]
 
 
-def _reading(each: TouchReading) -> dict[str, object]:
+def _describe_reading(each: TouchReading) -> dict[str, object]:
     return {
         "feature": each.feature,
         "state": each.state,

@@ -23,8 +23,8 @@ from robotrue.measurement.formats.sheet_file import read_sheet
 from robotrue.measurement.formats.table import (
     AxisRelation,
     approach_columns,
-    joint_columns,
     payload_column,
+    read_joint_columns,
     wrench_columns,
 )
 from robotrue.measurement.measurement_set import MeasurementFrame, MeasurementSet
@@ -70,7 +70,7 @@ def read_queries(
     sheet, chosen = open_sheet(path, mapping, positions=False)
     columns = MappedSheet(sheet, chosen)
     return QueryTable(
-        joints=joint_columns(columns, relation),
+        joints=read_joint_columns(columns, relation),
         wrench=wrench_columns(columns),
         approach=approach_columns(columns),
         payload_mass=payload_column(columns),

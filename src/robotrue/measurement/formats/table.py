@@ -47,7 +47,7 @@ def read_table(
     rotation, rotation_covariance = rotation_columns(columns)
     group, names = _sets(columns)
     return MeasurementSet(
-        joints=joint_columns(columns, relation),
+        joints=read_joint_columns(columns, relation),
         position=position,
         covariance=covariance,
         frame=frame or mapping.frame,
@@ -68,7 +68,7 @@ def read_table(
     )
 
 
-def joint_columns(columns: MappedSheet, relation: AxisRelation | None = None) -> Array:
+def read_joint_columns(columns: MappedSheet, relation: AxisRelation | None = None) -> Array:
     """Returns joints (n, dof) in rad.
 
     Raises:

@@ -28,7 +28,7 @@ async def _build(context: PageContext) -> str:
         jobs=await context.jobs("calibrate"),
         model=context.model,
         reports=None if context.model is None else await _certificate(context, context.model),
-        missing=await _missing(context),
+        missing=await _find_missing_page(context),
         form=await _form(context),
         models=await context.items(MODEL, ItemQuery(limit=50)),
     )
@@ -42,7 +42,7 @@ async def _certificate(context: PageContext, model: ModelRecord) -> Reports:
     return await find_reports(context, model, "model", "measurements", "tolerance_mm", sets=unseen)
 
 
-async def _missing(context: PageContext) -> str:
+async def _find_missing_page(context: PageContext) -> str:
     """The page to go to first; empty: there is a cell and there are poses."""
     for stage, page in (("setup", "cell"), ("measure", "measurements")):
         if not context.stages[stage]:
