@@ -363,6 +363,11 @@ def test_a_local_zero_of_constants_moves_the_work_offset() -> None:
         found = places(fanuc(f"{LOCAL}{odd}\n{POINT}", table))
         assert found[:2] == [101.0, 104.0]
         assert np.isnan(found[2]), odd
+    kept = fanuc(f"{LOCAL}G52 X7. Y0. Z0.\nX1. Y2. Z3.", table)
+    assert places(kept) == [101.0, 104.0, 8.0]  # angles go on, places are stated anew
+    np.testing.assert_array_equal(kept.rotation[2], kept.rotation[0])
+    some = places(fanuc(f"{LOCAL}G52 X7. Y0. Z0.\nX1. Y2.", table))
+    assert np.isnan(some[2])
     inches = fanuc(f"G20\n{LOCAL}", table)
     assert np.isnan(places(inches)).all()
     assert any("is not in millimetres for sure" in note for note in inches.notes)

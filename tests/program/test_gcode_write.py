@@ -254,6 +254,17 @@ def test_a_point_left_alone_inherits_no_correction(behind: str) -> None:
         assert other[line - 1] == one[line - 1], line
 
 
+def test_angles_that_go_on_behind_a_local_zero_are_written_where_they_differ() -> None:
+    program = fanuc("G1 X1. Y2. Z3. A0. B1. C2.\nG52 X10. Y0. Z0.\nX1. Y2. Z3.\nX4.")
+    assert not program.reason.any()
+    turn = matrix_from_abc(np.array([[0.0, 0.0, 0.0], [0.3, 0.2, 0.1], [0.0, 0.0, 0.0]]) * DEG)
+    change = moved(program, np.zeros((3, 3)), turn)
+    after = find_language("fanuc_gcode").write(program, change).decode()
+    read = fanuc(after[after.index("G1 X1.") :])
+    np.testing.assert_allclose(read.rotation, change.rotation, atol=1e-5)
+    np.testing.assert_allclose(read.position, change.position, atol=1e-6)
+
+
 @pytest.mark.parametrize(
     ("point", "alone"),
     [("X=IC(10)", False), ("X=IC(10) Y5", True), ("X=AC(10)", False), ("X=10*R1", False)],

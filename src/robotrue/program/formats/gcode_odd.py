@@ -15,7 +15,7 @@ from robotrue.core.arrays import Array
 from robotrue.core.poses import pose
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
-from robotrue.program.formats.gcode_blocks import Findings
+from robotrue.program.formats.gcode_blocks import POINT, Findings
 from robotrue.program.formats.gcode_vocabulary import (
     NAMED,
     UNCERTAIN,
@@ -379,7 +379,7 @@ class _Block:
         self._out.local.append((self._block, named, (x, y, z)))
         self._out.set(self._block, Modal.FRAME, NAMED - self._out.name(named))
         self._out.shift(self._block, "local", False)
-        self._out.forget(self._block)
+        self._out.forget(self._block, POINT)  # the angles are about the same axes
         self._quiet, self._at = True, len(self._text)
         return True
 

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray, IntArray
-from robotrue.program.formats.gcode_blocks import ALL, Blocks
+from robotrue.program.formats.gcode_blocks import ALL, POINT, Blocks
 from robotrue.program.formats.gcode_kernels import NO_STATE
 from robotrue.program.formats.gcode_vocabulary import Modal
 
@@ -49,17 +49,20 @@ class Epochs:
 
     def __init__(self, blocks: Blocks, force: IntArray) -> None:
         self._lost = blocks.findings.lost
-        self._anew = np.zeros(len(blocks.first) + 1, np.int64)
-        for group in _ANEW:
-            self._anew[1:-1] |= force[1:, group] != force[:-1, group]
+        anew = force[1:, _ANEW] != force[:-1, _ANEW]
+        self._anew = np.pad(anew.any(axis=1).astype(np.int64), 1)
+        local = [block - 1 for block, *_ in blocks.findings.local if block]
+        anew[local, _ANEW.index(Modal.FRAME)] = False  # a local zero turns nothing
+        self._turned = np.pad(anew.any(axis=1).astype(np.int64), 1)
         self._known: dict[tuple[bool, ...], IntArray] = {}
 
     def of(self, column: int, rows: IntArray) -> IntArray:
         """Returns the number of the stretch of blocks ``rows`` (n,) for a column."""
-        key = (column in ALL, *(column in columns for columns in self._lost.values()))
+        loses_here = (column in columns for columns in self._lost.values())
+        key = (column in ALL, column in POINT, *loses_here)
         if key not in self._known:
-            count = self._anew * key[0]
-            for block, loses in zip(self._lost, key[1:], strict=True):
+            count = (self._anew if key[1] else self._turned) * key[0]
+            for block, loses in zip(self._lost, key[2:], strict=True):
                 count[block + 1] += loses
             self._known[key] = np.cumsum(count)
         return np.asarray(self._known[key][rows])
