@@ -13,12 +13,19 @@ from serving import Watched, serving, watching
 from web_shop import Client, Served
 
 from robotrue.cell.config import parse_cell
+from robotrue.cell.obstacles import Box, HalfSpace
 from robotrue.core.poses import pose_from_xyz_abc
 
 NUMBERS = {
     "tool_x_mm": "12,5", "tool_z_mm": 300, "tool_b_deg": "−30", "mass_kg": "45", "centre_z_mm": 120,
     "repeatability_mm": 0.05, "sigma_um": 10, "sigma_um_per_m": 3,
 }  # fmt: skip
+
+BOX = {
+    f"box1_{side}_{axis}_mm": value
+    for side, value in (("low", -200), ("high", 400))
+    for axis in "xyz"
+}
 
 
 def described(made: Any, numbers: dict[str, Any], robot: str = "KUKA KR160 R1570") -> Any:
@@ -45,6 +52,32 @@ def test_what_the_form_says_is_what_the_cell_is(client: Client) -> None:
     assert made.get(f"/api/cells/{kept.json()['id']}/text").text == found["text"]
 
 
+@pytest.mark.parametrize("frame", ["base", "unknown"])
+def test_reflector_place_obstacles_and_stiffness_reach_the_cell(client: Client, frame: str) -> None:
+    stiffness = {f"stiffness_{joint}_MNm_per_rad": 0.5 + joint for joint in range(1, 7)}
+    points = {"reflector_x_mm": 0, "reflector_y_mm": 12.5, "reflector_z_mm": 50}
+    instrument = {"tracker_x_mm": 3000, "tracker_y_mm": "-500", "tracker_z_mm": 700}
+    numbers = {**BOX, **stiffness, **points, **instrument, "floor_z_mm": -15}
+    stated = {"robot": "KUKA KR160 R1570", "frame": frame, "numbers": numbers}
+    made = client()
+    found = made.post("/api/cells/form", json=stated).json()
+    assert found["faults"] == {}
+    cell = parse_cell(found["text"].encode(), "cell.toml")
+    np.testing.assert_allclose(cell.T_flange_target[:3, 3], [0.0, 0.0125, 0.05])
+    np.testing.assert_allclose(1.0 / cell.compliance_prior, 1e6 * np.arange(1.5, 7.0))
+    floor, box = cell.obstacles
+    assert isinstance(floor, HalfSpace)
+    np.testing.assert_allclose((floor.point, floor.normal), [[0, 0, -0.015], [0, 0, 1]])
+    assert isinstance(box, Box)
+    np.testing.assert_allclose((box.low, box.high), [[-0.2] * 3, [0.4] * 3])
+    np.testing.assert_allclose(cell.tracker_place, [3.0, -0.5, 0.7])
+    id = made.post("/api/cells/text", json={"text": found["text"], "name": "Floor"}).json()["id"]
+    drawn = made.get(f"/api/scenes/cell/{id}").json()
+    bodies = drawn.get("scene", drawn)["obstacles"]
+    assert [each["name"] for each in bodies] == ["floor", "box 1"]
+    assert bodies[1]["high"] == [0.4, 0.4, 0.4]
+
+
 def test_an_empty_form_is_a_usual_cell(client: Client) -> None:
     made = client()
     names = [each["name"] for each in made.get("/api/presets").json()["presets"]]
@@ -65,6 +98,9 @@ def test_an_empty_form_is_a_usual_cell(client: Client) -> None:
         ({"repeatability_mm": "nan"}, "repeatability_mm", "range"),
         ({"sigma_um": 0, "sigma_um_per_m": 0}, "sigma_um", "exact"),
         ({"centre_z_mm": 100}, "mass_kg", "massless"),
+        ({"floor_z_mm": "low"}, "floor_z_mm", "number"),
+        ({"reflector_x_mm": 1, "reflector_y_mm": 2}, "reflector_z_mm", "incomplete"),
+        ({**BOX, "box1_high_y_mm": -300}, "box1_high_y_mm", "flat"),
     ],
 )
 def test_a_refusal_stands_beside_its_field(

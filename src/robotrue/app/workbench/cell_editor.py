@@ -9,6 +9,11 @@ from tempfile import TemporaryDirectory
 from typing import Final
 
 from robotrue.app.workbench.arm_body import answer
+from robotrue.app.workbench.cell_form_fields import (
+    OPTIONAL_FIELDS,
+    find_incomplete_fields,
+    state_surroundings,
+)
 from robotrue.cell.config import parse_cell
 from robotrue.cell.toml_edit import round_digits, write_toml
 from robotrue.core.json_values import plain_text
@@ -66,9 +71,13 @@ def list_presets() -> bytes:
                 "rated_kg": rated_payload(name),
             }
         )
-    fields = [
+    fields: list[dict[str, object]] = [
         {"name": name, "usual": usual, "least": least, "most": most}
         for name, (usual, least, most) in FIELDS.items()
+    ]
+    fields += [
+        {"name": name, "usual": None, "least": least, "most": most}
+        for name, (least, most) in OPTIONAL_FIELDS.items()
     ]
     return answer({"presets": found, "fields": fields})
 
@@ -83,6 +92,8 @@ def describe_cell(stated: Mapping[str, object]) -> bytes:
     robot = str(stated.get("robot", ""))
     if robot not in preset_names():
         faults["robot"] = {"kind": "preset"}
+    else:
+        faults = {**find_incomplete_fields(values, robot), **faults}
     if values["sigma_um"] == 0.0 and values["sigma_um_per_m"] == 0.0:
         faults["sigma_um"] = {"kind": "exact"}
     if math.dist((values["centre_x_mm"], values["centre_y_mm"], values["centre_z_mm"]), (0, 0, 0)):
@@ -150,15 +161,22 @@ def read_cell_text(workspace: Workspace, id: str, version: int) -> bytes:
 def _numbers(stated: Mapping[str, object]) -> tuple[dict[str, float], dict[str, dict[str, object]]]:
     values: dict[str, float] = {}
     faults: dict[str, dict[str, object]] = {}
-    for name, (usual, least, most) in FIELDS.items():
+    allowed = {name: (least, most) for name, (_, least, most) in FIELDS.items()}
+    for name, (least, most) in {**allowed, **OPTIONAL_FIELDS}.items():
         typed = stated.get(name)
         words = "" if typed is None else str(typed).strip().replace(",", ".").replace("−", "-")
+        if name in FIELDS:
+            values[name] = FIELDS[name][0]
+        if not words:
+            continue
         try:
-            value = float(words) if words else usual
+            value = float(words)
         except ValueError:
-            value, faults[name] = usual, {"kind": "number"}
-        if not math.isfinite(value) or not least <= value <= most:
-            value, faults[name] = usual, {"kind": "range", "least": least, "most": most}
+            faults[name] = {"kind": "number"}
+            continue
+        if not least <= value <= most:
+            faults[name] = {"kind": "range", "least": least, "most": most}
+            continue
         values[name] = value
     return values, faults
 
@@ -168,7 +186,7 @@ def _cell_toml(robot: str, frame: str, values: Mapping[str, float]) -> str:
     tracker: dict[str, object] = {"frame": "unknown" if frame == "unknown" else "base"}
     if any(values[key] != USUAL[key] for key in ("sigma_um", "sigma_um_per_m")):
         tracker |= {key: values[key] for key in ("sigma_um", "sigma_um_per_m")}
-    return HEADING + write_toml({
+    tables: dict[str, object] = {
         "schema": 1,
         "robot": {"preset": robot},
         "tool": {
@@ -181,7 +199,12 @@ def _cell_toml(robot: str, frame: str, values: Mapping[str, float]) -> str:
         },
         "repeatability": {"mm": values["repeatability_mm"]},
         "tracker": tracker,
-    })  # fmt: skip
+    }
+    for key, added in state_surroundings(values, robot, frame).items():
+        stated = tables.get(key)
+        both = isinstance(stated, dict) and isinstance(added, dict)
+        tables[key] = {**stated, **added} if both else added
+    return HEADING + write_toml(tables)
 
 
 def _find_field(message: str) -> str:

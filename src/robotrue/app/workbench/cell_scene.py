@@ -11,6 +11,7 @@ from robotrue.app.workbench.calibration_view import from_simulation
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import parse_cell
+from robotrue.cell.obstacles import Box, Sphere
 from robotrue.core.arrays import Array
 from robotrue.core.regions import CubeRegion
 from robotrue.core.rotations import abc_from_matrix
@@ -38,7 +39,11 @@ def draw_cell(workspace: Workspace, cell_id: str, version: int) -> bytes:
     cell = parse_cell(workspace.content(file.sha256), workspace.path_of(file.sha256))
     middle = cell.robot.limits.mean(axis=1) if np.isfinite(cell.robot.limits).all() else None
     joints = np.zeros(cell.robot.dof) if middle is None else middle
-    return answer({"robot": body_document(cell, joints[None]), "frames": frame_documents(cell)})
+    return answer({
+        "robot": body_document(cell, joints[None]),
+        "frames": frame_documents(cell),
+        "obstacles": obstacle_documents(cell),
+    })  # fmt: skip
 
 
 def draw_model(workspace: Workspace, model_id: str, version: int) -> bytes:
@@ -48,6 +53,7 @@ def draw_model(workspace: Workspace, model_id: str, version: int) -> bytes:
     rows = measurements.read_data(workspace, record)
     document = {
         "frames": frame_documents(held.cell),
+        "obstacles": obstacle_documents(held.cell),
         "simulated": from_simulation(held.model, rows),
     }
     if not rows:
@@ -101,6 +107,20 @@ def frame_documents(cell: Cell) -> list[dict[str, object]]:
         place[:3, 3] = cell.tracker_place
         frames.append(("tracker", place))
     return [{"name": name, "T_base_frame": T} for name, T in frames]
+
+
+def obstacle_documents(cell: Cell) -> list[dict[str, object]]:
+    """Returns the obstacles of a cell as its 3-D view draws them: m, robot base."""
+    documents: list[dict[str, object]] = []
+    for body in cell.obstacles:
+        if isinstance(body, Box):
+            shape: dict[str, object] = {"low": body.low, "high": body.high}
+        elif isinstance(body, Sphere):
+            shape = {"centre": body.centre, "radius": body.radius}
+        else:
+            shape = {"point": body.point, "normal": body.normal}
+        documents.append({"name": body.name, **shape})
+    return documents
 
 
 def _posture(cell: Cell, model: ErrorModel) -> Array:

@@ -6,7 +6,7 @@ import numpy as np
 
 from robotrue.app.workbench.arm_body import answer, body_document, pack_floats
 from robotrue.app.workbench.calibration_view import from_simulation
-from robotrue.app.workbench.cell_scene import frame_documents
+from robotrue.app.workbench.cell_scene import frame_documents, obstacle_documents
 from robotrue.app.workbench.file_imports import cell_of
 from robotrue.cell.cell import Cell
 from robotrue.core.arrays import Array
@@ -46,6 +46,7 @@ def show_plan(workspace: Workspace, plan_id: str, version: int) -> bytes:
             "scene": {
                 "robot": body_document(cell, joints),
                 "frames": frame_documents(cell),
+                "obstacles": obstacle_documents(cell),
                 "simulated": simulated,
                 "points": {
                     "position": pack_floats(np.asarray(detail["commanded_mm"]) * MM),

@@ -1,4 +1,7 @@
 // A cell from the robot's type and a few numbers: its cell.toml is shown while one types, then kept.
+const AXES = ["x", "y", "z"];
+const MOST_BOXES = 8;
+const point = (name) => AXES.map((axis) => `${name}_${axis}_mm`);
 const GROUPS = [["tool", ["tool_x_mm", "tool_y_mm", "tool_z_mm", "tool_a_deg", "tool_b_deg", "tool_c_deg"]], ["load", ["mass_kg", "centre_x_mm", "centre_y_mm", "centre_z_mm"]], ["instrument", ["repeatability_mm", "sigma_um", "sigma_um_per_m"]]];
 
 export default {
@@ -18,6 +21,13 @@ export default {
           <span class="wrong" v-if="told(key)" :data-testid="'wrong-' + key">{{ told(key) }}</span>
           <span class="careful" v-else-if="careful(key)">{{ careful(key) }}</span></label></div>
       </template>
+      <details v-for="[group, names] in optional" :key="group" :data-testid="'group-' + group" :open="names.some(told) || undefined"><summary>{{ text['group_' + group] }}</summary>
+        <p class="note">{{ text['hint_' + group] }}</p>
+        <div class="fields"><label class="field" v-for="key in names" :key="key">{{ label(key) }}
+          <input type="text" inputmode="decimal" v-model="numbers[key]" :aria-invalid="!!told(key)" :data-testid="'cell-' + key" autocomplete="off">
+          <span class="wrong" v-if="told(key)" :data-testid="'wrong-' + key">{{ told(key) }}</span></label></div>
+        <button type="button" class="act quiet" v-if="group === 'surroundings' && boxes < mostBoxes" @click="boxes++" data-testid="add-box">{{ text.add_box }}</button>
+      </details>
     </div>
     <div class="card"><h2>cell.toml</h2><p class="note">{{ text.preview_text }}</p>
       <pre class="toml" data-testid="cell-preview">{{ shown }}</pre>
@@ -25,8 +35,20 @@ export default {
       <button class="act" :disabled="busy || !ready" data-testid="cell-keep">{{ text.keep }}</button></div>
   </form>`,
   props: { text: Object },
-  data: () => ({ groups: GROUPS, presets: [], fields: {}, robot: "", frame: "base", name: "", numbers: {}, faults: {}, cautions: {}, shown: "", ready: false, busy: false, fault: null }),
-  computed: { typed() { return JSON.stringify([this.robot, this.frame, this.numbers]); } },
+  data: () => ({ groups: GROUPS, presets: [], fields: {}, robot: "", frame: "base", name: "", numbers: {}, boxes: 0, mostBoxes: MOST_BOXES, faults: {}, cautions: {}, shown: "", ready: false, busy: false, fault: null }),
+  computed: {
+    typed() { return JSON.stringify([this.robot, this.frame, this.numbers]); },
+    optional() {
+      const joints = this.presets.find((p) => p.name === this.robot)?.joints ?? 0;
+      const boxes = Array.from({ length: this.boxes }, (_, k) => ["low", "high"].flatMap((corner) => point(`box${k + 1}_${corner}`)));
+      return [
+        ["reflector", point("reflector")],
+        ["tracker", point("tracker")],
+        ["surroundings", ["floor_z_mm", ...boxes.flat()]],
+        ["stiffness", Array.from({ length: joints }, (_, k) => `stiffness_${k + 1}_MNm_per_rad`)],
+      ];
+    },
+  },
   watch: { typed() { this.ready = false; clearTimeout(this.timer); this.timer = setTimeout(this.look, 250); } },
   async mounted() {
     const found = await (await fetch("/api/presets")).json();
@@ -37,7 +59,12 @@ export default {
   beforeUnmount() { clearTimeout(this.timer); },
   methods: {
     said: (fault) => window.bench.fault(fault),
-    usual(key) { return this.fields[key] ? String(Number(this.fields[key].usual.toFixed(6))) : ""; },
+    label(key) {
+      const box = key.match(/^box(\d+)_(low|high)_(\w)_mm$/), joint = key.match(/^stiffness_(\d+)_/);
+      if (box) return this.say("box_" + box[2], { number: box[1], axis: box[3] });
+      return joint ? this.say("stiffness_joint", { number: joint[1] }) : this.text[key] ?? key.match(/_(\w)_mm$/)[1] + " mm";
+    },
+    usual(key) { return this.fields[key]?.usual != null ? String(Number(this.fields[key].usual.toFixed(6))) : ""; },
     say(key, values) { return this.text[key].replace(/\{(\w+)\}/g, (_, name) => values[name]); },
     told(key) { const f = this.faults[key]; return f ? f.text ?? this.say("wrong_" + f.kind, f) : ""; },
     careful(key) { const c = this.cautions[key]; return c ? this.say("careful_" + c.kind, c) : ""; },

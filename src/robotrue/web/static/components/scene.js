@@ -1,5 +1,6 @@
 // The 3-D view as an element of a page: fetches what is to be seen, and the controls beside it.
 import * as three from "/vendor/three/index.js";
+import { drawObstacles } from "/static/obstacles.js";
 
 const UNITS = { mm: 1e3, um: 1e6 };
 const STEPS = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
@@ -77,6 +78,11 @@ export default {
       this.simulated = Boolean(doc.model?.simulated || doc.simulated);
       this.view.robot(doc.robot);
       this.view.frameAxes(doc.frames ?? []);
+      if (doc.obstacles?.length) {
+        drawObstacles(three, this.view.layer("obstacles"), doc.obstacles);
+        this.layers.push("obstacles");
+        this.visible.obstacles = true;
+      }
       if (doc.points) {
         const p = doc.points;
         this.points = { at: tools.floats(p.position), before: p.before && tools.floats(p.before), after: p.after && tools.floats(p.after), seenFrom: p.seen_from, joints: tools.floats(p.joints_deg), row: p.row, dof: doc.robot.dof, turn: tools.floats(doc.robot.orientation[this.angles]), terms: doc.robot.orientation[this.angles].shape[1] };
