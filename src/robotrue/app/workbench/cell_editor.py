@@ -202,8 +202,10 @@ def _cell_toml(robot: str, frame: str, values: Mapping[str, float]) -> str:
     }
     for key, added in state_surroundings(values, robot, frame).items():
         stated = tables.get(key)
-        both = isinstance(stated, dict) and isinstance(added, dict)
-        tables[key] = {**stated, **added} if both else added
+        if isinstance(stated, dict) and isinstance(added, dict):
+            tables[key] = {**stated, **added}
+        else:
+            tables[key] = added
     return HEADING + write_toml(tables)
 
 
