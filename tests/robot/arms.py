@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from robotrue.core.poses import pose_from_xyz_abc
+from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel, moment_slice, parameter_slice
 from robotrue.robot.presets import preset, preset_names
 
@@ -61,3 +62,11 @@ def odd_arm(convention, dof=6, seed=5):
 
 def arm(name):
     return odd_arm(name[4:]) if name.startswith("odd-") else preset(name)
+
+
+def worst_of_branches(robot, poses, found):
+    """Largest error of the poses of all branches (n, 8, 6) that exist; those that do, (n, 8)."""
+    exists = ~np.isnan(found).any(axis=2)
+    assert (exists == ~np.isnan(found).all(axis=2)).all()
+    again = forward(robot, np.nan_to_num(found).reshape(-1, 6)).reshape(len(poses), 8, 4, 4)
+    return np.abs(again - poses[:, None])[exists].max(), exists

@@ -64,14 +64,6 @@ def _counting(robot: RobotModel) -> Configuration:
     return robot.controller
 
 
-def _posture(geometry: OpwGeometry, joints: Array) -> tuple[Array, Array]:
-    """How far the wrist point is ahead of axis 1 in m, and the fold of the elbow in rad."""
-    angles = geometry.angles(np.asarray(joints, dtype=np.float64))
-    ahead, _ = geometry.wrist_point(angles)
-    fold = wrap(angles[..., 2] + np.arctan2(geometry.a2, geometry.c3))
-    return ahead, fold
-
-
 def kuka_status_turn(robot: RobotModel, joints: Array) -> tuple[IntArray, IntArray]:
     """Returns KUKA's S and T (...,) of joints q (..., 6) rad.
 
@@ -84,7 +76,7 @@ def kuka_status_turn(robot: RobotModel, joints: Array) -> tuple[IntArray, IntArr
     Raises:
         ConfigurationError: Not an ortho-parallel arm.
     """
-    ahead, fold = _posture(require_opw(robot), joints)
+    _, fold, ahead = require_opw(robot).posture(joints)
     axes = controller_axes(robot, joints)
     status = (ahead < 0.0) + 2 * (fold >= 0.0) + 4 * (wrap(axes[..., 4]) < 0.0)
     turn = (axes < 0.0) @ (1 << np.arange(6))
@@ -136,7 +128,7 @@ def joints_from_status_turn(
 
 def _has_status(robot: RobotModel, geometry: OpwGeometry, joints: Array, status: int) -> bool:
     """Whether S fits; a bit whose quantity is on the edge fits either way."""
-    ahead, fold = _posture(geometry, joints)
+    _, fold, ahead = geometry.posture(joints)
     bend = wrap(controller_axes(robot, joints)[4])
     on_edge = np.abs([ahead, fold, bend]) < EDGE
     have = int(kuka_status_turn(robot, joints)[0])
@@ -157,7 +149,7 @@ def abb_confdata(robot: RobotModel, joints: Array) -> IntArray:
     Raises:
         ConfigurationError: Not an ortho-parallel arm.
     """
-    ahead, fold = _posture(require_opw(robot), joints)
+    _, fold, ahead = require_opw(robot).posture(joints)
     axes = controller_axes(robot, joints)
     quarters = np.floor(axes[..., [0, 3, 5]] / _QUARTER)
     cfx = 4 * (ahead < 0.0) + 2 * (fold < 0.0) + (wrap(axes[..., 4]) < 0.0)
@@ -177,7 +169,7 @@ def fanuc_words(robot: RobotModel, joints: Array) -> IntArray:
     Raises:
         ConfigurationError: Not an ortho-parallel arm.
     """
-    ahead, fold = _posture(require_opw(robot), joints)
+    _, fold, ahead = require_opw(robot).posture(joints)
     axes = controller_axes(robot, joints)
     letters = [wrap(axes[..., 4]) >= 0.0, fold >= 0.0, ahead >= 0.0]
     turns = np.rint(axes[..., 3:] / _TURN)
@@ -207,7 +199,7 @@ def yaskawa_rconf(robot: RobotModel, joints: Array) -> IntArray:
     Raises:
         ConfigurationError: Not an ortho-parallel arm.
     """
-    ahead, fold = _posture(require_opw(robot), joints)
+    _, fold, ahead = require_opw(robot).posture(joints)
     axes = controller_axes(robot, joints)
     no_flip = np.abs(wrap(axes[..., 3])) > _QUARTER
     beyond = [np.abs(axes[..., i]) > np.pi for i in (3, 5, 0)]

@@ -12,7 +12,7 @@ Branch numbers are ``4 * wrist_flip + 2 * shoulder + elbow``:
   the arm stands upright), 1: the other way.
 * ``wrist_flip`` 0: theta_opw 5 >= 0, 1: theta_opw 5 < 0.
 
-What they are for an arm with parallel axes is told there.
+For an arm with parallel axes :mod:`robotrue.robot.parallel_arm` defines them.
 
 Source: Brandstoetter, Angerer, Hofbaur 2014, section 3; the elbow by one square root and an
 arctangent instead of two arc cosines, the sixth axis from the fifth row instead of its own

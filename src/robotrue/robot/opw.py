@@ -22,6 +22,7 @@ from robotrue.core.arrays import Array, IntArray
 from robotrue.core.columns import Column, Columns
 from robotrue.core.poses import inverse as inverse_pose
 from robotrue.core.poses import pose
+from robotrue.core.rotations import wrap
 from robotrue.robot.forward import forward, walk
 from robotrue.robot.model import Convention, RobotModel
 
@@ -104,22 +105,28 @@ class OpwGeometry(Columns):
 
         The determinant of the Jacobian is their product times a constant.
         """
-        return np.asarray(np.abs(np.stack(self._posture(joints), axis=-1)))
+        bend, fold, ahead = self.posture(joints)
+        return np.asarray(np.abs(np.stack([np.sin(bend), np.sin(fold), ahead], axis=-1)))
 
     def branches(self, joints: Array) -> IntArray:
         """Returns the branch numbers (n,) of joints (n, 6) rad.
 
-        They are told in the head of :mod:`robotrue.robot.inverse`.
+        :mod:`robotrue.robot.inverse` defines them.
         """
-        wrist, fold, ahead = self._posture(np.asarray(joints, dtype=np.float64))
-        return np.asarray(4 * (wrist < 0.0) + 2 * (ahead < 0.0) + (fold < 0.0), dtype=np.int64)
+        bend, fold, ahead = self.posture(joints)
+        return np.asarray(4 * (bend < 0.0) + 2 * (ahead < 0.0) + (fold < 0.0), dtype=np.int64)
 
-    def _posture(self, joints: Array) -> tuple[Array, Array, Array]:
-        """Sine of the wrist, sine of the elbow, and m that the wrist point is ahead of axis 1."""
-        angles = self.angles(joints)
+    def posture(self, joints: Array) -> tuple[Array, Array, Array]:
+        """Returns what names the branch of joints (..., 6) rad.
+
+        Returns:
+            Turn of axis 5 and fold of the elbow, both (...,) rad in (-pi, pi], and how far the
+            wrist point is ahead of axis 1, (...,) m.
+        """
+        angles = self.angles(np.asarray(joints, dtype=np.float64))
         ahead, _ = self.wrist_point(angles)
-        fold = np.sin(angles[..., 2] + np.arctan2(self.a2, self.c3))
-        return np.sin(angles[..., 4]), fold, ahead
+        fold = wrap(angles[..., 2] + np.arctan2(self.a2, self.c3))
+        return wrap(angles[..., 4]), fold, ahead
 
 
 def opw_forward(geometry: OpwGeometry, joints: Array) -> Array:
@@ -169,18 +176,28 @@ def opw_geometry(robot: RobotModel) -> OpwGeometry | None:
     """
     if robot.dof != 6 or not is_unimodular(robot.joint_map):
         return None
-    table = np.concatenate([robot.theta, robot.d, robot.a, robot.alpha, robot.joint_map.ravel()])
-    return _from_table(robot.convention, table.tobytes())
+    return _from_table(robot.convention, pack_table(robot))
+
+
+def pack_table(robot: RobotModel) -> bytes:
+    """Returns the nominal table of an arm and its joint map, to keep by what is read from it."""
+    table = [robot.theta, robot.d, robot.a, robot.alpha, robot.joint_map.ravel()]
+    return np.concatenate(table).tobytes()
+
+
+def bare_arm(convention: Convention, table: bytes) -> RobotModel:
+    """Returns the nominal arm of six joints of a table from :func:`pack_table`, without a tool."""
+    theta, d, a, alpha, *rod = np.frombuffer(table).reshape(-1, 6)
+    return RobotModel(
+        name="bare", convention=convention, theta=theta, d=d, a=a, alpha=alpha,
+        joint_map=np.array(rod),
+    )  # fmt: skip
 
 
 @lru_cache(maxsize=64)
 def _from_table(convention: Convention, table: bytes) -> OpwGeometry | None:
     """Kept by table: every inverse asks for it, and reading it costs as much as 1000 inverses."""
-    theta, d, a, alpha, *rod = np.frombuffer(table).reshape(-1, 6)
-    bare = RobotModel(
-        name="bare", convention=convention, theta=theta, d=d, a=a, alpha=alpha,
-        joint_map=np.array(rod),
-    )  # fmt: skip
+    bare = bare_arm(convention, table)
     geometry = _read_axes(bare)
     if geometry is None:
         return None

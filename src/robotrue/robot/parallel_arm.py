@@ -30,7 +30,7 @@ from robotrue.core.poses import inverse as inverse_pose
 from robotrue.core.rotations import matrix_from_rotation_vector
 from robotrue.robot.forward import forward, walk
 from robotrue.robot.model import Convention, RobotModel
-from robotrue.robot.opw import TOLERANCE, is_unimodular
+from robotrue.robot.opw import TOLERANCE, bare_arm, is_unimodular, pack_table
 
 STRAIGHT: Final = 1e-9
 """Sine of the wrist below which joint 6 is open, and the previous one is kept."""
@@ -230,17 +230,12 @@ def parallel_geometry(robot: RobotModel) -> ParallelGeometry | None:
     """
     if robot.dof != 6 or not is_unimodular(robot.joint_map):
         return None
-    table = np.concatenate([robot.theta, robot.d, robot.a, robot.alpha, robot.joint_map.ravel()])
-    return _from_table(robot.convention, table.tobytes())
+    return _from_table(robot.convention, pack_table(robot))
 
 
 @lru_cache(maxsize=64)
 def _from_table(convention: Convention, table: bytes) -> ParallelGeometry | None:
-    theta, d, a, alpha, *rod = np.frombuffer(table).reshape(-1, 6)
-    bare = RobotModel(
-        name="bare", convention=convention, theta=theta, d=d, a=a, alpha=alpha,
-        joint_map=np.array(rod),
-    )  # fmt: skip
+    bare = bare_arm(convention, table)
     arm = _read_axes(bare)
     if arm is None:
         return None
