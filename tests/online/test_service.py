@@ -341,6 +341,12 @@ def test_killed_again_and_again_the_record_ends_whole_and_the_same(tmp_path: Pat
         joints=forces // 4,
         forces=forces,
     )
+    # By size, not by time: a fast machine is done before a slow one has begun.
+    least = forces * 7 * 8  # bytes of the forces' numbers alone
+
+    def size() -> int:
+        return sum(part.stat().st_size for part in (tmp_path / "r").glob("*"))
+
     rng, kills = np.random.default_rng(5), 0
     for seed in range(100):
         command = [sys.executable, "-c", text, str(seed)]
@@ -348,7 +354,9 @@ def test_killed_again_and_again_the_record_ends_whole_and_the_same(tmp_path: Pat
             assert process.stdout is not None
             assert process.stdout.readline() == b"running\n"
             if kills < 4:
-                time.sleep(float(rng.uniform(0.02, 0.2)))
+                grown = size() + rng.uniform(0.02, 0.2) * least
+                while process.poll() is None and size() < grown:
+                    time.sleep(0.001)
                 process.send_signal(signal.SIGKILL)
             kills += process.wait(30.0) == -signal.SIGKILL
             if process.stdout.readline() == b"whole\n":
