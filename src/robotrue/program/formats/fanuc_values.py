@@ -6,20 +6,24 @@ text of its CONFIG. Sums and differences go component by component, as the contr
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Mapping
 from typing import Final, NamedTuple, TypeAlias
 
-from robotrue.program.controller_files import NUMBER, all_finite
+from robotrue.program.formats.expression import (
+    UNSIGNED,
+    ExpressionReader,
+    NotConstantError,
+)
 
-_NUMBER: Final = re.compile(NUMBER.encode())
-_REGISTER: Final = re.compile(rb"R\[[ \t]*(\d{1,6})[ \t]*(?::[^\]]*)?\]")
-_ELEMENT: Final = re.compile(
-    rb"PR\[[ \t]*(\d{1,6})[ \t]*(?::[^\],]*)?,[ \t]*([1-6])[ \t]*(?::[^\]]*)?\]"
+_TOKEN: Final = re.compile(
+    rf"[ \t]*+(?:{UNSIGNED}"
+    r"|R\[[ \t]*(?P<register>\d{1,6})[ \t]*(?::[^\]]*)?\]"
+    r"|PR\[[ \t]*(?P<element>\d{1,6}[ \t]*(?::[^\],]*)?,[ \t]*[1-6])[ \t]*(?::[^\]]*)?\]"
+    r"|(?P<sign>[-+*/()]))"
 )
 _WHOLE: Final = re.compile(rb"(PR|P)\[[ \t]*(\d{1,6})[ \t]*(?::[^\]]*)?\]|(LPOS)\b")
-_DEEPEST: Final = 20
-"""Brackets in brackets."""
 _LARGEST: Final = 1e7
 
 
@@ -111,73 +115,32 @@ def _sum_poses(terms: Iterable[RegisterPose | None], signs: list[float]) -> Regi
 
 def number_of(text: bytes, state: Mapping[str, Value]) -> float | None:
     """Returns the value of ``100``, ``R[1]*2``, ``(PR[1,3]+50)``; None if it is not known."""
-    if text.count(b"(") > _DEEPEST:
+    try:
+        value = _RegisterReader(text.strip().decode("latin-1"), state).whole()
+    except NotConstantError:
         return None
-    reader = _Arithmetic(text.strip(), state)
-    value = reader.sum()
-    if value is None or reader.rest() or not abs(value) < _LARGEST:
-        return None
-    return value
+    return value if abs(value) < _LARGEST else None
 
 
-class _Arithmetic:
-    """A number of a statement, read from left to right."""
+class _RegisterReader(ExpressionReader[float]):
+    tokens = _TOKEN
 
-    def __init__(self, text: bytes, state: Mapping[str, Value]) -> None:
-        self._text, self._state, self._at = text, state, 0
+    def __init__(self, text: str, state: Mapping[str, Value]) -> None:
+        super().__init__(text)
+        self._state = state
 
-    def rest(self) -> bytes:
-        """Returns what has not been read."""
-        return self._text[self._at :].strip()
+    def number(self, value: float) -> float:
+        return value
 
-    def sum(self) -> float | None:
-        """Reads terms joined by + and -."""
-        total = self._product()
-        while total is not None and (sign := self._sign(b"+-")):
-            other = self._product()
-            if other is None:
-                return None
-            total = total + other if sign == b"+" else total - other
-        return total
-
-    def _product(self) -> float | None:
-        total = self._factor()
-        while total is not None and (sign := self._sign(b"*/")):
-            other = self._factor()
-            if other is None or (sign == b"/" and other == 0.0):
-                return None
-            total = total * other if sign == b"*" else total / other
-        return total
-
-    def _factor(self) -> float | None:
-        if self._sign(b"("):
-            value = self.sum()
-            return value if self._sign(b")") else None
-        if self._sign(b"-"):
-            value = self._factor()
-            return None if value is None else -value
-        for pattern in (_NUMBER, _REGISTER, _ELEMENT):
-            match = pattern.match(self._text, self._at)
-            if match is not None:
-                self._at = match.end()
-                return self._value(match)
-        return None
-
-    def _value(self, match: re.Match[bytes]) -> float | None:
-        if match.re is _NUMBER:
-            number = match[0].decode()
-            return float(number) if all_finite([number]) else None
-        if match.re is _REGISTER:
-            held = self._state.get(f"R{int(match[1])}")
-            return held if isinstance(held, float) else None
-        pose = self._state.get(f"PR{int(match[1])}")
-        return pose.values[int(match[2]) - 1] if isinstance(pose, RegisterPose) else None
-
-    def _sign(self, signs: bytes) -> bytes:
-        while self._text[self._at : self._at + 1] in (b" ", b"\t"):
-            self._at += 1
-        found = self._text[self._at : self._at + 1]
-        if found and found in signs:
-            self._at += 1
-            return found
-        return b""
+    def atom(self, depth: int) -> float:
+        kind, text = self.kind, self.next()
+        if kind == "number" and math.isfinite(float(text)):
+            return float(text)
+        held = self._state.get(f"R{int(text)}") if kind == "register" else None
+        if kind == "element":
+            register = re.match(r"\d+", text)
+            pose = self._state.get(f"PR{int(register[0])}") if register else None
+            held = pose.values[int(text[-1]) - 1] if isinstance(pose, RegisterPose) else None
+        if not isinstance(held, float):
+            raise self.refused()
+        return held

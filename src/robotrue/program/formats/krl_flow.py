@@ -153,12 +153,6 @@ class Flow:
             if sets:
                 self._sets[node] = tuple((c, frames.get((c, index), index)) for c, index in sets)
 
-    def sets_frames(self, name: str) -> list[tuple[int, int]]:
-        """Returns column and index of what a routine sets itself."""
-        routine = self._names.get(name, -1)
-        nodes = [node for node, of in enumerate(self._routine) if of == routine]
-        return [pair for node in nodes for pair in self._sets[node]]
-
     def calls_of(self, name: str) -> list[int]:
         """Returns the nodes of a routine that call others."""
         routine = self._names.get(name, -1)

@@ -14,13 +14,13 @@ from typing import Final
 
 import numpy as np
 
+from robotrue.program.formats.expression import NotConstantError
 from robotrue.program.formats.krl_builtin import PURE
 from robotrue.program.formats.krl_expression import (
     AXIS_PARTS,
     POSE_PARTS,
     KrlRecord,
     KrlValue,
-    NotConstantError,
     matrix_of,
 )
 from robotrue.program.formats.krl_frames import DeferredFrame

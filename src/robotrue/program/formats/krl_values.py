@@ -17,7 +17,8 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from robotrue.program.formats.course import DIFFERS, Course
-from robotrue.program.formats.krl_expression import KrlValue, NotConstantError, evaluate
+from robotrue.program.formats.expression import NotConstantError
+from robotrue.program.formats.krl_expression import KrlValue, evaluate
 from robotrue.program.formats.krl_scope import Scope
 
 Arguments = Mapping[str, KrlValue]

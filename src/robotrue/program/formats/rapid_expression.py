@@ -18,7 +18,12 @@ from robotrue.core.arrays import Array
 from robotrue.core.poses import inverse, pose
 from robotrue.core.rotations import matrix_from_quat_wxyz, quat_wxyz_from_matrix
 from robotrue.core.units import MM
-from robotrue.program.formats.krl_expression import NotConstantError
+from robotrue.program.formats.expression import (
+    PLAIN_FUNCTIONS,
+    UNSIGNED,
+    ExpressionReader,
+    NotConstantError,
+)
 
 RapidValue: TypeAlias = "float | bool | str | tuple[RapidValue, ...]"
 """A number, truth, string, or a structure or array of them."""
@@ -35,10 +40,9 @@ MEMBERS: Final = {
 }  # fmt: skip
 """Place of every component in its structure."""
 _TOKEN: Final = re.compile(
-    r"\s*+(?:(?P<number>(?:\d++(?:\.\d*+)?+|\.\d++)(?:[eE][+-]?\d++)?+)"
+    rf"\s*+(?:{UNSIGNED}"
     r"|(?P<name>[A-Za-z_\x80-\xff][\w\x80-\xff]*+)|(?P<sign>:=|[-+*/()\[\]{},.\\]))"
 )
-_DEEPEST: Final = 40
 
 
 def evaluate_rapid(text: str, lookup: Lookup) -> RapidValue:
@@ -47,11 +51,7 @@ def evaluate_rapid(text: str, lookup: Lookup) -> RapidValue:
     Raises:
         NotConstantError: It has none, or not one alone.
     """
-    parser = _Parser(text, lookup)
-    value = parser.sum(0)
-    if parser.kind:
-        raise NotConstantError(f"{text.strip()[:40]!r} is not evaluated behind {parser.piece!r}")
-    return value
+    return _RapidReader(text, lookup).whole()
 
 
 def pose_of(value: RapidValue) -> Array:
@@ -105,85 +105,40 @@ def _number(value: RapidValue) -> float:
     return float(value)
 
 
-class _Parser:
-    """Recursive descent over one expression."""
+class _RapidReader(ExpressionReader[RapidValue]):
+    tokens = _TOKEN
 
     def __init__(self, text: str, lookup: Lookup) -> None:
-        self._text, self._lookup, self._at = text, lookup, 0
-        self.kind = self.piece = ""
-        self._next()
+        super().__init__(text)
+        self._lookup = lookup
 
-    def _next(self) -> str:
-        """Goes to the next token; returns the one before."""
-        before = self.piece
-        match = _TOKEN.match(self._text, self._at)
-        if match is None:
-            rest = self._text[self._at :].strip()
-            self.kind, self.piece = ("?", rest[:20]) if rest else ("", "")
-            return before
-        self.kind, self.piece = str(match.lastgroup), str(match[str(match.lastgroup)])
-        self._at = match.end()
-        return before
+    def number(self, value: RapidValue) -> float:
+        return _number(value)
 
-    def _take(self, sign: str) -> None:
-        if self.piece != sign:
-            raise NotConstantError(f"{self._text.strip()[:40]!r} is not evaluated")
-        self._next()
+    def add(self, left: RapidValue, right: RapidValue, *, plus: bool) -> RapidValue:
+        """Returns a sum of numbers or positions."""
+        if not isinstance(left, tuple):
+            return super().add(left, right, plus=plus)
+        sign = 1.0 if plus else -1.0
+        return tuple((_vector(left, 3) + sign * _vector(right, 3)).tolist())
 
-    def sum(self, depth: int) -> RapidValue:
-        """Returns the value of a sum of numbers or positions."""
-        if depth > _DEEPEST:
-            raise NotConstantError("the expression is nested too deep")
-        value = self._product(depth)
-        while self.kind == "sign" and self.piece in ("+", "-"):
-            sign = 1.0 if self._next() == "+" else -1.0
-            other = self._product(depth)
-            if isinstance(value, tuple):
-                value = tuple((_vector(value, 3) + sign * _vector(other, 3)).tolist())
-            else:
-                value = _number(value) + sign * _number(other)
-        return value
+    def multiply(self, left: RapidValue, right: RapidValue, *, times: bool) -> RapidValue:
+        """Returns a product of numbers, or of a position and a number."""
+        if isinstance(left, tuple) and times and not isinstance(right, tuple):
+            return tuple((_vector(left, 3) * _number(right)).tolist())
+        return super().multiply(left, right, times=times)
 
-    def _product(self, depth: int) -> RapidValue:
-        value = self._primary(depth)
-        while self.kind == "sign" and self.piece in ("*", "/"):
-            times = self._next() == "*"
-            other = self._primary(depth)
-            if isinstance(value, tuple) and times and not isinstance(other, tuple):
-                value = tuple((_vector(value, 3) * _number(other)).tolist())
-            elif times:
-                value = _number(value) * _number(other)
-            elif _number(other) == 0.0:
-                raise NotConstantError("a division by zero")
-            else:
-                value = _number(value) / _number(other)
-        return value
-
-    def _primary(self, depth: int) -> RapidValue:
-        if self.kind == "sign" and self.piece in ("+", "-"):
-            sign = -1.0 if self._next() == "-" else 1.0
-            return sign * _number(self._primary(depth + 1))
+    def atom(self, depth: int) -> RapidValue:
         if self.kind == "number":
-            return float(self._next())
-        if self.piece == "(":
-            self._next()
-            value = self.sum(depth + 1)
-            self._take(")")
-            return value
+            return float(self.next())
         if self.piece == "[":
-            self._next()
-            members = [self.sum(depth + 1)]
-            while self.piece == ",":
-                self._next()
-                members.append(self.sum(depth + 1))
-            self._take("]")
-            return tuple(members)
+            return tuple(self.listed("]", depth))
         if self.kind == "name":
             return self._name(depth)
-        raise NotConstantError(f"{self._text.strip()[:40]!r} is not evaluated")
+        raise self.refused()
 
     def _name(self, depth: int) -> RapidValue:
-        name = self._next().lower()
+        name = self.next().lower()
         if name in ("true", "false"):
             return name == "true"
         if self.piece == "(":
@@ -191,15 +146,11 @@ class _Parser:
         else:
             value = self._lookup(name)
         if self.piece == "{":
-            self._next()
-            value = _element(value, _number(self.sum(depth + 1)))
-            while self.piece == ",":
-                self._next()
-                value = _element(value, _number(self.sum(depth + 1)))
-            self._take("}")
+            for index in self.listed("}", depth):
+                value = _element(value, _number(index))
         while self.piece == ".":
-            self._next()
-            member = MEMBERS.get(self._next().lower(), -1)
+            self.next()
+            member = MEMBERS.get(self.next().lower(), -1)
             if not isinstance(value, tuple) or not 0 <= member < len(value):
                 raise NotConstantError(f"a component of {name!r} is not evaluated")
             value = value[member]
@@ -208,18 +159,20 @@ class _Parser:
     def _function(self, name: str, depth: int) -> RapidValue:
         given: list[RapidValue] = []
         options: dict[str, RapidValue] = {}
-        self._take("(")
+        self.take("(")
         while self.piece != ")":
             if self.piece == "\\":
-                self._next()
-                option = self._next().lower()
-                self._take(":=")
+                self.next()
+                option = self.next().lower()
+                self.take(":=")
                 options[option] = self.sum(depth + 1)
             elif self.piece == ",":
-                self._next()
+                self.next()
             else:
                 given.append(self.sum(depth + 1))
-        self._take(")")
+        self.take(")")
+        if name in PLAIN_FUNCTIONS and len(given) == 1 and not options:
+            return self.call_plain(name, given[0])
         function = _FUNCTIONS.get(name)
         if function is None or len(given) != function[0]:
             raise NotConstantError(f"{name}(..) is not evaluated", "write its result out")
@@ -291,16 +244,6 @@ def _pose_vect(given: list[RapidValue], _: dict[str, RapidValue]) -> RapidValue:
     return tuple(((T[:3, :3] @ _vector(given[1], 3)) + T[:3, 3] / MM).tolist())
 
 
-def _of_one(function: Callable[[float], float]) -> Callable[..., RapidValue]:
-    def apply(given: list[RapidValue], _: dict[str, RapidValue]) -> RapidValue:
-        try:
-            return function(_number(given[0]))
-        except ValueError:
-            raise NotConstantError("a function has no value here") from None
-
-    return apply
-
-
 _FUNCTIONS: Final[dict[str, tuple[int, Callable[..., RapidValue]]]] = {
     "offs": (4, _offs),
     "reltool": (4, _reltool),
@@ -308,11 +251,6 @@ _FUNCTIONS: Final[dict[str, tuple[int, Callable[..., RapidValue]]]] = {
     "posemult": (2, _pose_mult),
     "poseinv": (1, _pose_inv),
     "posevect": (2, _pose_vect),
-    "abs": (1, _of_one(abs)),
-    "sqrt": (1, _of_one(math.sqrt)),
-    "sin": (1, _of_one(lambda angle: math.sin(math.radians(angle)))),
-    "cos": (1, _of_one(lambda angle: math.cos(math.radians(angle)))),
-    "tan": (1, _of_one(lambda angle: math.tan(math.radians(angle)))),
 }
-PURE: Final = frozenset(_FUNCTIONS)
+PURE: Final = frozenset(_FUNCTIONS) | PLAIN_FUNCTIONS.keys()
 """Functions that change nothing handed over."""

@@ -18,7 +18,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from robotrue.program.formats.course import DIFFERS, Course
-from robotrue.program.formats.krl_expression import NotConstantError
+from robotrue.program.formats.expression import NotConstantError
 from robotrue.program.formats.rapid_expression import (
     MEMBERS,
     PURE,
@@ -215,10 +215,6 @@ class RapidValues:
     def key(self, scope: str, name: str) -> tuple[str, str]:
         """Returns routine (empty: none) and name of the variable a name means in a routine."""
         return self._key(scope, name)
-
-    def is_changed(self, scope: str, name: str) -> bool:
-        """Returns whether a statement of the module changes a variable."""
-        return bool(self._changes.get(self._key(scope, name)))
 
     def is_local(self, scope: str, name: str) -> bool:
         """Returns whether no other module can see a variable."""

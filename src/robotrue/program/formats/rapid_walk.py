@@ -10,7 +10,7 @@ from robotrue.core.arrays import Array
 from robotrue.errors import FormatError
 from robotrue.program.formats import rapid_scan as scan
 from robotrue.program.formats.course import Course
-from robotrue.program.formats.krl_expression import NotConstantError
+from robotrue.program.formats.expression import NotConstantError
 from robotrue.program.formats.rapid_data import LITERAL, NOTHING, POSE, Data
 from robotrue.program.formats.rapid_expression import flat_numbers, pose_of
 from robotrue.program.formats.rapid_frames import TOOL, WORK, RapidFrames
