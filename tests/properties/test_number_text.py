@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from robotrue.errors import ShapeError
 from robotrue.program.formats.number_table import NumberTable
-from robotrue.program.formats.number_text import NUMBER, half_digit, restyle, splice_texts
+from robotrue.program.formats.number_text import NUMBER, restyle, splice_texts
 
 digits = st.text("0123456789", min_size=1, max_size=6)
 tokens = st.builds(
@@ -23,6 +23,12 @@ tokens = st.builds(
 values = st.one_of(
     st.floats(-4000, 4000), st.floats(-1, 1), st.sampled_from([0.0, -0.0, 0.9999996])
 )
+
+
+def half_digit(token: bytes) -> float:
+    """Half of the last digit a number shows: 0.0005 for ``1.250``, 5 for ``1E1``."""
+    mantissa, _, exponent = token.lower().partition(b"e")
+    return 0.5 * 10.0 ** (int(exponent or 0) - len(mantissa.partition(b".")[2]))
 
 
 @given(tokens, values, st.integers(0, 7))

@@ -28,7 +28,12 @@ from robotrue.program.formats.fanuc_offsets import MoveTarget
 from robotrue.program.formats.move_trail import line_end
 from robotrue.program.formats.number_text import restyle
 from robotrue.program.formats.path_kernels import decimals_of
-from robotrue.program.formats.pose_write import changed_rows, find_moved, require_printable
+from robotrue.program.formats.pose_write import (
+    changed_rows,
+    find_moved,
+    require_printable,
+    spans_of,
+)
 from robotrue.program.formats.target_tokens import LEAST_DECIMALS, POSE, TargetTokens, rewritten
 from robotrue.program.program import Program, Replacement
 
@@ -81,9 +86,7 @@ def write_fanuc(program: Program, replacement: Replacement) -> bytes:
     Raises:
         ShapeError: A changed row has a value that is not finite, or beyond 1e9 mm or deg.
     """
-    spans = program.spans
-    if not isinstance(spans, FanucSpans):
-        raise ShapeError(f"{program.name} was not read by the fanuc_ls dialect, but by another.")
+    spans = spans_of(program, FanucSpans, "fanuc_ls")
     others = _configurations(program, replacement, spans)
     others += _write_out(program, replacement, spans)
     return rewritten(program, replacement, spans.tokens, others, aligned=True)

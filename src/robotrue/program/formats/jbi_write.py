@@ -13,8 +13,8 @@ import numpy as np
 
 from robotrue.core.arm_words import NO_WORD, WORDS
 from robotrue.core.arrays import IntArray
-from robotrue.errors import ShapeError
-from robotrue.program.formats.pose_write import changed_rows
+from robotrue.program.formats.move_trail import line_start
+from robotrue.program.formats.pose_write import changed_rows, spans_of
 from robotrue.program.formats.target_tokens import TargetTokens, rewritten
 from robotrue.program.program import Program, Replacement
 
@@ -40,9 +40,7 @@ def write_jbi(program: Program, replacement: Replacement) -> bytes:
     Raises:
         ShapeError: A changed row has a value that is not finite, or beyond 1e9 mm, deg or pulses.
     """
-    spans = program.spans
-    if not isinstance(spans, JbiSpans):
-        raise ShapeError(f"{program.name} was not read by the jbi dialect, but by another.")
+    spans = spans_of(program, JbiSpans, "jbi")
     headers = _headers(program, replacement, spans)
     return rewritten(program, replacement, spans.tokens, headers, aligned=False)
 
@@ -65,13 +63,9 @@ def _headers(
     for row in rows[(held != wanted[rows]).any(axis=1)].tolist():
         fields = spans.fields[int(spans.rconf[row])][WORDS["yaskawa"] :]
         text = ",".join(map(str, (*wanted[row].tolist(), *fields)))
-        place = _line_start(program.data, int(spans.tokens.start[row, 0]))
+        place = line_start(program.data, int(spans.tokens.start[row, 0]))
         out.append((place, 0, b"///RCONF " + text.encode() + _line_end(program.data, place)))
     return out
-
-
-def _line_start(data: bytes, place: int) -> int:
-    return max(data.rfind(b"\n", 0, place), data.rfind(b"\r", 0, place)) + 1
 
 
 def _line_end(data: bytes, start: int) -> bytes:

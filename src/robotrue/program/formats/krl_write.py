@@ -20,7 +20,6 @@ import numpy.typing as npt
 from robotrue.core.arrays import Array, BoolArray, Bytes, IntArray, Ints
 from robotrue.core.compiled import PLAIN, compile_kernel
 from robotrue.core.units import DEG, MM
-from robotrue.errors import ShapeError
 from robotrue.program.euler import renew_abc
 from robotrue.program.formats.krl_scan import COMPONENTS
 from robotrue.program.formats.krl_spans import (
@@ -29,10 +28,9 @@ from robotrue.program.formats.krl_spans import (
     states_other_words,
     written_decimals,
 )
-from robotrue.program.formats.number_table import Numbers, respell_tokens
-from robotrue.program.formats.number_text import restyle
-from robotrue.program.formats.pose_write import PrintedForm, changed_rows, new_values
-from robotrue.program.formats.written_out import WrittenOut, put_texts, shift_places
+from robotrue.program.formats.number_table import Numbers, put_stretches, respell_tokens
+from robotrue.program.formats.number_text import respell_word, restyle
+from robotrue.program.formats.pose_write import PrintedForm, changed_rows, new_values, spans_of
 from robotrue.program.program import Program, Replacement
 
 _INHERITED: Final = 0.5e-4
@@ -56,9 +54,7 @@ def write_krl(program: Program, replacement: Replacement) -> bytes:
     Raises:
         ShapeError: A changed row has a value that is not finite, or beyond 1e9 mm or deg.
     """
-    spans = program.spans
-    if not isinstance(spans, KrlSpans):
-        raise ShapeError(f"{program.name} was not read by the krl dialect, but by another.")
+    spans = spans_of(program, KrlSpans, "krl")
     changed = changed_rows(program, replacement)
     if not changed.any():
         return program.data
@@ -96,11 +92,11 @@ def _write_out(
         tokens = range(first, first + int(spans.tokens[row]))
         words = replacement.words[row].tolist() if changed[row] else [-1, -1]
         texts.append(format_aggregate(spans, tokens, values[row], words, decimals))
-    data, places, moved = put_texts(program.data, written, chosen, texts)
+    stretches = written.stretches(chosen, texts)
+    data, start = put_stretches(program.data, stretches, spans.start.astype(np.int64))
     left = np.array(changed)
     left[written.row] = False
-    start = shift_places(spans.start.astype(np.int64), places, moved).astype(np.int32)
-    spans = replace(spans, start=start)
+    spans = replace(spans, start=start.astype(np.int32))
     return replace(program, data=data), replace(replacement, changed=left), spans
 
 
@@ -208,11 +204,8 @@ def _insert_owed(
     rows = np.array(sorted(texts), np.int64)
     last = spans.token[rows] + spans.tokens[rows] - 1
     place = spans.start[last].astype(np.int64) + spans.length[last]
-    places = WrittenOut(row=rows, start=place, end=place)
-    data, behind, moved = put_texts(
-        data, places, range(len(rows)), [texts[k] for k in rows.tolist()]
-    )
-    return data, shift_places(start, behind, moved)
+    stretches = [(at, 0, texts[k]) for at, k in zip(place.tolist(), rows.tolist(), strict=True)]
+    return put_stretches(data, stretches, start)
 
 
 def _find_owed(spans: KrlSpans, values: Array) -> list[tuple[int, int]]:
@@ -242,7 +235,7 @@ def _count_decimals(token: bytes) -> int:
 def _respell_odd(token: bytes, value: float, least: int) -> bytes:
     """Returns S or T (``least`` below 0) in its base, a number with an exponent without it."""
     if least < 0:
-        return _respell_word(token, int(value))
+        return respell_word(token, int(value))
     if b"e" not in token.lower():
         return restyle(token, value, least=least)
     if abs(value - float(b"".join(token.split()))) <= 0.5 * 10.0**-_FINE:
@@ -250,11 +243,3 @@ def _respell_odd(token: bytes, value: float, least: int) -> bytes:
     plus = b"+" if token.startswith(b"+") else b""
     whole = b"" if token.lstrip(b"+-").startswith(b".") else b"0"
     return restyle(plus + whole + b"." + b"0" * _FINE, value)
-
-
-def _respell_word(token: bytes, word: int) -> bytes:
-    """Returns S or T in the base, and with at least the digits, of what it takes the place of."""
-    if not token.startswith(b"'"):
-        return b"%d" % word
-    form = f"0{len(token) - 3}{'b' if token[1:2] in b'bB' else 'X'}"
-    return token[:2] + format(word, form).encode() + b"'"

@@ -5,13 +5,13 @@ from __future__ import annotations
 from array import array
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.program.formats.number_kernels import SLACK, literal_numbers, pick_tokens, respell
-from robotrue.program.formats.number_text import restyle
+from robotrue.program.formats.number_text import restyle, splice_texts
 
 _WIDEST: Final = 28
 """Bytes one rewritten number can take: sign, nine digits, point, fifteen decimals."""
@@ -88,6 +88,28 @@ class NumberTable:
             value[row, column] = float(self._data[at : at + int(length[row, column])])
         value[~np.isfinite(value)] = np.nan
         return Numbers(start=start, length=length, value=value)
+
+
+Stretch: TypeAlias = tuple[int, int, bytes]
+"""First byte and bytes of what is replaced, and what takes its place."""
+
+
+def put_stretches(
+    data: bytes, stretches: Sequence[Stretch], start: IntArray
+) -> tuple[bytes, IntArray]:
+    """Returns the bytes with stretches replaced, and where other bytes then are.
+
+    Args:
+        data: The bytes.
+        stretches: In any order; those of one place keep theirs.
+        start: Other bytes (any shape), clear of the stretches; -1 stays -1.
+    """
+    if not stretches:
+        return data, start
+    first, size, texts = zip(*sorted(stretches, key=lambda each: each[:2]), strict=True)
+    growth = np.cumsum([0, *(len(t) - s for t, s in zip(texts, size, strict=True))])
+    moved = start + growth[np.searchsorted(first, start, side="right")]
+    return splice_texts(data, first, size, texts), np.where(start < 0, start, moved)
 
 
 def _respell_odd(token: bytes, value: float, least: int) -> bytes:

@@ -86,15 +86,6 @@ def respell_literal(literal: bytes, values: Sequence[float], least: Sequence[int
     return b"".join(pieces) + literal[cursor:]
 
 
-def half_digit(token: bytes) -> float:
-    """Returns half of the last digit a number shows: 0.0005 for ``1.250``, 5 for ``1E1``.
-
-    Raises:
-        ShapeError: The token is not a number.
-    """
-    return float(0.5 * 10.0 ** -_last_decimal(_parts(token)))
-
-
 def splice_texts(
     data: bytes, starts: Sequence[int], lengths: Sequence[int], texts: Sequence[bytes]
 ) -> bytes:
@@ -117,6 +108,17 @@ def splice_texts(
         cursor = end
     pieces.append(data[cursor:])
     return b"".join(pieces)
+
+
+def respell_word(token: bytes, word: int) -> bytes:
+    """Returns a whole number in the base, and with at least the digits, of what stood there.
+
+    KRL and Sinumerik write ``'B0110'`` and ``'H1F'``.
+    """
+    if not token.startswith(b"'"):
+        return b"%d" % word
+    form = f"0{len(token) - 3}{'b' if token[1:2] in b'bB' else 'X'}"
+    return token[:2] + format(word, form).encode() + b"'"
 
 
 def _parts(token: bytes) -> tuple[bytes, ...]:

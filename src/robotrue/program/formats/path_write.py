@@ -18,8 +18,8 @@ from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ShapeError
 from robotrue.program.formats.apt_arcs import MISS
 from robotrue.program.formats.gcode_arcs import Centre, PlaneArcs, middles, moved_words
-from robotrue.program.formats.number_table import Numbers, respell_tokens
-from robotrue.program.formats.number_text import restyle, splice_texts
+from robotrue.program.formats.number_table import Numbers, Stretch, put_stretches, respell_tokens
+from robotrue.program.formats.number_text import respell_word, restyle
 from robotrue.program.formats.path_kernels import decimals_of, owed_words
 from robotrue.program.formats.path_words import PathWords, Turn, printed_angles
 from robotrue.program.formats.pose_write import (
@@ -61,7 +61,6 @@ def write_path(program: Program, replacement: Replacement) -> bytes:
         *_insertions(program.data, words, values, touched, enough, least),
         *_arc_insertions(program.data, words, arcs),
     ]
-    others.sort(key=lambda each: each[0])
     numbers = [(words.numbers, values, touched, enough, least)]
     if len(words.arcs):
         size = arcs[0].shape
@@ -77,7 +76,7 @@ def write_path(program: Program, replacement: Replacement) -> bytes:
 def _spell_edits(
     data: bytes,
     numbers: list[tuple[Numbers, Array, BoolArray, IntArray, IntArray]],
-    others: list[tuple[int, int, bytes]],
+    others: list[Stretch],
 ) -> bytes:
     """Returns the bytes with other stretches spliced in and all touched numbers rewritten."""
     columns = [
@@ -87,13 +86,7 @@ def _spell_edits(
         )
     ]
     start, length, value, wanted, touched, enough, least = columns
-    if others:
-        first, size, texts = zip(*others, strict=True)
-        growth = np.cumsum([0, *(len(t) - s for t, s in zip(texts, size, strict=True))])
-        start = np.where(
-            start < 0, start, start + growth[np.searchsorted(first, start, side="right")]
-        )
-        data = splice_texts(data, first, size, texts)
+    data, start = put_stretches(data, others, start)
     tokens = Numbers(start=start, length=length, value=value)
     return respell_tokens(data, tokens, wanted, touched, enough, least)
 
@@ -183,7 +176,7 @@ def _insertions(
     touched: BoolArray,
     enough: IntArray,
     least: IntArray,
-) -> list[tuple[int, int, bytes]]:
+) -> list[Stretch]:
     """Returns (byte, 0, words) of left-out words, those of one place together."""
     shown = decimals_of(np.frombuffer(data, np.uint8), words.numbers.start, words.numbers.length)
     shown = np.where(shown < enough, np.maximum(shown, least), shown)
@@ -199,7 +192,7 @@ def _insertions(
     )  # fmt: skip
     rows, columns = np.nonzero(owed)
     gap = b" " if words.blank else b""
-    out: list[tuple[int, int, bytes]] = []
+    out: list[Stretch] = []
     styles = donor[rows, columns]
     starts = np.where(styles >= 0, words.numbers.start[styles, columns], -1)
     ends = starts + words.numbers.length[styles, columns]
@@ -229,11 +222,11 @@ def _style(data: bytes, numbers: Numbers, row: int, column: int) -> bytes:
 
 def _arc_insertions(
     data: bytes, words: PathWords, wanted: tuple[Array, BoolArray]
-) -> list[tuple[int, int, bytes]]:
+) -> list[Stretch]:
     """Returns (byte, 0, word) of components of a centre that were 0."""
     arcs, (values, touched) = words.arcs, wanted
     gap = b" " if words.blank else b""
-    out: list[tuple[int, int, bytes]] = []
+    out: list[Stretch] = []
     left_out = touched & (arcs.numbers.start < 0) & (arcs.kind == Centre.FROM_START)[:, None]
     fine = np.where(
         _is_inch(words)[arcs.end], 0.5 * 10.0 ** -_INCHES[1], 0.5 * 10.0 ** -_MILLIMETRES[1]
@@ -250,18 +243,9 @@ def _arc_insertions(
     return out
 
 
-def _whole(data: bytes, place: list[int], number: int) -> bytes:
-    """Returns a whole number in the base, and with at least the digits, of what stands there."""
-    text = data[place[0] : sum(place)]
-    if not text.startswith(b"'"):
-        return b"%d" % number
-    form = f"0{len(text) - 3}{'b' if text[1:2] in b'bB' else 'X'}"
-    return text[:2] + format(int(number), form).encode() + b"'"
-
-
 def _marks(
     program: Program, replacement: Replacement, words: PathWords, changed: BoolArray
-) -> list[tuple[int, int, bytes]]:
+) -> list[Stretch]:
     """Returns (first byte, bytes, text) of the configuration words that change."""
     new = np.asarray(replacement.words, dtype=np.int64)
     if not new.size:
@@ -270,7 +254,7 @@ def _marks(
     return [
         (
             *(place := words.marks[row, column].tolist()),
-            _whole(program.data, place, new[row, column]),
+            respell_word(program.data[place[0] : sum(place)], int(new[row, column])),
         )
         for row, column in np.argwhere(wanted & (new != program.words)).tolist()
     ]

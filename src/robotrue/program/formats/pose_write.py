@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
 
@@ -18,6 +18,7 @@ _SAME_POSITION: Final = 1e-11
 SAME_ROTATION: Final = 1e-10
 """Largest difference of a matrix element, or rad of an axis, that counts as unchanged."""
 _LARGEST: Final = 1e9
+Spans = TypeVar("Spans")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,6 +38,17 @@ class PrintedForm:
     turn: Callable[[Array, Array], Array]
     axis: float | Array
     unit: str
+
+
+def spans_of(program: Program, kind: type[Spans], dialect: str) -> Spans:
+    """Returns where the numbers of a program stand, in the table of its dialect.
+
+    Raises:
+        ShapeError: It was read by another one.
+    """
+    if not isinstance(program.spans, kind):
+        raise ShapeError(f"{program.name} was not read by the {dialect} dialect, but by another.")
+    return program.spans
 
 
 def changed_rows(program: Program, replacement: Replacement) -> BoolArray:

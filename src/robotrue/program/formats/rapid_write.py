@@ -16,16 +16,10 @@ from robotrue.core.arm_words import NO_WORD
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.rotations import quat_wxyz_from_matrix
 from robotrue.core.units import DEG, MM
-from robotrue.errors import ShapeError
-from robotrue.program.formats.number_table import Numbers, respell_tokens
+from robotrue.program.formats.number_table import Numbers, put_stretches, respell_tokens
 from robotrue.program.formats.path_kernels import decimals_of
-from robotrue.program.formats.pose_write import PrintedForm, changed_rows, new_values
-from robotrue.program.formats.written_out import (
-    NONE_WRITTEN,
-    WrittenOut,
-    put_texts,
-    shift_places,
-)
+from robotrue.program.formats.pose_write import PrintedForm, changed_rows, new_values, spans_of
+from robotrue.program.formats.written_out import NONE_WRITTEN, WrittenOut
 from robotrue.program.program import Program, Replacement
 
 _ENOUGH: Final = np.array([3] * 3 + [6] * 4 + [0] * 10)
@@ -63,9 +57,7 @@ def write_rapid(program: Program, replacement: Replacement) -> bytes:
     Raises:
         ShapeError: A changed row has a value that is not finite, or beyond 1e9 mm or deg.
     """
-    spans = program.spans
-    if not isinstance(spans, RapidSpans):
-        raise ShapeError(f"{program.name} was not read by the rapid dialect, but by another.")
+    spans = spans_of(program, RapidSpans, "rapid")
     values, touched = new_values(program, replacement, spans.numbers.value, spans.is_axis, _FORM)
     told = np.asarray(replacement.words, dtype=np.int64)
     pose = changed_rows(program, replacement) & ~spans.is_axis
@@ -79,8 +71,9 @@ def write_rapid(program: Program, replacement: Replacement) -> bytes:
         have = decimals_of(np.frombuffer(data, np.uint8), numbers.start, numbers.length)
         decimals = np.clip(have.max(axis=0), _WRITTEN, _MOST).tolist()
         texts = [_literal(values[row], decimals, axis=bool(spans.is_axis[row])) for row in rows]
-        data, places, moved = put_texts(data, spans.written, chosen.tolist(), texts)
-        numbers = replace(numbers, start=shift_places(numbers.start, places, moved))
+        stretches = spans.written.stretches(chosen.tolist(), texts)
+        data, start = put_stretches(data, stretches, numbers.start)
+        numbers = replace(numbers, start=start)
     is_axis = spans.is_axis[:, None]
     enough, least = np.where(is_axis, 3, _ENOUGH), np.where(is_axis, 4, _LEAST)
     return respell_tokens(data, numbers, values, touched, enough, least)

@@ -16,8 +16,7 @@ import numpy as np
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.units import DEG, MM
 from robotrue.program.euler import abc_from_matrices, matrices_from_abc
-from robotrue.program.formats.number_table import Numbers, respell_tokens
-from robotrue.program.formats.number_text import splice_texts
+from robotrue.program.formats.number_table import Numbers, Stretch, put_stretches, respell_tokens
 from robotrue.program.formats.pose_write import PrintedForm, new_values
 from robotrue.program.program import Program, Replacement
 
@@ -67,7 +66,7 @@ def rewritten(
     program: Program,
     replacement: Replacement,
     tokens: TargetTokens,
-    others: Sequence[tuple[int, int, bytes]],
+    others: Sequence[Stretch],
     *,
     aligned: bool,
 ) -> bytes:
@@ -77,7 +76,7 @@ def rewritten(
         program: As it was read.
         replacement: What its targets shall be.
         tokens: Where its numbers stand.
-        others: Other stretches (first byte, bytes, text), clear of the numbers.
+        others: Other stretches, clear of the numbers.
         aligned: A number after two or more blanks keeps its column where they allow it.
 
     Raises:
@@ -87,12 +86,7 @@ def rewritten(
         program, replacement, tokens.value, tokens.kind != POSE, _form_of(tokens)
     )
     touched &= tokens.length > 0
-    data, start = program.data, tokens.start
-    if others:
-        first, size, texts = zip(*sorted(others), strict=True)
-        growth = np.cumsum([0, *(len(t) - s for t, s in zip(texts, size, strict=True))])
-        start = start + growth[np.searchsorted(first, start, side="right")]
-        data = splice_texts(data, first, size, texts)
+    data, start = put_stretches(program.data, others, tokens.start)
     least = np.where(tokens.whole[tokens.kind] & (tokens.kind != POSE), 0, LEAST_DECIMALS)
     least = np.broadcast_to(least[:, None], values.shape)
     numbers = Numbers(start=start, length=tokens.length, value=tokens.value)

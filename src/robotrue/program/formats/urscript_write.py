@@ -13,9 +13,8 @@ import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.rotations import rotation_vector_from_matrix
-from robotrue.errors import ShapeError
 from robotrue.program.formats.number_table import Numbers, respell_tokens
-from robotrue.program.formats.pose_write import PrintedForm, new_values
+from robotrue.program.formats.pose_write import PrintedForm, new_values, spans_of
 from robotrue.program.program import Program, Replacement
 
 _ENOUGH: Final = 6
@@ -42,9 +41,7 @@ def write_urscript(program: Program, replacement: Replacement) -> bytes:
     Raises:
         ShapeError: A changed row has a value that is not finite, or beyond 1e9 m or rad.
     """
-    spans = program.spans
-    if not isinstance(spans, UrSpans):
-        raise ShapeError(f"{program.name} was not read by the urscript dialect, but by another.")
+    spans = spans_of(program, UrSpans, "urscript")
     values, touched = new_values(program, replacement, spans.numbers.value, spans.is_axis, _FORM)
     enough, least = (np.full(values.shape, few) for few in (_ENOUGH, _LEAST))
     return respell_tokens(program.data, spans.numbers, values, touched, enough, least)
