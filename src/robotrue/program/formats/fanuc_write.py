@@ -31,6 +31,7 @@ from robotrue.program.formats.path_kernels import decimals_of
 from robotrue.program.formats.pose_write import (
     changed_rows,
     find_moved,
+    new_words,
     require_printable,
     spans_of,
 )
@@ -96,10 +97,7 @@ def _configurations(
     program: Program, replacement: Replacement, spans: FanucSpans
 ) -> list[tuple[int, int, bytes]]:
     """Returns (first byte, bytes, text) of the letters and turns of CONFIG that change."""
-    changed = changed_rows(program, replacement)
-    words = np.asarray(replacement.words, dtype=np.int64)
-    new = changed[:, None] & (words != NO_WORD) & (program.words != NO_WORD)
-    new &= words != program.words
+    words, new = np.asarray(replacement.words), new_words(program, replacement)
     out: list[tuple[int, int, bytes]] = []
     for row in np.flatnonzero(new[: len(spans.place)].any(axis=1)).tolist():
         first, size = spans.config[row].tolist()

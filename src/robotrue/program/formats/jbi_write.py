@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robotrue.core.arm_words import NO_WORD, WORDS
+from robotrue.core.arm_words import WORDS
 from robotrue.core.arrays import IntArray
 from robotrue.program.formats.move_trail import line_start
-from robotrue.program.formats.pose_write import changed_rows, spans_of
+from robotrue.program.formats.pose_write import new_words, spans_of
 from robotrue.program.formats.target_tokens import TargetTokens, rewritten
 from robotrue.program.program import Program, Replacement
 
@@ -49,10 +49,8 @@ def _headers(
     program: Program, replacement: Replacement, spans: JbiSpans
 ) -> list[tuple[int, int, bytes]]:
     """Returns (place, 0, line) of every RCONF line to insert."""
-    changed = changed_rows(program, replacement)
-    words = np.asarray(replacement.words, dtype=np.int64)
-    new = changed[:, None] & (words != NO_WORD) & (program.words != NO_WORD)
-    wanted = np.where(new, words, program.words)
+    new = new_words(program, replacement)
+    wanted = np.where(new, replacement.words, program.words)
     if np.array_equal(wanted, program.words):
         return []
     rows = np.flatnonzero(spans.rconf >= 0)

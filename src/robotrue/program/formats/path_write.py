@@ -12,7 +12,6 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.core.arm_words import NO_WORD
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ShapeError
@@ -26,6 +25,7 @@ from robotrue.program.formats.pose_write import (
     SAME_ROTATION,
     changed_rows,
     find_moved,
+    new_words,
     require_printable,
 )
 from robotrue.program.program import Program, Replacement
@@ -52,7 +52,7 @@ def write_path(program: Program, replacement: Replacement) -> bytes:
     changed = changed_rows(program, replacement)
     values, touched = _compute_wanted(program, replacement, words, changed)
     enough, least = _decimals(words)
-    marks = _marks(program, replacement, words, changed)
+    marks = _marks(program, replacement, words)
     if not (touched.any() or marks):
         return program.data
     arcs = _arcs(program, words, values, touched)
@@ -243,18 +243,13 @@ def _arc_insertions(
     return out
 
 
-def _marks(
-    program: Program, replacement: Replacement, words: PathWords, changed: BoolArray
-) -> list[Stretch]:
+def _marks(program: Program, replacement: Replacement, words: PathWords) -> list[Stretch]:
     """Returns (first byte, bytes, text) of the configuration words that change."""
-    new = np.asarray(replacement.words, dtype=np.int64)
-    if not new.size:
-        return []
-    wanted = changed[:, None] & (new != NO_WORD) & (program.words != NO_WORD)
+    new = np.asarray(replacement.words)
     return [
         (
             *(place := words.marks[row, column].tolist()),
             respell_word(program.data[place[0] : sum(place)], int(new[row, column])),
         )
-        for row, column in np.argwhere(wanted & (new != program.words)).tolist()
+        for row, column in np.argwhere(new_words(program, replacement)).tolist()
     ]

@@ -8,6 +8,7 @@ from typing import Final, TypeVar
 
 import numpy as np
 
+from robotrue.core.arm_words import NO_WORD
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.compiled import PLAIN, compile_kernel
 from robotrue.errors import ShapeError
@@ -61,6 +62,13 @@ def changed_rows(program: Program, replacement: Replacement) -> BoolArray:
     if changed.shape != (len(program),):
         raise ShapeError(f"changed has shape {changed.shape}, expected ({len(program)},).")
     return changed
+
+
+def new_words(program: Program, replacement: Replacement) -> BoolArray:
+    """Returns the configuration words (n, w) that change: asked for, and known before."""
+    new = np.asarray(replacement.words, dtype=np.int64)
+    told = (new != NO_WORD) & (program.words != NO_WORD) & (new != program.words)
+    return np.asarray(changed_rows(program, replacement)[:, None] & told)
 
 
 def new_values(
