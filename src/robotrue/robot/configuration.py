@@ -17,13 +17,11 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arm_words import NO_WORD, WORDS, Maker
-from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
-from robotrue.core.poses import inverse as inverse_pose
+from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.rotations import wrap
-from robotrue.errors import ConfigurationError, ReachError
-from robotrue.robot.inverse import inverse_branches, require_opw
+from robotrue.errors import ConfigurationError
+from robotrue.robot.inverse import require_opw
 from robotrue.robot.model import Configuration, RobotModel
-from robotrue.robot.opw import OpwGeometry
 
 EDGE: Final = 1e-6
 """rad; an angle nearer than this to the edge of two words satisfies both."""
@@ -83,59 +81,6 @@ def kuka_status_turn(robot: RobotModel, joints: Array) -> tuple[IntArray, IntArr
     return np.asarray(status, dtype=np.int64), np.asarray(turn, dtype=np.int64)
 
 
-def joints_from_status_turn(
-    robot: RobotModel,
-    T_base_tool: Array,
-    status: int,
-    turn: int | None = None,
-    *,
-    near: Array | None = None,
-) -> Array:
-    """Returns the joints q (6,) rad of a pose with KUKA's status and turn.
-
-    Args:
-        robot: The arm; nominal geometry and its ``T_flange_tool`` are used.
-        T_base_tool: (4, 4).
-        status: S; bits 0 to 2 choose the branch.
-        turn: T; chooses the sign of every axis. Without it the turns nearest to ``near``.
-        near: (6,) rad, for axes the turn leaves open and for a straight wrist; zero of the
-            controller's axes if not given.
-
-    Raises:
-        ReachError: The pose cannot be reached with these words inside the limits.
-        ConfigurationError: Not an ortho-parallel arm.
-    """
-    T = frozen(T_base_tool, (4, 4), "T_base_tool")[None] @ inverse_pose(robot.T_flange_tool)
-    geometry, counting = require_opw(robot), _counting(robot)
-    seed = counting.to_model(np.zeros(6)) if near is None else np.asarray(near, dtype=np.float64)
-    options = inverse_branches(robot, T, reference=seed, geometry=geometry)[0]
-    options = options[~np.isnan(options).any(axis=1)]
-    fitting = options[[_has_status(robot, geometry, q, status) for q in options]]
-    wanted = np.full((len(fitting), 2), [NO_WORD, NO_WORD if turn is None else turn])
-    turned, allowed = on_turn(robot, "kuka", fitting, wanted, near=seed)
-    inside = turned[allowed]
-    if not len(inside):
-        words = f"S {status}" + ("" if turn is None else f", T {turn}")
-        have = sorted({int(kuka_status_turn(robot, q)[0]) for q in options})
-        raise ReachError(
-            f"{robot.name} does not reach this pose with {words} inside its joint limits; "
-            f"the pose has S {have if have else 'none'}.",
-            hint="check tool and base of the target, or leave S and T away.",
-        )
-    best: Array = inside[np.argmin(np.sum((inside - seed) ** 2, axis=1))]
-    return best
-
-
-def _has_status(robot: RobotModel, geometry: OpwGeometry, joints: Array, status: int) -> bool:
-    """Whether S fits; a bit whose quantity is on the edge fits either way."""
-    _, fold, ahead = geometry.posture(joints)
-    bend = wrap(controller_axes(robot, joints)[4])
-    on_edge = np.abs([ahead, fold, bend]) < EDGE
-    have = int(kuka_status_turn(robot, joints)[0])
-    different = (have ^ status) & 7
-    return all(on_edge[bit] for bit in range(3) if different >> bit & 1)
-
-
 def abb_confdata(robot: RobotModel, joints: Array) -> IntArray:
     """Returns ABB's cf1, cf4, cf6, cfx (..., 4) of joints q (..., 6) rad.
 
@@ -175,19 +120,6 @@ def fanuc_words(robot: RobotModel, joints: Array) -> IntArray:
     turns = np.rint(axes[..., 3:] / _TURN)
     out = np.concatenate([np.stack([np.asarray(x) for x in letters], axis=-1), turns], axis=-1)
     return out.astype(np.int64)
-
-
-def fanuc_config(robot: RobotModel, joints: Array) -> str:
-    """Returns Fanuc's CONFIG of joints q (6,) rad, e.g. ``"N U T, 0, 0, 0"``.
-
-    Letters and turns as :func:`fanuc_words`.
-
-    Raises:
-        ConfigurationError: Not an ortho-parallel arm.
-    """
-    words = fanuc_words(robot, frozen(joints, (6,), "joints"))
-    letters = " ".join(pair[w] for pair, w in zip(("NF", "DU", "BT"), words[:3], strict=True))
-    return f"{letters}, {words[3]}, {words[4]}, {words[5]}"
 
 
 def yaskawa_rconf(robot: RobotModel, joints: Array) -> IntArray:
