@@ -80,18 +80,16 @@ def test_splicing_touches_what_it_is_told(parts: list[tuple[bytes, bytes, bytes]
     for kept, old, new in parts:
         starts.append(len(data) + len(kept))
         data, want = data + kept + old, want + kept + new
-    lengths, texts = [len(old) for _, old, _ in parts], [new for _, _, new in parts]
-    assert splice_texts(data, starts, lengths, texts) == want
-    assert splice_texts(data, [], [], []) == data
+    stretches = [(at, len(old), new) for at, (_, old, new) in zip(starts, parts, strict=True)]
+    assert splice_texts(data, stretches) == want
+    assert splice_texts(data, []) == data
 
 
 def test_stretches_must_not_overlap() -> None:
     with pytest.raises(ShapeError, match="bytes 1 to 3 cannot be replaced, expected 2 to 4"):
-        splice_texts(b"abcd", [0, 1], [2, 2], [b"x", b"y"])
+        splice_texts(b"abcd", [(0, 2, b"x"), (1, 2, b"y")])
     with pytest.raises(ShapeError, match="cannot be replaced"):
-        splice_texts(b"abcd", [3], [2], [b"x"])
-    with pytest.raises(ShapeError, match="1 starts, 1 lengths, 0 texts"):
-        splice_texts(b"abcd", [3], [1], [])
+        splice_texts(b"abcd", [(3, 2, b"x")])
 
 
 SIXTEEN_DIGITS = [

@@ -7,17 +7,15 @@ from collections.abc import Sequence
 from typing import Final
 
 from robotrue.program.formats.move_trail import line_start
+from robotrue.program.formats.number_text import Stretch, splice_texts
 
 _NAME: Final = re.compile(rb"\s*P\s*\[[^\]]*\]")
 _CLOSE: Final = re.compile(rb"\}\s*;[ \t]*(?:\r\n|\n|\r)?")
 MOST: Final = 32_766
 """Highest number of a position."""
 
-Edit = tuple[int, int, bytes]
-"""First byte, bytes that go, text that comes."""
 
-
-def copy_record(data: bytes, place: int, last: int, number: int, edits: Sequence[Edit]) -> bytes:
+def copy_record(data: bytes, place: int, last: int, number: int, edits: Sequence[Stretch]) -> bytes:
     """Returns a copy of a record with another number.
 
     Args:
@@ -31,13 +29,9 @@ def copy_record(data: bytes, place: int, last: int, number: int, edits: Sequence
     close = _CLOSE.search(data, last)
     end = close.end() if close else len(data)
     head = _NAME.match(data, begin)
-    out: list[bytes] = []
-    cursor = begin
     name = (begin, head.end() - begin if head else 0, b"P[%d]" % number)
-    for first, size, text in sorted([name, *edits]):
-        out += data[cursor:first], text
-        cursor = first + size
-    return b"".join([*out, data[cursor:end]])
+    inside = [(first - begin, size, text) for first, size, text in (name, *edits)]
+    return splice_texts(data[begin:end], inside)
 
 
 def print_record(

@@ -13,11 +13,10 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.core.arm_words import NO_WORD
 from robotrue.errors import ShapeError
 from robotrue.program.formats.fanuc_copies import MOST, behind_records, copy_record
-from robotrue.program.formats.fanuc_scan import FanucScan, scan
-from robotrue.program.formats.fanuc_write import config_word, read_config
+from robotrue.program.formats.fanuc_scan import STATEMENT, FanucScan, list_statements, scan
+from robotrue.program.formats.fanuc_write import config_edits
 from robotrue.program.formats.move_trail import (
     UNKNOWN,
     MoveGroup,
@@ -27,13 +26,13 @@ from robotrue.program.formats.move_trail import (
     line_start,
     put_in,
 )
+from robotrue.program.formats.number_text import Stretch
 from robotrue.program.formats.numbered_insert import Run, Step, new_numbers, next_number, pair_of
 from robotrue.program.formats.one_file_insert import OneFileInserter
 from robotrue.program.formats.text_lines import line_starts
 from robotrue.program.insertion import Insertion, Moves, Obstacle
 from robotrue.program.program import Program
 
-_STATEMENT: Final = re.compile(rb"\s*+(?:(\d{0,6}+)\s*+:)?+([^;]*+);[ \t]*+(?:\r\n|\n|\r)?")
 _MOVE: Final = re.compile(rb"[ \t]*([JLCAS])[ \t]+(P|PR)\s*\[", re.DOTALL)
 _TARGET: Final = re.compile(rb"\bP\s*+\[\s*+(\d{1,6})\s*+(?::(?:(?!\bP\s*\[)[^\]])*+)?\]")
 _TIMED: Final = re.compile(rb"\d\s*m?sec\b(?!\w)|\bR\[[^\[\]]*+\]\s*+m?sec", re.IGNORECASE)
@@ -62,13 +61,9 @@ class _Reader:
 
     def read(self) -> None:
         """Reads every statement."""
-        at, end = self.found.statements
         self.trail.routine()
-        match = _STATEMENT.match(self.data, at, end)
-        while match is not None:
+        for match in list_statements(self.data, *self.found.statements):
             self._statement(match)
-            at = match.end()
-            match = _STATEMENT.match(self.data, at, end)
         self.run.close()
 
     def _statement(self, match: re.Match[bytes]) -> None:
@@ -144,7 +139,7 @@ class _Writer:
         """Returns the bytes."""
         if not len(self.insertion):
             return self.data
-        edits: list[tuple[int, int, bytes]] = []
+        edits: list[Stretch] = []
         places: list[tuple[int, int]] = []  # where how many statements are put in
         for group in groups(self.moves, self.insertion):
             copies = self._number_copies(self._copies(group), sum(n for _, n in places))
@@ -177,7 +172,7 @@ class _Writer:
             pairs = zip(names[::2], names[1::2], strict=True)
             copies = [parts[0] + a + parts[1] + b + parts[2] for a, b in pairs]
         else:
-            match = _STATEMENT.match(data, s.other)
+            match = STATEMENT.match(data, s.other)
             around = pair_of(data, s, match.end() if match else s.target_end)
             copies = [around[k % 2][0] + n + around[k % 2][1] for k, n in enumerate(names)]
         return [_FINE.sub(b"CNT100", copy) for copy in copies]
@@ -201,29 +196,16 @@ class _Writer:
         )
         starts, sizes = tokens.start[model].tolist(), tokens.length[model].tolist()
         edits = [*zip(starts, sizes, values, strict=True)]
-        edits += self._config(model, self.insertion.words[row].tolist())
+        words = self.insertion.words[row].tolist()
+        edits += config_edits(self.data, self.found.config[model].tolist(), words)
         place = int(self.found.place[model])
         self.records.append(copy_record(self.data, place, starts[5], number, edits))
         return b"P[%d]" % number
 
-    def _config(self, model: int, words: list[int]) -> list[tuple[int, int, bytes]]:
-        """Returns the letters and turns of CONFIG that are not those of the model."""
-        first, size = self.found.config[model].tolist()
-        known = read_config(self.data[first : first + size]) if first >= 0 else None
-        if known is None:
-            return []
-        return [
-            (first + begin, end - begin, config_word(column, word))
-            for column, (word, (begin, end)) in enumerate(zip(words, known[1], strict=True))
-            if word != NO_WORD
-        ]
-
-    def _renumber_lines(self, places: list[tuple[int, int]]) -> list[tuple[int, int, bytes]]:
+    def _renumber_lines(self, places: list[tuple[int, int]]) -> list[Stretch]:
         """Returns the new numbers of the lines behind the first statement that is put in."""
-        at, end = self.found.statements
         out, k, more = [], 0, 0
-        match = _STATEMENT.match(self.data, at, end)
-        while match is not None:
+        for match in list_statements(self.data, *self.found.statements):
             while k < len(places) and places[k][0] <= match.start(2):
                 more += places[k][1]
                 k += 1
@@ -234,8 +216,6 @@ class _Writer:
                 while blanks < len(text) - size and self.data[first - 1 : first] == b" ":
                     first, size, blanks = first - 1, size + 1, blanks + 1
                 out.append((first, size, text))
-            at = match.end()
-            match = _STATEMENT.match(self.data, at, end)
         return out
 
     def _behind(self) -> int:

@@ -31,12 +31,11 @@ from robotrue.program.formats.fanuc_offsets import (
     read_offset,
     target_of,
 )
-from robotrue.program.formats.fanuc_scan import FanucScan
+from robotrue.program.formats.fanuc_scan import FanucScan, list_statements
 from robotrue.program.formats.fanuc_values import State
 from robotrue.program.formats.text_lines import line_at, line_starts
 from robotrue.program.program import Motion, Reason
 
-_STATEMENT: Final = re.compile(rb"\s*+(?:\d{0,6}+\s*+:)?+([^;]*+);")
 _PLAIN: Final = re.compile(rb"[ \t]*([JLS])[ \t]+P\[(\d{1,6})(?::[^\]]*)?\](.*)", re.DOTALL)
 _MOVE: Final = re.compile(rb"\s*([JLCAS])\s+(P|PR)\s*\[(.*)", re.DOTALL)
 _TARGET: Final = re.compile(rb"\b(P|PR)\s*+\[\s*+([^\]:]*+)(?::[^\]]*+)?\]")
@@ -128,11 +127,9 @@ def moves(
     """
     walk = _Walk(scan, name, harmless, registers or {})
     at, end = scan.statements
-    match = _STATEMENT.match(scan.data, at, end)
-    while match is not None:
-        walk.statement(match.start(1), match[1])
+    for match in list_statements(scan.data, at, end):
+        walk.statement(match.start(2), match[2])
         at = match.end()
-        match = _STATEMENT.match(scan.data, at, end)
     rest = scan.data[at:end]
     if rest.strip():
         at += len(rest) - len(rest.lstrip())

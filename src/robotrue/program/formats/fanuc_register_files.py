@@ -15,7 +15,7 @@ from robotrue.program.controller_files import NUMBER, all_finite
 from robotrue.program.formats.fanuc_registers import (
     Effects,
     Registers,
-    list_statements,
+    effective_statements,
 )
 from robotrue.program.formats.fanuc_scan import FanucScan
 from robotrue.program.formats.fanuc_values import RegisterPose, State
@@ -65,7 +65,7 @@ def follow_registers(
     if _has_other_groups(found.data, first):
         return {}, ("registers of a program that moves several groups are not followed.",)
     begin, said = _start(frames, effects)
-    known = Registers(list_statements(found.data, first, last), _points(found), begin, effects)
+    known = Registers(effective_statements(found.data, first, last), _points(found), begin, effects)
     return known.at, said
 
 

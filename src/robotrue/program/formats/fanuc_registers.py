@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
+from robotrue.program.formats.fanuc_scan import list_statements
 from robotrue.program.formats.fanuc_values import (
     OffsetCondition,
     RegisterPose,
@@ -47,7 +48,6 @@ _LABEL: Final = re.compile(rb"LBL\[[ \t]*(\d{1,6})")
 _JUMPS: Final = re.compile(rb"\bLBL\[[ \t]*(\d{1,6}|[^\]]*)")
 _FOR: Final = re.compile(rb"FOR[ \t]+R\[[ \t]*(\d{1,6})")
 _MOVE: Final = re.compile(rb"[JLCAS]\s+PR?\s*\[")
-_STATEMENT: Final = re.compile(rb"\s*+(?:\d{0,6}+\s*+:)?+([^;]*+);")
 _PROG: Final = re.compile(rb"^/PROG[ \t]+(\w+)", re.MULTILINE)
 _QUIET: Final = re.compile(
     rb"(?:[DRASGU][IO]|UO|F|M)\[[^\]]*\][ \t]*=|WAIT[ \t]+[\d.]|PAYLOAD|END$"
@@ -56,16 +56,14 @@ _MOST: Final = 4_000_000
 """Blocks times names; beyond, nothing is taken as known."""
 
 
-def list_statements(data: bytes, first: int, last: int) -> list[Statement]:
+def effective_statements(data: bytes, first: int, last: int) -> list[Statement]:
     """Returns the statements between two places; comments and remarked ones are left out."""
-    out = []
-    match = _STATEMENT.match(data, first, last)
-    while match is not None:
-        text = match[1].lstrip()
-        if text and not text.startswith((b"!", b"//", b"--")):
-            out.append((match.end(1) - len(text), text.rstrip()))
-        match = _STATEMENT.match(data, match.end(), last)
-    return out
+    found = ((match.end(2), match[2].lstrip()) for match in list_statements(data, first, last))
+    return [
+        (end - len(text), text.rstrip())
+        for end, text in found
+        if text and not text.startswith((b"!", b"//", b"--"))
+    ]
 
 
 def list_effects(files: Sequence[tuple[str, bytes]], harmless: Sequence[str]) -> Effects:
@@ -81,7 +79,7 @@ def list_effects(files: Sequence[tuple[str, bytes]], harmless: Sequence[str]) ->
         match = _PROG.search(data)
         if match is None:
             continue
-        text = b";".join(text for _, text in list_statements(data, match.end(), len(data)))
+        text = b";".join(text for _, text in effective_statements(data, match.end(), len(data)))
         name = match[1].decode("latin-1").lower()
         own[name] = _set_names(text)
         calls[name] = {each.decode("latin-1").lower() for each in _CALLED.findall(text)}
@@ -146,7 +144,7 @@ class Registers:
         """Goes through the program.
 
         Args:
-            statements: As :func:`list_statements` returns them.
+            statements: As :func:`effective_statements` returns them.
             points: Positions that no statement changes, by number.
             start: What is known where the program begins.
             effects: What programs that are called may set.

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from array import array
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import chain
 from typing import Final, NoReturn
@@ -40,6 +41,7 @@ _NAMES: Final[dict[tuple[bytes, ...], int]] = {
     (b"X", b"Y", b"Z", b"W", b"P", b"R"): 0,
     (b"J1", b"J2", b"J3", b"J4", b"J5", b"J6"): 1,
 }
+STATEMENT: Final = re.compile(rb"\s*+(?:(\d{0,6}+)\s*+:)?+([^;]*+);[ \t]*+(?:\r\n|\n|\r)?")
 _AT_ONCE: Final = 8192
 """Records read by one call of the compiled loop."""
 _UNITS: Final = ((b"mm", b"mm", b"mm", b"deg", b"deg", b"deg"), (b"deg",) * 6)
@@ -78,6 +80,14 @@ class FanucScan:
     external: dict[int, list[tuple[int, str, float]]]
     others: dict[int, int]
     statements: tuple[int, int]
+
+
+def list_statements(data: bytes, first: int, last: int) -> Iterator[re.Match[bytes]]:
+    """Yields the statements between two places: line number and text are groups 1 and 2."""
+    match = STATEMENT.match(data, first, last)
+    while match is not None:
+        yield match
+        match = STATEMENT.match(data, match.end(), last)
 
 
 def scan(data: bytes, *, name: str) -> FanucScan:

@@ -7,6 +7,7 @@ at least three decimals. In CONFIG only the letters and turns that change are re
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -19,14 +20,13 @@ from robotrue.core.units import DEG, MM
 from robotrue.errors import ShapeError
 from robotrue.program.formats.fanuc_copies import (
     MOST,
-    Edit,
     behind_records,
     copy_record,
     print_record,
 )
 from robotrue.program.formats.fanuc_offsets import MoveTarget
 from robotrue.program.formats.move_trail import line_end
-from robotrue.program.formats.number_text import restyle
+from robotrue.program.formats.number_text import Stretch, restyle, splice_texts
 from robotrue.program.formats.path_kernels import decimals_of
 from robotrue.program.formats.pose_write import (
     changed_rows,
@@ -88,27 +88,37 @@ def write_fanuc(program: Program, replacement: Replacement) -> bytes:
         ShapeError: A changed row has a value that is not finite, or beyond 1e9 mm or deg.
     """
     spans = spans_of(program, FanucSpans, "fanuc_ls")
-    others = _configurations(program, replacement, spans)
-    others += _write_out(program, replacement, spans)
+    words = np.where(new_words(program, replacement), replacement.words, NO_WORD)
+    others = _write_out(program, replacement, spans, words)
+    for row in np.flatnonzero((words[: len(spans.place)] != NO_WORD).any(axis=1)).tolist():
+        others += config_edits(program.data, spans.config[row].tolist(), words[row].tolist())
     return rewritten(program, replacement, spans.tokens, others, aligned=True)
 
 
-def _configurations(
-    program: Program, replacement: Replacement, spans: FanucSpans
-) -> list[tuple[int, int, bytes]]:
-    """Returns (first byte, bytes, text) of the letters and turns of CONFIG that change."""
-    words, new = np.asarray(replacement.words), new_words(program, replacement)
-    out: list[tuple[int, int, bytes]] = []
-    for row in np.flatnonzero(new[: len(spans.place)].any(axis=1)).tolist():
-        first, size = spans.config[row].tolist()
-        found = read_config(program.data[first : first + size])
-        for column in np.flatnonzero(new[row]).tolist() if found else ():
-            begin, end = found[1][column] if found else (0, 0)
-            out.append((first + begin, end - begin, config_word(column, int(words[row, column]))))
-    return out
+def config_edits(data: bytes, place: Sequence[int], words: Sequence[int]) -> list[Stretch]:
+    """Returns what makes CONFIG say new words; nothing where its text has not the known form.
+
+    Args:
+        data: Bytes it stands in.
+        place: First byte and length of its text, -1 where there is none.
+        words: The six; ``NO_WORD`` stays.
+    """
+    first, size = place
+    known = read_config(data[first : first + size]) if first >= 0 else None
+    return (
+        [
+            (first + begin, end - begin, _spell_word(column, word))
+            for column, (word, (begin, end)) in enumerate(zip(words, known[1], strict=True))
+            if word != NO_WORD
+        ]
+        if known
+        else []
+    )
 
 
-def _write_out(program: Program, replacement: Replacement, spans: FanucSpans) -> list[Edit]:
+def _write_out(
+    program: Program, replacement: Replacement, spans: FanucSpans, words: IntArray
+) -> list[Stretch]:
     """Returns the edits of targets with rows of their own: their names, and new records.
 
     One that is left alone gets a record, too, where the record it names is changed for others.
@@ -119,7 +129,7 @@ def _write_out(program: Program, replacement: Replacement, spans: FanucSpans) ->
     place, turn, axes = find_moved(program, replacement)
     posed = spans.tokens.kind == POSE
     moved = changed & np.where(posed, place.any(axis=1) | turn, axes.any(axis=1))
-    out: list[Edit] = []
+    out: list[Stretch] = []
     records: list[bytes] = []
     for row, target in enumerate(spans.written, len(spans.place)):
         if not (moved[row] or (target.row >= 0 and moved[target.row])):
@@ -128,7 +138,7 @@ def _write_out(program: Program, replacement: Replacement, spans: FanucSpans) ->
         if number > MOST:
             raise ShapeError(f"P[{number}] is no position: numbers end at {MOST}.")
         values = _values_of(program, replacement, spans, row, changed=bool(moved[row]))
-        records.append(_record(program, replacement, spans, row, number, values))
+        records.append(_record(program, spans, row, number, values, words[row].tolist()))
         out += [(first, end - first, b"P[%d]" % number) for first, end in target.spans]
     if records:
         out.append((behind_records(program.data, spans.end), 0, b"".join(records)))
@@ -152,38 +162,20 @@ def _values_of(
 
 
 def _record(
-    program: Program,
-    replacement: Replacement,
-    spans: FanucSpans,
-    row: int,
-    number: int,
-    values: Array,
+    program: Program, spans: FanucSpans, row: int, number: int, values: Array, words: list[int]
 ) -> bytes:
     """Returns the record of a target: a copy of the one its moves name, or of a register."""
     target, data, tokens = spans.written[row - len(spans.place)], program.data, spans.tokens
-    new = np.asarray(replacement.words)[row].tolist()
     if target.pose is not None:
-        config = b"".join(
-            text
-            for _, _, text in _respell_config(target.pose.config, program, row, new, whole=True)
-        )
+        config = target.pose.config
+        config = splice_texts(config, config_edits(config, (0, len(config)), words))
         shown = decimals_of(np.frombuffer(data, np.uint8), tokens.start, tokens.length)
         decimals = np.clip(shown.max(axis=0, initial=0), LEAST_DECIMALS, _MOST_DECIMALS).tolist()
         return print_record(
             number, values.tolist(), decimals, target.in_force, config, line_end(data)
         )
     model = target.row
-    first, size = spans.config[model].tolist()
-    edits = (
-        [
-            (first + begin, length, text)
-            for begin, length, text in _respell_config(
-                data[first : first + size], program, row, new
-            )
-        ]
-        if first >= 0
-        else []
-    )
+    edits = config_edits(data, spans.config[model].tolist(), words)
     starts, sizes = tokens.start[model].tolist(), tokens.length[model].tolist()
     for start, length, value in zip(starts, sizes, values.tolist(), strict=True):
         token = data[start : start + length]
@@ -191,26 +183,6 @@ def _record(
     return copy_record(data, int(spans.place[model]), starts[5], number, edits)
 
 
-def _respell_config(
-    text: bytes, program: Program, row: int, new: list[int], *, whole: bool = False
-) -> list[Edit]:
-    """Returns the edits of CONFIG's text that make it say new words; all of it with ``whole``."""
-    known = read_config(text)
-    old, spans = program.words[row].tolist(), known[1] if known else [(0, 0)] * len(new)
-    edits = [
-        (begin, end - begin, config_word(column, word))
-        for column, (word, (begin, end)) in enumerate(zip(new, spans, strict=True))
-        if known and word not in (NO_WORD, old[column])
-    ]
-    if not whole:
-        return edits
-    parts, at = [], 0
-    for begin, size, word in edits:
-        parts += [text[at:begin], word]
-        at = begin + size
-    return [(0, len(text), b"".join([*parts, text[at:]]))]
-
-
-def config_word(column: int, value: int) -> bytes:
+def _spell_word(column: int, value: int) -> bytes:
     """Returns a word of CONFIG as it is printed: a letter, or a turn."""
     return (_LETTERS[column][value] if column < 3 else str(value)).encode()

@@ -28,7 +28,7 @@ from robotrue.program.formats.move_trail import (
     pose_in,
     repeat_statement,
 )
-from robotrue.program.formats.number_text import restyle
+from robotrue.program.formats.number_text import Stretch, restyle
 from robotrue.program.formats.statement_insert import MoveCopy, StatementInserter
 from robotrue.program.formats.text_lines import line_starts
 from robotrue.program.insertion import Obstacle, job_rows
@@ -78,7 +78,7 @@ def _read_job(trail: Trail, job: Sequence[Program]) -> None:
         _Reader(trail, stored, file, program, int(first[file]), own).read()
 
 
-def _copy_move(copy: MoveCopy) -> list[tuple[int, int, bytes]]:
+def _copy_move(copy: MoveCopy) -> list[Stretch]:
     """The lines put in before a move, and its own target with the numbers that it left out."""
     data, insertion = copy.data, copy.insertion
     s = _whole(data, copy.statement)

@@ -18,7 +18,7 @@ import numpy as np
 
 from robotrue.core.arrays import Array, IntArray
 from robotrue.errors import ShapeError
-from robotrue.program.formats.number_text import splice_texts
+from robotrue.program.formats.number_text import Stretch, splice_texts
 from robotrue.program.insertion import Insertion, Moves, Obstacle
 from robotrue.program.program import Motion, Program
 
@@ -212,15 +212,10 @@ def repeat_statement(
     return [head + via + between + end + tail for via, end in pairs]
 
 
-def put_in(
-    programs: Sequence[Program], edits: Sequence[list[tuple[int, int, bytes]]]
-) -> list[bytes]:
-    """Returns the bytes of every program with its stretches (first byte, bytes, text) replaced."""
-    out = []
-    for program, own in zip(programs, edits, strict=True):
-        starts, sizes, texts = zip(*own, strict=True) if own else ((), (), ())
-        out.append(splice_texts(program.data, starts, sizes, texts) if own else program.data)
-    return out
+def put_in(programs: Sequence[Program], edits: Sequence[list[Stretch]]) -> list[bytes]:
+    """Returns the bytes of every program with its stretches replaced."""
+    pairs = zip(programs, edits, strict=True)
+    return [splice_texts(program.data, own) if own else program.data for program, own in pairs]
 
 
 def line_start(data: bytes, place: int) -> int:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from array import array
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final, TypeAlias
+from typing import Final
 
 import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.program.formats.number_kernels import SLACK, literal_numbers, pick_tokens, respell
-from robotrue.program.formats.number_text import restyle, splice_texts
+from robotrue.program.formats.number_text import Stretch, restyle, splice_texts
 
 _WIDEST: Final = 28
 """Bytes one rewritten number can take: sign, nine digits, point, fifteen decimals."""
@@ -90,10 +90,6 @@ class NumberTable:
         return Numbers(start=start, length=length, value=value)
 
 
-Stretch: TypeAlias = tuple[int, int, bytes]
-"""First byte and bytes of what is replaced, and what takes its place."""
-
-
 def put_stretches(
     data: bytes, stretches: Sequence[Stretch], start: IntArray
 ) -> tuple[bytes, IntArray]:
@@ -106,10 +102,11 @@ def put_stretches(
     """
     if not stretches:
         return data, start
-    first, size, texts = zip(*sorted(stretches, key=lambda each: each[:2]), strict=True)
-    growth = np.cumsum([0, *(len(t) - s for t, s in zip(texts, size, strict=True))])
+    ordered = sorted(stretches, key=lambda each: each[:2])
+    growth = np.cumsum([0, *(len(text) - size for _, size, text in ordered)])
+    first = [place for place, _, _ in ordered]
     moved = start + growth[np.searchsorted(first, start, side="right")]
-    return splice_texts(data, first, size, texts), np.where(start < 0, start, moved)
+    return splice_texts(data, ordered), np.where(start < 0, start, moved)
 
 
 def _respell_odd(token: bytes, value: float, least: int) -> bytes:

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
-from typing import Final
+from collections.abc import Iterable, Sequence
+from typing import Final, TypeAlias
 
 from robotrue.errors import ShapeError
 
@@ -23,6 +23,8 @@ _PARTS: Final = re.compile(rb"([+-]?)(\d*)(\.?)(\d*)(?:([eE])([+-]?)(\d+))?")
 _FINE: Final = 6
 """Least decimals of a number with an exponent: the style of ``1E3`` holds no correction."""
 LARGEST: Final = 1e9
+Stretch: TypeAlias = tuple[int, int, bytes]
+"""First byte and bytes of what is replaced, and what takes its place."""
 
 
 def restyle(token: bytes, value: float, *, least: int = 0) -> bytes:
@@ -76,36 +78,33 @@ def respell_literal(literal: bytes, values: Sequence[float], least: Sequence[int
     Raises:
         ShapeError: A value that is infinite or not below 1e9.
     """
-    pieces: list[bytes] = []
-    cursor = 0
     tokens = re.finditer(WHOLE_NUMBER, literal)
-    for token, value, digits in zip(tokens, values, least, strict=False):
-        text = token[0] if math.isnan(value) else restyle(token[0], value, least=digits)
-        pieces += literal[cursor : token.start()], text
-        cursor = token.end()
-    return b"".join(pieces) + literal[cursor:]
+    return splice_texts(
+        literal,
+        [
+            (token.start(), len(token[0]), restyle(token[0], value, least=digits))
+            for token, value, digits in zip(tokens, values, least, strict=False)
+            if not math.isnan(value)
+        ],
+    )
 
 
-def splice_texts(
-    data: bytes, starts: Sequence[int], lengths: Sequence[int], texts: Sequence[bytes]
-) -> bytes:
-    """Returns ``data`` with ``data[start : start + length]`` replaced by each text, in any order.
+def splice_texts(data: bytes, stretches: Iterable[Stretch]) -> bytes:
+    """Returns the bytes with stretches replaced; those that begin at one place keep their order.
 
     Raises:
-        ShapeError: The three differ in length, or two stretches overlap or leave the data.
+        ShapeError: Two stretches overlap, or one leaves the data.
     """
-    if not len(starts) == len(lengths) == len(texts):
-        raise ShapeError(f"{len(starts)} starts, {len(lengths)} lengths, {len(texts)} texts.")
     pieces: list[bytes] = []
     cursor = 0
-    for at in sorted(range(len(starts)), key=starts.__getitem__):
-        start, end = int(starts[at]), int(starts[at] + lengths[at])
-        if not cursor <= start <= end <= len(data):
+    for start, size, text in sorted(stretches, key=lambda each: each[:2]):
+        if not cursor <= start <= start + size <= len(data):
             raise ShapeError(
-                f"bytes {start} to {end} cannot be replaced, expected {cursor} to {len(data)}."
+                f"bytes {start} to {start + size} cannot be replaced, expected {cursor} to "
+                f"{len(data)}."
             )
-        pieces += data[cursor:start], texts[at]
-        cursor = end
+        pieces += data[cursor:start], text
+        cursor = start + size
     pieces.append(data[cursor:])
     return b"".join(pieces)
 

@@ -29,7 +29,7 @@ from robotrue.program.formats.move_trail import (
     line_end,
     put_in,
 )
-from robotrue.program.formats.number_text import WHOLE_NUMBER, restyle
+from robotrue.program.formats.number_text import WHOLE_NUMBER, Stretch, restyle, splice_texts
 from robotrue.program.formats.path_words import PathWords, Turn, printed_angles
 from robotrue.program.formats.text_lines import line_starts
 from robotrue.program.insertion import Insertion, Moves, Obstacle
@@ -96,7 +96,7 @@ class PathInserter:
             ShapeError: A move with an obstacle, or a value that cannot be written.
         """
         first = np.concatenate([[0], np.cumsum([len(program) for program in job])])
-        edits: list[list[tuple[int, int, bytes]]] = [[] for _ in job]
+        edits: list[list[Stretch]] = [[] for _ in job]
         for group in groups(moves, insertion):
             s = group.statement
             program, row = job[s.file], int(moves.end[group.move] - first[s.file])
@@ -262,21 +262,17 @@ def _copy(program: Program, row: int, s: TrailStatement, position: Array, rotati
 
 def _row(line: bytes, words: PathWords, row: int, begin: int, texts: list[bytes]) -> bytes:
     """Returns a line of a table with other numbers."""
-    out: list[bytes] = []
-    cursor = 0
-    order = np.argsort(words.numbers.start[row, : len(texts)], kind="stable")
-    for column in order.tolist():
-        start = int(words.numbers.start[row, column]) - begin
-        out += line[cursor:start], texts[column]
-        cursor = start + int(words.numbers.length[row, column])
-    return b"".join([*out, line[cursor:]]).rstrip(b"\r\n")
+    starts, sizes = (each[row].tolist() for each in (words.numbers.start, words.numbers.length))
+    cells = zip(starts, sizes, texts, strict=False)
+    new = splice_texts(line, [(start - begin, size, text) for start, size, text in cells])
+    return new.rstrip(b"\r\n")
 
 
 def _is_arc(program: Program, row: int) -> bool:
     return bool(program.motion[row] == Motion.ARC_END)
 
 
-def _straighten(program: Program, row: int, s: TrailStatement) -> list[tuple[int, int, bytes]]:
+def _straighten(program: Program, row: int, s: TrailStatement) -> list[Stretch]:
     """Returns what makes the block of an arc one of a line: G1, and no centre or radius."""
     block = _BLOCK.match(program.data, s.begin, s.end)
     end = block.end() if block else s.end
@@ -294,7 +290,7 @@ def _straighten(program: Program, row: int, s: TrailStatement) -> list[tuple[int
     return out
 
 
-def _resume_arcs(program: Program, rows: IntArray) -> list[tuple[int, int, bytes]]:
+def _resume_arcs(program: Program, rows: IntArray) -> list[Stretch]:
     """Returns the G2 or G3 that arcs behind those that became lines had left out."""
     if not len(rows):
         return []
@@ -314,7 +310,7 @@ def _resume_arcs(program: Program, rows: IntArray) -> list[tuple[int, int, bytes
     return out
 
 
-def _complete_words(program: Program, row: int) -> list[tuple[int, int, bytes]]:
+def _complete_words(program: Program, row: int) -> list[Stretch]:
     """Returns the words a row leaves out, to stand behind its others."""
     words: PathWords = program.spans
     missing: IntArray = np.flatnonzero(

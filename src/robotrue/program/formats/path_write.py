@@ -17,8 +17,8 @@ from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ShapeError
 from robotrue.program.formats.apt_arcs import MISS
 from robotrue.program.formats.gcode_arcs import Centre, PlaneArcs, middles, moved_words
-from robotrue.program.formats.number_table import Numbers, Stretch, put_stretches, respell_tokens
-from robotrue.program.formats.number_text import respell_word, restyle
+from robotrue.program.formats.number_table import Numbers, put_stretches, respell_tokens
+from robotrue.program.formats.number_text import Stretch, respell_word, restyle
 from robotrue.program.formats.path_kernels import decimals_of, owed_words
 from robotrue.program.formats.path_words import PathWords, Turn, printed_angles
 from robotrue.program.formats.pose_write import (

@@ -28,7 +28,7 @@ from robotrue.program.formats.move_trail import (
     line_end,
     repeat_statement,
 )
-from robotrue.program.formats.number_text import WHOLE_NUMBER, respell_literal
+from robotrue.program.formats.number_text import WHOLE_NUMBER, Stretch, respell_literal
 from robotrue.program.formats.rapid_moves import BUILT_IN, move_of
 from robotrue.program.formats.rapid_scan import (
     GAP,
@@ -80,7 +80,7 @@ def _read_job(trail: Trail, job: Sequence[Program]) -> None:
         _Reader(trail, literals, given, file, program).read()
 
 
-def _copy_move(copy: MoveCopy) -> list[tuple[int, int, bytes]]:
+def _copy_move(copy: MoveCopy) -> list[Stretch]:
     """The statements put in before a move, copies of it with the target in brackets."""
     s, data = copy.statement, copy.data
     texts = [

@@ -9,6 +9,7 @@ import numpy as np
 
 from robotrue.core.arrays import IntArray
 from robotrue.program.formats.move_trail import MoveGroup, Trail, TrailStatement, groups, put_in
+from robotrue.program.formats.number_text import Stretch
 from robotrue.program.insertion import Insertion, Moves, job_rows
 from robotrue.program.program import Program
 
@@ -87,12 +88,12 @@ class StatementInserter:
 
     Attributes:
         read: Adds the moves of a job to a trail.
-        copy: Returns the stretches (first byte, bytes, text) that put the targets into one move, in
+        copy: Returns the stretches that put the targets into one move, in
             the file of its statement; raises ShapeError for a value that cannot be written.
     """
 
     read: Callable[[Trail, Sequence[Program]], None]
-    copy: Callable[[MoveCopy], list[tuple[int, int, bytes]]]
+    copy: Callable[[MoveCopy], list[Stretch]]
 
     def moves(self, job: Sequence[Program]) -> Moves:
         """Returns the moves of a job."""
@@ -109,7 +110,7 @@ class StatementInserter:
             ShapeError: A move with an obstacle, or what ``copy`` cannot do.
         """
         first = job_rows(job)
-        edits: list[list[tuple[int, int, bytes]]] = [[] for _ in job]
+        edits: list[list[Stretch]] = [[] for _ in job]
         for group in groups(moves, insertion):
             edits[group.statement.file] += self.copy(MoveCopy(job, first, moves, insertion, group))
         return tuple(put_in(job, edits))

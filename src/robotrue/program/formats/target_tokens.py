@@ -16,7 +16,8 @@ import numpy as np
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.units import DEG, MM
 from robotrue.program.euler import abc_from_matrices, matrices_from_abc
-from robotrue.program.formats.number_table import Numbers, Stretch, put_stretches, respell_tokens
+from robotrue.program.formats.number_table import Numbers, put_stretches, respell_tokens
+from robotrue.program.formats.number_text import Stretch
 from robotrue.program.formats.pose_write import PrintedForm, new_values
 from robotrue.program.program import Program, Replacement
 

@@ -28,7 +28,7 @@ from robotrue.program.formats.move_trail import (
     pose_in,
     repeat_statement,
 )
-from robotrue.program.formats.number_text import NUMBER, WHOLE_NUMBER, respell_literal
+from robotrue.program.formats.number_text import NUMBER, WHOLE_NUMBER, Stretch, respell_literal
 from robotrue.program.formats.statement_insert import MoveCopy, StatementInserter
 from robotrue.program.formats.text_lines import line_starts
 from robotrue.program.formats.urscript_scan import POSE, arguments, blank_comments, routines
@@ -65,7 +65,7 @@ def _read_job(trail: Trail, job: Sequence[Program]) -> None:
         _Reader(trail, literals, file, program).read()
 
 
-def _copy_move(copy: MoveCopy) -> list[tuple[int, int, bytes]]:
+def _copy_move(copy: MoveCopy) -> list[Stretch]:
     """The lines put in before a move; a blend that reaches beyond half of a part is refused."""
     s, data, insertion = copy.statement, copy.data, copy.insertion
     texts = [

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robotrue.core.arrays import IntArray
-from robotrue.program.formats.number_table import Stretch
+from robotrue.program.formats.number_text import Stretch
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
