@@ -27,7 +27,13 @@ from robotrue.program.formats.move_trail import (
     put_in,
 )
 from robotrue.program.formats.number_text import Stretch
-from robotrue.program.formats.numbered_insert import Run, Step, new_numbers, next_number, pair_of
+from robotrue.program.formats.numbered_insert import (
+    Run,
+    Step,
+    copy_statements,
+    new_numbers,
+    next_number,
+)
 from robotrue.program.formats.one_file_insert import OneFileInserter
 from robotrue.program.formats.text_lines import line_starts
 from robotrue.program.insertion import Insertion, Moves, Obstacle
@@ -155,26 +161,10 @@ class _Writer:
 
     def _copies(self, group: MoveGroup) -> list[bytes]:
         """Returns the statements put in, numbered from where they stand."""
-        s, moves, data = group.statement, self.moves, self.data
-        names = []
-        for k, row in enumerate(group.rows):
-            model = int((moves.via if s.via >= 0 and k % 2 == 0 else moves.end)[group.move])
-            names.append(self._position(model, row))
-        if s.via < 0:
-            head, tail = data[s.begin : s.target], data[s.target_end : s.end]
-            copies = [head + name + tail for name in names]
-        elif s.other < 0:
-            parts = (
-                data[s.begin : s.via],
-                data[s.via_end : s.target],
-                data[s.target_end : s.end],
-            )
-            pairs = zip(names[::2], names[1::2], strict=True)
-            copies = [parts[0] + a + parts[1] + b + parts[2] for a, b in pairs]
-        else:
-            match = STATEMENT.match(data, s.other)
-            around = pair_of(data, s, match.end() if match else s.target_end)
-            copies = [around[k % 2][0] + n + around[k % 2][1] for k, n in enumerate(names)]
+        s, data = group.statement, self.data
+        names = [self._position(model, row) for model, row in group.models(self.moves)]
+        match = STATEMENT.match(data, s.other) if s.other >= 0 else None
+        copies = copy_statements(data, s, names, match.end() if match else s.target_end)
         return [_FINE.sub(b"CNT100", copy) for copy in copies]
 
     def _number_copies(self, copies: list[bytes], more: int) -> list[bytes]:

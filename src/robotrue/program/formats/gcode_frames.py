@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
-from robotrue.core.arrays import Array, IntArray
+from robotrue.core.arrays import IntArray
 from robotrue.core.poses import pose
 from robotrue.core.units import MM
 from robotrue.program.formats.gcode_blocks import Blocks
@@ -17,40 +16,30 @@ from robotrue.program.formats.numbered_frames import NumberedFrames
 from robotrue.program.program import FrameTable
 
 
-class GcodeFrames:
+class GcodeFrames(NumberedFrames):
     """Indices of frames and tools for rows, and what to say of those that are not known."""
 
     def __init__(
         self, table: FrameTable, name: str, blocks: Blocks, vocabulary: Vocabulary
     ) -> None:
-        self._blocks, self._vocabulary, self._name = blocks, vocabulary, name
         own = {
             f"{named} of line {block + 1}": matrix
             for block, named, matrix in blocks.findings.frames
             if matrix is not None
         }
-        self._table = replace(table, bases={**table.bases, **own})
-        self._known = NumberedFrames(
-            self._table, name, holder=vocabulary.holder, zero_is_root=False
-        )
+        table = replace(table, bases={**table.bases, **own})
+        super().__init__(table, name, holder=vocabulary.holder, zero_is_root=False)
+        self._blocks, self._vocabulary = blocks, vocabulary
         self.notes: list[str] = []
 
     def columns(self, block: IntArray, force: IntArray) -> tuple[IntArray, IntArray]:
         """Returns frame and tool index (m,) of blocks (m,) with their state (m, groups)."""
         return self._bases(block, force[:, Modal.FRAME]), self._tools(block, force[:, Modal.TOOL])
 
-    def stack_matrices(self, side: str) -> Array:
-        """Returns the matrices."""
-        return self._known.stack_matrices(side)
-
-    def list_lost(self, side: str) -> list[int]:
-        """Returns indices that are not known."""
-        return self._known.list_lost(side)
-
     def tell(self, bases: IntArray, tools: IntArray) -> None:
         """Adds why frames and tools that are used are not known."""
         for side, used in (("base", bases), ("tool", tools)):
-            self.notes += [self._known.lost[side, index] for index in np.unique(used).tolist()]
+            self.notes += [self.lost[side, index] for index in np.unique(used).tolist()]
 
     def _bases(self, block: IntArray, setting: IntArray) -> IntArray:
         """A zero offset is what the program made of it when it called it, or that of the cell."""
@@ -80,11 +69,11 @@ class GcodeFrames:
         inch = self._list_stated(Modal.INCH, block)
         if inch and inch[-1] != 0:
             what = f"{name} is not in millimetres for sure"
-            return self._known.unknown("base", what, line, "state G21 before it")
+            return self.unknown("base", what, line, "state G21 before it")
         index = self._base_without_local(said[-1] if said else 0, version, line)
         if not any(zero):
             return index
-        return self._known.shift("base", index, pose(np.eye(3), np.array(zero) * MM))
+        return self.shift("base", index, pose(np.eye(3), np.array(zero) * MM))
 
     def _list_stated(self, group: Modal, block: int) -> list[int]:
         """Returns the settings of a state before a block, in order."""
@@ -101,7 +90,7 @@ class GcodeFrames:
             return self._local_base(before[-1], version, line)
         if any(zero) and setting != UNCERTAIN:
             what = f"is called again while {name} may stay in force"
-            return self._known.unknown("base", what, line, "end it with G52 X0. Y0. Z0. first")
+            return self.unknown("base", what, line, "end it with G52 X0. Y0. Z0. first")
         return self._base_without_local(setting, version, line)
 
     def _base_without_local(self, setting: int, version: int, line: int) -> int:
@@ -109,13 +98,13 @@ class GcodeFrames:
         for block, named, matrix in reversed(self._blocks.findings.frames[:version]):
             if named == name:
                 if matrix is not None:
-                    return self._known.number("base", f"{name} of line {block + 1}", line)
+                    return self.number("base", f"{name} of line {block + 1}", line)
                 what = f"{name} is set in line {block + 1} in a way that is not read"
-                return self._known.unknown("base", what, line, "write it as CTRANS(..):CROT(..)")
+                return self.unknown("base", what, line, "write it as CTRANS(..):CROT(..)")
         if setting == UNCERTAIN:
             what = "is not certain behind a call, a label or a jump"
-            return self._known.unknown("base", what, line, "call it again there")
-        return self._known.number("base", name, line) if name else self._known.default("base")
+            return self.unknown("base", what, line, "call it again there")
+        return self.number("base", name, line) if name else 0
 
     def _frame_name(self, setting: int) -> str:
         if setting <= NAMED:
@@ -130,16 +119,15 @@ class GcodeFrames:
 
     def _tool(self, setting: int, line: int) -> int:
         if setting == 0:
-            return self._known.default("tool")
+            return 0
         if setting == UNCERTAIN:
             what = "is not certain behind a call, a label or a jump"
-            return self._known.unknown("tool", what, line, "call it again there")
+            return self.unknown("tool", what, line, "call it again there")
         name = self._blocks.findings.names[setting - 1]
         short = name[1:]
-        given: Mapping[str, Array] = self._table.tools
-        keys = {key.strip().lower() for key in given}
+        keys = {key.strip().lower() for key in self._given["tool"]}
         named = not short[:1].isdigit() and name.lower() not in keys
-        return self._known.number("tool", short if named or short.lower() in keys else name, line)
+        return self.number("tool", short if named or short.lower() in keys else name, line)
 
 
 def _runs(column: IntArray) -> tuple[IntArray, IntArray]:

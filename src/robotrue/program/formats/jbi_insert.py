@@ -25,7 +25,13 @@ from robotrue.program.formats.move_trail import (
     line_end,
     put_in,
 )
-from robotrue.program.formats.numbered_insert import Run, Step, new_numbers, next_number, pair_of
+from robotrue.program.formats.numbered_insert import (
+    Run,
+    Step,
+    copy_statements,
+    new_numbers,
+    next_number,
+)
 from robotrue.program.formats.one_file_insert import OneFileInserter
 from robotrue.program.formats.text_lines import line_starts
 from robotrue.program.insertion import Insertion, Moves, Obstacle
@@ -149,20 +155,11 @@ class _Writer:
         return put_in([self.program], [edits])[0]
 
     def _copies(self, group: MoveGroup) -> bytes:
-        s, moves, out = group.statement, self.moves, []
-        arc = s.via >= 0
-        names = []
-        for k, row in enumerate(group.rows):
-            model = int((moves.via if arc and k % 2 == 0 else moves.end)[group.move])
-            names.append(self._point(model, row))
-        if not arc:
-            around = [(self.data[s.begin : s.target], self.data[s.target_end : s.end])]
-        else:
-            around = list(pair_of(self.data, s, self._end(s.other)))
-        for k, name in enumerate(names):
-            head, tail = around[k % len(around)]
-            out.append(head + name + _STOP.sub(b"PL=1", tail) + self.eol)
-        return b"".join(out)
+        s = group.statement
+        names = [self._point(model, row) for model, row in group.models(self.moves)]
+        end = self._end(s.other) if s.other >= 0 else s.end
+        copies = copy_statements(self.data, s, names, end)
+        return b"".join(_STOP.sub(b"PL=1", copy) + self.eol for copy in copies)
 
     def _end(self, begin: int) -> int:
         """Returns where the instruction that begins at a byte ends."""

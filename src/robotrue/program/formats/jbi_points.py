@@ -6,7 +6,7 @@ import numpy as np
 
 from robotrue.core.arrays import Array, Bytes, IntArray
 from robotrue.core.compiled import PLAIN, compile_kernel
-from robotrue.program.formats.krl_tokens import read_number
+from robotrue.program.formats.krl_tokens import blank, read_number
 
 
 @compile_kernel(PLAIN)
@@ -53,7 +53,8 @@ def point_lines(
 @compile_kernel(PLAIN)
 def _name(buf: Bytes, at: int, offset: int) -> tuple[int, int]:
     """Returns the number of the point named at ``at``, -1 if there is none, and what follows."""
-    n, at = buf.size, _blank(buf, at)
+    n = buf.size
+    at = blank(buf, at, n)
     if at >= n or (buf[at] != 67 and buf[at] != 80):
         return -1, at
     number, k = 0, at + 1
@@ -61,7 +62,7 @@ def _name(buf: Bytes, at: int, offset: int) -> tuple[int, int]:
         number = 10 * number + buf[k] - 48
         k += 1
     first = k
-    k = _blank(buf, k)
+    k = blank(buf, k, n)
     if first == at + 1 or k >= n or buf[k] != 61:
         return -1, at
     return number + (offset if buf[at] == 80 else 0), k + 1
@@ -72,7 +73,7 @@ def _values(buf: Bytes, k: int, spans: IntArray, value: Array) -> int:
     """Reads six numbers and the end of the line; returns the next line, -1 if they are not six."""
     n = buf.size
     for i in range(6):
-        k = _blank(buf, k)
+        k = blank(buf, k, n)
         number, end = read_number(buf, k, n)
         if end == k or not np.isfinite(number):
             return -1
@@ -80,7 +81,7 @@ def _values(buf: Bytes, k: int, spans: IntArray, value: Array) -> int:
             if buf[j] == 32 or buf[j] == 9:  # KRL has blanks before an exponent, JBI has not
                 return -1
         spans[i, 0], spans[i, 1], value[i] = k, end, number
-        k = _blank(buf, end)
+        k = blank(buf, end, n)
         if i < 5:
             if k >= n or buf[k] != 44:
                 return -1
@@ -90,10 +91,3 @@ def _values(buf: Bytes, k: int, spans: IntArray, value: Array) -> int:
     if k < n and buf[k] != 10:
         return -1
     return min(k + 1, n)
-
-
-@compile_kernel(PLAIN)
-def _blank(buf: Bytes, k: int) -> int:
-    while k < buf.size and (buf[k] == 32 or buf[k] == 9):
-        k += 1
-    return k

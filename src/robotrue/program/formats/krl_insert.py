@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import PurePath
 from typing import Final
 
@@ -297,23 +297,21 @@ def _aggregate(literal: bytes, position: Array, rotation: Array, *, bare: bool) 
 
     out = _COMPONENT.sub(new, literal)
     angles = bare and not any(name in printed for name in _POSE[3:])
-    missing = [n for n in _POSE if n not in printed and not (angles and n in _POSE[3:])]
-    added = b"".join(b",%s %.*f" % (name, _LEAST, wanted[name]) for name in missing)
-    return out[:-1] + added + b"}"
+    return _append(out, {n: wanted[n] for n in _POSE if not (angles and n in _POSE[3:])})
 
 
 def _complete(literal: bytes, position: Array, rotation: Array) -> bytes:
     """Returns braces with the numbers they leave out."""
-    printed = {name.upper() for name, _ in _COMPONENT.findall(literal)}
-    if printed.issuperset(_POSE):
-        return literal
     values = [*(position / MM).tolist(), *(abc_from_matrix(rotation) / DEG).tolist()]
-    added = [
-        b",%s %.*f" % (name, _LEAST, value)
-        for name, value in zip(_POSE, values, strict=True)
-        if name not in printed
-    ]
-    return literal[:-1] + b"".join(added) + b"}"
+    return _append(literal, dict(zip(_POSE, values, strict=True)))
+
+
+def _append(literal: bytes, wanted: Mapping[bytes, float]) -> bytes:
+    """Returns braces with those of some components behind their own that they leave out."""
+    printed = {name.upper() for name, _ in _COMPONENT.findall(literal)}
+    missing = [name for name in wanted if name not in printed]
+    added = b"".join(b",%s %.*f" % (name, _LEAST, wanted[name]) for name in missing)
+    return literal[:-1] + added + b"}" if missing else literal
 
 
 def _smooth(line: bytes) -> bytes:

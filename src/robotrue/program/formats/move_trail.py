@@ -170,6 +170,12 @@ class MoveGroup(NamedTuple):
     statement: TrailStatement
     rows: range
 
+    def models(self, moves: Moves) -> Iterator[tuple[int, int]]:
+        """Yields for each row of the insertion the job row that it is written like, and itself."""
+        for k, row in enumerate(self.rows):
+            via = self.statement.via >= 0 and k % 2 == 0
+            yield int((moves.via if via else moves.end)[self.move]), row
+
 
 def groups(moves: Moves, insertion: Insertion) -> Iterator[MoveGroup]:
     """Yields the moves that get targets, in order.

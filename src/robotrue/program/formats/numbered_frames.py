@@ -50,10 +50,6 @@ class NumberedFrames:
         """Notes that the program itself changes a numbered frame, so that it is not known."""
         self._changed.setdefault((side, plain_key(number)), f"is changed by {by} in line {line}")
 
-    def default(self, side: str) -> int:
-        """Returns the index of the table's default."""
-        return 0
-
     def root(self, side: str) -> int:
         """Returns the index of the robot's root, or of the flange as a tool."""
         return self._enter(side, "root", np.eye(4))

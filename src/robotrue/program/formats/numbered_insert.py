@@ -6,13 +6,19 @@ positions, or two statements of a run (MOVC, A) with one each.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
-from robotrue.program.formats.move_trail import UNKNOWN, Trail, TrailStatement
+from robotrue.program.formats.move_trail import (
+    UNKNOWN,
+    Trail,
+    TrailStatement,
+    repeat_statement,
+)
 from robotrue.program.formats.number_text import restyle
 from robotrue.program.insertion import Obstacle
 from robotrue.program.program import Program
@@ -87,20 +93,24 @@ class Run:
         self.trail.move(via.row, end.row, end.line, s, obstacle)
 
 
-def pair_of(
-    data: bytes, s: TrailStatement, end: int
-) -> tuple[tuple[bytes, bytes], tuple[bytes, bytes]]:
-    """Returns what stands before and behind the position in both statements of an arc of a run.
+def copy_statements(
+    data: bytes, s: TrailStatement, names: Sequence[bytes], end: int
+) -> list[bytes]:
+    """Returns the statement of a move once for each new position, or pair of an arc.
 
     Args:
         data: The file.
-        s: TrailStatement of the arc, with the begin of the second statement as ``other``.
-        end: End of the second statement.
+        s: The statement; ``other`` is the begin of the second one of an arc of a run.
+        names: Of the positions.
+        end: End of that second statement.
     """
-    return (
+    if s.other < 0:
+        return repeat_statement(data, s, names)
+    around = (
         (data[s.begin : s.via], data[s.via_end : s.end]),
         (data[s.other : s.target], data[s.target_end : end]),
     )
+    return [around[k % 2][0] + name + around[k % 2][1] for k, name in enumerate(names)]
 
 
 def new_numbers(program: Program, row: int, position: Array, rotation: Array) -> list[bytes]:

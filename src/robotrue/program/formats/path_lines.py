@@ -6,6 +6,7 @@ import numpy as np
 
 from robotrue.core.arrays import Bytes, IntArray
 from robotrue.core.compiled import PLAIN, compile_kernel
+from robotrue.program.formats.krl_tokens import blank
 
 
 @compile_kernel(PLAIN)
@@ -30,22 +31,22 @@ def plain_gotos(
         while end > i and buf[end - 1] <= 32:
             end -= 1
         joined, continued = continued, end > i and buf[end - 1] == 36
-        i = _blanks(buf, i, end)
+        i = blank(buf, i, end)
         if joined or continued or i + 5 >= end:
             continue
         word = (buf[i] & 223, buf[i + 1] & 223, buf[i + 2] & 223, buf[i + 3] & 223)
-        i = _blanks(buf, i + 4, end)
+        i = blank(buf, i + 4, end)
         if word != (71, 79, 84, 79) or i >= end or buf[i] != 47:
             continue
         i, count = i + 1, 0
         while count < 6:
-            i = _blanks(buf, i, end)
+            i = blank(buf, i, end)
             stop = _number_end(buf, i, end)
             if stop == i:
                 break
             start[row, count], length[row, count] = i, stop - i
             count += 1
-            i = _blanks(buf, stop, end)
+            i = blank(buf, stop, end)
             if i == end or buf[i] != 44:
                 break
             i += 1
@@ -105,13 +106,6 @@ def cell_spans(
             elif buf[i] == 34:
                 quoted = not quoted
             i += 1
-
-
-@compile_kernel(PLAIN)
-def _blanks(buf: Bytes, i: int, end: int) -> int:
-    while i < end and (buf[i] == 32 or buf[i] == 9):
-        i += 1
-    return i
 
 
 @compile_kernel(PLAIN)

@@ -70,12 +70,8 @@ class MoveCopy:
     @property
     def models(self) -> Iterator[tuple[Program, int, int]]:
         """For each row of the insertion the program and the row whose target it is written like."""
-        for k, row in enumerate(self.rows):
-            via = self.statement.via >= 0 and k % 2 == 0
-            program, own = self._find(
-                int((self.moves.via if via else self.moves.end)[self.group.move])
-            )
-            yield program, own, row
+        for model, row in self.group.models(self.moves):
+            yield *self._find(model), row
 
     def _find(self, row: int) -> tuple[Program, int]:
         file = int(np.searchsorted(self.first, row, side="right")) - 1

@@ -165,18 +165,14 @@ def _read_config(name: str, text: str) -> ControllerFile:
     machine = {int(n): int(m) for n, m in _ON_MACHINE.findall(text)}
     for match in _KUKA.finditer(text):
         side, number = match[1].upper(), str(int(match[2]))
-        parts = [_KUKA_PART.fullmatch(part) for part in match[3].split(",")]
-        values = {part[1].upper(): float(part[2]) for part in parts if part}
-        if len(values) != 6 or len(parts) != 6 or not np.isfinite([*values.values()]).all():
-            raise unreadable_frame(name, text, match.start(), f"{side}_DATA[{number}]")
+        frame = _read_aggregate(name, text, match, match[3], f"{side}_DATA[{number}]")
         if side == "BASE" and machine.get(int(number), 0) > 1:
             notes.append(
                 f"{name}: base {number} stands on machine {machine[int(number)]}, not on the "
                 "floor; give it in cell.toml, with the external axis that carries it."
             )
             continue
-        xyz, abc = ([values[letter] for letter in word] for word in ("XYZ", "ABC"))
-        (out.bases if side == "BASE" else out.tools)[number] = frame_of(xyz, abc)
+        (out.bases if side == "BASE" else out.tools)[number] = frame
     return replace(out, notes=tuple(notes), declarations=True)
 
 
@@ -184,12 +180,18 @@ def _read_machine(name: str, text: str) -> ControllerFile:
     match = _ROBROOT.search(text)
     if match is None:
         return ControllerFile(name=name)
-    parts = [_KUKA_PART.fullmatch(part) for part in match[1].split(",")]
+    frame = _read_aggregate(name, text, match, match[1], "$ROBROOT")
+    return ControllerFile(name=name, T_base_world=inverse(frame))
+
+
+def _read_aggregate(name: str, text: str, match: re.Match[str], inside: str, what: str) -> Array:
+    """Returns the frame (4, 4) of ``X 1.0,Y 2.0,..,C 6.0``."""
+    parts = [_KUKA_PART.fullmatch(part) for part in inside.split(",")]
     values = {part[1].upper(): float(part[2]) for part in parts if part}
-    if len(values) != 6 or not np.isfinite([*values.values()]).all():
-        raise unreadable_frame(name, text, match.start(), "$ROBROOT")
+    if len(values) != 6 or len(parts) != 6 or not np.isfinite([*values.values()]).all():
+        raise unreadable_frame(name, text, match.start(), what)
     xyz, abc = ([values[letter] for letter in word] for word in ("XYZ", "ABC"))
-    return ControllerFile(name=name, T_base_world=inverse(frame_of(xyz, abc)))
+    return frame_of(xyz, abc)
 
 
 def _aggregate(xyz: Array, R: Array) -> str:
