@@ -20,7 +20,7 @@ from robotrue.program.formats.fanuc_registers import Effects
 from robotrue.program.formats.fanuc_scan import FanucScan, scan
 from robotrue.program.formats.fanuc_write import FanucSpans, read_config
 from robotrue.program.formats.numbered_frames import NumberedFrames
-from robotrue.program.formats.shared_fate import share_fate
+from robotrue.program.formats.shared_fate import flag_lost_frames, share_fate
 from robotrue.program.formats.target_tokens import TargetTokens, values_of
 from robotrue.program.formats.text_lines import line_starts
 from robotrue.program.program import FrameTable, Motion, Program, Reason
@@ -217,12 +217,8 @@ class _Builder:
     def _frame_reasons(self, base: IntArray, tool: IntArray) -> IntArray:
         is_axis = self.is_axis == 1
         reason = np.where(is_axis, int(Reason.JOINT_TARGET), int(Reason.NONE))
-        for side, column in (("base", base), ("tool", tool)):
-            lost = np.isin(column, self.frames.list_lost(side))
-            if side == "base":
-                lost &= ~is_axis
-            reason[lost] = Reason.UNKNOWN_FRAME
-            self.notes += [self.frames.lost[side, i] for i in np.unique(column[lost]).tolist()]
+        sides = {"base": base, "tool": tool}
+        self.notes += flag_lost_frames(reason, sides, is_axis, self.frames.lost)
         return reason
 
     def _external(self, reason: IntArray, base: IntArray) -> Carried:

@@ -17,7 +17,7 @@ from robotrue.program.formats.jbi_ratios import propose_ratios
 from robotrue.program.formats.jbi_scan import UNITS, Header, JbiScan, scan
 from robotrue.program.formats.jbi_write import JbiSpans
 from robotrue.program.formats.numbered_frames import NumberedFrames
-from robotrue.program.formats.shared_fate import share_fate
+from robotrue.program.formats.shared_fate import flag_lost_frames, share_fate
 from robotrue.program.formats.target_tokens import TargetTokens, values_of
 from robotrue.program.program import FrameTable, Motion, Program, Reason
 
@@ -168,12 +168,8 @@ class _Builder:
         for why in set(doubtful.values()):
             told = [index for index, each in doubtful.items() if each == why]
             reason[np.isin(self.scan.header, told)] = why
-        for side, column in (("base", base), ("tool", tool)):
-            lost = np.isin(column, self.frames.list_lost(side))
-            if side == "base":
-                lost &= ~is_axis
-            reason[lost] = Reason.UNKNOWN_FRAME
-            self.notes += [self.frames.lost[side, i] for i in np.unique(column[lost]).tolist()]
+        sides = {"base": base, "tool": tool}
+        self.notes += flag_lost_frames(reason, sides, is_axis, self.frames.lost)
         pulses = kind == UNITS["PULSE"]
         if pulses.any() and self.given.pulses_per_degree is None:
             reason[pulses] = Reason.INCOMPLETE

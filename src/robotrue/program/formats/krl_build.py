@@ -19,6 +19,7 @@ from robotrue.program.formats.krl_notes import conflict_notes, incomplete_notes
 from robotrue.program.formats.krl_scan import INLINE_ARC, NOT_CONSTANT, STATEMENT, Scan
 from robotrue.program.formats.krl_spans import KrlSpans
 from robotrue.program.formats.krl_walk import MOTION_OF, KrlWalk
+from robotrue.program.formats.shared_fate import flag_lost_frames
 from robotrue.program.formats.target_notes import absent_routine
 from robotrue.program.formats.written_out import WrittenOut
 from robotrue.program.held import turned_round
@@ -338,18 +339,12 @@ class Builder:
 
     def _frame_reasons(self, state: IntArray, axis: BoolArray) -> tuple[IntArray, list[str]]:
         """Returns the first reason of every row, from its kind and frames, and the notes."""
-        cures = self.frames.cures
         reason = np.where(axis, int(Reason.JOINT_TARGET), int(Reason.NONE))
         on_robot = (state[:, ON_ROBOT] > 0) & ~axis
         refused = on_robot & ((state[:, ON_ROBOT] == UNSURE) | (not self.given.fixed_tool))
         reason[refused] = Reason.TOOL_ON_FLOOR
-        notes: list[str] = []
-        for side, column in _SIDES:
-            lost = np.isin(state[:, column], [i for which, i in cures if which == side])
-            if side == "base":
-                lost &= ~axis
-            reason[lost] = Reason.UNKNOWN_FRAME
-            notes += [cures[side, i] for i in np.unique(state[lost, column]).tolist()]
+        sides = {side: state[:, column] for side, column in _SIDES}
+        notes = flag_lost_frames(reason, sides, axis, self.frames.cures)
         notes += self._foreign(state, axis, reason)
         if refused.any():
             notes.append(

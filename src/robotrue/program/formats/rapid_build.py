@@ -18,12 +18,13 @@ from robotrue.program.formats.rapid_data import AXIS, NOTHING
 from robotrue.program.formats.rapid_frames import TOOL, WORK
 from robotrue.program.formats.rapid_walk import AXES_SHIFTED, FOREIGN, SHIFTED, RapidWalk
 from robotrue.program.formats.rapid_write import RapidSpans
-from robotrue.program.formats.stored_points import firsts, moves_to
+from robotrue.program.formats.shared_fate import flag_lost_frames, pair_arcs
+from robotrue.program.formats.stored_points import firsts, motions_of, moves_to
 from robotrue.program.formats.target_notes import TargetNotes, absent_routine
 from robotrue.program.formats.text_lines import line_starts
 from robotrue.program.formats.written_out import WrittenOut
 from robotrue.program.held import turned_round
-from robotrue.program.program import FrameTable, Motion, Program, Reason
+from robotrue.program.program import FrameTable, Program, Reason
 
 _NOT_CONNECTED: Final = 8.9e9
 """9E9 and beyond: the external axis is not there."""
@@ -69,7 +70,7 @@ class _Builder:
         self._flag_points()
         position, rotation, axes = self._si()
         position, rotation = turned_round(position, rotation, self.held)
-        self._pair_arcs()
+        pair_arcs(self.reason, self.walk.story.arcs)
         self._spoken()
         frames, order = self.walk.frames.frames, self.order
         return Program(
@@ -79,7 +80,7 @@ class _Builder:
             position=position[order],
             rotation=rotation[order],
             axes=axes[order],
-            motion=self._motion()[order],
+            motion=motions_of(self.point, self.how, self.count)[order],
             reason=self.reason[order],
             words=self._words()[order],
             words_of="abb",
@@ -127,12 +128,6 @@ class _Builder:
         self.reason[rows] = why
         self.tell.rows(rows, what)
 
-    def _motion(self) -> IntArray:
-        motion = np.full(self.count, int(Motion.UNUSED))
-        motion[self.point[::-1]] = self.how[::-1]
-        motion[self.point[self.how == Motion.PTP]] = Motion.PTP
-        return motion
-
     def _settle(self) -> IntArray:
         """Returns tool and work frame (2, n) of every point; flags what cannot be relied on."""
         states, swapped = self._states()
@@ -140,12 +135,9 @@ class _Builder:
         self._hold(states, swapped)
         state = np.zeros((2, self.count), np.int64)
         state[:, self.used] = states[:, self.first[self.used]]
-        for side, name in enumerate((TOOL, WORK)):
-            cures = {i: text for (k, i), text in self.walk.frames.frames.cures.items() if k == name}
-            lost = np.isin(state[side], list(cures)) & self.used & ~(self.is_axis & (side == 1))
-            self.reason[lost] = Reason.UNKNOWN_FRAME
-            for each in np.unique(state[side][lost]).tolist():
-                self.tell.say(cures[each])
+        sides, cures = {TOOL: state[0], WORK: state[1]}, self.walk.frames.frames.cures
+        for each in flag_lost_frames(self.reason, sides, self.is_axis, cures):
+            self.tell.say(each)
         self._put(
             self._any(np.asarray(swapped[0] != swapped[1])) & ~self.is_axis,
             Reason.TOOL_ON_FLOOR,
@@ -337,17 +329,6 @@ class _Builder:
             plain = (values == np.rint(values)) & (np.abs(values) < 1000)
         plain &= ~self.is_axis[:, None]
         return np.where(plain, np.where(plain, values, 0).astype(np.int64), NO_WORD)
-
-    def _pair_arcs(self) -> None:
-        """Gives both points of an arc the same fate: half a corrected arc is another arc."""
-        changed = True
-        while changed:
-            changed = False
-            for via, last in self.walk.story.arcs:
-                worst = int(self.reason[via] or self.reason[last])
-                for point in (via, last):
-                    changed |= bool(worst and not self.reason[point])
-                    self.reason[point] = self.reason[point] or worst
 
     def _spoken(self) -> None:
         """Adds what the walk noticed: computed targets, checks of confdata, foreign routines."""

@@ -15,9 +15,8 @@ from robotrue.program.formats.rapid_expression import PURE
 from robotrue.program.formats.rapid_frames import KINDS, TOOL, WORK, RapidFrames
 from robotrue.program.formats.rapid_values import KINDS as FOLLOWED
 from robotrue.program.formats.rapid_values import RapidChange, RapidTask, RapidValues
-from robotrue.program.formats.stored_points import Uses, Variable, Variables
+from robotrue.program.formats.stored_points import ParsedPoints, Variable, Variables
 from robotrue.program.formats.text_lines import line_starts
-from robotrue.program.program import Reason
 
 LAYOUTS: Final = (tuple(range(17)), (*range(6), *range(11, 17)))
 """Columns of a robtarget (x y z, q1..q4, cf1 cf4 cf6 cfx, external axes) and of a jointtarget."""
@@ -62,19 +61,12 @@ _READS_FRAMES: Final = re.compile(
 
 
 @dataclass(slots=True)
-class ParsedRapid:
-    """What the walk collects.
+class ParsedRapid(ParsedPoints):
+    """What the walk collects; kinds are ``POSE``, ``AXIS`` and ``NOTHING``.
 
     Attributes:
-        offset: First byte of every point.
-        row: Its row in the table of numbers, -1 if it has none.
-        kind: ``POSE``, ``AXIS`` or ``NOTHING``.
-        uses: What is moved to.
         settings: The (tool, work object) pairs motions name, and the byte that first does.
-        flags: Reasons of points, found in the text.
-        arcs: Pairs of points: via and end.
         based: Points that Offs or RelTool start from.
-        notes: (byte, what to say).
         written: Points that are written out: the bytes they take the place of, and their numbers.
         bases: Points they are computed from; themselves where other modules hold one.
         displaced: (place, routine, text of the displacement) by the version of ``SHIFTED`` it sets.
@@ -82,15 +74,8 @@ class ParsedRapid:
         begun: A module or motion was found.
     """
 
-    offset: list[int] = field(default_factory=list)
-    row: list[int] = field(default_factory=list)
-    kind: list[int] = field(default_factory=list)
-    uses: Uses = field(default_factory=Uses)
     settings: dict[tuple[str, str], tuple[int, int]] = field(default_factory=dict)
-    flags: dict[int, Reason] = field(default_factory=dict)
-    arcs: list[tuple[int, int]] = field(default_factory=list)
     based: set[int] = field(default_factory=set)
-    notes: list[tuple[int, str]] = field(default_factory=list)
     checks: dict[str, int] = field(default_factory=dict)
     written: dict[int, tuple[int, int, tuple[float, ...]]] = field(default_factory=dict)
     bases: dict[int, list[int]] = field(default_factory=dict)
@@ -205,16 +190,8 @@ class Data:
     def _point_of(
         self, variable: Variable, subscript: str, match: re.Match[bytes], kind: int
     ) -> None:
-        point = self.add_point(match.start(), self.table.add(*match.span(), kind), kind)
+        point = self.story.add(match.start(), self.table.add(*match.span(), kind), kind)
         variable.give(subscript, point, self.course.barriers)
-
-    def add_point(self, offset: int, row: int, kind: int) -> int:
-        """Returns the number of a new point."""
-        story = self.story
-        story.offset.append(offset)
-        story.row.append(row)
-        story.kind.append(kind)
-        return len(story.offset) - 1
 
     def assign(self, start: int, end: int) -> bool:
         """Enters ``name := value``; returns whether the statement is one."""

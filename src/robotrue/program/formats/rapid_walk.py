@@ -215,7 +215,7 @@ class RapidWalk(Data):
             self.course.call(self.place, [word])
             self.values.call(self.scope, word)
         for match in scan.ROBTARGET.finditer(self.data, start, end):
-            point = self.add_point(match.start(), self.table.add(*match.span(), POSE), POSE)
+            point = self.story.add(match.start(), self.table.add(*match.span(), POSE), POSE)
             self.story.flags[point] = Reason.EXPRESSION
             self.story.notes.append((match.start(), f"{word} is no motion that is followed"))
 
@@ -324,7 +324,7 @@ class RapidWalk(Data):
             return False
         self.story.begun = True
         start, end = match.span(2)
-        point = self.add_point(start, self.table.add(start, end, POSE), POSE)
+        point = self.story.add(start, self.table.add(start, end, POSE), POSE)
         self._use(point, move.motion, tail, start)
         return True
 
@@ -409,7 +409,7 @@ class RapidWalk(Data):
         pattern, code = LITERAL[kind]
         match = scan.fills(pattern, self.data, start, end)
         if match:
-            return [self.add_point(start, self.table.add(*match.span(), code), code)]
+            return [self.story.add(start, self.table.add(*match.span(), code), code)]
         text = scan.clean(self.data[start:end])
         named = _REFERENCE.match(text)
         if self._is_evaluated(named, kind, stored):
@@ -467,7 +467,7 @@ class RapidWalk(Data):
             NotConstantError: It has no single value.
         """
         numbers = flat_numbers(self.values.value(text, self.place, self.scope), code)
-        point = self.add_point(start, -1, code)
+        point = self.story.add(start, -1, code)
         self.story.written[point] = (start, end, numbers)
         for name in map(str.lower, _NAMED.findall(text)):
             variable = self.variables.find(self.scope, name)
@@ -489,7 +489,7 @@ class RapidWalk(Data):
         return True
 
     def _lose_point(self, offset: int, reason: Reason, what: str) -> int:
-        point = self.add_point(offset, -1, NOTHING)
+        point = self.story.add(offset, -1, NOTHING)
         self.story.flags[point] = reason
         self.story.notes.append((offset, what))
         return point

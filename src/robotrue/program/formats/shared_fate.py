@@ -1,11 +1,13 @@
-"""Points that are compensated together or not at all: half a corrected arc is another arc."""
+"""Targets that share a fate: of an arc, half of which corrected is another, or of a lost frame."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
-from robotrue.core.arrays import IntArray
+import numpy as np
+
+from robotrue.core.arrays import BoolArray, IntArray
 from robotrue.program.program import Reason
 
 _OPEN: Final = (int(Reason.NONE), int(Reason.JOINT_TARGET))
@@ -35,3 +37,39 @@ def share_fate(reason: IntArray, groups: Sequence[Sequence[int]]) -> None:
             changed |= bool(fresh)
         ordered.reverse()  # a chain of arcs is through in two rounds
     reason[:] = value
+
+
+def pair_arcs(reason: IntArray, arcs: Sequence[tuple[int, int]]) -> None:
+    """Gives both points of every arc, in place, the reason of the one that has any."""
+    changed = True
+    while changed:
+        changed = False
+        for via, last in arcs:
+            worst = int(reason[via] or reason[last])
+            for point in (via, last):
+                changed |= bool(worst and not reason[point])
+                reason[point] = reason[point] or worst
+
+
+def flag_lost_frames(
+    reason: IntArray,
+    columns: Mapping[str, IntArray],
+    is_axis: BoolArray,
+    lost: Mapping[tuple[str, int], str],
+) -> list[str]:
+    """Flags targets whose tool or work frame is not known; returns the sentences on those.
+
+    Args:
+        reason: (n,) :class:`Reason`, changed in place.
+        columns: (n,) index by side, ``tool`` and ``base``.
+        is_axis: (n,) targets that need no work frame.
+        lost: By side and index the sentence on what is not known.
+    """
+    out: list[str] = []
+    for side, column in columns.items():
+        rows = np.isin(column, [index for which, index in lost if which == side])
+        if side == "base":
+            rows &= ~is_axis
+        reason[rows] = Reason.UNKNOWN_FRAME
+        out += [lost[side, index] for index in np.unique(column[rows]).tolist()]
+    return out

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from robotrue.core.arrays import IntArray
+from robotrue.program.program import Motion, Reason
 
 
 @dataclass(slots=True)
@@ -114,6 +115,36 @@ class Uses:
         self.setting.append(setting)
 
 
+@dataclass(slots=True)
+class ParsedPoints:
+    """What the walk through a file collects of its points.
+
+    Attributes:
+        offset: First byte of every point.
+        row: Its row in the table of numbers, -1 if it has none.
+        kind: In the language's own word.
+        uses: What is moved to.
+        flags: Reasons of points, found in the text.
+        arcs: Pairs of points: via and end.
+        notes: (byte, what to say).
+    """
+
+    offset: list[int] = field(default_factory=list)
+    row: list[int] = field(default_factory=list)
+    kind: list[int] = field(default_factory=list)
+    uses: Uses = field(default_factory=Uses)
+    flags: dict[int, Reason] = field(default_factory=dict)
+    arcs: list[tuple[int, int]] = field(default_factory=list)
+    notes: list[tuple[int, str]] = field(default_factory=list)
+
+    def add(self, offset: int, row: int, kind: int) -> int:
+        """Returns the number of a new point."""
+        self.offset.append(offset)
+        self.row.append(row)
+        self.kind.append(kind)
+        return len(self.offset) - 1
+
+
 def moves_to(uses: Uses, rows: IntArray) -> IntArray:
     """Returns ``Program.path`` (k, 3) of what is moved to; empty where that is file order.
 
@@ -128,6 +159,14 @@ def moves_to(uses: Uses, rows: IntArray) -> IntArray:
     if np.array_equal(found[:, 1], np.arange((rows >= 0).sum())):
         return np.empty((0, 3), np.int64)
     return np.asarray(found)
+
+
+def motions_of(point: IntArray, how: IntArray, count: int) -> IntArray:
+    """Returns how every point (count,) is moved to: as at first, PTP if it ever is."""
+    motion = np.full(count, int(Motion.UNUSED))
+    motion[point[::-1]] = how[::-1]
+    motion[point[how == Motion.PTP]] = Motion.PTP
+    return motion
 
 
 def firsts(point: IntArray, count: int) -> IntArray:

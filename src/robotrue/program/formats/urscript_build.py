@@ -13,7 +13,8 @@ from robotrue.core.rotations import matrix_from_rotation_vector
 from robotrue.program.formats.course import DIFFERS
 from robotrue.program.formats.krl_frames import Frames
 from robotrue.program.formats.number_text import LARGEST
-from robotrue.program.formats.stored_points import firsts, moves_to
+from robotrue.program.formats.shared_fate import flag_lost_frames, pair_arcs
+from robotrue.program.formats.stored_points import firsts, motions_of, moves_to
 from robotrue.program.formats.target_notes import TargetNotes, absent_routine
 from robotrue.program.formats.text_lines import line_starts
 from robotrue.program.formats.urscript_walk import (
@@ -26,7 +27,7 @@ from robotrue.program.formats.urscript_walk import (
     ScriptWalk,
 )
 from robotrue.program.formats.urscript_write import UrSpans
-from robotrue.program.program import FrameTable, Motion, Program, Reason
+from robotrue.program.program import FrameTable, Program, Reason
 
 _SENTENCES: Final = {
     "conflict": "this target is used with more than one tool or frame; it is not compensated",
@@ -87,7 +88,7 @@ class _Builder:
             position=values[rows, :3],
             rotation=matrix_from_rotation_vector(values[rows, 3:]),
             axes=axes[rows],
-            motion=self._motion()[rows],
+            motion=motions_of(self.point, self.how, self.count)[rows],
             reason=self.reason[rows],
             words=np.empty((len(rows), 0), np.int64),
             words_of="",
@@ -100,12 +101,6 @@ class _Builder:
             spans=UrSpans(numbers=self.numbers.rows(rows), is_axis=self.is_axis[rows]),
             path=moves_to(self.walk.story.uses, row_of),
         )
-
-    def _motion(self) -> IntArray:
-        motion = np.full(self.count, int(Motion.UNUSED))
-        motion[self.point[::-1]] = self.how[::-1]
-        motion[self.point[self.how == Motion.PTP]] = Motion.PTP
-        return motion
 
     def _put(self, rows: BoolArray, why: Reason, what: str) -> None:
         rows = rows & (self.kind != NOTHING)
@@ -128,12 +123,9 @@ class _Builder:
         states = np.stack([tool, by_number[self.setting]])
         state = np.zeros((2, self.count), np.int64)
         state[:, self.used] = states[:, self.first[self.used]]
-        for side, name in enumerate(("tool", "base")):
-            cures = {i: text for (k, i), text in self.frames.cures.items() if k == name}
-            lost = np.isin(state[side], list(cures)) & self.used & ~(self.is_axis & (side == 1))
-            self.reason[lost] = Reason.UNKNOWN_FRAME
-            for each in np.unique(state[side][lost]).tolist():
-                self.tell.say(cures[each])
+        sides = {"tool": state[0], "base": state[1]}
+        for each in flag_lost_frames(self.reason, sides, self.is_axis, self.frames.cures):
+            self.tell.say(each)
         self._foreign()
         same = states == states[:, self.first[self.point]]
         conflict = np.zeros(self.count, np.bool_)
@@ -189,10 +181,7 @@ class _Builder:
         flagged[list(story.flags)] = True
         self.reason[~self.used & ~flagged] = Reason.UNUSED
         self._put(~self.bounded & (self.reason != Reason.UNUSED), Reason.INCOMPLETE, "incomplete")
-        for via, last in story.arcs:
-            worst = int(self.reason[via] or self.reason[last])
-            for point in (via, last):
-                self.reason[point] = self.reason[point] or worst
+        pair_arcs(self.reason, story.arcs)
         self.tell.each(story.notes, self.starts)
         for each in self.walk.course.handlers():
             self.tell.say(

@@ -9,7 +9,7 @@ from typing import Final
 
 from robotrue.program.formats.course import Course
 from robotrue.program.formats.number_table import NumberTable
-from robotrue.program.formats.stored_points import Uses, Variable, Variables
+from robotrue.program.formats.stored_points import ParsedPoints, Variable, Variables
 from robotrue.program.formats.urscript_scan import AXES, POSE, Routine, arguments
 from robotrue.program.program import Motion, Reason
 
@@ -74,34 +74,20 @@ _CARRIED: Final = re.compile(rb"(?<!\w)track_conveyor_\w+\s*\(")
 
 
 @dataclass(slots=True)
-class ParsedScript:
-    """What the walk collects.
+class ParsedScript(ParsedPoints):
+    """What the walk collects; the setting of a use is the frame's number in ``frames``.
 
     Attributes:
-        offset: First byte of every point.
-        row: Its row in the table of numbers, -1 if it has none.
-        kind: See above.
-        uses: What is moved to; the setting is the frame's number in ``frames``.
         frames: Points that are frames, ``BASE`` or ``UNKNOWN``.
         tools: Points or ``UNKNOWN``, by the version set; the first is the one at the start.
         asked: First byte that names each frame and tool, for sentences.
-        flags: Reasons found in the text.
-        arcs: Pairs of points.
-        notes: (byte, what to say).
         outside: Name and first byte of the calls of routines that are neither here nor the
             controller's own.
     """
 
-    offset: list[int] = field(default_factory=list)
-    row: list[int] = field(default_factory=list)
-    kind: list[int] = field(default_factory=list)
-    uses: Uses = field(default_factory=Uses)
     frames: dict[int, int] = field(default_factory=lambda: {BASE: 0})
     tools: list[int] = field(default_factory=lambda: [BASE])
     asked: dict[tuple[str, int], int] = field(default_factory=dict)
-    flags: dict[int, Reason] = field(default_factory=dict)
-    arcs: list[tuple[int, int]] = field(default_factory=list)
-    notes: list[tuple[int, str]] = field(default_factory=list)
     outside: list[tuple[str, int]] = field(default_factory=list)
 
 
@@ -198,7 +184,7 @@ class ScriptWalk:
             where = " where it stands, behind other words" if word in _MOVES else ""
             self.story.notes.append((motion.start(), f"{word} is not followed{where}"))
             for match in POSE.finditer(self.code, motion.start(), end):
-                point = self._point(match.start(), self.table.add(*match.span(), POINT), POINT)
+                point = self.story.add(match.start(), self.table.add(*match.span(), POINT), POINT)
                 self.story.flags[point] = Reason.EXPRESSION
 
     def _outside(self, start: int, end: int) -> None:
@@ -233,7 +219,7 @@ class ScriptWalk:
                 variable = variable or self.variables.declare(scope, name, what)
                 if variable.kind != what:
                     variable.computed = True
-                point = self._point(literal.start(), self.table.add(*literal.span(), kind), kind)
+                point = self.story.add(literal.start(), self.table.add(*literal.span(), kind), kind)
                 variable.give("", point, self.course.barriers)
                 return True
         if variable is None and not match[3]:
@@ -242,13 +228,6 @@ class ScriptWalk:
             variable.computed = True
         self._other(at, end)
         return True
-
-    def _point(self, offset: int, row: int, kind: int) -> int:
-        story = self.story
-        story.offset.append(offset)
-        story.row.append(row)
-        story.kind.append(kind)
-        return len(story.offset) - 1
 
     def _find_close(self, start: int, end: int) -> int:
         """Returns where the bracket closes that opened before ``start``."""
@@ -277,7 +256,7 @@ class ScriptWalk:
             return known
         match = POSE.match(self.code, start, end)
         if match and match.end() == end:
-            point = self._point(start, self.table.add(*match.span(), POINT), FRAME)
+            point = self.story.add(start, self.table.add(*match.span(), POINT), FRAME)
             self._literal_frames[text] = point
             return point
         variable = self._variable(text)
@@ -300,7 +279,7 @@ class ScriptWalk:
         if len(targets) == 1:  # nearly all there are
             match = POSE.match(self.code, start, end)
             if match and _NEXT.match(self.code, match.end()):
-                point = self._point(match.start(), self.table.add(*match.span(), POINT), POINT)
+                point = self.story.add(match.start(), self.table.add(*match.span(), POINT), POINT)
                 self.story.uses.add(point, self._at, targets[0], 0)
                 return
         close = end - 1 if self.code[end - 1 : end] == b")" else self._find_close(start, end)
@@ -324,7 +303,7 @@ class ScriptWalk:
         for pattern, kind, _ in LITERALS:
             match = pattern.match(self.code, start, end)
             if match and match.end() == end:
-                return self._point(start, self.table.add(*match.span(), kind), kind), BASE
+                return self.story.add(start, self.table.add(*match.span(), kind), kind), BASE
         text = self.code[start:end]
         variable = self._variable(text)
         if variable is not None:
@@ -363,7 +342,7 @@ class ScriptWalk:
             self._mention(start, end)
 
     def _lose_point(self, offset: int, reason: Reason, what: str) -> int:
-        point = self._point(offset, -1, NOTHING)
+        point = self.story.add(offset, -1, NOTHING)
         self.story.flags[point] = reason
         self.story.notes.append((offset, what))
         return point
