@@ -15,9 +15,10 @@ import numpy as np
 from robotrue.core.arm_words import NO_WORD, WORDS
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.units import DEG
-from robotrue.errors import FormatError, ShapeError
+from robotrue.errors import FormatError
 from robotrue.program.formats.number_table import NumberTable
 from robotrue.program.formats.number_text import NUMBER
+from robotrue.program.formats.pose_write import spans_of
 from robotrue.program.formats.target_tokens import POSE, TargetTokens, rewritten, values_of
 from robotrue.program.formats.text_lines import line_at, line_starts, require_text
 from robotrue.program.program import Motion, Program, Reason, Replacement
@@ -141,6 +142,5 @@ def write_camrob(program: Program, replacement: Replacement) -> bytes:
     Raises:
         ShapeError: A changed row has a value that is not finite, or beyond 1e9 mm or deg.
     """
-    if not isinstance(program.spans, TargetTokens):
-        raise ShapeError(f"{program.name} was not read as a CAMRob file.")
-    return rewritten(program, replacement, program.spans, [], aligned=False)
+    tokens = spans_of(program, TargetTokens, "CAMRob")
+    return rewritten(program, replacement, tokens, [], aligned=False)

@@ -10,10 +10,9 @@ import numpy as np
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.rotations import rotation_vector_from_matrix
 from robotrue.core.units import DEG, UM
-from robotrue.errors import ShapeError
 from robotrue.program.formats.gcode_arcs import middles, moved_words
 from robotrue.program.formats.path_words import PathWords, Turn
-from robotrue.program.formats.pose_write import changed_rows
+from robotrue.program.formats.pose_write import changed_rows, spans_of
 from robotrue.program.program import Program, Replacement
 
 _SLIGHT: Final = 0.5 * UM
@@ -26,9 +25,7 @@ def path_losses(program: Program, replacement: Replacement) -> tuple[str, ...]:
     Raises:
         ShapeError: The program is not a path of words.
     """
-    words = program.spans
-    if not isinstance(words, PathWords):
-        raise ShapeError(f"{program.name} was not read as a path of words, but by another dialect.")
+    words = spans_of(program, PathWords, "path")
     changed = changed_rows(program, replacement)
     out = []
     rows, off = arc_deviation(program, replacement, words, changed)

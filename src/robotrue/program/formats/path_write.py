@@ -14,7 +14,7 @@ import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.units import DEG, MM
-from robotrue.errors import ConfigurationError, ShapeError
+from robotrue.errors import ConfigurationError
 from robotrue.program.formats.apt_arcs import MISS
 from robotrue.program.formats.gcode_arcs import Centre, PlaneArcs, middles, moved_words
 from robotrue.program.formats.number_table import Numbers, put_stretches, respell_tokens
@@ -27,6 +27,7 @@ from robotrue.program.formats.pose_write import (
     find_moved,
     new_words,
     require_printable,
+    spans_of,
 )
 from robotrue.program.program import Program, Replacement
 
@@ -46,9 +47,7 @@ def write_path(program: Program, replacement: Replacement) -> bytes:
         ShapeError: A changed row has a value that is not finite, or beyond 1e9 mm or deg.
         ConfigurationError: New ends of an arc that no circle of its plane joins as it did.
     """
-    words = program.spans
-    if not isinstance(words, PathWords):
-        raise ShapeError(f"{program.name} was not read as a path of words, but by another dialect.")
+    words = spans_of(program, PathWords, "path")
     changed = changed_rows(program, replacement)
     values, touched = _compute_wanted(program, replacement, words, changed)
     enough, least = _decimals(words)

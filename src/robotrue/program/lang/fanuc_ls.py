@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from robotrue.core.arrays import Array
 from robotrue.errors import FormatError
@@ -21,11 +21,15 @@ from robotrue.program.controller_files import (
 )
 from robotrue.program.formats.stated_feeds import PLAIN, feeds_of_points
 from robotrue.program.frame_text import print_abc, print_mm
-from robotrue.program.language import FrameFiles, FrameForm, Language, NamedBytes, TableForm
+from robotrue.program.language import (
+    FrameFiles,
+    FrameForm,
+    Language,
+    NamedBytes,
+    TableForm,
+    on_first_use,
+)
 from robotrue.program.program import FrameTable, Program, Replacement
-
-if TYPE_CHECKING:
-    from robotrue.program.insertion import Inserter
 
 _PROG: Final = re.compile(rb"(?:\A(?:\xef\xbb\xbf)?|[\r\n])[ \t]*/PROG\b")
 _SECTION: Final = re.compile(rb"[\r\n][ \t]*/(?:ATTR|MN|POS)[ \t]*[\r\n]")
@@ -65,12 +69,6 @@ def _write(program: Program, replacement: Replacement) -> bytes:
     from robotrue.program.formats.fanuc_write import write_fanuc
 
     return write_fanuc(program, replacement)
-
-
-def _inserter() -> Inserter:
-    from robotrue.program.formats.fanuc_insert import INSERTER
-
-    return INSERTER
 
 
 def _feeds(program: Program) -> Array:
@@ -128,7 +126,7 @@ LANGUAGE: Final = Language(
     writer=_write,
     called="a Fanuc LS program",
     sign=re.compile(rb"(?m)^[^\S\n]*+/PROG\b"),
-    inserter=_inserter,
+    inserter=on_first_use("fanuc_insert", "INSERTER"),
     feeds=_feeds,
     frame_files=FrameFiles(
         names=("SYSFRAME.VA", "FRAMEVAR.VA", "POSREG.VA"),

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from robotrue.core.arrays import Array
 from robotrue.core.rotations import abc_from_matrix
@@ -23,11 +23,15 @@ from robotrue.program.controller_files import (
 )
 from robotrue.program.formats.stated_feeds import PLAIN, feeds_of_points
 from robotrue.program.frame_text import print_abc, print_mm, print_values
-from robotrue.program.language import FrameFiles, FrameForm, Language, NamedBytes, TableForm
+from robotrue.program.language import (
+    FrameFiles,
+    FrameForm,
+    Language,
+    NamedBytes,
+    TableForm,
+    on_first_use,
+)
 from robotrue.program.program import FrameTable, Program, Replacement
-
-if TYPE_CHECKING:
-    from robotrue.program.insertion import Inserter
 
 _JOB: Final = re.compile(rb"(?:\A(?:\xef\xbb\xbf)?|[\r\n])[ \t]*/JOB[ \t]*[\r\n]", re.IGNORECASE)
 _SECTION: Final = re.compile(rb"[\r\n][ \t]*//(?:POS|INST|NAME)\b", re.IGNORECASE)
@@ -59,12 +63,6 @@ def _write(program: Program, replacement: Replacement) -> bytes:
     from robotrue.program.formats.jbi_write import write_jbi
 
     return write_jbi(program, replacement)
-
-
-def _inserter() -> Inserter:
-    from robotrue.program.formats.jbi_insert import INSERTER
-
-    return INSERTER
 
 
 def _feeds(program: Program) -> Array:
@@ -146,7 +144,7 @@ LANGUAGE: Final = Language(
     writer=_write,
     called="a Yaskawa JBI job",
     sign=re.compile(rb"(?m)^/JOB\b"),
-    inserter=_inserter,
+    inserter=on_first_use("jbi_insert", "INSERTER"),
     feeds=_feeds,
     frame_files=FrameFiles(
         names=("TOOL.CND", "UFRAME.CND", "ALL.PRM", "RC.PRM"),

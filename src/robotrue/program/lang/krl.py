@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import PurePath
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
@@ -30,17 +30,14 @@ from robotrue.program.formats.text_lines import line_starts
 from robotrue.program.frame_text import print_abc, print_mm
 from robotrue.program.held import as_printed
 from robotrue.program.language import (
-    Cutter,
     FrameFiles,
     FrameForm,
     Language,
     NamedBytes,
     TableForm,
+    on_first_use,
 )
 from robotrue.program.program import FrameTable, Program, Replacement
-
-if TYPE_CHECKING:
-    from robotrue.program.insertion import Inserter
 
 _HEAD: Final = re.compile(
     rb"^(?:\xef\xbb\xbf)?[^\S\n]*+&ACCESS|^[^\S\n]*+(?:GLOBAL\s+)?DEF(?:DAT|FCT)?\s+\w",
@@ -122,18 +119,6 @@ def _write(program: Program, replacement: Replacement) -> bytes:
     if not isinstance(program.spans, KrlSpans):
         return write_camrob(program, replacement)
     return write_krl(*as_printed(program, replacement))
-
-
-def _inserter() -> Inserter:
-    from robotrue.program.formats.krl_insert import INSERTER
-
-    return INSERTER
-
-
-def _cutter() -> Cutter:
-    from robotrue.program.formats.krl_chunks import CUTTER
-
-    return CUTTER
 
 
 def _feeds(program: Program) -> Array:
@@ -230,8 +215,8 @@ LANGUAGE: Final = Language(
     writer=_write,
     name_companions=_name_companions,
     name_files=_name_files,
-    inserter=_inserter,
-    cutter=_cutter,
+    inserter=on_first_use("krl_insert", "INSERTER"),
+    cutter=on_first_use("krl_chunks", "CUTTER"),
     feeds=_feeds,
     frame_files=FrameFiles(
         names=("$config.dat", "$machine.dat"),

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from pathlib import PurePath
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
@@ -21,11 +21,8 @@ from robotrue.program.formats.stated_feeds import PLAIN
 from robotrue.program.formats.text_lines import line_starts
 from robotrue.program.frame_text import print_mm, print_values
 from robotrue.program.held import as_printed
-from robotrue.program.language import Cutter, FrameForm, Language, NamedBytes, TableForm
+from robotrue.program.language import FrameForm, Language, NamedBytes, TableForm, on_first_use
 from robotrue.program.program import FrameTable, Program, Replacement
-
-if TYPE_CHECKING:
-    from robotrue.program.insertion import Inserter
 
 _HEAD: Final = re.compile(
     rb"^(?:\xef\xbb\xbf)?[^\S\n]*+(?:%%%|MODULE\s+[\w\x80-\xff])", re.IGNORECASE | re.MULTILINE
@@ -67,18 +64,6 @@ def _write(program: Program, replacement: Replacement) -> bytes:
     from robotrue.program.formats.rapid_write import write_rapid
 
     return write_rapid(*as_printed(program, replacement))
-
-
-def _inserter() -> Inserter:
-    from robotrue.program.formats.rapid_insert import INSERTER
-
-    return INSERTER
-
-
-def _cutter() -> Cutter:
-    from robotrue.program.formats.rapid_chunks import CUTTER
-
-    return CUTTER
 
 
 def _feeds(program: Program) -> Array:
@@ -134,8 +119,8 @@ LANGUAGE: Final = Language(
     called="an ABB RAPID module",
     sign=re.compile(rb"(?im)^[^\S\n]*+MODULE\s+\w|\bMove[LJC]\s"),
     name_companions=_name_companions,
-    inserter=_inserter,
-    cutter=_cutter,
+    inserter=on_first_use("rapid_insert", "INSERTER"),
+    cutter=on_first_use("rapid_chunks", "CUTTER"),
     feeds=_feeds,
     frame_form=FrameForm(
         name="rapid",

@@ -9,7 +9,7 @@ least of all. How numbers are written is told in :mod:`robotrue.program.formats.
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
@@ -19,11 +19,8 @@ from robotrue.core.units import MM
 from robotrue.errors import FormatError
 from robotrue.program.formats.stated_feeds import PLAIN, target_lines
 from robotrue.program.frame_text import print_values
-from robotrue.program.language import Cutter, FrameForm, Language, TableForm, read_each
+from robotrue.program.language import FrameForm, Language, TableForm, on_first_use, read_each
 from robotrue.program.program import FrameTable, Program, Replacement
-
-if TYPE_CHECKING:
-    from robotrue.program.insertion import Inserter
 
 _MOTION: Final = re.compile(
     rb"(?<![\w.])(?:move[lpjc]|set_tcp)\s*\(\s*(?:p?\[|[A-Za-z_]\w*\s*[,)(=])", re.IGNORECASE
@@ -74,18 +71,6 @@ def _write(program: Program, replacement: Replacement) -> bytes:
     return write_urscript(program, replacement)
 
 
-def _inserter() -> Inserter:
-    from robotrue.program.formats.urscript_insert import INSERTER
-
-    return INSERTER
-
-
-def _cutter() -> Cutter:
-    from robotrue.program.formats.urscript_chunks import CUTTER
-
-    return CUTTER
-
-
 def _feeds(program: Program) -> Array:
     feed = np.full(len(program), np.nan)
     for row, text in enumerate(target_lines(program)):
@@ -122,8 +107,8 @@ LANGUAGE: Final = Language(
     writer=_write,
     called="a UR script",
     sign=re.compile(rb"(?m)^[^\S\n]*+(def\s+\w+\(\):|movel\()"),
-    inserter=_inserter,
-    cutter=_cutter,
+    inserter=on_first_use("urscript_insert", "INSERTER"),
+    cutter=on_first_use("urscript_chunks", "CUTTER"),
     feeds=_feeds,
     frame_form=FrameForm(
         name="ur",

@@ -16,7 +16,6 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG
-from robotrue.errors import ShapeError
 from robotrue.program.frame_text import print_mm
 from robotrue.program.language import FrameForm, Language, NamedBytes, TableForm
 from robotrue.program.program import FrameTable, Program, Replacement
@@ -52,11 +51,11 @@ def _read(files: NamedBytes, frames: FrameTable) -> tuple[Program, ...]:
 
 
 def _write(program: Program, replacement: Replacement) -> bytes:
+    from robotrue.program.formats.pose_write import spans_of
     from robotrue.program.formats.target_tokens import TargetTokens, rewritten
 
-    if not isinstance(program.spans, TargetTokens):
-        raise ShapeError(f"{program.name} was not read as val3, but in another language.")
-    return rewritten(program, replacement, program.spans, (), aligned=False)
+    tokens = spans_of(program, TargetTokens, "val3")
+    return rewritten(program, replacement, tokens, (), aligned=False)
 
 
 def _value(xyz: Array, R: Array) -> str:

@@ -12,10 +12,10 @@ from robotrue.core.arrays import Array
 from robotrue.core.units import MM
 from robotrue.errors import RobotrueError
 from robotrue.program.formats.stated_feeds import FLAGS, RAPID, last_stated
+from robotrue.program.language import on_first_use
 from robotrue.program.program import Program, Replacement
 
 if TYPE_CHECKING:
-    from robotrue.program.insertion import Inserter
     from robotrue.program.toolpath import Toolpath
 
 _OTHERS: Final = re.compile(
@@ -31,6 +31,8 @@ _FEED_WORDS: Final = (
 _FEEDS: Final = re.compile(rb"\((?P<inside>[^)\r\n]*+)(?P<closed>\))?|" + _FEED_WORDS, FLAGS)
 _FEEDS_OPEN: Final = re.compile(_FEED_WORDS, FLAGS)
 """Words behind a bracket that its line does not close, which is no comment."""
+path_inserter: Final = on_first_use("path_insert", "INSERTER")
+"""Returns what puts points into such programs."""
 G_CODE: Final = "ISO G-code"
 """Family of the languages that go by each other's suffixes."""
 
@@ -56,13 +58,6 @@ def list_losses(program: Program, replacement: Replacement) -> tuple[str, ...]:
     from robotrue.program.formats.path_losses import path_losses
 
     return path_losses(program, replacement)
-
-
-def path_inserter() -> Inserter:
-    """Returns what puts points into such programs."""
-    from robotrue.program.formats.path_insert import INSERTER
-
-    return INSERTER
 
 
 def g_code_feeds(program: Program) -> Array:
