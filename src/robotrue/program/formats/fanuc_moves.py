@@ -31,7 +31,7 @@ from robotrue.program.formats.fanuc_offsets import (
     read_offset,
     target_of,
 )
-from robotrue.program.formats.fanuc_scan import FanucScan, list_statements
+from robotrue.program.formats.fanuc_scan import FanucScan, find_program, list_statements
 from robotrue.program.formats.fanuc_values import State
 from robotrue.program.formats.text_lines import line_at, line_starts
 from robotrue.program.program import Motion, Reason
@@ -44,7 +44,6 @@ _FRAME_NUMBER: Final = re.compile(rb"\b(UFRAME|UTOOL|BENUTZER|WKZ)_NUM\s*=\s*([^
 _FRAME_DATA: Final = re.compile(rb"\b(UFRAME|UTOOL|BENUTZER|WKZ)\s*+\[")
 _MOTION: Final = {b"J": Motion.PTP, b"L": Motion.LIN, b"S": Motion.SPLINE}
 _CALL: Final = re.compile(rb"\b(?:CALL|RUN)\s+([\w.]+)")
-_PROG: Final = re.compile(rb"^/PROG[ \t]+(\w+)", re.MULTILINE)
 _SIDE: Final = {b"UFRAME": "base", b"BENUTZER": "base", b"UTOOL": "tool", b"WKZ": "tool"}
 _SHIFT: Final = re.compile(rb"(?:TOUCH|MP)[ \t]+OFFSET\b[ \t]*(END\b)?")
 _LEAP: Final = re.compile(rb"\bJMP\b|[:;]\s*(?:FOR|IF|ELSE|SELECT)\b")
@@ -100,11 +99,11 @@ class FanucMoves:
 
 def quiet_programs(files: Sequence[tuple[str, bytes]]) -> tuple[str, ...]:
     """Returns the names, in lower case, of programs that set no frame number and call none."""
-    named = [(_PROG.search(data), data) for _, data in files]
+    named = [(find_program(data), data) for _, data in files]
     return tuple(
-        match[1].decode("latin-1").lower()
-        for match, data in named
-        if match and not _FRAME_NUMBER.search(data) and not _CALL.search(data)
+        found[0]
+        for found, data in named
+        if found and not (_FRAME_NUMBER.search(data, *found[1:]) or _CALL.search(data, *found[1:]))
     )
 
 

@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-from robotrue.program.formats.fanuc_scan import list_statements
+from robotrue.program.formats.fanuc_scan import find_program, list_statements
 from robotrue.program.formats.fanuc_values import (
     OffsetCondition,
     RegisterPose,
@@ -48,7 +48,6 @@ _LABEL: Final = re.compile(rb"LBL\[[ \t]*(\d{1,6})")
 _JUMPS: Final = re.compile(rb"\bLBL\[[ \t]*(\d{1,6}|[^\]]*)")
 _FOR: Final = re.compile(rb"FOR[ \t]+R\[[ \t]*(\d{1,6})")
 _MOVE: Final = re.compile(rb"[JLCAS]\s+PR?\s*\[")
-_PROG: Final = re.compile(rb"^/PROG[ \t]+(\w+)", re.MULTILINE)
 _QUIET: Final = re.compile(
     rb"(?:[DRASGU][IO]|UO|F|M)\[[^\]]*\][ \t]*=|WAIT[ \t]+[\d.]|PAYLOAD|END$"
 )
@@ -76,11 +75,11 @@ def list_effects(files: Sequence[tuple[str, bytes]], harmless: Sequence[str]) ->
     own: dict[str, frozenset[str]] = {}
     calls: dict[str, set[str]] = {}
     for _, data in files:
-        match = _PROG.search(data)
-        if match is None:
+        found = find_program(data)
+        if found is None:
             continue
-        text = b";".join(text for _, text in effective_statements(data, match.end(), len(data)))
-        name = match[1].decode("latin-1").lower()
+        name, first, last = found
+        text = b";".join(text for _, text in effective_statements(data, first, last))
         own[name] = _set_names(text)
         calls[name] = {each.decode("latin-1").lower() for each in _CALLED.findall(text)}
     out: dict[str, frozenset[str] | None] = dict.fromkeys(harmless, frozenset())

@@ -41,6 +41,8 @@ _NAMES: Final[dict[tuple[bytes, ...], int]] = {
     (b"X", b"Y", b"Z", b"W", b"P", b"R"): 0,
     (b"J1", b"J2", b"J3", b"J4", b"J5", b"J6"): 1,
 }
+_PROG: Final = re.compile(rb"^/PROG[ \t]+(\w+)", re.MULTILINE)
+_POSITIONS: Final = re.compile(rb"^[ \t]*/POS\b", re.MULTILINE)
 STATEMENT: Final = re.compile(rb"\s*+(?:(\d{0,6}+)\s*+:)?+([^;]*+);[ \t]*+(?:\r\n|\n|\r)?")
 _AT_ONCE: Final = 8192
 """Records read by one call of the compiled loop."""
@@ -80,6 +82,16 @@ class FanucScan:
     external: dict[int, list[tuple[int, str, float]]]
     others: dict[int, int]
     statements: tuple[int, int]
+
+
+def find_program(data: bytes) -> tuple[str, int, int] | None:
+    """Returns the name in ``/PROG``, in lower case, the place behind it, and that of ``/POS``."""
+    head = _PROG.search(data)
+    if head is None:
+        return None
+    positions = _POSITIONS.search(data, head.end())
+    name = head[1].decode("latin-1").lower()
+    return name, head.end(), positions.start() if positions else len(data)
 
 
 def list_statements(data: bytes, first: int, last: int) -> Iterator[re.Match[bytes]]:
