@@ -21,11 +21,12 @@ import heavy_arm as bench
 import heavy_arm_case as case
 import numpy as np
 
-from robotrue.calibration.methods import METHODS, fit
-from robotrue.calibration.model import Query
+from robotrue.calibration.methods import METHODS, FitSettings, fit
+from robotrue.calibration.model import ErrorModel, Query
 from robotrue.core.units import DEG, MM
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel
+from robotrue.validation.selection import fit_auto
 from robotrue_reproductions.deng2022.scenarios import scenario, whole
 
 POSES, TEST, PULLED = 60, 200, 20
@@ -72,13 +73,22 @@ def bare(robot: RobotModel) -> RobotModel:
     return replace(robot, link_mass=np.empty(0), link_com=np.empty(0))
 
 
+def fit_by(
+    method: str, robot: RobotModel, rows: MeasurementSet, settings: FitSettings
+) -> ErrorModel:
+    """A fit by a method, or by the contest of all."""
+    if method == "auto":
+        return fit_auto(robot, rows, settings)
+    return fit(robot, rows, method=method, settings=settings)
+
+
 def judge_heavy(seed: int, method: str, pulled: int) -> list[float]:
     """Mean error in mm and coverage without and with force."""
     joints = case.poses(POSES + TEST, seed=100 + seed)
     train, test = joints[:POSES], joints[POSES:]
     arm, compliance = true_arm(seed)
     rows = measured(arm, compliance, train, pulled, seed)
-    model = fit(bare(bench.robot()), rows, method=method, settings=bench.SETTINGS)
+    model = fit_by(method, bare(bench.robot()), rows, bench.SETTINGS)
     believed, rng = case.points(case.nominal_arm(), test), np.random.default_rng([seed, 3])
     out: list[float] = []
     for force in (None, case.FORCE):
@@ -97,7 +107,7 @@ def judge_cell(seed: int, method: str) -> list[float]:
     robot, rows = arm.cell.known.measured_robot, whole(arm, 30)
     for known in (True, False):
         settings = arm.settings if known else replace(arm.settings, stiffness=None)
-        model = fit(robot if known else bare(robot), rows, method=method, settings=settings)
+        model = fit_by(method, robot if known else bare(robot), rows, settings)
         out += few_poses.examine(model, arm)
     return out
 
@@ -107,10 +117,10 @@ def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--draws", type=int, default=20, help="heavy arms")
     parser.add_argument("--cell-arms", type=int, default=24, help="arms of KR160 size")
-    parser.add_argument("--method", choices=METHODS, default="elastic")
+    parser.add_argument("--method", choices=[*METHODS, "auto"], default="elastic")
     chosen = parser.parse_args(arguments)
     print("simulated; mean mm and share inside the 95 % region")
-    for pulled, reach in REACH.items():
+    for pulled, reach in REACH.items() if chosen.draws else ():
         found = []
         for seed in range(chosen.draws):
             found.append(judge_heavy(seed, chosen.method, pulled))

@@ -64,6 +64,20 @@ def test_mean_and_covariance_are_those_of_the_mixture(fits):
     np.testing.assert_allclose(covariance / scale, mixed / scale, atol=0.03)
 
 
+def test_the_mixture_of_a_stiff_arm_and_soft_ones_whose_links_have_no_stated_mass():
+    rng = np.random.default_rng(9)
+    unknown = replace(arm(), link_mass=np.zeros(6), total_mass=250.0)
+    rows = measure(planted(arm(), rng), postures(arm(), 40, rng), rng)
+    methods = ("geometric", "elastic", "ripple")
+    models = [fit(unknown, rows, method=method, settings=SETTINGS) for method in methods]
+    joints = postures(arm(), 25, rng)
+    points = np.array([seen_points(model, joints)[0] for model in models])
+    mean = np.tensordot(WEIGHTS, points, axes=1)
+    assert np.linalg.norm(points[0] - points[1], axis=1).max() > 1e-3
+    point, _ = seen_points(average_models(models, WEIGHTS), joints)
+    np.testing.assert_allclose(point, mean, atol=5e-6)
+
+
 def test_an_average_is_saved_updated_and_inverted_like_any_model(fits):
     rows, models = fits
     average = average_models(models, WEIGHTS)

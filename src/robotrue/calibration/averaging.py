@@ -32,7 +32,7 @@ from robotrue.core.arrays import Array
 from robotrue.core.poses import inverse, pose
 from robotrue.core.rotations import matrix_from_rotation_vector, rotation_vector_from_matrix
 from robotrue.errors import ConfigurationError
-from robotrue.robot.model import moment_slice, parameter_slice
+from robotrue.robot.model import MOMENTS, moment_slice, parameter_slice
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -149,16 +149,21 @@ def _align_members(models: Sequence[CalibratedModel], share: Array) -> list[_Mem
 
 
 def _share_moments(members: Sequence[_Member], share: Array) -> Array:
-    """The means (k, p) of the members, those without compliance given the others' moments.
+    """The means (k, p) of the members, moments of links by the compliance they act through.
 
-    Moments of the links act through compliance alone: a member that has none says nothing of them.
+    A moment bends the joints of its own link and of those before it, and the product is what a
+    model predicts. A member that says these joints are stiff says nothing of the moment: the mean
+    of the others stands in it.
     """
     means = np.array([member.belief.mean for member in members])
-    moments = np.r_[moment_slice(members[0].model.robot.dof)]
-    known = np.array([bool(member.belief.root[:, moments].any()) for member in members])
-    if known.any():
-        others = share[known] @ means[np.ix_(known, moments)] / share[known].sum()
-        means[np.ix_(~known, moments)] = others
+    dof = members[0].model.robot.dof
+    reach = np.cumsum(np.abs(means[:, parameter_slice(dof, "compliance")]), axis=1)
+    most = np.max(reach, axis=0)
+    acts = np.divide(reach, most, out=np.ones_like(reach), where=most > 0.0)
+    acts = np.tile(acts, len(MOMENTS))
+    moments = means[:, moment_slice(dof)]
+    mean = share @ (acts * moments) / (share @ acts)
+    means[:, moment_slice(dof)] = mean + acts * (moments - mean)
     return means
 
 
