@@ -79,6 +79,39 @@ def test_an_exchange_is_never_worse_than_its_start(criterion: Criterion, seed: i
     )
 
 
+@pytest.mark.parametrize("criterion", ["I", "D"])
+@pytest.mark.parametrize("poses", [4, 6, 9])
+def test_an_exchange_of_too_few_poses_under_a_wide_prior_gains(
+    criterion: Criterion, poses: int
+) -> None:
+    """Each pose is all that is known of some directions, 1e4 times better than the prior."""
+    rows, weight = information(count=60, size=30, seed=poses)
+    rows = 1e4 * rows
+    start = greedy(rows, weight, poses, criterion=criterion)
+    found = exchange_poses(rows, weight, start.chosen, criterion=criterion)
+    if criterion == "I":
+        assert found.variance[-1] < start.variance[-1] * (1.0 + 1e-9)
+    else:
+        assert found.log_det[-1] > start.log_det[-1] - 1e-9
+    # None of the exchanges that are left would gain: what it says of a pose taken out is exact.
+    for place in range(poses):
+        others = np.delete(found.chosen, place)
+        state = rows[others].reshape(-1, rows.shape[2])
+        root = np.linalg.qr(np.vstack([np.eye(rows.shape[2]), state]), mode="r")
+        candidates = np.setdiff1d(np.arange(len(rows)), others)
+        values = []
+        for k in candidates:
+            more = np.linalg.qr(np.vstack([root, rows[k]]), mode="r")
+            left = np.linalg.inv(more)
+            half = np.sum(np.log(np.abs(np.diagonal(left))))
+            values.append(np.trace(left.T @ weight @ left) if criterion == "I" else half)
+        mine = values[int(np.flatnonzero(candidates == found.chosen[place])[0])]
+        if criterion == "I":
+            assert mine <= min(values) * (1.0 + 1e-5)
+        else:
+            assert mine <= min(values) + 1e-5 * abs(min(values))
+
+
 def test_exchange_reaches_the_best_of_all_pairs() -> None:
     rows, weight = information(count=14, size=5)
     for criterion in ("I", "D"):

@@ -27,6 +27,11 @@ SEEN: Final = 9.0
 """Information above this is enough: the sd is less than a third of the prior's."""
 PROBES: Final = 50
 _NAMED: Final = 0.08
+"""Coefficients below this share of the largest are not named."""
+_STATED: Final = 1e-6
+"""Coefficients below this share are rounding. The ones between are part of the direction: without
+them it is another one, which the data do see, and what it costs a prediction comes out too small.
+"""
 _EXACT: Final = 2e-3
 
 Reveal: TypeAlias = Literal["poses", "side load", "orientation", "another tool", "root", "nothing"]
@@ -60,7 +65,7 @@ class Direction:
     Attributes:
         name: For one parameter its name; for two the combination that *is* seen
             (``theta1 + base_rz``); for more the names that trade off, the largest first.
-        terms: (name, coefficient) of the unseen direction, SI, largest scaled term 1.
+        terms: (name, coefficient) of the unseen direction, SI, the first one 1.
         reveal: The kind of measurement that would show it.
         cure: What to do, in words.
         harmless: True where no position of the measured reflector depends on it.
@@ -254,20 +259,22 @@ def _name_directions(
         ]
     )
     for row in _sparse(directions * (sd / even)[:, None]):
-        order = np.flatnonzero(np.abs(row) > _NAMED).tolist()
+        order = np.flatnonzero(np.abs(row) > _STATED).tolist()
         physical = row[order] * even[order]
+        largest = np.abs(row[order]) > _NAMED
         terms = tuple(
             (names[i], float(value / physical[0])) for i, value in zip(order, physical, strict=True)
         )
+        named = tuple(term for term, large in zip(terms, largest, strict=True) if large)
         cure = cures[kind]
-        if kind == "side load" and any(name.startswith("moment") for name, _ in terms):
+        if kind == "side load" and any(name.startswith("moment") for name, _ in named):
             cure = ASSUMED_WEIGHT
         out.append(
             Direction(
-                name=_name(terms),
+                name=_name(named),
                 terms=terms,
                 reveal=kind,
-                cure=_reason(terms, kind, robot) + cure,
+                cure=_reason(named, kind, robot) + cure,
                 harmless=kind not in ("poses", "side load"),
             )
         )

@@ -167,6 +167,12 @@ def rebuild_error(frf: FrequencyResponse, modes: ModalModel) -> float:
     )
 
 
+def describe_rebuild_error(error: float) -> str:
+    """Returns how far modes are off the lines, in per cent; rounding of exact modes as such."""
+    percent = 100.0 * error
+    return f"{percent:.2g} % off the lines" if percent >= 0.001 else "< 0.001 % off the lines"
+
+
 def _relative(difference: ComplexArray, of: ComplexArray) -> float:
     return float(np.sqrt((np.abs(difference) ** 2).mean() / max((np.abs(of) ** 2).mean(), 1e-300)))
 

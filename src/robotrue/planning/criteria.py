@@ -73,12 +73,16 @@ class _Posterior:
             return np.asarray(np.linalg.slogdet(self.inner)[1])
         return np.asarray(np.linalg.solve(self.inner, self.outer).trace(axis1=1, axis2=2))
 
-    def add(self, index: int, sign: float = 1.0) -> None:
-        """Measures a candidate once more, or (sign -1) takes one measurement of it back."""
+    def add(self, index: int) -> None:
+        """Measures a candidate once more.
+
+        Measurements are never taken back: where a pose is all that is known of a direction, what
+        remains without it is the difference of numbers that agree to many digits.
+        """
         m = self.rows.shape[1]
         mine = self.rows[index]
         ahead = self.covariance @ mine.T  # P a'
-        inverse = np.linalg.inv(sign * np.eye(m) + mine @ ahead)
+        inverse = np.linalg.inv(np.eye(m) + mine @ ahead)
         share = inverse @ ahead.T
         common = self.flat @ ahead  # A P a'
         shown = share @ self.directions
@@ -181,25 +185,22 @@ def exchange_poses(
         told: Called with how many exchanges were tried, before each.
     """
     free = np.ones(len(rows), dtype=bool) if allowed is None else np.array(allowed)
-    at = _Posterior(rows, weight, covariance)
     chosen = [int(k) for k in start]
-    for k in chosen:
-        at.add(k)
-        free[k] = False
+    free[chosen] = False
     most = passes(len(chosen)) if sweeps is None else sweeps
     for sweep in range(most):
         moved = False
         for place, old in enumerate(chosen):
             if told is not None:
                 told(sweep * len(chosen) + place)
-            at.add(old, sign=-1.0)
-            gains = at.gains(criterion)
+            others = rows[chosen[:place] + chosen[place + 1 :]]
+            without = _Posterior(rows, weight, covariance_after(others, covariance))
+            gains = without.gains(criterion)
             best = int(np.argmax(np.where(free, gains, -np.inf)))
             if gains[best] > gains[old] * (1.0 + BETTER):
                 free[old], free[best] = True, False
                 chosen[place] = best
                 moved = True
-            at.add(chosen[place])
         if not moved:
             break
     return follow(rows, weight, np.array(chosen, dtype=np.int64), covariance=covariance)

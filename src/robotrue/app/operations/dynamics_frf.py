@@ -244,6 +244,8 @@ def _document(
 def _blocks(
     frf: FrequencyResponse, fitted: ModalModel | None, d: ResponseDocument
 ) -> Iterable[Block]:
+    from robotrue.dynamics.interpolation import describe_rebuild_error
+
     low, high = d["valid_Hz"]
     hits = [
         (f"{hit['axis']} axis", f"{count(hit['used'], 'hit')} used, {len(hit['left_out'])} not")
@@ -269,7 +271,7 @@ def _blocks(
         return
     modes = enumerate(zip(fitted.frequency, fitted.damping, strict=True))
     yield Table(
-        title=f"modes, {100.0 * found['rebuild_error']:.2g} % off the lines",
+        title=f"modes, {describe_rebuild_error(found['rebuild_error'])}",
         columns=("Hz", "damping %", *(f"{a}{a} um/N" for a in frf.response_axes)),
         rows=tuple(
             (f"{f:.5g}", f"{100.0 * z:.3g}", *(f"{abs(v):.3g}" for v in _weights(fitted, k)))

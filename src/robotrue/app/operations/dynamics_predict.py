@@ -201,9 +201,11 @@ def _over(values: Array, how: str) -> Array:
 
 
 def _facts(d: PredictionDocument) -> Facts:
+    from robotrue.dynamics.interpolation import describe_rebuild_error
+
     modes, rebuilt = d["modes_Hz"], d["rebuild_error"]
     if modes is not None and rebuilt is not None:
-        between = f"{len(modes)} modes, {100.0 * rebuilt:.2g} % off the lines"
+        between = f"{len(modes)} modes, {describe_rebuild_error(rebuilt)}"
     else:
         between = f"lines, {100.0 * d['left_out_error']:.2g} % at lines left out"
     low, high = d["valid_Hz"]
