@@ -48,7 +48,7 @@ def test_page_of_a_bare_cell_says_that_nothing_was_measured(cli, work):
     page = (work / "m.html").read_text()
     assert "nothing was measured: stated stiffness and prior scales only." in page
     assert "<svg" in page
-    assert "doubt: nothing was measured" in got.err
+    assert "warning: nothing was measured" in got.err
 
 
 @pytest.mark.parametrize(

@@ -53,7 +53,7 @@ def test_without_target_poses_it_says_that_nothing_was_checked(cli, few):
     page = (few / "page.html").read_text()
     assert "transfer is used; nothing was checked against the target." in page
     shown = cli("inspect", few / "new.rtm")
-    assert "doubt: no target pose was measured" in shown.err
+    assert "warning: no target pose was measured" in shown.err
 
 
 def test_a_source_in_other_units_is_left_out_and_named(cli, few):

@@ -225,7 +225,7 @@ def test_what_is_unseen_is_not_repeated_as_a_doubt():
     content = calibration_content(result, title="t", simulated=False, unseen=["gear6: turn it"])
     assert content.doubts == ("compliance2 is negative.",)
     assert content.verdict.tone == "caution"
-    assert "1 doubt below" in content.verdict.detail
+    assert "1 warning below" in content.verdict.detail
 
 
 def test_an_empty_page_is_still_a_page():

@@ -134,14 +134,14 @@ def _describe_noise(white: float) -> str:
 
 VERDICTS: Final = {
     "determined": "the data saw everything the predictions depend on",
-    "conditional": "read the doubts",
+    "conditional": "read the warnings",
 }
 
 
 def remarks(model: ErrorModel) -> list[str]:
     """Returns the warnings by cure, and one sentence for all combinations nobody needs apart."""
     summary = model.training_summary()
-    warnings = [f"doubt: {line}" for line in group_warnings(model, summary.warnings)]
+    warnings = [f"warning: {line}" for line in group_warnings(model, summary.warnings)]
     return warnings + harmless_remark(summary)
 
 
@@ -153,7 +153,7 @@ def harmless_remark(summary: TrainingSummary) -> list[str]:
     shown = ", ".join(names[:3]) + (", ..." if len(names) > 3 else "")
     return [
         f"note: {len(names)} combination{'' if len(names) == 1 else 's'} of parameters "
-        f"({shown}) cannot be told apart; no position of the measured point depends on that. "
+        f"({shown}) cannot be separated; predicted positions are not affected. "
         "--json says what would show each"
     ]
 

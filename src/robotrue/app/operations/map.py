@@ -194,7 +194,7 @@ def run(request: MapRequest, context: Context) -> Mapped:
     _write(result, model, path)
     context.wrote("map", output)
     for warning in model.training_summary().warnings:
-        context.inform(f"doubt: {warning}")
+        context.inform(f"warning: {warning}")
     return result
 
 
