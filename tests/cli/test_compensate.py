@@ -194,7 +194,7 @@ def test_frames_the_cell_names_reach_the_program(cli, work: Path) -> None:
     command = ("compensate", work / "model.rtm", work / "named.src", "-o", work / "o.src", "--json")
     silent = cli(*command)
     assert silent.document["status"] == {"unchanged_source": 1}
-    assert "base number 4 stands in the controller" in silent.err
+    assert "base number 4 is stored in the controller" in silent.err
     told = (
         "[[controller.base]]\nnumber = 4\nxyz_mm = [700, 0, 700]\n[[controller.tool]]\nnumber = 2\n"
     )
@@ -321,7 +321,7 @@ def test_notes_carry_the_reason_with_file_line_and_remedy(cli, work: Path) -> No
     got = cli("compensate", work / "model.rtm", work / "named.src", "-o", work / "o.src",
               "--allow-steps", "--json")  # fmt: skip
     first, second = got.document["notes"]
-    assert first.startswith("named.src:8: Spindle_On stands in no file given and may change base")
+    assert first.startswith("named.src:8: Spindle_On is in no file given and may change base")
     assert 'harmless_routines = ["Spindle_On"]' in first
     assert second == "line 9: unchanged, its base or tool is not known."
     folder = work / "in"

@@ -136,7 +136,7 @@ def test_what_is_held_whole_says_so(
     got = cli(*call)
     assert got.code == 0
     assert got.document["route"] == "whole"
-    assert "held whole (line 6: a target that is stored or has clauses of its own)" in got.err
+    assert "held whole (line 6: a target that is stored or has its own clauses)" in got.err
     (work / "out.src").unlink()
     monkeypatch.setattr(program_file, "_memory", lambda: 1000)
     refused = cli(*call)

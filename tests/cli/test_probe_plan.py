@@ -157,7 +157,7 @@ def test_nothing_says_where_the_part_stands(cli, shop_floor: Path) -> None:
     got = cli("probe-plan", shop_floor / "cell.toml", "--part", shop_floor / "features.csv",
               "--machined", shop_floor / "top.csv", "-o", shop_floor / "t.csv")  # fmt: skip
     assert got.code == 1
-    assert "nothing says roughly where the part stands in the base" in got.err
+    assert "the rough place of the part in the base is not known" in got.err
 
 
 def test_a_part_that_has_no_features(cli, shop_floor: Path) -> None:

@@ -215,7 +215,7 @@ def test_one_frame_per_side(cli, work: Path) -> None:
     assert list(document["residual_mm"])[8:10] == ["back/K1", "back/K2"]
     assert (front["outliers"], back["outliers"]) == ([], ["K3"])
     assert document["outliers"] == ["back/K3"]
-    assert any(doubt.startswith("back: Not believed: K3") for doubt in document["doubts"])
+    assert any(doubt.startswith("back: Not used: K3") for doubt in document["doubts"])
     cell = read_cell(work / "o.toml")
     assert cell.part is not None
     assert cell.part.names == ("front", "back")
@@ -358,7 +358,7 @@ def test_a_frame_of_its_own_and_no_go_are_told(cli, registered: Path) -> None:
     (work / "m.toml").write_text(text)
     got = cli("compensate", work / "m.toml", work / "own.src", "-o", work / "a.src")
     assert got.code == 0
-    assert "sets a work frame of its own" in got.err
+    assert "sets its own work frame" in got.err
     assert "part frame 'part' is NO-GO" in got.err
 
 

@@ -124,7 +124,7 @@ def test_exchanged_points_and_a_missing_start_are_refused(cli, work: Path, round
               "--json")  # fmt: skip
     assert re.search(r"turns the part by 1[78]\d deg about K", got.fault["message"])
     got = cli("register-rounds", work / "cell.toml", rounds(1), "-o", work / "o.toml", "--json")
-    assert "nothing says roughly where the part stands" in got.fault["message"]
+    assert "the rough place of the part in the base is not known" in got.fault["message"]
 
 
 def test_register_takes_the_three_points_of_the_paper(cli, work: Path, rounds) -> None:

@@ -71,4 +71,4 @@ def test_refused(cli, arguments, message):
 def test_nobody_answers(cli):
     found = cli("simulate", "drill", "--to", "udp://127.0.0.1:9", "--holes", "5")
     assert found.code == 1
-    assert "nobody answers at udp://127.0.0.1:9" in found.err
+    assert "no answer from udp://127.0.0.1:9" in found.err

@@ -90,7 +90,7 @@ def test_curve_and_page(cli, few):
     assert curve["candidates"]["transfer"]["median_mm"][1] < 0.1
     page = (few / "page.html").read_text()
     assert "How many target poses it takes" in page
-    assert "Who is believed about the target" in page
+    assert "Which source is used for the target" in page
     assert page.count("<svg") == 1
     json.dumps(got.document)
 

@@ -200,7 +200,7 @@ def test_files_as_the_big_systems_write_them():
     assert len(nx) == 3
     assert all(remark.known for remark in (*nx.remarks, *creo.remarks))
     shifted = CREO.replace("0.0000000000, $", "5.0000000000, $", 1)
-    assert "axis system of their own" in read(shifted).notes[0]
+    assert "in their own machining axis system" in read(shifted).notes[0]
 
 
 def test_a_dollar_in_a_comment_swallows_no_point():
@@ -227,7 +227,7 @@ REFUSED = {
     "ROTABL/90": "turns the part",
     "MODE/INCR": "only absolute ones are read",
     "CUTCOM/LEFT": "moves the path sideways",
-    "CYCLE/DRILL,5": "makes motions of its own",
+    "CYCLE/DRILL,5": "makes its own motions",
     "GOLFT/L1,PAST,L2": "along surfaces",
     "CIRCLE/0,0,0,0,0,1,5,.002,.5,10,0": "11 numbers, expected 7",
     "CIRCLE/0,0,0,0,0,3,5": "axis of length 3",
@@ -283,4 +283,4 @@ def test_a_file_without_points_and_one_in_the_wrong_unit():
 def test_a_machining_axis_system_of_its_own_is_told():
     rows = "$$*CATIA0\n$$ Axis\n$$ 1 0 0 25.0\n$$ 0 1 0 0\n$$ 0 0 1 0\n"
     path = read("UNITS/MM\n" + rows + "GOTO/1,2,3\n")
-    assert "machining axis system of their own" in path.notes[0]
+    assert "in their own machining axis system" in path.notes[0]

@@ -305,7 +305,7 @@ def test_obstacles_are_refused_with_their_line():
         start=moves.start, via=moves.via, end=moves.end, line=moves.line,
         obstacle=np.full(len(moves), int(Obstacle.LOOP)), spans=moves.spans,
     )  # fmt: skip
-    with pytest.raises(ShapeError, match=r"line 8 cannot be split: it stands in a loop"):
+    with pytest.raises(ShapeError, match=r"line 8 cannot be split: it is in a loop"):
         find_inserter("rapid").insert(job, whole, insertion)
     arc = cases.shifted(insertion, motion=np.full(len(insertion), 1))
     with pytest.raises(ShapeError, match="line 12 do not suit it"):

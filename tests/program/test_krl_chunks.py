@@ -149,8 +149,8 @@ def test_points_of_the_dat_are_read_beside(tmp_path: Path) -> None:
     ("body", "why", "line"),
     [
         ([*lines(50), "LIN {X 1}", "$BASE=$WORLD", "LIN {X 2}"], "leaves components out", -1),
-        ([*lines(50), f"LIN {pose(3)} WITH $BASE=$WORLD"], "stored or has clauses", -1),
-        ([*lines(50), f"p={{POS: {pose(3)[1:]}", "PTP p"], "stored or has clauses", -2),
+        ([*lines(50), f"LIN {pose(3)} WITH $BASE=$WORLD"], "stored or has its own clauses", -1),
+        ([*lines(50), f"p={{POS: {pose(3)[1:]}", "PTP p"], "stored or has its own clauses", -2),
         ([*lines(50), f"CIRC {AXES},{pose(1)}"], "an arc through axis", -1),
         ([*lines(50), f"LIN {pose(1)[:-1]},E1 5.0}}"], "external axes are away from zero", 0),
         (["WAIT SEC 1"], "no targets", 0),

@@ -118,11 +118,11 @@ def test_targets_behind_an_unknown_routine_are_left_alone_until_both_frames_are_
     unknown = Reason.UNKNOWN_FRAME
     assert program.reason.tolist() == [Reason.NONE, unknown, unknown, Reason.NONE, unknown]
     assert program.notes == (
-        "part.src:4: Spindle_On stands in no file given and may change base or tool: 2 targets "
+        "part.src:4: Spindle_On is in no file given and may change base or tool: 2 targets "
         "behind it are not compensated, until both are set again. Give its file, too; if it "
         "changes none of them, say so in the cell: [controller] harmless_routines = "
         '["Spindle_On"].',
-        "part.src:10: CUT stands in no file given and may change base or tool: 1 targets behind it "
+        "part.src:10: CUT is in no file given and may change base or tool: 1 targets behind it "
         "are not compensated, until both are set again. Give its file, too; if it changes none of "
         'them, say so in the cell: [controller] harmless_routines = ["CUT"].',
     )
@@ -145,7 +145,7 @@ def test_interrupts_of_routines_in_no_file() -> None:
     program = read(f"DEF p()\nINTERRUPT DECL 9 WHEN $IN[1] DO Retreat()\n{P}\nEND\n", TABLE)
     assert program.reason.tolist() == [Reason.NONE]
     assert program.notes == (
-        "part.src: Retreat, which an interrupt starts, stands in no file given; targets are "
+        "part.src: Retreat, which an interrupt starts, is in no file given; targets are "
         "compensated as if it changed neither base nor tool.",
     )
 

@@ -255,7 +255,10 @@ def test_with_clause_holds_for_its_motion_only() -> None:
 @pytest.mark.parametrize(
     ("line", "cure"),
     [
-        ("BAS(#BASE,5)", "part.src:2: the base number 5 stands in the controller .* add base 5 to"),
+        (
+            "BAS(#BASE,5)",
+            "part.src:2: the base number 5 is stored in the controller .* add base 5 to",
+        ),
         ("$TOOL=TOOL_DATA[9]", "part.src:2: the tool number 9 .* add tool 9 to the cell"),
         ("BAS(#TOOL,n)", "the tool number n is computed"),
         ("$BASE.X=5", "the base is changed by a single component"),
@@ -308,7 +311,7 @@ def test_a_point_no_file_holds_is_named() -> None:
     program = read(HEAD + "LIN XP7\nLIN XP7\nEND\n")
     assert program.notes == (
         "part.src:4: XP7 is computed, or no file of this program gives it a value; it is not "
-        "compensated (if it stands in a .dat, give that, too).",
+        "compensated (if it is in a .dat file, give that, too).",
     )
 
 

@@ -277,7 +277,7 @@ def test_quaternions_that_are_none() -> None:
 def test_notes_name_foreign_routines_and_unchecked_configuration() -> None:
     program = module("ConfL \\Off;\nGripper 5;\n" + move(target()))
     assert any(n.startswith("part.mod:6: ConfL \\Off: the controller") for n in program.notes)
-    assert any(n.startswith("part.mod:7: gripper stands in no file given") for n in program.notes)
+    assert any(n.startswith("part.mod:7: gripper is in no file given") for n in program.notes)
     assert not module("WaitTime 1;\nSetDO a,1;\n" + move(target())).notes
 
 
@@ -354,7 +354,7 @@ def test_settings_a_caller_passes_on() -> None:
 
 def test_calls_by_name_and_traps_are_told() -> None:
     program = module('%"proc"+x%;\n' + move(target()))
-    assert any("a call by name stands in no file" in note for note in program.notes)
+    assert any("a call by name is in no file" in note for note in program.notes)
     trap = "TRAP stop\nfixture.uframe:=[[1,0,0],[1,0,0,0]];\nENDTRAP\n"
     program = read(f"{FRAMES}PROC main()\n{move(target())}ENDPROC\n{trap}ENDMODULE")
     assert program.reason.tolist() == [0]

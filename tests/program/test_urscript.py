@@ -230,7 +230,7 @@ def test_a_function_in_no_script_may_set_the_tool() -> None:
     text = f"movel({P})\nrq_close(1)\nmovel({P})\nset_tcp({P})\nmovel({P})"
     assert reasons(text) == [NONE, UNKNOWN, NONE]
     assert script(text).notes == (
-        "part.script:3: rq_close stands in no file given and may change the tool: 1 targets behind "
+        "part.script:3: rq_close is in no file given and may change the tool: 1 targets behind "
         "it are not compensated, until set_tcp. Give its file, too; if it changes none of them, "
         'say so in the cell: [controller] harmless_routines = ["rq_close"].',
     )

@@ -140,7 +140,7 @@ def test_frames_and_routines_that_the_cell_states() -> None:
     assert program.T_base_frame[program.frame[3]][2, 3] == pytest.approx(0.4)
     lost = read_points(body.replace("call lib:start()", ""))
     assert lost.reason[:4].tolist() == [Reason.UNKNOWN_FRAME] * 4
-    assert any("lib:tCut stands in no file given" in note for note in lost.notes)
+    assert any("lib:tCut is in no file given" in note for note in lost.notes)
 
 
 def test_a_point_that_leaves_numbers_out_is_left_alone() -> None:

@@ -126,7 +126,7 @@ def test_page_of_a_transfer_says_who_is_used_and_what_it_takes():
     assert content.verdict.text.startswith("transfer is used: 0.0")
     assert "mm from the target poses alone." in content.verdict.text
     page = report_html(content)
-    assert "Who is believed about the target" in page
+    assert "Which source is used for the target" in page
     assert "target-only, 0 target poses: no target row to fit." in page
     assert "floor" not in page
     unchecked = select_guarded({"transfer": knows}, {}, None)

@@ -377,7 +377,7 @@ def _frame_notes(in_use: Array, frame: PartFrame | None) -> list[str]:
     if len(own):
         far = float(np.linalg.norm(own[:, :3, 3], axis=1).max())
         notes.append(
-            f"sets a work frame of its own, {far / MM:.3f} mm from part frame {frame.name!r}; "
+            f"sets its own work frame, {far / MM:.3f} mm from part frame {frame.name!r}; "
             "its own is used."
         )
     return notes

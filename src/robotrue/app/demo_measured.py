@@ -297,7 +297,7 @@ def _held_out_table(held_out: list[HeldOut]) -> ReportTable:
 def _path_table(path: PathCheck) -> ReportTable:
     before, after = lengths_mm(path.before), lengths_mm(path.after)
     return ReportTable(
-        title="A circle of 200 mm, PREDICTED: nobody re-measured it",
+        title="A circle of 200 mm, PREDICTED: not re-measured",
         columns=(
             TableColumn(title=""),
             *(TableColumn(title=t, unit="mm") for t in ("mean", "95 %", "max")),
@@ -305,7 +305,7 @@ def _path_table(path: PathCheck) -> ReportTable:
         rows=(
             ("before", *(float(before[k]) for k in ("mean_mm", "p95_mm", "max_mm"))),
             (
-                "after, judged by a model of other poses",
+                "after, checked by a model of other poses",
                 *(float(after[k]) for k in ("mean_mm", "p95_mm", "max_mm")),
             ),
             (
@@ -386,7 +386,7 @@ def _content(
         sections=_make_sections(path, tables, detail),
         unseen=detail.unseen,
         doubts=(
-            "The compensated path is predicted; nobody drove it.",
+            "The compensated path is predicted; no robot executed it.",
             *dict.fromkeys(d for h in held_out for d in h.report.doubts),
         ),
         provenance=(

@@ -66,7 +66,7 @@ def program_page(cell: Cell, document: ProgramDocument, *, simulated: bool) -> s
                 TableColumn(title="statement"),
             ),
             rows=tuple(words),
-            caption="They stand in the program as comments and move nothing.",
+            caption="They are comments in the program and move nothing.",
         )
         sections.append(Section(title="Words", blocks=(table,)))
     total = sum(side["duration_s"] for side in sides)

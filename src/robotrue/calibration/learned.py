@@ -423,7 +423,7 @@ def _with_smooth(
     weights = learn(sums, design.groups(start), at.weights.noise, steps=8)
     notes["smooth_evidence_gain"] = weights.evidence - at.weights.evidence
     if weights.evidence < at.weights.evidence + WORTH:
-        return at, found, {**notes, "smooth": "no evidence for it beside the rest"}
+        return at, found, {**notes, "smooth": "no evidence for it beside the other terms"}
     richer = renew_linearisation(LinearFit(design=design, sums=sums, weights=weights), steps=5)
     better = _predict_blocks(richer, settings)
     notes["held_out_mean_without_smooth_m"] = found.mean

@@ -41,7 +41,7 @@ def serve(
             help="Sensing service on another computer; is sent ROBOTRUE_WS_TOKEN. May be repeated.",
         ),
     ] = None,
-    upload_mb: Annotated[int, typer.Option(help="Largest file taken in, MB.")] = 1024,
+    upload_mb: Annotated[int, typer.Option(help="Largest file accepted, MB.")] = 1024,
     upload_total_mb: Annotated[
         int | None,
         typer.Option(help="All files not yet used, MB; four times --upload-mb if not given."),

@@ -88,7 +88,7 @@ def require_free_spin(model: ErrorModel | None, force: Array | DescribedForce) -
         if part.axes == "tool":
             raise ConfigurationError(
                 f"force {part.name!r} is in tool axes, which --free-spin turns.",
-                hint='axes = "path" turns with the feed; axes = "base" stands still.',
+                hint='axes = "path" turns with the feed; axes = "base" stays fixed.',
             )
 
 

@@ -76,7 +76,7 @@ def check_force(
     remarks = []
     if not force.any():
         raise _build_refusal(
-            record, 0, line_of, "all forces are zero: nobody was connected.", "the cable"
+            record, 0, line_of, "all forces are zero: was the sensor connected?", "the cable"
         )
     for axis, values in zip(AXES, force.T, strict=True):
         if not values.any():

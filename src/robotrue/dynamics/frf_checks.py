@@ -165,7 +165,7 @@ def response_remarks(frf: FrequencyResponse) -> tuple[str, ...]:
     absent = [a + b for a in out for b in into if a + b not in frf.pairs]
     absent += [a + a for a in ("x", "y", "z") if a not in out and a in into]
     if absent:
-        said.append(f"pairs that nobody measured count as zero: {', '.join(absent)}")
+        said.append(f"pairs that were not measured count as zero: {', '.join(absent)}")
     for pair, difference in reciprocity(frf).items():
         if difference > RECIPROCAL:
             said.append(

@@ -104,7 +104,7 @@ def _air_of(size: Array, cutting: Array, source: str) -> float:
     for part, where in ((before, "begins"), (behind, "ends")):
         if len(part) == 0:
             raise ImplausibleDataError(
-                f"the record {where} in the cut: entry and exit cannot be told from the cut.",
+                f"the record {where} in the cut: entry and exit cannot be separated from the cut.",
                 source=source,
                 hint="record from before the tool touches until it is free.",
             )

@@ -12,8 +12,8 @@ from robotrue.errors import ConfigurationError, ObservabilityError
 
 QUESTIONS: Final = {
     "random": "windows between neighbours that were learned from; as in the paper, flattering",
-    "blocks": "stretches of a pass nobody learned from",
-    "passes": "a whole pass nobody learned from, the others known",
+    "blocks": "stretches of a pass not used for learning",
+    "passes": "a whole pass not used for learning, the others known",
     "unseen": "every other pass, one pass known",
 }
 BLOCKS: Final = 6

@@ -166,6 +166,6 @@ def _answer(link: AnsweredSettings, settings: SourceSettings) -> StreamSource[Jo
             return AnsweringLink(link)
     if isinstance(corrector, RemoteGuard):
         raise ConfigurationError(
-            f"{link.name} is answered by a thread here, and the guard stands in another process."
+            f"{link.name} is answered by a thread here, but the guard runs in another process."
         )
     return link.open_link(corrector)

@@ -86,7 +86,7 @@ def rough_frames(cell: Cell, stated: str | None, parts: Sequence[str]) -> dict[i
         return {k: T for k, T in found.items() if T is not None}
     if np.array_equal(cell.T_base_frame, np.eye(4)):
         raise ConfigurationError(
-            "nothing says roughly where the part stands in the base.",
+            "the rough place of the part in the base is not known.",
             source=cell.source or None,
             hint="--frame X,Y,Z,A,B,C in mm and deg (KUKA A, B, C), or the cell's work frame.",
         )

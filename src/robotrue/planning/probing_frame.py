@@ -159,7 +159,7 @@ class FrameTask(TouchPosterior):
         count = max(n, LEAST * len(np.unique(alone.work_part)))
         square = alone.squares(alone.choose(count, len(machined), goal))
         least = float(np.sqrt(square.mean()))
-        cure = f"a frame of its own, from {count} touches, would leave {least * 1e3:.2f} mm"
+        cure = f"its own frame, from {count} touches, would leave {least * 1e3:.2f} mm"
         return least, cure, f"{cure}: {MORE_FEATURES}"
 
     def _centre_points(self, rows: IntArray) -> Array:

@@ -27,7 +27,7 @@ class Obstacle(Explained):
     NONE = 0, "may be split"
     START = 1, "where it begins is not certain"
     SHARED = 2, "its target is used by several moves"
-    LOOP = 3, "it stands in a loop"
+    LOOP = 3, "it is in a loop"
     COMPUTED = 4, "its target is computed, or chosen by a computed number"
     TIMED = 5, "its time is given, not its speed"
     EVENT = 6, "an output or a trigger is tied to it"

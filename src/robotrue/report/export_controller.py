@@ -206,7 +206,7 @@ def _document(
         "tool": _frame(robot.T_flange_tool @ error_pose(robot.error("tool"))),
         "tool_meaning": "flange to the measured point, X Y Z and A B C (Rz Ry Rx)",
         "base": _frame(error_pose(robot.error("base"))),
-        "base_meaning": "where the arm's root truly stands in the base it was believed to stand in",
+        "base_meaning": "where the arm's root truly is in the base it was assumed to be in",
         "where": dict(WHERE[maker]),
         "cannot_take": [x.name for x in lost],
         "nominal_misses_rms_mm": before.rms / MM,

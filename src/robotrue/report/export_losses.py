@@ -136,7 +136,7 @@ def require_named(found: ExportableModel, cannot: Sequence[str], lossy: Sequence
     )
     raise ConfigurationError(
         f"this format cannot say {sizes} of the calibrated robot.",
-        hint=f"--lossy {','.join(lost)} leaves it out, and the file says so.",
+        hint=f"--lossy {','.join(lost)} leaves it out and states it in the file.",
     )
 
 

@@ -113,7 +113,7 @@ def _curve(plan: ProbePlan) -> PoseCurves:
         ),
         axis_label="touches",
         title="Expected uncertainty of the machined points, rms, one sigma",
-        caption="From what is believed of the arm alone; nothing was touched.",
+        caption="From the arm's priors alone; nothing was probed.",
     )
 
 

@@ -53,7 +53,7 @@ def transfer_content(
         sections.append(
             contest_section(
                 selection,
-                title="Who is believed about the target",
+                title="Which source is used for the target",
                 heading="Candidates on held-out target poses",
             )
         )

@@ -247,7 +247,7 @@ def _new(
                 f"{table.name} {each[0]} is here already and says something else "
                 f"({differing[0]}): both were changed since they were one.",
                 source=source,
-                hint="import it into a workspace of its own.",
+                hint="import it into a separate workspace.",
             )
     return new
 

@@ -240,7 +240,7 @@ def _checkable(model: ErrorModel) -> Belief:
     belief = model.belief()
     if belief is None:
         raise ConfigurationError(
-            f"a {type(model).__name__} keeps no joint covariance: its drift cannot be judged.",
+            f"a {type(model).__name__} keeps no joint covariance: its drift cannot be checked.",
             hint="calibrate with a method of `robotrue calibrate`.",
         )
     return belief

@@ -198,7 +198,7 @@ def _find_doubts(frame: FoundFrame) -> Iterator[str]:
             "planned or computed points in the place of touched ones?"
         )
     if fit.outliers:
-        yield f"Not believed: {_list_distances(fit, fit.outliers)}; touch again."
+        yield f"Not used: {_list_distances(fit, fit.outliers)}; touch again."
     elif stray := _stray(fit):
         yield f"Far off beside the others: {_list_distances(fit, stray)}; touch again."
 

@@ -419,7 +419,8 @@ def _belief(arm: ErrorModel, settings: RegistrationSettings) -> Belief:
     belief = arm_belief(arm, settings)
     if belief is None:
         raise ConfigurationError(
-            "the model keeps no joint covariance; what is known of a tool cannot be told from it.",
+            "the model keeps no joint covariance; the uncertainty of a tool cannot be derived "
+            "from it.",
             hint="a model of robotrue calibrate, or the bare cell.",
         )
     return belief

@@ -188,7 +188,7 @@ def all_sides(
 def frame_per_side(
     s: Session, model: ErrorModel | RobotModel, count: int = 10
 ) -> tuple[SlotSide, SlotSide]:
-    """Returns each side cut in a frame of its own, from its own touches, in its own posture."""
+    """Returns each side cut in its own frame, from its own touches, in its own posture."""
     first, second = (
         SlotSide(
             cell=s.cell,

@@ -331,8 +331,8 @@ def _notes(
         )
     if not calibrated:
         notes.append(
-            "The arm is believed to be one of its type (priors); with a calibrated model the plan "
-            "and its numbers are sharper."
+            "The arm is assumed to be typical of its type (priors); with a calibrated model the "
+            "plan and its numbers are sharper."
         )
         if request.run == "compensated" and request.touches < ENOUGH // 3:
             notes.append(

@@ -144,7 +144,7 @@ def _drill(
     result = run_until_stopped("drilling head", practise, seconds=request.seconds)
     if alone.is_set():
         raise ConfigurationError(
-            f"nobody answers at {address.shown}.",
+            f"no answer from {address.shown}.",
             hint="start robotrue drill run first; --to where it says that it listens.",
         )
     return result

@@ -79,7 +79,7 @@ def _confirm(found: RecycleBin, folder: Path, context: Context) -> None:
     if answer is None:
         raise ConfigurationError(
             f"{count(len(found.items), 'item')} and {size} would be removed for good from "
-            f"{folder.name or folder}, and nobody can be asked.",
+            f"{folder.name or folder}, and there is no terminal to confirm it.",
             hint="--yes, after an export.",
         )
     if not answer:

@@ -49,7 +49,7 @@ UNREAD_MOTIONS: Final = {
     "THREAD": "is not a straight move",
     "NURBS": "is not a straight move",
     "MOVARC": "is an arc whose sense differs between systems",
-    "POCKET": "makes motions of its own",
+    "POCKET": "makes its own motions",
     "MACRO": "is part of an APT source",
     "CALL": "is part of an APT source",
     "LOOPST": "is part of an APT source",
@@ -67,7 +67,7 @@ UNREAD_MOTIONS: Final = {
     "TLON": "is a motion along surfaces",
 }
 """Words that move or bend the path in a way not read here, and how."""
-_OFF_ONLY: Final = {"CYCLE": "makes motions of its own", "CUTCOM": "moves the path sideways"}
+_OFF_ONLY: Final = {"CYCLE": "makes its own motions", "CUTCOM": "moves the path sideways"}
 _KNOWN: Final = frozenset(
     "PARTNO PPRINT INSERT REMARK TPRINT MACHIN FINI END REWIND STOP OPSTOP COOLNT CUTTER TLDATA "
     "CLDIST LINTOL AUTOPS DELAY DISPLY PAINT CLEARP SAFETY TOLER HEAD CLRSRF "
@@ -184,7 +184,7 @@ class _Reader:
         if self.systems.own:
             self._note(
                 self.systems.own,
-                "the points stand in a machining axis system of their own; that is the frame to "
+                "the points are in their own machining axis system; that is the frame to "
                 "register, and the one a mesh must be in.",
             )
         for word, line in self.unknown.items():

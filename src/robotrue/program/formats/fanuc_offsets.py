@@ -84,7 +84,7 @@ def read_offset(tail: bytes, state: State, frame: int) -> tuple[TargetOffset | N
             return None, rest, why
         shifts[name] = shift
     if len(found) > len({bool(match[1]) for match in found}):
-        return None, rest, "an offset stands there twice"
+        return None, rest, "an offset is stated twice"
     return TargetOffset(shifts["OFFSET"], shifts["TOOL_OFFSET"]), rest, ""
 
 

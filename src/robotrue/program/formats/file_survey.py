@@ -207,7 +207,7 @@ class Survey(ABC):
         if not np.array_equal(skeleton.line - 1, shown):
             extra = np.setdiff1d(skeleton.line - 1, shown)
             at = int(extra[0]) + 1 if len(extra) else 0
-            return Whole(why="a target that is stored or has clauses of its own", line=at)
+            return Whole(why="a target that is stored or has its own clauses", line=at)
         stretch = self._shown_stretch
         table = np.full((len(self.stretch), 5), -1)
         table[stretch, 0], table[stretch, 1] = skeleton.frame, skeleton.tool

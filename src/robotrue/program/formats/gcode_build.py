@@ -358,7 +358,7 @@ class _Builder:
                 'in force, state [controller] units_without_point = "mm" in the cell',
             )
         self._turn_reasons(give)
-        give(arcs.bad, Reason.INCOMPLETE, "an arc whose circle cannot be told")
+        give(arcs.bad, Reason.INCOMPLETE, "an arc whose circle is not determined")
         return reason
 
     def _frame_reasons(

@@ -289,7 +289,7 @@ class _Block:
             text = self._text[start:end].strip(b'" ')
             self._tool("T" + text.decode("latin-1"))
         elif name in (b"AR", b"AP", b"RP", b"TURN", b"ANG", b"RND", b"CHF", b"CHR", b"THETA"):
-            self._tell(f"{name.decode()}= moves to a point of its own")
+            self._tell(f"{name.decode()}= moves to its own point")
             self._out.flag(self._block, Reason.EXPRESSION)
             self._out.forget(self._block)
 
@@ -433,7 +433,7 @@ class _Block:
         elif word in _SHIFTS or word in _CANCELS:
             self._shift(word, arguments)
         elif word.startswith(_OWN_MOVES) and word not in _QUIET:
-            self._tell(f"{word.decode('latin-1')} makes moves of its own")
+            self._tell(f"{word.decode('latin-1')} makes its own moves")
             self._quiet = True
             self._out.forget(self._block)
             self._at = len(self._text)

@@ -122,7 +122,7 @@ class ConversationalReader:
 
     def _own(self, block: int, first: int, rest: bytes) -> None:
         what = rest.split()[0].decode("latin-1")
-        self.found.told.append((first, f"{what} makes moves of its own"))
+        self.found.told.append((first, f"{what} makes its own moves"))
         self.found.forget(block)
 
     def _tool(self, block: int, rest: bytes) -> None:

@@ -68,7 +68,7 @@ class Builder:
         self._calls = ways.foreign
         self.story.notes += [
             f"{self.frames.name}: {self.story.spelled.get(name, name)}, which an interrupt starts, "
-            "stands in no file given; targets are compensated as if it changed neither base nor "
+            "is in no file given; targets are compensated as if it changed neither base nor "
             "tool."
             for name in ways.lost
         ]

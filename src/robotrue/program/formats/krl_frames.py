@@ -205,7 +205,7 @@ class Frames:
         return self.unknown(
             side,
             line,
-            f"number {number} stands in the controller ($config.dat), not in the program",
+            f"number {number} is stored in the controller ($config.dat), not in the program",
             f"add {side} {number} to the cell ([[controller.{side}]])",
         )
 

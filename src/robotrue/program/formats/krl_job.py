@@ -139,7 +139,7 @@ class _Text:
                     "no DEF: a job of several programs needs one in each.",
                     source=name,
                     line=1,
-                    hint="give this file as a job of its own.",
+                    hint="give this file as a separate job.",
                 )
             text = b"   " + data[3:] if data.startswith(_BOM) else data
             if not text.endswith((b"\n", b"\r")):

@@ -297,7 +297,7 @@ class _Resolver:
         if key not in self.said and not operand.name.startswith("$"):
             self.said.add(key)
             absent = str(why).startswith(NO_VALUE)
-            beside = " (if it stands in a .dat, give that, too)" if absent else f": {why}{cure}"
+            beside = " (if it is in a .dat file, give that, too)" if absent else f": {why}{cure}"
             text = f"{operand.text} is computed, or no file of this program gives it a value"
             walk.note(line, file, f"{text}; it is not compensated{beside}")
         return operand.keys

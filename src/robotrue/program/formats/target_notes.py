@@ -25,7 +25,7 @@ def absent_routine(place: str, names: Sequence[str], what: str) -> str:
     shown = ", ".join(names[:TOLD]) + (" and others" if len(names) > TOLD else "")
     listed = json.dumps(list(names[:TOLD]), ensure_ascii=False)
     return (
-        f"{place}: {shown or 'a routine'} stands in no file given and may change {what}. Give its "
+        f"{place}: {shown or 'a routine'} is in no file given and may change {what}. Give its "
         f"file, too; if it changes none of them, say so in the cell: [controller] "
         f"harmless_routines = {listed}."
     )

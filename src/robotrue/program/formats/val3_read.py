@@ -274,7 +274,7 @@ class _Frames:
         elif name[0] in self._touched:
             self._lose(name, f"{_spell(name)} is changed by the code")
         elif value is None:
-            self._lose(name, f"{_spell(name)} stands in no file given")
+            self._lose(name, f"{_spell(name)} is in no file given")
         else:
             base = self._index.get(_parent_of(value, self._root))
             own = _read_pose(value)
