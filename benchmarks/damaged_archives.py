@@ -39,13 +39,12 @@ from robotrue.drilling.foot_model import fit_model
 from robotrue.drilling.head import Head
 from robotrue.drilling.model_archive import from_archive as drilling_from
 from robotrue.drilling.model_archive import to_archive as drilling_archive
-from robotrue.dynamics.components import components_of
 from robotrue.dynamics.deviation import DeviationModel, DeviationSettings, deviation_from_archive
 from robotrue.dynamics.deviation_physics import CompliantArm, StaticCompliance
 from robotrue.dynamics.flange_sensor import HeldTool, held_tool_from_archive
 from robotrue.dynamics.modal import ModalModel, modal_model_from_archive
+from robotrue.dynamics.paper_learners import SupportVectors, components_of
 from robotrue.dynamics.paper_regression import PaperModel, paper_from_archive
-from robotrue.dynamics.support_vectors import SupportVectors
 from robotrue.dynamics.windows import WindowSet
 from robotrue.errors import ArchiveError
 from robotrue.robot.presets import preset

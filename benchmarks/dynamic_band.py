@@ -26,7 +26,6 @@ from scipy.stats import binom
 
 from robotrue.cli.main import app
 from robotrue.core.units import UM
-from robotrue.dynamics.band_chance import TWO_SIDED_95, share_by_chance
 from robotrue.dynamics.deviation import fit_deviation
 from robotrue.dynamics.deviation_physics import (
     CompliantArm,
@@ -34,8 +33,9 @@ from robotrue.dynamics.deviation_physics import (
     compliance_of,
     static_compliance,
 )
+from robotrue.dynamics.deviation_validation import TWO_SIDED_95, share_by_chance
+from robotrue.dynamics.formats.dynamics_csv import read_windows, write_windows
 from robotrue.dynamics.formats.frf_table import read_frf
-from robotrue.dynamics.formats.windows_csv import read_windows, write_windows
 from robotrue.dynamics.interpolation import fit_curve
 from robotrue.dynamics.window_folds import folds
 from robotrue.dynamics.windows import WindowSet

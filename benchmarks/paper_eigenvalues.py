@@ -17,9 +17,9 @@ import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM, UM
-from robotrue.dynamics.components import components_of
 from robotrue.dynamics.cutter import CutterEngagement, EndMill
 from robotrue.dynamics.milling_force import milling_force
+from robotrue.dynamics.paper_learners import components_of
 from robotrue.simulation.milling_arm import FEED, WINDOWS, pass_joints, window_edges
 from robotrue.simulation.milling_cut import COEFFICIENTS, DEPTH, RUNOUT, SPINDLE, TEETH, slow
 from robotrue_reproductions.jin2022.jin_tables import EIGENVALUES

@@ -10,8 +10,8 @@ import numpy as np
 import trimesh
 
 from robotrue.core.files import write_atomic
-from robotrue.core.mesh import read_mesh
 from robotrue.core.poses import apply, pose
+from robotrue.core.surfaces import read_mesh
 from robotrue.core.units import MM
 from robotrue.planning.machining import MachiningSettings, Side, job_moves, plan_machining
 from robotrue.program.contour import contour_of, keep_inside, side_direction

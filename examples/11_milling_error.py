@@ -15,7 +15,7 @@ from robotrue.core.archive import read_archive, write_archive
 from robotrue.core.units import UM
 from robotrue.dynamics.deviation import deviation_from_archive, fit_deviation
 from robotrue.dynamics.deviation_physics import CompliantArm
-from robotrue.dynamics.formats.windows_csv import read_windows, write_windows
+from robotrue.dynamics.formats.dynamics_csv import read_windows, write_windows
 from robotrue.dynamics.learned_deviation import WindowTrust
 from robotrue.simulation.milling_arm import milling_robot
 from robotrue_reproductions.jin2022.milling_experiment import milling_experiment

@@ -25,10 +25,9 @@ from robotrue.calibration.probing_evidence import few_factor
 from robotrue.calibration.terms.smooth import choose_centres
 from robotrue.calibration.touches import frame_displacement
 from robotrue.core.arrays import Array
-from robotrue.core.mesh import TriangleMesh
 from robotrue.core.poses import apply, fit_rigid, inverse, pose
 from robotrue.core.rotations import matrix_from_rotation_vector
-from robotrue.core.surfaces import Plane
+from robotrue.core.surfaces import Plane, TriangleMesh
 from robotrue.core.units import MM
 from robotrue.errors import (
     ConfigurationError,

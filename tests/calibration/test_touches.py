@@ -13,10 +13,9 @@ from robotrue.calibration.parameters import ParameterLayout, State, difference, 
 from robotrue.calibration.priors import prior_belief
 from robotrue.calibration.touches import frame_displacement, touch_rows
 from robotrue.core.arrays import Array
-from robotrue.core.mesh import TriangleMesh
 from robotrue.core.poses import apply, inverse, pose_from_xyz_abc
 from robotrue.core.rotations import rotation_vector_from_matrix
-from robotrue.core.surfaces import Cylinder, Plane
+from robotrue.core.surfaces import Cylinder, Plane, TriangleMesh
 from robotrue.errors import ImplausibleDataError
 from robotrue.measurement.probing_set import KnownDistance, ProbingSet
 from robotrue.robot.forward import forward

@@ -18,8 +18,7 @@ from robotrue.core.provenance import Provenance, mark_line
 from robotrue.core.rotations import matrix_from_rotation_vector
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.campaign_csv import write_campaign
-from robotrue.dynamics.formats.sensor_csv import sensor_csv
-from robotrue.dynamics.formats.windows_csv import write_windows
+from robotrue.dynamics.formats.dynamics_csv import sensor_csv, write_windows
 from robotrue.measurement.formats.canonical import write_canonical
 from robotrue.measurement.formats.part_points import write_points
 from robotrue.measurement.measurement_set import MeasurementSet

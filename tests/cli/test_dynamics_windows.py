@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from robotrue.cli.main import app
-from robotrue.dynamics.formats.windows_csv import read_windows
+from robotrue.dynamics.formats.dynamics_csv import read_windows
 from robotrue.errors import (
     ConfigurationError,
     FormatError,

@@ -14,7 +14,7 @@ from robotrue.calibration.model import Query
 from robotrue.cell.cell_text import cell_text
 from robotrue.cell.config import parse_cell
 from robotrue.compensation import CompensationSettings, Status, compensate
-from robotrue.compensation.guessed import other_configurations
+from robotrue.compensation.solve_targets import other_configurations
 from robotrue.compensation.stance import start_joints
 from robotrue.core.archive import Archive
 from robotrue.core.arm_words import NO_WORD

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robotrue.compensation.left_alone import list_left_alone
-from robotrue.compensation.status import Status
+from robotrue.compensation.status import Status, list_left_alone
 from robotrue.program.lang import find_language
 from robotrue.program.program import FrameTable, Reason
 

@@ -13,9 +13,13 @@ from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM, UM
 from robotrue.drilling.adjust import adjustment
 from robotrue.drilling.campaign import Campaign
-from robotrue.drilling.campaign_checks import campaign_warnings, check_campaign, check_head
+from robotrue.drilling.campaign_checks import (
+    campaign_warnings,
+    check_campaign,
+    check_head,
+    find_step,
+)
 from robotrue.drilling.campaign_csv import ProductionRecord
-from robotrue.drilling.campaign_step import find_step
 from robotrue.drilling.clamp_watch import ClampSettings
 from robotrue.drilling.foot_file import FootSetup
 from robotrue.drilling.foot_model import NormalModel, estimate_tilt, fit_model
@@ -23,8 +27,7 @@ from robotrue.drilling.foot_zero import check_exchange, read_zero
 from robotrue.drilling.head import Head, normal_from_tilt, rotation, tilt_from_normal
 from robotrue.drilling.hole_session import HoleSession, MovedHole
 from robotrue.drilling.production import refine_model
-from robotrue.drilling.reference_causes import find_cause
-from robotrue.drilling.refinement_choice import check_references
+from robotrue.drilling.production_references import check_references, find_cause
 from robotrue.errors import ImplausibleDataError
 from robotrue.simulation.drilling_machine import DrillingMachine, drilling_machine, random_campaign
 

@@ -13,7 +13,7 @@ from robotrue.drilling.adjust import adjustment, targets_document
 from robotrue.drilling.campaign import Campaign, conditions
 from robotrue.drilling.campaign_checks import campaign_warnings, check_campaign
 from robotrue.drilling.campaign_csv import read_campaign, write_campaign
-from robotrue.drilling.clamp_watch import ClampSettings
+from robotrue.drilling.clamp_watch import ClampSettings, foot_sample
 from robotrue.drilling.correction import learning_errors, residual_tilt
 from robotrue.drilling.correction_trials import choose_trial, resolve_inputs, usable_positions
 from robotrue.drilling.drill_defaults import Corrects
@@ -21,7 +21,6 @@ from robotrue.drilling.evaluate import evaluate_test, terms_of
 from robotrue.drilling.foot import Foot
 from robotrue.drilling.foot_file import FootSetup
 from robotrue.drilling.foot_model import fit_model
-from robotrue.drilling.foot_signals import foot_sample
 from robotrue.drilling.head import Head
 from robotrue.drilling.hole_session import HoleSession
 from robotrue.drilling.model_archive import read_model, write_model

@@ -19,8 +19,8 @@ from robotrue.cli.main import app
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.campaign_csv import write_campaign
+from robotrue.drilling.clamp_watch import foot_sample
 from robotrue.drilling.foot_file import FootSetup, read_foot
-from robotrue.drilling.foot_signals import foot_sample
 from robotrue.drilling.head import normal_from_tilt, rotation
 from robotrue.errors import ConfigurationError, FormatError, RobotrueError
 from robotrue.simulation.drilling_machine import clamp, drilling_machine, random_campaign

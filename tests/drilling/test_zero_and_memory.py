@@ -20,7 +20,7 @@ from robotrue.drilling.foot_zero import read_zero, with_zero
 from robotrue.drilling.head import Head
 from robotrue.drilling.model_archive import read_model, write_model
 from robotrue.drilling.production import refine_model
-from robotrue.drilling.refinement_choice import check_references, choose_memory
+from robotrue.drilling.production_references import check_references, choose_memory
 from robotrue.errors import (
     ImplausibleDataError,
     ModelMismatchError,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robotrue.dynamics.band_chance import join_shares, share_by_chance
+from robotrue.dynamics.deviation_validation import join_shares, share_by_chance
 
 
 def test_windows_of_their_own_are_a_binomial():

@@ -9,7 +9,6 @@ from window_cases import FACTORS, planted, stated_arm
 
 from robotrue.core.archive import archive_bytes, read_archive
 from robotrue.core.units import DEG, UM
-from robotrue.dynamics.components import components_of
 from robotrue.dynamics.deviation import (
     WIDER,
     DeviationSettings,
@@ -24,9 +23,10 @@ from robotrue.dynamics.deviation_physics import (
     static_compliance,
 )
 from robotrue.dynamics.deviation_validation import scores
-from robotrue.dynamics.formats.windows_csv import read_windows, write_windows
+from robotrue.dynamics.formats.dynamics_csv import read_windows, write_windows
 from robotrue.dynamics.interpolation import response_curve
 from robotrue.dynamics.learned_deviation import WindowTrust
+from robotrue.dynamics.paper_learners import components_of
 from robotrue.dynamics.paper_regression import fit_paper
 from robotrue.dynamics.window_folds import folds
 from robotrue.dynamics.windows import concatenate_windows

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from frf_cases import modal
 
-from robotrue.dynamics.formats.hammer_csv import read_hammer_csv
+from robotrue.dynamics.formats.dynamics_csv import read_hammer_csv
 from robotrue.dynamics.frf_checks import check_response
 from robotrue.dynamics.hammer import (
     combine_axes,

@@ -13,9 +13,9 @@ from robotrue.core.units import UM
 from robotrue.dynamics.deviation_file import read_learned_deviation
 from robotrue.dynamics.deviation_validation import scores
 from robotrue.dynamics.learned_deviation import WindowTrust
+from robotrue.dynamics.paper_learners import choose_settings
 from robotrue.dynamics.paper_regression import fit_paper, paper_columns, paper_from_archive
 from robotrue.dynamics.paper_tables import paper_tables
-from robotrue.dynamics.support_vectors import choose_settings
 from robotrue.dynamics.window_folds import folds
 from robotrue.errors import ArchiveError, ImplausibleDataError, ModelMismatchError
 

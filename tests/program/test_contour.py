@@ -7,7 +7,7 @@ import pytest
 from scipy.ndimage import binary_fill_holes
 
 from robotrue.core.arrays import Array
-from robotrue.core.mesh import TriangleMesh
+from robotrue.core.surfaces import TriangleMesh
 from robotrue.core.units import MM
 from robotrue.errors import ImplausibleDataError, ShapeError
 from robotrue.program.contour import contour_of, keep_inside, side_direction

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from robotrue.core.arrays import Array
-from robotrue.core.mesh import TriangleMesh
 from robotrue.core.poses import apply, pose_from_xyz_abc
+from robotrue.core.surfaces import TriangleMesh
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ImplausibleDataError, ObservabilityError
 from robotrue.measurement.probing_set import ProbingSet

@@ -14,9 +14,9 @@ from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.nominal import NominalModel
 from robotrue.calibration.settings import FitSettings
 from robotrue.core.arrays import Array
-from robotrue.core.mesh import TriangleMesh
 from robotrue.core.poses import apply, inverse
 from robotrue.core.rotations import rotation_vector_from_matrix
+from robotrue.core.surfaces import TriangleMesh
 from robotrue.core.units import MM
 from robotrue.errors import ModelMismatchError, ShapeError
 from robotrue.measurement.probing_set import ProbingSet

@@ -21,7 +21,6 @@ from robotrue.cell.part import PartFrame
 from robotrue.compensation.between_targets import Between, look_between, require_no_spin
 from robotrue.compensation.compensate_file import CompensatedFile, compensate_file
 from robotrue.compensation.frame_correction import FrameCorrection, fit_frames
-from robotrue.compensation.left_alone import list_left_alone
 from robotrue.compensation.process_force import (
     DescribedForce,
     StatedForce,
@@ -33,6 +32,7 @@ from robotrue.compensation.redundancy_result import spin_sentences
 from robotrue.compensation.result import Compensation, zero_correction
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.compensation.stance import sentence
+from robotrue.compensation.status import list_left_alone
 from robotrue.compensation.steps import (
     NO_STEPS,
     Steps,

@@ -14,8 +14,8 @@ from robotrue.app.presentation import count
 from robotrue.app.reporting import Message, Reporter
 from robotrue.core.provenance import Provenance, mark_sentence, mark_title
 from robotrue.core.units import DEG
+from robotrue.drilling.clamp_watch import SIMULATED, foot_sample, is_reference, read_reference_tilt
 from robotrue.drilling.foot_file import FootSetup
-from robotrue.drilling.foot_signals import SIMULATED, foot_sample, is_reference, read_reference_tilt
 from robotrue.drilling.hole_session import HoleAnswer, HoleSession
 from robotrue.drilling.journal import Journal, answer_document, step_document
 from robotrue.drilling.model_archive import write_model

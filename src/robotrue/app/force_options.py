@@ -12,8 +12,7 @@ from robotrue.cell.cell import Cell
 from robotrue.cell.cutter_axis import cutter_axis
 from robotrue.compensation.process_force import DescribedForce
 from robotrue.compensation.process_force_file import read_force
-from robotrue.core.arrays import Array
-from robotrue.core.number_list import parse_number_list
+from robotrue.core.arrays import Array, parse_number_list
 from robotrue.dynamics.cutting_data import cutting_data
 from robotrue.dynamics.milling_force import mean_force
 from robotrue.errors import ConfigurationError

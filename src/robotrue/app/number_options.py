@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from robotrue.core.arrays import Array
-from robotrue.core.number_list import parse_number_list
+from robotrue.core.arrays import Array, parse_number_list
 from robotrue.errors import ConfigurationError
 
 

@@ -14,11 +14,10 @@ from robotrue.core.units import DEG, MM, UM
 from robotrue.dynamics.dry_run import DryRun, LaserRecord
 from robotrue.dynamics.dynamometer import Dynamometer, force_in_base, unwrap_angle
 from robotrue.dynamics.force import ForceRecord
-from robotrue.dynamics.force_zero import zero_at_both_ends
 from robotrue.dynamics.formats.column_table import even_rate
 from robotrue.dynamics.formats.force_table import read_force
 from robotrue.dynamics.formats.signal_table import read_signals
-from robotrue.dynamics.pass_stages import PassStages, find_stages
+from robotrue.dynamics.pass_stages import PassStages, find_stages, zero_at_both_ends
 from robotrue.dynamics.pass_windows import PassJoints
 from robotrue.dynamics.windows import SMALLEST_PEAK, SMALLEST_TURN
 from robotrue.errors import ImplausibleDataError, ModelMismatchError

@@ -13,7 +13,7 @@ from robotrue.app.registered import provenance_used
 from robotrue.cell.cell import Cell
 from robotrue.cell.part import PartFrame
 from robotrue.core.files import read_bytes, sha256
-from robotrue.core.mesh import TriangleMesh
+from robotrue.core.surfaces import TriangleMesh
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 from robotrue.planning.machining import MachiningJob, Side

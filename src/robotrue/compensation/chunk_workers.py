@@ -21,8 +21,8 @@ from robotrue.calibration.archive import open_model
 from robotrue.compensation.arm_state import ArmState
 from robotrue.compensation.compensate import compensate_targets
 from robotrue.compensation.result import Compensation, Tally
-from robotrue.compensation.row_notes import row_note
 from robotrue.compensation.settings import CompensationSetup
+from robotrue.compensation.status import row_note
 from robotrue.core.archive import archive_from
 from robotrue.core.progress import Progress, unheard
 from robotrue.errors import ConfigurationError, RobotrueError

@@ -17,14 +17,13 @@ from robotrue.compensation.arm_state import ArmState
 from robotrue.compensation.calibrated_arm import Outcome
 from robotrue.compensation.plan import Plan, lay_out, new_words
 from robotrue.compensation.result import Compensation
-from robotrue.compensation.row_notes import RowNote, merge_notes, row_note
 from robotrue.compensation.settings import (
     CompensationSettings,
     CompensationSetup,
     compensation_setup,
 )
 from robotrue.compensation.stance import first_stance
-from robotrue.compensation.status import Route, Status
+from robotrue.compensation.status import Route, RowNote, Status, merge_notes, row_note
 from robotrue.core.arm_words import NO_WORD
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.progress import Progress, unheard

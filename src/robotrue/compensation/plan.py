@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from robotrue.compensation.arm_state import ArmState
-from robotrue.compensation.row_notes import RowNote, row_note
 from robotrue.compensation.settings import CompensationSettings
-from robotrue.compensation.status import Route, Status
+from robotrue.compensation.status import Route, RowNote, Status, row_note
 from robotrue.core.arm_words import NO_WORD, Maker
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.poses import inverse, pose

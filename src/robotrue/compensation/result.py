@@ -12,9 +12,8 @@ from typing import Annotated, Final, Self, TypedDict
 
 import numpy as np
 
-from robotrue.compensation.row_notes import RowNote, merge_notes
 from robotrue.compensation.stance import Stance
-from robotrue.compensation.status import Status
+from robotrue.compensation.status import RowNote, Status, merge_notes
 from robotrue.compensation.steps import NO_STEPS, Steps, join_steps, steps_of
 from robotrue.core.arm_words import NO_WORD
 from robotrue.core.arrays import Array, IntArray

@@ -10,8 +10,7 @@ import numpy as np
 from robotrue.compensation.plan import Plan
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.compensation.status import Route
-from robotrue.core.arrays import Array, frozen
-from robotrue.core.number_list import parse_number_list
+from robotrue.core.arrays import Array, frozen, parse_number_list
 from robotrue.core.units import DEG
 from robotrue.errors import ConfigurationError
 from robotrue.program.program import Program

@@ -1,10 +1,21 @@
-"""What became of a target, and why."""
+"""What became of a target, why, and what is said of it: statuses, notes by line, remedies."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from enum import IntEnum
+from typing import Final, TypedDict
 
+import numpy as np
+
+from robotrue.core.arrays import IntArray
 from robotrue.core.explained import Explained
+from robotrue.program.program import Program, Reason
+
+NAMED: Final = 5
+"""Lines a note names; the rest are counted."""
 
 
 class Status(Explained):
@@ -38,3 +49,133 @@ class Route(IntEnum):
     GIVEN = 3  # pose whose nominal joints are already chosen
     PASS = 4  # axis target, left as it is, but the arm goes there
     AXES = 5  # axis target to be compensated
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RowNote:
+    """A sentence about targets of one program.
+
+    Attributes:
+        lines: The first ``NAMED`` lines, one-based.
+        count: How many targets there are.
+        text: What is said of them; ``%.0f`` stands for ``worst``.
+        worst: Largest value among them, if the text names one.
+        rank: Place of the note among others.
+    """
+
+    lines: tuple[int, ...]
+    count: int
+    text: str
+    worst: float | None = None
+    rank: int = 0
+
+    def __str__(self) -> str:
+        lines = ", ".join(str(line) for line in self.lines)
+        tail = f", ... ({self.count} in all)" if self.count > len(self.lines) else ""
+        text = self.text if self.worst is None else self.text % self.worst
+        return f"line{'s' if self.count > 1 else ''} {lines}{tail}: {text}"
+
+
+def row_note(
+    program: Program, rows: IntArray, text: str, *, worst: float | None = None, rank: int = 0
+) -> RowNote:
+    """Returns the note on some rows of a program, in file order."""
+    lines = tuple(int(program.line[row]) for row in rows[:NAMED])
+    return RowNote(lines=lines, count=len(rows), text=text, worst=worst, rank=rank)
+
+
+def merge_notes(notes: Iterable[RowNote]) -> tuple[RowNote, ...]:
+    """Returns notes that say the same as one each, by rank, from parts of a program in order."""
+    merged: dict[tuple[int, str], RowNote] = {}
+    for note in notes:
+        key = (note.rank, note.text)
+        before = merged.get(key)
+        if before is None:
+            merged[key] = note
+            continue
+        worst = note.worst
+        if before.worst is not None and worst is not None:
+            worst = max(before.worst, worst)
+        merged[key] = replace(
+            before,
+            lines=(before.lines + note.lines)[:NAMED],
+            count=before.count + note.count,
+            worst=worst,
+        )
+    return tuple(merged[key] for key in sorted(merged, key=lambda key: key[0]))
+
+
+_BY_REASON: Final[Mapping[Reason, str]] = {
+    Reason.NONE: "write the pose out in the move",
+    Reason.EXPRESSION: "give the files that hold its data, or write the pose out in the move",
+    Reason.RELATIVE: "write the target as an absolute pose, without a shift",
+    Reason.UNKNOWN_FRAME: "give the controller's frame files beside the program, or state base and "
+    "tool in the cell ([[controller.base]], [[controller.tool]])",
+    Reason.EXTERNAL_AXIS: "describe the axis in the cell ([[controller.external]]), or state "
+    "external_axes_at_rest",
+    Reason.JOINT_TARGET: "state [robot] maker in the cell",
+    Reason.INCOMPLETE: "write out at the target what it leaves out",
+    Reason.TOOL_ON_FLOOR: "state [controller] fixed_tool in the cell",
+}
+_BY_STATUS: Final[Mapping[Status, str]] = {
+    Status.UNCHANGED_AXIS_TARGET: "compensate with --axis-targets",
+    Status.UNCHANGED_UNREACHABLE: "check base, tool and robot of the cell",
+    Status.UNCHANGED_JOINT_LIMIT: "move the part, or check the joint limits of the cell",
+    Status.UNCHANGED_SINGULAR: "move the part, or turn the tool about its axis",
+    Status.UNCHANGED_WRIST_SINGULAR: "tilt the tool at this target",
+    Status.UNCHANGED_BRANCH_JUMP: "move there with a joint move",
+    Status.UNCHANGED_STEP: "check base and tool, or allow more with --max-shift-mm",
+    Status.UNCHANGED_NOT_CONVERGED: "check the model with robotrue validate",
+    Status.UNCHANGED_CONFIGURATION: "state the start posture with --start A1,..,A6",
+}
+_HEAD: Final = re.compile(r"(\d+(?:, \d+)*)(?: and \d+ more lines)?: ")
+
+
+class TargetLeftAlone(TypedDict):
+    """One target, for JSON: the file, its line, its number in the file, and sentences."""
+
+    file: str
+    line: int
+    target: int
+    reason: str
+    remedy: str
+
+
+def list_left_alone(program: Program, status: IntArray) -> list[TargetLeftAlone]:
+    """Returns the targets that moves go to and that keep their numbers, in file order.
+
+    A target whose line a note of the reader names has that note as its reason.
+
+    Args:
+        program: As it was read.
+        status: (n,) :class:`Status`.
+    """
+    notes = _notes_by_line(program)
+    kept = ~np.isin(status, (Status.COMPENSATED, Status.UNCHANGED_NO_ERROR))
+    kept &= program.reason != Reason.UNUSED
+    out: list[TargetLeftAlone] = []
+    for row in np.flatnonzero(kept).tolist():
+        line, why = int(program.line[row]), Status(int(status[row]))
+        reason = Reason(int(program.reason[row]))
+        by_reader = why == Status.UNCHANGED_SOURCE
+        text = reason.explanation if by_reader else why.explanation
+        out.append(
+            TargetLeftAlone(
+                file=program.name,
+                line=line,
+                target=row + 1,
+                reason=notes.get(line, text) if by_reader else text,
+                remedy=_BY_REASON[reason] if by_reader else _BY_STATUS[why],
+            )
+        )
+    return out
+
+
+def _notes_by_line(program: Program) -> dict[int, str]:
+    """Returns what the reader says of lines that it names."""
+    out: dict[int, str] = {}
+    for note in program.notes:
+        match = _HEAD.match(note.removeprefix(f"{program.name}:"))
+        for line in match[1].split(", ") if match else ():
+            out.setdefault(int(line), note[note.index(": ") + 2 :])
+    return out

@@ -86,3 +86,12 @@ def _fits(have: tuple[int, ...], want: tuple[int | None, ...]) -> bool:
         if wanted is not None and size != wanted:
             return False
     return True
+
+
+def parse_number_list(text: str) -> Array:
+    """Returns the numbers (n,) of a text; empty where one of them is no finite number."""
+    try:
+        numbers = np.array([float(part) for part in text.split(",")])
+    except ValueError:
+        return np.empty(0)
+    return numbers if np.isfinite(numbers).all() else np.empty(0)

@@ -8,11 +8,14 @@ import os
 import tempfile
 import tomllib
 import uuid
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, Final
 
 from robotrue.errors import ConfigurationError, FormatError, RobotrueError
+
+DEFAULT_LANG: Final = "en"
+"""Language of texts unless somebody asks for another."""
 
 
 def write_atomic(path: str | Path, data: bytes) -> None:
@@ -188,3 +191,21 @@ def parse_toml(data: bytes, path: str | Path, *, example: str) -> tuple[dict[str
             line=int(digits) if digits else text.count("\n") + 1,
             hint=f"compare the line with the example in {example}.",
         ) from None
+
+
+def read_catalogue(paths: Iterable[Path]) -> dict[str, str]:
+    """Returns all texts of some files by their dotted keys, e.g. ``"nav.cell"``."""
+    texts: dict[str, str] = {}
+    for path in paths:
+        texts |= _flatten(tomllib.loads(path.read_text(encoding="utf-8")), "")
+    return texts
+
+
+def _flatten(table: Mapping[str, object], prefix: str) -> dict[str, str]:
+    texts: dict[str, str] = {}
+    for key, value in table.items():
+        if isinstance(value, Mapping):
+            texts |= _flatten(value, f"{prefix}{key}.")
+        else:
+            texts[f"{prefix}{key}"] = str(value)
+    return texts

@@ -1,4 +1,8 @@
-"""From a stream of readings to clamps: when the foot stands on the skin and has come to rest.
+"""From a stream of a machine's values to clamps: when the foot stands on the skin and is at rest.
+
+Named values of a foot: ``d1_mm, d2_mm, ...`` (less their zero), or ``raw1_mm, ...`` or
+``raw1_counts, ...`` with the foot's zero; ``force_N``, ``z_mm``, and ``A_deg, B_deg`` as the
+machine counts its axes; optionally ``X_mm, Y_mm``. Of a reference: ``left_a_deg, left_b_deg``.
 
 A clamp begins when the force rises above ``force_on``. It is taken once, from the mean over the
 first ``quiet`` seconds in which no reading and no force moves by more than stated, and ends when
@@ -9,6 +13,7 @@ averaged.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Annotated, Final
@@ -19,6 +24,14 @@ from robotrue.core.arrays import Array
 from robotrue.core.columns import EMPTY, Column, Columns
 from robotrue.core.units import DEG, MM, UM
 from robotrue.drilling.campaign import Clamps
+from robotrue.drilling.campaign_csv import (
+    FORMS,
+    FORMS_HINT,
+    LEFT,
+    PLACE,
+    STEEPEST,
+    readings_less_zero,
+)
 from robotrue.drilling.drill_defaults import (
     CLAMP_FORCE_N,
     PATIENCE_S,
@@ -27,10 +40,13 @@ from robotrue.drilling.drill_defaults import (
     STEADY_N,
     STEADY_UM,
 )
-from robotrue.errors import ConfigurationError, ShapeError
+from robotrue.drilling.foot_file import FootSetup
+from robotrue.errors import ConfigurationError, FormatError, ImplausibleDataError, ShapeError
 
 LEAST: Final = 5
 """Samples that a mean is taken over, at least."""
+SIMULATED: Final = "simulated"
+"""Name of the value by which a simulated machine says what it is; not 0."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -223,3 +239,71 @@ class ClampWatch:
 
 def _mean_axes(rest: deque[FootSample]) -> Array:
     return np.asarray(np.mean([s.axes for s in rest], axis=0))
+
+
+def is_reference(values: Mapping[str, float]) -> bool:
+    """Returns whether values are what a reference found, not what a foot reads."""
+    return any(name in values for name in LEFT)
+
+
+def foot_sample(
+    values: Mapping[str, float], setup: FootSetup, time: float, *, head: bool = True
+) -> FootSample:
+    """Returns the sample of a foot.
+
+    Args:
+        values: By name, in the units of their names.
+        setup: How many sensors, and their zero where readings are raw.
+        time: s, of a clock that does not go back.
+        head: Whether a head's axes turn the foot; not where a robot carries it.
+
+    Raises:
+        FormatError: A value is missing, or readings come in two forms.
+        ConfigurationError: Raw readings without the foot's zero.
+    """
+    sensors = range(1, len(setup.foot.radius) + 1)
+    forms = [form for form in FORMS if form.format(1) in values]
+    if len(forms) != 1:
+        raise FormatError(
+            f"{'several forms of' if forms else 'no'} readings among {', '.join(values)}.",
+            hint=FORMS_HINT,
+        )
+    raw = _select_values(values, tuple(forms[0].format(k) for k in sensors))
+    if (beyond := forms[0].format(len(sensors) + 1)) in values:
+        raise FormatError(
+            f"{beyond} of a machine with more sensors than the {len(sensors)} of the foot.",
+            hint="the foot file, and the model, of this machine.",
+        )
+    force, height = _select_values(values, ("force_N", "z_mm"))
+    return FootSample(
+        time=time,
+        readings=readings_less_zero(raw[None], forms[0], setup)[0],
+        force=float(force),
+        height=float(height * MM),
+        axes=_select_values(values, ("A_deg", "B_deg")) * DEG if head else np.zeros(2),
+        place=np.array([values.get(name, np.nan) for name in PLACE]) * MM,
+    )
+
+
+def read_reference_tilt(values: Mapping[str, float]) -> Array:
+    """Returns the tilt (2,) rad that a reference found after a move.
+
+    Raises:
+        FormatError: One of the two is missing.
+        ImplausibleDataError: Tilts that are not left by any move.
+    """
+    left = _select_values(values, LEFT)
+    if np.abs(left).max() > STEEPEST:
+        raise ImplausibleDataError(
+            f"a reference of {left[0]:g}, {left[1]:g} deg, up to {STEEPEST:g} deg is possible."
+        )
+    return left * DEG
+
+
+def _select_values(values: Mapping[str, float], names: tuple[str, ...]) -> Array:
+    missing = [name for name in names if name not in values]
+    if missing:
+        raise FormatError(
+            f"{', '.join(missing)} is missing; there are {', '.join(values) or 'no values'}."
+        )
+    return np.array([values[name] for name in names])

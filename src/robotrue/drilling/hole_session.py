@@ -20,8 +20,7 @@ from robotrue.drilling.clamp_watch import ClampSettings, ClampWatch, FootSample,
 from robotrue.drilling.correction import CorrectedReadings
 from robotrue.drilling.foot_model import NormalModel, estimate_tilt
 from robotrue.drilling.production import RecordUpdate, record_of, update_model
-from robotrue.drilling.reference_causes import find_cause
-from robotrue.drilling.refinement_choice import IMPOSSIBLE
+from robotrue.drilling.production_references import IMPOSSIBLE, find_cause
 from robotrue.errors import ConfigurationError, ImplausibleDataError, RobotrueError
 
 SIMULATED: Final = Provenance(simulated=True, instrument="drilling head")

@@ -14,6 +14,7 @@ from robotrue.drilling.campaign_csv import ProductionRecord
 from robotrue.drilling.correction import CorrectedReadings, correct_readings
 from robotrue.drilling.evaluate import evaluate_test
 from robotrue.drilling.foot_model import Frozen, NormalModel, absorb_zero, with_refinement
+from robotrue.drilling.production_references import FEWEST, MemoryChoice, choose_memory
 from robotrue.drilling.refinement import (
     Remaining,
     Watch,
@@ -21,7 +22,6 @@ from robotrue.drilling.refinement import (
     update_refinement,
     update_watch,
 )
-from robotrue.drilling.refinement_choice import FEWEST, MemoryChoice, choose_memory
 from robotrue.errors import ConfigurationError
 
 

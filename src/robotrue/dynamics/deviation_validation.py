@@ -2,6 +2,10 @@
 
 Windows of one pass are neighbours in everything. Split at random, each one held out lies between
 two learned from, and any regression looks good; that row is printed because the paper printed it.
+
+Of a hundred windows whose errors are alike, a 95 % band holds all or none. What the share inside it
+says is that of a binomial of so many windows as are independent: its variance, p (1 - p) / n, gives
+n.
 """
 
 from __future__ import annotations
@@ -14,12 +18,6 @@ import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.core.units import UM
-from robotrue.dynamics.band_chance import (
-    TWO_SIDED_95,
-    ShareByChance,
-    join_shares,
-    share_by_chance,
-)
 from robotrue.dynamics.deviation import DeviationSettings, fit_deviation
 from robotrue.dynamics.deviation_physics import CompliantArm, StaticCompliance
 from robotrue.dynamics.paper_regression import fit_paper
@@ -27,10 +25,65 @@ from robotrue.dynamics.window_folds import QUESTIONS, folds
 from robotrue.dynamics.windows import WindowSet
 from robotrue.errors import ConfigurationError
 
+TWO_SIDED_95: Final = 1.959964
+DRAWS: Final = 2000
 METHODS: Final = ("prediction", "paper", "deviation")
 
 Estimate = Callable[[WindowSet, WindowSet], tuple[Array, Array | None]]
 """Training and test windows to error (m,) m and its covariance (m, m) m^2 or None."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShareByChance:
+    """What share of some windows a band holds that is right.
+
+    Attributes:
+        shares: (draws,) drawn from the errors as the band's model has them.
+    """
+
+    shares: Array
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """The share lies between these two in 95 of 100 cases."""
+        low, high = np.quantile(self.shares, [0.025, 0.975])
+        return float(low), float(high)
+
+    @property
+    def effective(self) -> float:
+        """Independent windows that would give a share as unsure."""
+        mean, variance = float(self.shares.mean()), float(self.shares.var())
+        return mean * (1.0 - mean) / max(variance, 1e-12)
+
+    def below(self, share: float) -> float:
+        """Returns the probability of a share less than this."""
+        return float((self.shares < share).mean())
+
+
+def share_by_chance(covariance: Array) -> ShareByChance:
+    """Returns what a 95 % band of windows would hold.
+
+    Args:
+        covariance: (n, n) m^2 of their errors, as the band takes them; its diagonal is the band.
+    """
+    sd = np.sqrt(np.diag(covariance))
+    value, vector = np.linalg.eigh(covariance / np.outer(sd, sd))
+    drawn = np.random.default_rng(len(sd)).standard_normal((len(sd), DRAWS))
+    errors = (vector * np.sqrt(np.maximum(value, 0.0))) @ drawn
+    return ShareByChance(shares=np.asarray((np.abs(errors) <= TWO_SIDED_95).mean(axis=0)))
+
+
+def join_shares(parts: Sequence[ShareByChance], windows: Sequence[int]) -> ShareByChance:
+    """Returns the share of several sets of windows together, errors of different sets independent.
+
+    Args:
+        parts: Of each set.
+        windows: In each set.
+    """
+    weight = np.asarray(windows, dtype=np.float64) / sum(windows)
+    rng = np.random.default_rng(len(parts))
+    mixed = [rng.permutation(part.shares) for part in parts]
+    return ShareByChance(shares=np.asarray(weight @ np.array(mixed)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

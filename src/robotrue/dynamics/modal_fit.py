@@ -17,9 +17,14 @@ from scipy.optimize import least_squares
 
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.dynamics.frf import ComplexArray, FrequencyResponse
-from robotrue.dynamics.lscf import find_stable_poles
-from robotrue.dynamics.lsfd import Curves, Residues, fit_residues, misfit_slopes
 from robotrue.dynamics.modal import ModalModel
+from robotrue.dynamics.modal_poles import (
+    Curves,
+    Residues,
+    find_stable_poles,
+    fit_residues,
+    misfit_slopes,
+)
 from robotrue.errors import ObservabilityError
 
 _FLOOR: Final = 0.1

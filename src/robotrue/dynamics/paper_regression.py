@@ -20,7 +20,6 @@ from robotrue.core.archive import Archive, archive_reader
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.columns import Columns
 from robotrue.core.document_decoder import decode
-from robotrue.dynamics.components import SHARE, Components, components_of
 from robotrue.dynamics.deviation_physics import CompliantArm, physics_terms
 from robotrue.dynamics.learned_deviation import (
     DeviationPrediction,
@@ -32,7 +31,14 @@ from robotrue.dynamics.learned_deviation import (
     windows_document,
     windows_from,
 )
-from robotrue.dynamics.support_vectors import SupportVectors, fit_vectors, squared_distance
+from robotrue.dynamics.paper_learners import (
+    SHARE,
+    Components,
+    SupportVectors,
+    components_of,
+    fit_vectors,
+    squared_distance,
+)
 from robotrue.dynamics.window_folds import folds
 from robotrue.dynamics.windows import WindowSet, check_for_fit
 from robotrue.errors import ShapeError

@@ -13,7 +13,7 @@ import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, UM
-from robotrue.dynamics.components import COLUMNS
+from robotrue.dynamics.paper_learners import COLUMNS
 from robotrue.dynamics.paper_regression import PaperModel, fit_paper, paper_columns
 from robotrue.dynamics.window_folds import folds
 

@@ -10,9 +10,8 @@ from typing import Final
 import numpy as np
 
 from robotrue.cell.cell import Cell, frame_table
-from robotrue.core.arrays import Array, IntArray
+from robotrue.core.arrays import Array, IntArray, parse_number_list
 from robotrue.core.files import read_bytes
-from robotrue.core.number_list import parse_number_list
 from robotrue.core.poses import apply, inverse, pose, pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ModelMismatchError, ReachError

@@ -20,8 +20,8 @@ from robotrue.cell.obstacles import Box
 from robotrue.core.arm_words import Maker
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.columns import Column, Columns
-from robotrue.core.mesh import TriangleMesh
 from robotrue.core.poses import apply
+from robotrue.core.surfaces import TriangleMesh
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ReachError
 from robotrue.planning.arm_scene import Scene

@@ -23,7 +23,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
-from robotrue.core.mesh import TriangleMesh
+from robotrue.core.surfaces import TriangleMesh
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ImplausibleDataError, ShapeError
 from robotrue.program.outline import SNAP, distance, inside, outer_boundaries

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robotrue.core.catalogue import DEFAULT_LANG
+from robotrue.core.files import DEFAULT_LANG
 from robotrue.core.units import DEG, MM
 from robotrue.report.content import (
     Cell,

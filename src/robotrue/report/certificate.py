@@ -10,7 +10,7 @@ import numpy as np
 
 from robotrue.calibration.training_summary import read_step
 from robotrue.core.arrays import Array, BoolArray, IntArray
-from robotrue.core.catalogue import DEFAULT_LANG
+from robotrue.core.files import DEFAULT_LANG
 from robotrue.core.units import DEG, MM
 from robotrue.report.budget_section import budget_section
 from robotrue.report.calibration_report import calibration_content

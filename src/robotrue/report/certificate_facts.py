@@ -11,7 +11,7 @@ from robotrue.calibration.lineage import history, provenance_of
 from robotrue.calibration.model import ErrorModel, Query
 from robotrue.cell.cell import Cell, tracker_covariance
 from robotrue.core.arrays import Array
-from robotrue.core.catalogue import DEFAULT_LANG
+from robotrue.core.files import DEFAULT_LANG
 from robotrue.core.provenance import Provenance, merge
 from robotrue.errors import ObservabilityError
 from robotrue.measurement.measurement_set import MeasurementSet

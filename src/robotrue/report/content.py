@@ -28,8 +28,8 @@ from typing import ClassVar, Final, Literal, TypeAlias
 import numpy as np
 
 from robotrue.core.arrays import Array
-from robotrue.core.catalogue import DEFAULT_LANG
 from robotrue.core.columns import Columns
+from robotrue.core.files import DEFAULT_LANG
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ShapeError
 from robotrue.report.figure import Drawing, inline_svg, png

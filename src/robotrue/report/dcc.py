@@ -13,7 +13,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from robotrue.core.arrays import Array
-from robotrue.core.catalogue import DEFAULT_LANG
+from robotrue.core.files import DEFAULT_LANG
 from robotrue.core.provenance import simulation_mark
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robotrue.core.catalogue import DEFAULT_LANG
+from robotrue.core.files import DEFAULT_LANG
 from robotrue.core.provenance import merge
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.campaign import Campaign

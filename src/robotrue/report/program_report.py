@@ -10,7 +10,7 @@ import numpy as np
 
 from robotrue.compensation.difference import Difference
 from robotrue.core.arrays import Array, BoolArray, IntArray
-from robotrue.core.catalogue import DEFAULT_LANG
+from robotrue.core.files import DEFAULT_LANG
 from robotrue.core.units import MM
 from robotrue.errors import ModelMismatchError
 from robotrue.report.content import (

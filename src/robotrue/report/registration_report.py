@@ -9,7 +9,7 @@ import numpy as np
 
 from robotrue.cell.part import PartFrame, PartTable
 from robotrue.core.arrays import Array
-from robotrue.core.catalogue import DEFAULT_LANG
+from robotrue.core.files import DEFAULT_LANG
 from robotrue.core.poses import propagate_covariance
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM

@@ -14,7 +14,7 @@ from functools import cache
 from pathlib import Path
 from typing import Final, Literal, TypeAlias
 
-from robotrue.core.catalogue import DEFAULT_LANG, read_catalogue
+from robotrue.core.files import DEFAULT_LANG, read_catalogue
 from robotrue.errors import ConfigurationError
 
 Lang: TypeAlias = Literal["en", "zh"]

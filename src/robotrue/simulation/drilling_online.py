@@ -15,7 +15,7 @@ import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM, UM
-from robotrue.drilling.foot_signals import SIMULATED
+from robotrue.drilling.clamp_watch import SIMULATED
 from robotrue.drilling.head import SENSE, normal_from_tilt, rotation, tilt_from_normal
 from robotrue.errors import FormatError
 from robotrue.online.signals import read_signals, write_signals

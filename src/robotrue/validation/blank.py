@@ -16,8 +16,8 @@ import numpy as np
 
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.columns import Column, Columns
-from robotrue.core.mesh import TriangleMesh
 from robotrue.core.poses import apply, inverse
+from robotrue.core.surfaces import TriangleMesh
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ImplausibleDataError, ObservabilityError
 from robotrue.measurement.probing_set import ProbingSet

@@ -16,8 +16,8 @@ import numpy as np
 from robotrue.calibration.lineage import identity_of, provenance_of
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.registration.fit import Noise
-from robotrue.core.mesh import TriangleMesh
 from robotrue.core.provenance import merge
+from robotrue.core.surfaces import TriangleMesh
 from robotrue.errors import ModelMismatchError, ShapeError
 from robotrue.measurement.formats.part_points import ONE_PART
 from robotrue.measurement.probing_set import NO_SURFACE, ProbingSet

@@ -15,8 +15,8 @@ from robotrue.calibration.settings import FitSettings
 from robotrue.cell.registration.fit import Noise, Registration, point_residuals
 from robotrue.cell.registration.symmetry import symmetric_alternatives
 from robotrue.core.arrays import Array
-from robotrue.core.mesh import TriangleMesh
 from robotrue.core.poses import displacement_columns
+from robotrue.core.surfaces import TriangleMesh
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.probing_set import NO_SURFACE, ProbingSet

@@ -18,8 +18,8 @@ from robotrue.cell.registration.correspondence import check_names
 from robotrue.cell.registration.fit import check_pattern
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.graduated import GAUSS_POINT, agreeing
-from robotrue.core.mesh import TriangleMesh
 from robotrue.core.poses import apply, fit_rigid
+from robotrue.core.surfaces import TriangleMesh
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ImplausibleDataError, ObservabilityError, RobotrueError
 from robotrue.measurement.probing_set import ProbingSet

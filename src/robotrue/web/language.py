@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 from typing import Final
 
-from robotrue.core.catalogue import read_catalogue
+from robotrue.core.files import read_catalogue
 from robotrue.errors import ConfigurationError
 
 LANGUAGES: Final = {"en": "English", "zh": "中文"}

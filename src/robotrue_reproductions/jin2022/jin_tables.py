@@ -14,10 +14,10 @@ import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM, UM
-from robotrue.dynamics.components import count_components
 from robotrue.dynamics.deviation import fit_deviation
 from robotrue.dynamics.deviation_physics import CompliantArm, StaticCompliance, static_compliance
 from robotrue.dynamics.deviation_validation import METHODS, scores
+from robotrue.dynamics.paper_learners import count_components
 from robotrue.dynamics.paper_regression import fit_paper
 from robotrue.dynamics.window_folds import folds
 from robotrue.robot.forward import forward

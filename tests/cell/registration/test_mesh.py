@@ -12,8 +12,8 @@ from robotrue.cell.registration.fit import Noise, Registration, displace_frame
 from robotrue.cell.registration.symmetry import symmetric_alternatives
 from robotrue.cell.registration.touches import fit_all_touches, fit_touches
 from robotrue.core.arrays import Array
-from robotrue.core.mesh import TriangleMesh, read_mesh
 from robotrue.core.poses import apply, pose_from_xyz_abc
+from robotrue.core.surfaces import TriangleMesh, read_mesh
 from robotrue.core.units import DEG, MM
 from robotrue.errors import FormatError, ImplausibleDataError, MissingExtraError, ShapeError
 from robotrue.measurement.probing_set import ProbingSet

@@ -7,7 +7,7 @@ force; the text K = 4, RMSE 2.53 (70 windows) and 3.75 (23).
 import numpy as np
 
 from robotrue.core.units import DEG
-from robotrue.dynamics.components import components_of, count_components
+from robotrue.dynamics.paper_learners import components_of, count_components
 from robotrue.robot.forward import forward
 from robotrue.robot.inverse import inverse_path
 from robotrue.simulation.milling_arm import milling_robot, pass_joints, window_edges

@@ -101,7 +101,7 @@ def _check(
 
     from robotrue.app.operations.register import UNITS
     from robotrue.calibration.nominal import NominalModel
-    from robotrue.core.mesh import read_mesh
+    from robotrue.core.surfaces import read_mesh
     from robotrue.planning.information import settings_of
     from robotrue.validation.blank import check_blank
     from robotrue.validation.part_registration import check_rows

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from robotrue.app.presentation import Block
     from robotrue.drilling.campaign_csv import ProductionRecord
     from robotrue.drilling.foot_model import NormalModel
-    from robotrue.drilling.refinement_choice import MemoryChoice
+    from robotrue.drilling.production_references import MemoryChoice
 
 
 class DrillRefineRequest(Request):
@@ -109,8 +109,7 @@ def _refine(
 ) -> tuple[NormalModel, list[dict[str, object]], MemoryChoice | None]:
     """The model after holes that it moved all of, the alarms of its watch, the memory chosen."""
     from robotrue.drilling.production import refine_model
-    from robotrue.drilling.reference_causes import find_cause
-    from robotrue.drilling.refinement_choice import check_references
+    from robotrue.drilling.production_references import check_references, find_cause
 
     found = refine_model(before, holes, truth=request.truth, reference=request.sigma_deg * DEG)
     cause = find_cause(before, holes)

@@ -24,7 +24,7 @@ from robotrue.app.request import (
     Request,
     input_paths,
 )
-from robotrue.core.catalogue import DEFAULT_LANG
+from robotrue.core.files import DEFAULT_LANG
 from robotrue.core.provenance import Provenance, merge
 from robotrue.core.units import DEG
 from robotrue.drilling.drill_defaults import LIMIT_DEG

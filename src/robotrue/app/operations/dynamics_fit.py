@@ -48,7 +48,7 @@ def run(request: DynamicsFitRequest, context: Context) -> PlainResult:
     """Learns the deviation and writes the model."""
     from robotrue.app.dynamics_inputs import read_arm, windows_origin
     from robotrue.core.archive import write_archive
-    from robotrue.dynamics.formats.windows_csv import read_windows
+    from robotrue.dynamics.formats.dynamics_csv import read_windows
     from robotrue.dynamics.windows import check_direction
 
     windows = read_windows(request.windows)

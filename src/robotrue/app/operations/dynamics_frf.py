@@ -86,8 +86,8 @@ def run(request: DynamicsFrfRequest, context: Context) -> PlainResult:
 
 def _read(request: DynamicsFrfRequest) -> tuple[FrequencyResponse, Sequence[HammerResult]]:
     """The response in a file, or that of hammer records with their evaluations."""
+    from robotrue.dynamics.formats.dynamics_csv import read_hammer_csv
     from robotrue.dynamics.formats.frf_table import read_frf
-    from robotrue.dynamics.formats.hammer_csv import read_hammer_csv
     from robotrue.dynamics.hammer import combine_axes, evaluate_together
 
     if len(request.files) == 1 and not _is_hammer(request.files[0]):

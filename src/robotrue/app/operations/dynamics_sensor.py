@@ -91,7 +91,7 @@ def run(request: DynamicsSensorRequest, context: Context) -> HeldToolFound:
     from robotrue.core.archive import write_archive
     from robotrue.core.provenance import read_provenance
     from robotrue.dynamics.flange_sensor import held_tool_remarks, identify_held_tool
-    from robotrue.dynamics.formats.sensor_csv import read_sensor_csv
+    from robotrue.dynamics.formats.dynamics_csv import read_sensor_csv
 
     R_base_sensor, readings = read_sensor_csv(request.poses)
     origin = read_provenance(request.poses)

@@ -82,7 +82,7 @@ def run(request: DynamicsValidateRequest, context: Context) -> PlainResult:
     Raises:
         ConfigurationError: No cell and no model, or an output that a cell has none of.
     """
-    from robotrue.dynamics.formats.windows_csv import read_windows
+    from robotrue.dynamics.formats.dynamics_csv import read_windows
 
     windows = read_windows(request.windows)
     if request.model is not None:
@@ -165,7 +165,7 @@ def _judge(
 def _document(windows: WindowSet, found: DeviationPrediction, learned: str) -> _Judged:
     import numpy as np
 
-    from robotrue.dynamics.band_chance import TWO_SIDED_95
+    from robotrue.dynamics.deviation_validation import TWO_SIDED_95
     from robotrue.dynamics.learned_deviation import WindowTrust
 
     standing = np.bincount(found.standing, minlength=len(WindowTrust))

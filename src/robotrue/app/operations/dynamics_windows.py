@@ -110,8 +110,8 @@ def run(request: DynamicsWindowsRequest, context: Context) -> PlainResult:
     """Cuts the windows, writes them, and says where the stages of the pass lie."""
     from robotrue.app.dynamics_inputs import parse_static
     from robotrue.core.provenance import merge
+    from robotrue.dynamics.formats.dynamics_csv import read_windows, write_windows
     from robotrue.dynamics.formats.frf_table import read_frf
-    from robotrue.dynamics.formats.windows_csv import read_windows, write_windows
     from robotrue.dynamics.frf import with_static
     from robotrue.dynamics.interpolation import fit_curve
     from robotrue.dynamics.pass_windows import cut_windows
@@ -209,7 +209,7 @@ def _read_dry(
 
 def _edges(request: DynamicsWindowsRequest, read: ReadForce, records: PassRecords) -> Array:
     """Start and end of the windows (k, 2) s."""
-    from robotrue.dynamics.formats.windows_csv import read_edges
+    from robotrue.dynamics.formats.dynamics_csv import read_edges
     from robotrue.dynamics.pass_windows import WINDOW, even_windows
 
     if request.edges is None:

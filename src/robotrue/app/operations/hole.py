@@ -143,8 +143,8 @@ def _read_points(path: Path, centre: Array, radius: float, wall: float) -> tuple
     """(n, 3) m of a CSV, or the vertices of a scan near the nominal wall."""
     import numpy as np
 
-    from robotrue.core.mesh import read_scan
     from robotrue.core.provenance import read_provenance
+    from robotrue.core.surfaces import read_scan
     from robotrue.measurement.formats.sheet_file import read_sheet
 
     if path.suffix.lower() == ".stl":

@@ -389,7 +389,7 @@ def _payload(text: str) -> Load:
     """Returns a load state from ``KG`` or ``KG,X,Y,Z`` (mm in the flange frame)."""
     import numpy as np
 
-    from robotrue.core.number_list import parse_number_list
+    from robotrue.core.arrays import parse_number_list
     from robotrue.robot.statics import Load
 
     numbers = parse_number_list(text)

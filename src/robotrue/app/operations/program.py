@@ -178,7 +178,7 @@ def run(request: ProgramRequest, context: Context) -> MadeProgram:
         read_pass,
         sides_document,
     )
-    from robotrue.core.mesh import read_mesh
+    from robotrue.core.surfaces import read_mesh
     from robotrue.planning.machining import job_moves, plan_machining
     from robotrue.program.posts import choose_post
     from robotrue.program.posts.post_writer import write_machining
@@ -354,7 +354,7 @@ def _read_speeds(request: ProgramRequest) -> JobSpeeds:
 
 
 def _home(text: str) -> Array:
-    from robotrue.core.number_list import parse_number_list
+    from robotrue.core.arrays import parse_number_list
 
     values = parse_number_list(text)
     if values.size != 6:

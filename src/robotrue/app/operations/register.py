@@ -34,7 +34,7 @@ from robotrue.validation.registration_defaults import (
 
 if TYPE_CHECKING:
     from robotrue.cell.cell import Cell
-    from robotrue.core.mesh import TriangleMesh
+    from robotrue.core.surfaces import TriangleMesh
     from robotrue.program.controller_frames import ControllerFrame
     from robotrue.validation.registered_part import RegisteredPart
     from robotrue.validation.registration_frame import RegistrationSettings
@@ -212,7 +212,7 @@ def _settings(cell: Cell, request: RegisterRequest) -> RegistrationSettings:
 
 
 def _mesh(request: RegisterRequest) -> TriangleMesh | None:
-    from robotrue.core.mesh import read_mesh
+    from robotrue.core.surfaces import read_mesh
 
     if request.mesh_unit not in UNITS:
         raise ConfigurationError(

@@ -21,7 +21,7 @@ from robotrue.app.presentation import Block, Note
 from robotrue.app.reported import Language, ReportDraft
 from robotrue.app.request import Item, ItemVersion, Option, Reference, Request
 from robotrue.app.request_fields import CertificateDetails
-from robotrue.core.catalogue import DEFAULT_LANG
+from robotrue.core.files import DEFAULT_LANG
 from robotrue.core.provenance import Provenance
 from robotrue.errors import ConfigurationError
 

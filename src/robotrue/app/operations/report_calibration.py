@@ -14,7 +14,7 @@ from robotrue.app.operation import Operation
 from robotrue.app.plain_result import WrittenFiles
 from robotrue.app.request import InputFile, Item, Option, Output, Reference, Request
 from robotrue.app.request_fields import CalibratedModel, CertificateDetails, Columns
-from robotrue.core.catalogue import DEFAULT_LANG
+from robotrue.core.files import DEFAULT_LANG
 from robotrue.core.units import MM
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.plain_result import WrittenFiles
 from robotrue.app.request import Item, Reference, Request
-from robotrue.core.catalogue import DEFAULT_LANG
+from robotrue.core.files import DEFAULT_LANG
 from robotrue.errors import ConfigurationError
 
 if TYPE_CHECKING:

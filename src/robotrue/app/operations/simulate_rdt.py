@@ -102,7 +102,7 @@ def run(request: SimulateRdtRequest, context: Context) -> PlainResult:
 
 def _write_readings(path: Path, scenario: OnlineScenario, seed: int) -> None:
     from robotrue.core.files import write_atomic
-    from robotrue.dynamics.formats.sensor_csv import sensor_csv
+    from robotrue.dynamics.formats.dynamics_csv import sensor_csv
     from robotrue.simulation.online_scenario import WRIST_ATTITUDES
 
     readings = scenario.at_rest(WRIST_ATTITUDES, seed)

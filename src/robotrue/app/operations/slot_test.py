@@ -137,7 +137,7 @@ def _facts(found: SlotEvaluation, names: Sequence[str]) -> tuple[tuple[str, str]
 
 
 def _three(name: str, text: str) -> Array:
-    from robotrue.core.number_list import parse_number_list
+    from robotrue.core.arrays import parse_number_list
 
     values = parse_number_list(text)
     if values.shape != (3,):

@@ -77,7 +77,7 @@ def run(request: ToolAxisRequest, context: Context) -> PlainResult:
     from robotrue.app.tool_view import require_tool_formats, tool_texts, write_tool
     from robotrue.calibration.nominal import NominalModel
     from robotrue.cell.registration.tool import tool_frame
-    from robotrue.core.number_list import parse_number_list
+    from robotrue.core.arrays import parse_number_list
 
     require_tool_formats(request.tool_format, request.tool_number)
     source = context.cell_file(request.cell)
@@ -122,7 +122,7 @@ def run(request: ToolAxisRequest, context: Context) -> PlainResult:
 def _find(
     request: ToolAxisRequest, cell: Cell, arm: ErrorModel
 ) -> tuple[CalibratedAxis, Provenance]:
-    from robotrue.core.number_list import parse_number_list
+    from robotrue.core.arrays import parse_number_list
     from robotrue.core.provenance import merge
     from robotrue.measurement.formats.part_points import read_points
     from robotrue.planning.information import settings_of

@@ -14,10 +14,9 @@ from robotrue.cell.registration.surface_distances import (
     solve_frame,
 )
 from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
-from robotrue.core.mesh import TriangleMesh
 from robotrue.core.poses import apply, inverse, pose
 from robotrue.core.rotations import matrix_from_rotation_vector, rotation_vector_from_matrix
-from robotrue.core.surfaces import Cylinder
+from robotrue.core.surfaces import Cylinder, TriangleMesh
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConvergenceError, ObservabilityError
 from robotrue.measurement.probing_set import ProbingSet

@@ -1,6 +1,7 @@
 """Long tables of numbers with named columns: fast where they are sound, exact about where not.
 
-Columns of a CSV file or variables of a MAT file, and whether their times are an even clock.
+Columns of a CSV file, variables of a MAT file, channels of a TDMS file (through npTDMS, extra
+``dynamics``), and whether their times are an even clock.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, TypeVar
+from typing import Final, Protocol, TypeVar
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from robotrue.core.csv_text import csv_text
 from robotrue.core.files import read_bytes, sha256, utf8_text
 from robotrue.core.provenance import Provenance, read_provenance
 from robotrue.dynamics.frf import ComplexArray
-from robotrue.errors import FormatError, ImplausibleDataError
+from robotrue.errors import FormatError, ImplausibleDataError, MissingExtraError
 from robotrue.measurement.formats.sheet_file import read_sheet
 
 Samples = TypeVar("Samples", Array, ComplexArray)
@@ -303,3 +304,37 @@ def _header(text: str) -> tuple[int, str, int]:
         if found and not found.startswith("#"):
             return line, found, start
     return 0, "", start
+
+
+class TdmsChannel(Protocol):
+    """A channel of npTDMS, which has no types."""
+
+    name: str
+    path: str
+    properties: Mapping[str, float | str]
+
+    def __getitem__(self, rows: slice) -> Array: ...
+
+
+def read_tdms_groups(path: str | Path) -> list[Sequence[TdmsChannel]]:
+    """Returns the channels of a file, group by group.
+
+    Raises:
+        FormatError: It cannot be read.
+        MissingExtraError: Without npTDMS.
+    """
+    try:
+        import nptdms
+    except ImportError as cause:
+        raise MissingExtraError(
+            "TDMS needs npTDMS.", hint="pip install 'robotrue[dynamics]'"
+        ) from cause
+    try:
+        file = nptdms.TdmsFile.read(io.BytesIO(read_bytes(path)))
+    except FormatError:
+        raise
+    except Exception as cause:  # npTDMS raises whatever its parsing meets
+        raise FormatError(
+            f"cannot be read as TDMS ({type(cause).__name__}: {cause}).", source=path
+        ) from cause
+    return [group.channels() for group in file.groups()]

@@ -21,16 +21,17 @@ from robotrue.core.files import write_atomic
 from robotrue.core.provenance import Provenance, mark_line, read_provenance
 from robotrue.dynamics.force import ForceRecord, check_force
 from robotrue.dynamics.formats.column_table import (
+    TdmsChannel,
     check_suffix,
     even_rate,
     finite_samples,
     mat_column,
     read_column_table,
     read_mat,
+    read_tdms_groups,
     table_bytes,
 )
-from robotrue.dynamics.formats.tdms_channels import TdmsChannel, read_tdms_groups
-from robotrue.dynamics.formats.uff_sets import UFF_SUFFIXES
+from robotrue.dynamics.formats.uff import UFF_SUFFIXES
 from robotrue.dynamics.formats.uff_signals import check_one_clock, read_force_histories
 from robotrue.errors import FormatError, ImplausibleDataError
 

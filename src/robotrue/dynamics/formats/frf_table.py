@@ -30,7 +30,7 @@ from robotrue.dynamics.formats.column_table import (
     read_mat,
     table_bytes,
 )
-from robotrue.dynamics.formats.uff_sets import UFF_SUFFIXES
+from robotrue.dynamics.formats.uff import UFF_SUFFIXES
 from robotrue.dynamics.frf import AXES, ComplexArray, FrequencyResponse
 from robotrue.dynamics.frf_checks import AxisPairCurves, assemble_response
 from robotrue.errors import FormatError

@@ -24,9 +24,9 @@ from robotrue.dynamics.formats.column_table import (
     mat_column,
     read_column_table,
     read_mat,
+    read_tdms_groups,
 )
-from robotrue.dynamics.formats.tdms_channels import read_tdms_groups
-from robotrue.dynamics.formats.uff_sets import UFF_SUFFIXES
+from robotrue.dynamics.formats.uff import UFF_SUFFIXES
 from robotrue.dynamics.formats.uff_signals import check_one_clock, read_named_histories
 from robotrue.errors import FormatError, ImplausibleDataError
 

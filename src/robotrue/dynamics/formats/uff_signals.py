@@ -18,7 +18,7 @@ from robotrue.core.arrays import Array
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import UM
 from robotrue.dynamics.formats.column_table import finite_samples
-from robotrue.dynamics.formats.uff_sets import (
+from robotrue.dynamics.formats.uff import (
     FORCE_TYPES,
     FORCE_UNITS,
     LENGTH_UNITS,

@@ -1,4 +1,15 @@
-"""Windows of milling passes as CSV, one row each.
+"""CSV files of dynamics: raw hammer tests, readings of a flange sensor, windows of milling passes.
+
+A hammer test has ``t_s``, the hammer and the sensors. The hammer is ``fx_N``, ``fy_N`` or ``fz_N``,
+after the axis it hits along. The sensors are ``ax_m_per_s2`` (accelerometer), ``vx_m_per_s``
+(vibrometer) or ``x_um``, ``x_m`` (displacement) and their like for y and z, one kind per file; an
+accelerometer may be in ``ax_g``.
+
+A flange sensor at rest has one row per pose of the wrist: ``rx_deg, ry_deg, rz_deg``
+(R_base_sensor = Rz(rz) Ry(ry) Rx(rx)) and ``fx_N, fy_N, fz_N, mx_Nm, my_Nm, mz_Nm`` in the sensor
+frame, what acts on the sensor from the tool's side, each a mean at rest.
+
+Windows have one row each::
 
     pass,j1_deg..j6_deg,fx_mean_N,fy_mean_N,fz_mean_N,f_peak_N,f_mean_N,predicted_um,measured_um
 
@@ -10,6 +21,7 @@ and behind the cut and taken off, no or blank where nobody did.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
@@ -17,16 +29,101 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray
-from robotrue.core.units import DEG, UM
+from robotrue.core.provenance import MEASURED, Provenance, mark_line
+from robotrue.core.rotations import abc_from_matrix, matrix_from_abc
+from robotrue.core.units import DEG, STANDARD_GRAVITY, UM
+from robotrue.dynamics.formats.column_table import even_rate, read_column_table
+from robotrue.dynamics.hits import HammerRecord
 from robotrue.dynamics.windows import WindowSet, first_overlap
 from robotrue.measurement.formats.sheet import Sheet, number_columns, write_columns
 from robotrue.measurement.formats.sheet_file import read_sheet
 
+_HAMMER: Final = re.compile(r"f([xyz])_N")
+_SENSOR: Final = re.compile(r"(a|v|)([xyz])_(\w+)")
+_UNITS: Final = {
+    ("a", "m_per_s2"): ("accelerance", 1.0),
+    ("a", "g"): ("accelerance", STANDARD_GRAVITY),
+    ("v", "m_per_s"): ("mobility", 1.0),
+    ("", "m"): ("receptance", 1.0),
+    ("", "um"): ("receptance", UM),
+}
+ATTITUDE: Final = ("rx_deg", "ry_deg", "rz_deg")
+WRENCH: Final = ("fx_N", "fy_N", "fz_N", "mx_Nm", "my_Nm", "mz_Nm")
+COLUMNS: Final = (*ATTITUDE, *WRENCH)
 FORCES: Final = ("fx_mean_N", "fy_mean_N", "fz_mean_N", "f_peak_N", "f_mean_N")
 ERRORS: Final = ("predicted_um", "measured_um")
 SPAN: Final = ("start_s", "end_s")
 ZERO_TAKEN: Final = "zero_taken"
 _YES, _NO = "yes", "no"
+
+
+def read_hammer_csv(path: str | Path) -> HammerRecord:
+    """Returns the record of a file.
+
+    Raises:
+        FormatError: No hammer or more than one, no sensor, a column that is not known or without
+            its unit, a cell that is no finite number; with its line.
+        ImplausibleDataError: An uneven clock.
+    """
+    table = read_column_table(path)
+    hammers = [name for name in table.names if _HAMMER.fullmatch(name)]
+    if len(hammers) != 1:
+        raise table.fault(
+            f"{len(hammers)} hammer columns, expected one of fx_N, fy_N, fz_N.",
+            "one file per axis of the hammer.",
+        )
+    sensors: dict[str, str] = {}
+    forms: set[tuple[str, float]] = set()
+    for name in table.names:
+        if name in ("t_s", hammers[0]):
+            continue
+        named = _SENSOR.fullmatch(name)
+        if named is None or (named[1], named[3]) not in _UNITS:
+            raise table.fault(
+                f"column {name!r} is not known or has no unit; sensors are called ax_m_per_s2, "
+                "ax_g, vx_m_per_s, x_m or x_um.",
+                "rename or remove it.",
+            )
+        forms.add(_UNITS[named[1], named[3]])
+        sensors[named[2]] = name
+    if "t_s" not in table.names or not sensors:
+        raise table.fault("no column t_s, or no sensor.", "t_s,fx_N,ax_m_per_s2,ay_m_per_s2")
+    if len(forms) > 1:
+        raise table.fault(f"sensors of {len(forms)} kinds or units.", "one kind per file.")
+    form, scale = forms.pop()
+    _, rate = even_rate(table.column("t_s"), path, table.line)
+    axes = tuple(sorted(sensors))
+    return HammerRecord(
+        rate=rate,
+        force=table.column(hammers[0]),
+        excitation_axis=hammers[0][1],
+        motion=scale * table.stack([sensors[axis] for axis in axes]),
+        response_axes=axes,
+        form=form,
+        source=str(path),
+        provenance=table.provenance,
+    )
+
+
+def read_sensor_csv(path: str | Path) -> tuple[Array, Array]:
+    """Returns R_base_sensor (n, 3, 3) and readings (n, 6) N, N m of a file.
+
+    Raises:
+        FormatError: A column that is missing or not known, a cell that is no finite number; with
+            its line.
+    """
+    table = read_column_table(path)
+    table.require(COLUMNS, hint="angles in deg, forces in N, moments in N m.")
+    return matrix_from_abc(table.stack(ATTITUDE[::-1]) * DEG), table.stack(WRENCH)
+
+
+def sensor_csv(R_base_sensor: Array, readings: Array, provenance: Provenance = MEASURED) -> bytes:
+    """Returns the file of rotations (n, 3, 3) and readings (n, 6) N, N m, with its mark."""
+    angles = abc_from_matrix(R_base_sensor)[:, ::-1] / DEG
+    rows = np.concatenate([angles, readings], axis=1)
+    lines = [mark_line(provenance) + ",".join(COLUMNS)]
+    lines += [",".join(f"{v:.6f}" for v in row) for row in rows.tolist()]
+    return ("\n".join(lines) + "\n").encode()
 
 
 def read_windows(path: str | Path) -> WindowSet:
