@@ -14,7 +14,7 @@ from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ShapeError
 from robotrue.measurement.formats.mapping import build_mapping
 from robotrue.measurement.formats.measured_files import open_sheet, read_measurements
-from robotrue.measurement.formats.measured_run import read_run
+from robotrue.measurement.formats.table import read_run
 from robotrue.measurement.frame_walk import MonumentShots, estimate_walk, remove_walk
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.measurement.repeated_poses import average_repeats

@@ -24,7 +24,7 @@ from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import FormatError
 from robotrue.measurement.formats.mapping import read_mapping
 from robotrue.measurement.formats.measured_files import open_sheet
-from robotrue.measurement.formats.measured_run import read_run
+from robotrue.measurement.formats.table import read_run
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.measurement.repeated_poses import average_repeats, describe_repeats
 from robotrue.program.formats import detect, read_job

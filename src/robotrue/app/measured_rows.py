@@ -15,7 +15,7 @@ from robotrue.core.arrays import Array
 from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.measurement.formats.mapping import ColumnMapping, read_mapping
 from robotrue.measurement.formats.measured_files import open_sheet
-from robotrue.measurement.formats.measured_run import read_run
+from robotrue.measurement.formats.table import read_run
 from robotrue.measurement.measurement_set import MeasurementSet, concatenate
 from robotrue.measurement.plausibility import FEWEST_POSES, check_plausible
 from robotrue.measurement.tracker import point_covariance

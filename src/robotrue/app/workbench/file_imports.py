@@ -12,9 +12,8 @@ from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
 from robotrue.core.files import read_bytes
 from robotrue.errors import ConfigurationError, FormatError
-from robotrue.measurement.formats.column_names import guess_columns
 from robotrue.measurement.formats.joint_literals import read_joint_literals
-from robotrue.measurement.formats.mapping import ColumnMapping, build_mapping
+from robotrue.measurement.formats.mapping import ColumnMapping, build_mapping, guess_columns
 from robotrue.measurement.formats.sheet_file import read_sheet
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.measurement.plausibility import FEWEST_POSES

@@ -13,10 +13,8 @@ from robotrue.app.workbench.file_imports import cell_of, column_mapping, is_join
 from robotrue.cell.cell import Cell
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError, FormatError, RobotrueError
-from robotrue.measurement.formats.column_names import guess_columns, guess_units
-from robotrue.measurement.formats.joined_sheet import read_joint_list
-from robotrue.measurement.formats.joint_list import JointList
-from robotrue.measurement.formats.mapping import ColumnMapping
+from robotrue.measurement.formats.joined_sheet import JointList, read_joint_list
+from robotrue.measurement.formats.mapping import ColumnMapping, guess_columns, guess_units
 from robotrue.measurement.formats.measured_files import open_sheet
 from robotrue.measurement.formats.sheet_file import read_sheet
 from robotrue.store import items

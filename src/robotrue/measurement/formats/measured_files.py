@@ -17,7 +17,6 @@ from robotrue.measurement.formats.joined_sheet import join_sheets, read_joint_li
 from robotrue.measurement.formats.joint_literals import AXES, read_joint_literals
 from robotrue.measurement.formats.mapped_sheet import MappedSheet
 from robotrue.measurement.formats.mapping import AngleUnit, ColumnMapping, read_layouts
-from robotrue.measurement.formats.measured_run import read_run, split_monuments
 from robotrue.measurement.formats.sheet import Sheet, column_key
 from robotrue.measurement.formats.sheet_file import read_sheet
 from robotrue.measurement.formats.table import (
@@ -25,6 +24,8 @@ from robotrue.measurement.formats.table import (
     approach_columns,
     payload_column,
     read_joint_columns,
+    read_run,
+    split_monuments,
     wrench_columns,
 )
 from robotrue.measurement.measurement_set import MeasurementFrame, MeasurementSet

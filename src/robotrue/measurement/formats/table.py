@@ -1,19 +1,30 @@
-"""From named columns of text to a MeasurementSet: the one reader behind every instrument."""
+"""From named columns of text to a MeasurementSet: the one reader behind every instrument.
+
+Orientations are read in the conventions of controllers and trackers; monuments and repeated shots
+of one pose are treated as the mapping states.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
 
 from robotrue.core.arrays import Array, IntArray
+from robotrue.core.rotations import (
+    matrix_from_quat_wxyz,
+    matrix_from_rotation_vector,
+)
 from robotrue.measurement.formats.mapped_sheet import MappedSheet
-from robotrue.measurement.formats.mapping import ANGLE, LENGTH, ColumnMapping
-from robotrue.measurement.formats.rotation_columns import rotation_columns
-from robotrue.measurement.formats.sheet import Sheet
+from robotrue.measurement.formats.mapping import ANGLE, GROUPS, LENGTH, ColumnMapping
+from robotrue.measurement.formats.sheet import Sheet, column_key
+from robotrue.measurement.frame_walk import MonumentShots, describe_walks, remove_walk
 from robotrue.measurement.measurement_set import MeasurementFrame, MeasurementSet
+from robotrue.measurement.repeated_poses import average_repeats, describe_repeats
 from robotrue.measurement.tracker import Instrument, default_instrument
 
 AxisRelation: TypeAlias = Callable[[Array], Array]
@@ -154,3 +165,140 @@ def _sets(columns: MappedSheet) -> tuple[IntArray, tuple[str, ...]]:
     names = tuple(dict.fromkeys(words))
     number = {name: i for i, name in enumerate(names)}
     return np.array([number[word] for word in words]), names
+
+
+_X, _Y, _Z = range(3)
+_FACTORS: Final[Mapping[str, tuple[tuple[int, int], ...]]] = {
+    "rz_ry_rx": ((_Z, 2), (_Y, 1), (_X, 0)),
+    "wpr": ((_Z, 2), (_Y, 1), (_X, 0)),
+    "rpy": ((_Z, 2), (_Y, 1), (_X, 0)),
+    "abc": ((_Z, 0), (_Y, 1), (_X, 2)),
+    "rx_ry_rz": ((_X, 0), (_Y, 1), (_Z, 2)),
+    "oat": ((_Z, 0), (_Y, 1), (_Z, 2)),
+}
+"""Rotations of a product from left to right: the axis, and the column that holds its angle."""
+_QUATERNIONS: Final[Mapping[str, list[int]]] = {"wxyz": [0, 1, 2, 3], "xyzw": [3, 0, 1, 2]}
+"""Columns of w, x, y, z."""
+
+
+def rotation_columns(columns: MappedSheet) -> tuple[Array, Array]:
+    """Returns matrices (n, 3, 3) and covariances (n, 3, 3) rad^2 of the left rotation vector.
+
+    NaN where the file has none.
+
+    Raises:
+        FormatError: A quaternion that is not of length one, a deviation of zero or less.
+    """
+    missing = np.full((len(columns), 3, 3), np.nan)
+    if not columns.present("rotation"):
+        return missing, missing
+    form, values = columns.mapping.rotation_form, columns.numbers("rotation")
+    covariance = missing
+    if form in _QUATERNIONS:
+        matrix = _matrix_from_quaternion(columns, values[:, _QUATERNIONS[form]])
+    elif form == "rotation_vector":
+        matrix = matrix_from_rotation_vector(values * ANGLE[columns.mapping.rotation_unit])
+    else:
+        matrix, axes = _multiply_turns(form, values * ANGLE[columns.mapping.rotation_unit])
+        covariance = _angle_covariance(columns, axes)
+    if not columns.mapping.rotation_inverse:
+        return matrix, covariance
+    inverse = np.swapaxes(matrix, 1, 2)
+    return inverse, inverse @ covariance @ matrix
+
+
+def _matrix_from_quaternion(columns: MappedSheet, quat_wxyz: Array) -> Array:
+    length = np.linalg.norm(quat_wxyz, axis=1)
+    for row in np.flatnonzero(np.abs(length - 1.0) > 1e-3).tolist():
+        raise columns.fault(
+            row, columns.mapping.rotation[0], f"part of a quaternion of length {length[row]:g}"
+        )
+    return matrix_from_quat_wxyz(quat_wxyz)
+
+
+def _multiply_turns(form: str, angles: Array) -> tuple[Array, Array]:
+    """Returns the product (n, 3, 3), and as columns (n, 3, 3) the axis of each printed angle."""
+    matrix = np.tile(np.eye(3), (len(angles), 1, 1))
+    axes = np.empty((len(angles), 3, 3))
+    for axis, column in _FACTORS[form]:
+        axes[:, :, column] = matrix[:, :, axis]
+        matrix = matrix @ matrix_from_rotation_vector(angles[:, column, None] * np.eye(3)[axis])
+    return matrix, axes
+
+
+def _angle_covariance(columns: MappedSheet, axes: Array) -> Array:
+    if not columns.present("rotation_std"):
+        return np.full((len(columns), 3, 3), np.nan)
+    std = columns.numbers("rotation_std")
+    columns.check("rotation_std", std, std <= 0.0, "above 0")
+    scaled: Array = axes * (std * ANGLE[columns.mapping.rotation_unit])[:, None, :]
+    return scaled @ np.swapaxes(scaled, 1, 2)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeasuredRun:
+    """Rows of one file, and how they came about.
+
+    Attributes:
+        rows: In the frame of the first shot of a monument, where there are monuments.
+        remarks: One sentence each: joins, monuments, repeated shots.
+    """
+
+    rows: MeasurementSet
+    remarks: tuple[str, ...]
+
+
+def split_monuments(sheet: Sheet, mapping: ColumnMapping) -> Sheet:
+    """Returns the sheet without its rows of monuments, which it carries apart."""
+    if not mapping.monuments or not sheet.has(mapping.point_name[0]):
+        return sheet
+    patterns = [column_key(pattern) for pattern in mapping.monuments]
+    names = map(column_key, sheet.column(mapping.point_name[0]))
+    shot = [any(fnmatchcase(name, pattern) for pattern in patterns) for name in names]
+    if not any(shot):
+        return sheet
+    poses = sheet.take(row for row, is_shot in enumerate(shot) if not is_shot)
+    return replace(poses, monuments=sheet.take(np.flatnonzero(shot).tolist()))
+
+
+def read_run(
+    sheet: Sheet,
+    mapping: ColumnMapping,
+    *,
+    frame: MeasurementFrame | None = None,
+    instrument: Instrument | None = None,
+    relation: AxisRelation | None = None,
+) -> MeasuredRun:
+    """Returns the rows of a sheet; arguments as those of ``read_table``.
+
+    The order of the lines is the time of the run. The motion of the frame that monuments show is
+    taken off, then shots of one pose are averaged if the mapping says so.
+
+    Raises:
+        FormatError: A column is missing or unknown, or a cell is not what it should be.
+        ShapeError: Monuments of which none was shot twice.
+    """
+    instrument = instrument or default_instrument
+    rows = read_table(sheet, mapping, frame=frame, instrument=instrument, relation=relation)
+    remarks = sheet.remarks
+    if sheet.monuments is not None:
+        shots = _read_shots(sheet.monuments, mapping, instrument)
+        rows, walks = remove_walk(rows, shots, np.array(sheet.lines, dtype=np.float64))
+        remarks += describe_walks(walks)
+    if mapping.repeats == "mean":
+        poses = average_repeats(rows)
+        rows, remarks = poses.mean, remarks + describe_repeats(poses)
+    return MeasuredRun(rows=rows, remarks=remarks)
+
+
+def _read_shots(sheet: Sheet, mapping: ColumnMapping, instrument: Instrument) -> MonumentShots:
+    others = tuple(group for group in GROUPS if group not in ("position", "point_name"))
+    columns = MappedSheet(sheet, replace(mapping, optional=others))
+    position, covariance = point_columns(columns, instrument)
+    return MonumentShots(
+        nest=sheet.words(mapping.point_name[0]),
+        position=position,
+        covariance=covariance,
+        moment=np.array(sheet.lines, dtype=np.float64),
+        station=columns.whole("station"),
+    )
