@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from robotrue.cell import config
 from robotrue.cell.cell import Cell, tracker_covariance
-from robotrue.cell.config import read_cell, write_cell_example
+from robotrue.cell.config import read_cell
 from robotrue.cell.obstacles import Box, HalfSpace
 from robotrue.cell.robot_table import robot_table
 from robotrue.core.poses import pose_from_xyz_abc
@@ -306,7 +307,7 @@ def test_no_such_file(tmp_path: Path) -> None:
 
 
 def test_example_is_valid_and_states_the_defaults(tmp_path: Path) -> None:
-    text = write_cell_example()
+    text = Path(config.__file__).with_name("example.toml").read_text(encoding="utf-8")
     shown = read_cell(written(tmp_path, text))
     bare = read_cell(written(tmp_path, 'schema = 1\n[robot]\npreset = "KUKA KR160 R1570"\n'))
     for name in ("T_flange_target", "T_base_frame"):

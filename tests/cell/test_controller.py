@@ -7,9 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from robotrue.cell import config
 from robotrue.cell.cell import Cell
 from robotrue.cell.cell_text import cell_text
-from robotrue.cell.config import read_cell, write_cell_example
+from robotrue.cell.config import read_cell
 from robotrue.cell.toml_edit import rename_files
 from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
@@ -176,7 +177,7 @@ def test_written_and_read_back(tmp_path: Path) -> None:
 
 
 def test_the_example_tells_every_key(tmp_path: Path) -> None:
-    text = write_cell_example()
+    text = Path(config.__file__).with_name("example.toml").read_text(encoding="utf-8")
     shown = text[text.index("# [controller]") :].replace("\n# ", "\n")[2:]
     shown = shown.replace('files = ["$config.dat"]', "files = []")
     (tmp_path / "cell.toml").write_text(text[: text.index("# [controller]")] + shown)

@@ -16,7 +16,7 @@ from robotrue.app.compensation_ground import Ground, open_ground, open_programs
 from robotrue.app.compensation_request import CompensateRequest
 from robotrue.app.context import Context
 from robotrue.app.reporting import place_in_file
-from robotrue.cell.cutter_axis import cutter_axis
+from robotrue.cell.cell import cutter_axis
 from robotrue.cell.part import PartFrame
 from robotrue.compensation.between_targets import Between, look_between, require_no_spin
 from robotrue.compensation.compensate_file import CompensatedFile, compensate_file

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robotrue.cell.cell import Cell
-from robotrue.cell.cutter_axis import cutter_axis
+from robotrue.cell.cell import Cell, cutter_axis
 from robotrue.compensation.process_force import DescribedForce
 from robotrue.compensation.process_force_file import read_force
 from robotrue.core.arrays import Array, parse_number_list

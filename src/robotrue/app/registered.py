@@ -7,8 +7,7 @@ from pathlib import Path
 from robotrue.calibration.lineage import identity_of, provenance_of
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.nominal import NominalModel
-from robotrue.cell.cell import Cell
-from robotrue.cell.cell_overlay import overlay_cell
+from robotrue.cell.cell import Cell, overlay_cell
 from robotrue.cell.config import read_cell
 from robotrue.cell.part import PartTable
 from robotrue.core.files import read_bytes
@@ -24,10 +23,10 @@ def open_model(path: Path, registered: Path | None = None) -> tuple[Cell, ErrorM
     Args:
         path: Model file or cell; a registered cell brings the model it was registered with.
         registered: Another cell whose frames are wanted: its part frames, if it is registered,
-            and what else it states, see :func:`robotrue.cell.cell_overlay.overlay_cell`.
+            and what else it states, see :func:`robotrue.cell.cell.overlay_cell`.
 
     Raises:
-        ConfigurationError: As :func:`~robotrue.cell.cell_overlay.overlay_cell`; or two registered
+        ConfigurationError: As :func:`~robotrue.cell.cell.overlay_cell`; or two registered
             cells.
         ModelMismatchError: The frames were registered with another model, or it is not there; or
             the other cell has another arm.

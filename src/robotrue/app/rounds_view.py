@@ -8,8 +8,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.app.presentation import Block, Facts, Note, Table
-from robotrue.cell.registration.recursion import Pass
-from robotrue.cell.registration.rounds import RoundsResult
+from robotrue.cell.registration.rounds import Pass, RoundsResult
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
 

@@ -1,4 +1,7 @@
-"""The cell as a value: which robot, what it carries, what measures it."""
+"""The cell as a value: which robot, what it carries, what measures it.
+
+Beside a model, what a cell states holds; what it leaves out is as when the model was calibrated.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,8 @@ from robotrue.cell.obstacles import Obstacle
 from robotrue.cell.part import PartTable
 from robotrue.core.arrays import Array
 from robotrue.core.columns import EMPTY, Column, Columns
-from robotrue.errors import ShapeError
+from robotrue.core.units import DEG
+from robotrue.errors import ConfigurationError, ModelMismatchError, ShapeError
 from robotrue.measurement.measurement_set import MeasurementFrame
 from robotrue.measurement.tracker import (
     DEFAULT_SPECIFICATION,
@@ -21,7 +25,7 @@ from robotrue.measurement.tracker import (
 )
 from robotrue.program.external_axes import ExternalAxis
 from robotrue.program.program import FrameTable
-from robotrue.robot.model import RobotModel
+from robotrue.robot.model import RobotModel, nominal_identity
 from robotrue.robot.statics import NO_LOAD, Load
 
 DEFAULT_TARGET_SIGMA: Final = 1e-2
@@ -161,3 +165,113 @@ def _carrying(axis: ExternalAxis, cell: Cell) -> ExternalAxis:
     if any(np.array_equal(T, cell.T_base_frame) for T in mine):
         return replace(axis, frames=(*axis.frames, "base"))
     return axis
+
+
+CUTTERS: Final = {
+    f"{sign}{axis}": value * np.eye(3)[k]
+    for sign, value in (("", 1.0), ("+", 1.0), ("-", -1.0))
+    for k, axis in enumerate("xyz")
+}
+ASIDE: Final = 60.0 * DEG
+"""A cutter axis further than this off the way from flange to tip must be stated."""
+
+
+def cutter_axis(cell: Cell, text: str | None) -> Array:
+    """Returns the way from spindle to tip (3,) in the tool frame.
+
+    Args:
+        cell: Its tool.
+        text: As stated on the command line; None takes +z where that is plausible.
+
+    Raises:
+        ConfigurationError: No axis, or none stated where it is not plain which it is.
+    """
+    if text is not None:
+        if text.lower() not in CUTTERS:
+            raise ConfigurationError(
+                f"--cutter {text!r}, expected x, y, z, -x, -y or -z.", hint="--cutter z"
+            )
+        return np.asarray(CUTTERS[text.lower()])
+    tip = cell.robot.T_flange_tool[:3, 3]
+    length = float(np.linalg.norm(tip))
+    axis = CUTTERS["z"]
+    along = float(cell.robot.T_flange_tool[:3, :3] @ axis @ tip) / max(length, 1e-9)
+    if length > 1e-3 and along < np.cos(ASIDE):
+        raise ConfigurationError(
+            "the z axis of [tool] points "
+            f"{np.degrees(np.arccos(np.clip(along, -1.0, 1.0))):.0f} deg away from the way from "
+            f"the flange to the tip (at most {ASIDE / DEG:.0f} deg are taken without asking): "
+            "which axis of the tool frame is the cutter's is not plain.",
+            source=cell.source or None,
+            hint="--cutter x (KUKA's own convention), or --cutter z to say that it is meant.",
+        )
+    return np.asarray(axis)
+
+
+_SAME = 1e-6  # rad by which joint limits may differ: they are printed
+
+
+def overlay_cell(cell: Cell, place: Cell) -> Cell:
+    """Returns the cell of a model with what another cell states: frames, tool, payload, controller.
+
+    Args:
+        cell: Of the day of calibration.
+        place: As it is now. Its ``[base]``, ``[tool]``, ``[payload]``, ``[controller]`` and part
+            frames hold where it has them.
+
+    Raises:
+        ConfigurationError: It has none of them, or other joint limits than the model.
+        ModelMismatchError: Its arm is another one, or counts its axes in another way.
+    """
+    _require_same_arm(cell.robot, place)
+    overlaid = cell
+    if place.part is not None:
+        overlaid = replace(overlaid, part=place.part, T_base_frame=place.T_base_frame)
+    elif "base" in place.tables:
+        overlaid = replace(overlaid, T_base_frame=place.T_base_frame)
+    if "tool" in place.tables:
+        overlaid = replace(overlaid, robot=cell.robot.with_tool(place.robot.T_flange_tool))
+    if "payload" in place.tables:
+        overlaid = replace(overlaid, payload=place.payload)
+    if place.says_of_controller:
+        overlaid = replace(overlaid, controller=place.controller)
+    if overlaid is cell:
+        raise ConfigurationError(
+            "the cell states nothing that is used beside a model: no [base], [tool], [payload] or "
+            "[controller], and no part frame.",
+            source=place.source or None,
+            hint="write what holds now into it, or leave --cell out.",
+        )
+    return overlaid
+
+
+def _require_same_arm(robot: RobotModel, place: Cell) -> None:
+    other, source = place.robot, place.source or None
+    if not nominal_identity(other).same(nominal_identity(robot)):
+        raise ModelMismatchError(
+            f"the cell describes {other.name}, whose geometry is not that of the model's "
+            f"{robot.name}.",
+            source=source,
+            hint="the [robot] table of the cell the model was calibrated with.",
+        )
+    if other.maker != robot.maker or not _counts_alike(robot, other):
+        raise ModelMismatchError(
+            f"[robot] of the cell is of maker {other.maker!r}, that of the model of maker "
+            f"{robot.maker!r}, or they count their axes in different ways; the model's would hold.",
+            source=source,
+            hint="calibrate again with this cell, or take maker and axes_... out of it.",
+        )
+    if np.abs(other.limits - robot.limits).max() > _SAME:
+        raise ConfigurationError(
+            "[robot] limits_deg of the cell are not those of the model, which would hold.",
+            source=source,
+            hint="calibrate again with this cell, or write the model's limits.",
+        )
+
+
+def _counts_alike(one: RobotModel, other: RobotModel) -> bool:
+    if one.controller is None or other.controller is None:
+        return one.controller is other.controller
+    names = ("sign", "offset", "coupling")
+    pairs = [(getattr(one.controller, n), getattr(other.controller, n)) for n in names]
+    return all(a.shape == b.shape and np.allclose(a, b, atol=_SAME) for a, b in pairs)

@@ -40,11 +40,6 @@ from robotrue.robot.statics import Load
 _LISTED: Final = re.compile(r"controller\.(\w+)(?:\[(\d+)\])?")
 
 
-def write_cell_example() -> str:
-    """Returns the text of a commented cell.toml that states every key and default."""
-    return Path(__file__).with_name("example.toml").read_text(encoding="utf-8")
-
-
 def read_cell(path: str | Path) -> Cell:
     """Returns the cell a TOML file describes.
 

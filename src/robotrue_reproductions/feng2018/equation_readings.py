@@ -13,10 +13,10 @@ import numpy as np
 
 from robotrue.cell.registration.baselines import feature_frame
 from robotrue.cell.registration.fit import check_pattern
-from robotrue.cell.registration.recursion import Correction
 from robotrue.core.arrays import Array
 from robotrue.core.rotations import abc_from_matrix, matrix_from_abc
 from robotrue.errors import ConfigurationError
+from robotrue_reproductions.feng2018.three_point_recursion import Correction
 
 SecondAxis: TypeAlias = Literal["a x n", "n x a"]
 Attitude: TypeAlias = Literal["feature in base", "base in feature"]

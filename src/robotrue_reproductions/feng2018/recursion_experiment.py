@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.calibration.model import ErrorModel
-from robotrue.cell.registration.recursion import Adjustment, adjust_recursively
+from robotrue.cell.registration.rounds import Adjustment
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.poses import apply, pose
 from robotrue.core.units import DEG, MM
@@ -28,6 +28,7 @@ from robotrue_reproductions.feng2018.machining_cell import (
 )
 from robotrue_reproductions.feng2018.registration_ways import CORNER, tips
 from robotrue_reproductions.feng2018.slot_experiment import CHECKED
+from robotrue_reproductions.feng2018.three_point_recursion import adjust_recursively
 
 PASSES: Final = 20
 SETTLED: Final = 5

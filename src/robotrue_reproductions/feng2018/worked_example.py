@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.cell.registration.recursion import Adjustment, adjust_recursively
+from robotrue.cell.registration.rounds import Adjustment
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, pose, pose_from_xyz_abc
 from robotrue.core.rotations import abc_from_matrix
@@ -20,6 +20,7 @@ from robotrue_reproductions.feng2018.equation_readings import (
     correction_of,
     turn,
 )
+from robotrue_reproductions.feng2018.three_point_recursion import adjust_recursively
 from robotrue_reproductions.reproduction import Figure, figure
 
 TRIANGLE: Final = np.array([[0.0, 0.0, 0.0], [400.0, 0.0, 0.0], [0.0, 300.0, 0.0]]) * MM

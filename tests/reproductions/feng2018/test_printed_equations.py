@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robotrue.cell.registration.recursion import Adjustment, adjust_recursively
+from robotrue.cell.registration.rounds import Adjustment
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, pose, pose_from_xyz_abc
 from robotrue.core.rotations import abc_from_matrix, rotation_vector_from_matrix
@@ -24,6 +24,7 @@ from robotrue_reproductions.feng2018.equation_readings import (
     turn,
     turn_angles,
 )
+from robotrue_reproductions.feng2018.three_point_recursion import adjust_recursively
 
 TRIANGLE = np.array([[0.0, 0.0, 0.0], [400.0, 0.0, 0.0], [0.0, 300.0, 0.0]]) * MM
 FIRST = np.array([3.0, 2.3, 3.5]) * DEG

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from robotrue.cell.registration.tool import tool_from_table
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.poses import inverse, pose, pose_from_xyz_abc
 from robotrue.core.rotations import abc_from_matrix, matrix_from_abc
@@ -33,6 +32,15 @@ def turned_then_shifted(transform: Array) -> tuple[Array, Array]:
     """
     R = transform[:3, :3]
     return abc_from_matrix(R), np.asarray(R.T @ transform[:3, 3])
+
+
+def tool_from_table(T_base_flange: Array, T_base_table: Array) -> Array:
+    """Returns ``T_flange_tool`` (4, 4) of a tool whose frame lies on a calibrated table's, eq. 7.
+
+    It needs the tool's frame on the table's in full pose, and a tip touch gives three of the six
+    equations; ``fit_tool_point`` needs nothing but touches.
+    """
+    return np.asarray(inverse(T_base_flange) @ T_base_table)
 
 
 def touched_point(T_base_flange: Array, T_flange_tool: Array) -> Array:

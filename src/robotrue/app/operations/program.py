@@ -310,8 +310,8 @@ def _cell_and_settings(
     """
     import numpy as np
 
+    from robotrue.cell.cell import cutter_axis
     from robotrue.cell.config import read_cell
-    from robotrue.cell.cutter_axis import cutter_axis
     from robotrue.compensation.steps import StepRule
     from robotrue.planning.machining import MachiningSettings
     from robotrue.program.posts.post_writer import require_name

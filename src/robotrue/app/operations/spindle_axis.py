@@ -13,7 +13,6 @@ from robotrue.app.plain_result import PlainResult
 from robotrue.app.presentation import Facts, Text
 from robotrue.app.request import InputFile, Option, Request
 from robotrue.app.request_fields import cell_output
-from robotrue.cell.spindle_defaults import REFLECTOR_SIGMA_UM
 from robotrue.core.provenance import merge
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ConfigurationError
@@ -22,6 +21,9 @@ if TYPE_CHECKING:
     from robotrue.cell.spindle_axis import SpindleAxis
     from robotrue.core.arrays import Array
     from robotrue.core.provenance import Provenance
+
+REFLECTOR_SIGMA_UM: Final = 15.0
+"""Of one coordinate of a reflector, as a laser tracker measures it at a few metres."""
 
 
 class SpindleAxisRequest(Request):

@@ -15,8 +15,7 @@ from robotrue.app.stated_force import force_parameters
 from robotrue.app.workbench.arm_body import answer, body_document, pack_floats
 from robotrue.app.workbench.calibration_view import from_simulation
 from robotrue.calibration.model import ErrorModel
-from robotrue.cell.cell import Cell, frame_table
-from robotrue.cell.cell_overlay import overlay_cell
+from robotrue.cell.cell import Cell, frame_table, overlay_cell
 from robotrue.cell.config import read_cell
 from robotrue.cell.part import PartFrame
 from robotrue.compensation.difference import Difference, difference

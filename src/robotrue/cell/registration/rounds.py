@@ -17,10 +17,13 @@ from scipy.stats import chi2
 
 from robotrue.cell.registration.baselines import check_corner, feature_frame, fit_feature_frame
 from robotrue.cell.registration.fit import check_pattern, fit_points
-from robotrue.cell.registration.recursion import Adjustment, Pass, side_lengths, summarise
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.poses import apply, fit_rigid, inverse
-from robotrue.core.rotations import abc_from_matrix, rotation_vector_from_matrix
+from robotrue.core.rotations import (
+    abc_from_matrix,
+    matrix_from_abc,
+    rotation_vector_from_matrix,
+)
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ImplausibleDataError
 
@@ -39,6 +42,68 @@ MARGIN: Final = 3.0
 MOST_ROUNDS: Final = 3
 MOST_TURN: Final = 60.0 * DEG
 """Largest first correction; further round, points are exchanged or the frame is another's."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Pass:
+    """One pass: run the model's points, touch the part's, correct the model.
+
+    Attributes:
+        deviation: (n, 3) m in base, touched less run points, before the correction.
+        angles: (3,) rad, correction about the model's z, y, x.
+        shift: (3,) m, correction of K in base.
+        significance: Squared length of the correction over what touching alone makes of it (the
+            new touches and, after the first pass, those the model was placed on); 6 degrees of
+            freedom, so below 12.6 in 95 of 100 passes with nothing left to correct.
+    """
+
+    deviation: Array
+    angles: Array
+    shift: Array
+    significance: float
+
+    @property
+    def error(self) -> Array:
+        """Distances of the touched points from the run ones, (n,) m."""
+        return np.asarray(np.linalg.norm(self.deviation, axis=1))
+
+    @property
+    def worst(self) -> float:
+        """Largest of the errors, m."""
+        return float(self.error.max())
+
+    @property
+    def angle(self) -> float:
+        """Angle of the whole rotation, rad."""
+        return float(np.linalg.norm(rotation_vector_from_matrix(matrix_from_abc(self.angles))))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Adjustment:
+    """Where passes ended.
+
+    Attributes:
+        T_base_part: (4, 4) the adjusted model's pose.
+        covariance: (6, 6) of its origin (m) and left rotation vector (rad), from the touching
+            alone; the robot's own error is not in it.
+        passes: Every pass.
+        verdict: Why it ended; of rounds a word of :data:`RoundVerdict`.
+        floor: m, worst of the three mean deviations over the settled passes, in which the touching
+            averages out; NaN without one.
+        oscillation: m, standard deviation of the worst error over them; NaN with fewer than two.
+        swing: m, largest less smallest of them; NaN with fewer than two.
+        distortion: (n,) m, how much longer the way from each point to the next is when touched than
+            drawn, mean over the settled passes: no pose of the model removes it.
+    """
+
+    T_base_part: Array
+    covariance: Array
+    passes: tuple[Pass, ...]
+    verdict: str
+    floor: float
+    oscillation: float
+    swing: float
+    distortion: Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -158,6 +223,48 @@ def _share(behind: int, count: int) -> float:
     A frame made of the touches before shares them with the correction.
     """
     return 1.0 if not behind else count / behind - 1.0
+
+
+def side_lengths(points: Array) -> Array:
+    """Returns the distance (n,) m of each point (n, 3) m from the next, the last from the first."""
+    return np.asarray(np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1))
+
+
+def summarise(
+    T_base_part: Array,
+    covariance: Array,
+    passes: list[Pass],
+    lengths: list[Array],
+    verdict: str,
+    *,
+    first: int,
+) -> Adjustment:
+    """Returns where passes ended, with floor and oscillation told apart.
+
+    Args:
+        T_base_part: (4, 4) the adjusted pose.
+        covariance: (6, 6) of it, from the touching alone.
+        passes: All.
+        lengths: (n,) m of each pass, see ``distortion``.
+        verdict: Why it ended.
+        first: Pass from which on nothing but touching changes the errors.
+    """
+    worst = np.array([p.worst for p in passes[first:]])
+    deviation = np.array([p.deviation for p in passes[first:]])
+    drift = np.array(lengths[first:] or [np.full(len(lengths[-1]), np.nan)])
+    several = len(worst) > 1
+    return Adjustment(
+        T_base_part=frozen(T_base_part, (4, 4), "T_base_part"),
+        covariance=frozen(covariance, (6, 6), "covariance"),
+        passes=tuple(passes),
+        verdict=verdict,
+        floor=float(np.linalg.norm(deviation.mean(axis=0), axis=1).max())
+        if len(worst)
+        else float("nan"),
+        oscillation=float(worst.std(ddof=1)) if several else float("nan"),
+        swing=float(np.ptp(worst)) if several else float("nan"),
+        distortion=frozen(drift.mean(axis=0), (None,), "distortion", allow_nan=True),
+    )
 
 
 def _fit(

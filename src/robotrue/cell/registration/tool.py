@@ -1,4 +1,4 @@
-"""Tool point and tool axis from touches: orientations about a fixed point, a plane, a table.
+"""Tool point and tool axis from touches: orientations about a fixed point, on a plane.
 
 A touch with the tip gives three equations and says nothing about the turn of the tool about itself;
 how that turn is chosen is therefore an argument.
@@ -15,7 +15,7 @@ from robotrue.cell.registration.fit import name_touches
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.columns import Column, Columns
 from robotrue.core.observable import WEAKEST, orient_line
-from robotrue.core.poses import inverse, pose
+from robotrue.core.poses import pose
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ImplausibleDataError, ObservabilityError, ShapeError
 
@@ -224,21 +224,6 @@ def fit_tool_axis_between(short: ToolPoint, long: ToolPoint) -> ToolAxis:
         covariance=across @ joint @ across.T,
         residuals=np.empty(0),
     )
-
-
-def tool_from_table(T_base_flange: Array, T_base_table: Array) -> Array:
-    """Returns ``T_flange_tool`` (4, 4) of a tool whose frame lies on a calibrated table's frame.
-
-    It needs the tool's frame on the table's in full pose, and a tip touch gives three of the six
-    equations; :func:`fit_tool_point` needs nothing but touches. Feng, Liang, Xi 2018, eq. 7.
-
-    Args:
-        T_base_flange: (4, 4), flange pose while the two frames coincide.
-        T_base_table: (4, 4), the calibrated table.
-    """
-    flange = frozen(T_base_flange, (4, 4), "T_base_flange")
-    table = frozen(T_base_table, (4, 4), "T_base_table")
-    return np.asarray(inverse(flange) @ table)
 
 
 def tool_frame(p_flange_tool: Array, axis_in_flange: Array, x_in_flange: Array) -> Array:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robotrue.cell.registration.recursion import Probe, adjust_recursively
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ImplausibleDataError, ObservabilityError
+from robotrue_reproductions.feng2018.three_point_recursion import Probe, adjust_recursively
 
 TRIANGLE = np.array([[0.0, 0.0, 0.0], [0.4, 0.0, 0.0], [0.0, 0.3, 0.0]])
 DRAWN = pose_from_xyz_abc(np.array([1.0, 0.0, 0.6]), np.zeros(3))

@@ -4,20 +4,21 @@ Feng, Liang, Xi 2018 (J. Xiamen Univ. Nat. Sci. 57(5), 722-728), section 1, with
 as they must be. The recursion repeats the robot's own error, so its stop values say how well robot
 and model agree with each other, not with the world. What more passes cannot remove is reported in
 two parts: the floor, which is the triangle as this robot sees it and is there after one pass, and
-the oscillation, which is the touching.
+the oscillation, which is the touching. At the machine it runs in rounds:
+:mod:`robotrue.cell.registration.rounds`.
 """
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Final, Literal, TypeAlias
 
 import numpy as np
 from scipy.stats import chi2
 
 from robotrue.cell.registration.baselines import check_corner, feature_frame, fit_feature_frame
+from robotrue.cell.registration.rounds import Adjustment, Pass, side_lengths, summarise
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.poses import apply, pose
 from robotrue.core.rotations import (
@@ -41,68 +42,6 @@ POSITION_TOLERANCE: Final = 0.2 * MM
 _CERTAIN: Final = 0.95
 _WORSE: Final = 1.5
 """An error this many times the one before, three times in a row, is a divergence."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Pass:
-    """One pass: run the model's points, touch the part's, correct the model.
-
-    Attributes:
-        deviation: (n, 3) m in base, touched less run points, before the correction.
-        angles: (3,) rad, correction about the model's z, y, x.
-        shift: (3,) m, correction of K in base.
-        significance: Squared length of the correction over what touching alone makes of it (the
-            new touches and, after the first pass, those the model was placed on); 6 degrees of
-            freedom, so below 12.6 in 95 of 100 passes with nothing left to correct.
-    """
-
-    deviation: Array
-    angles: Array
-    shift: Array
-    significance: float
-
-    @property
-    def error(self) -> Array:
-        """Distances of the touched points from the run ones, (n,) m."""
-        return np.asarray(np.linalg.norm(self.deviation, axis=1))
-
-    @property
-    def worst(self) -> float:
-        """Largest of the errors, m."""
-        return float(self.error.max())
-
-    @property
-    def angle(self) -> float:
-        """Angle of the whole rotation, rad."""
-        return float(np.linalg.norm(rotation_vector_from_matrix(matrix_from_abc(self.angles))))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Adjustment:
-    """Where the recursion ended.
-
-    Attributes:
-        T_base_part: (4, 4) the adjusted model's pose.
-        covariance: (6, 6) of its origin (m) and left rotation vector (rad), from the touching
-            alone; the robot's own error is not in it.
-        passes: Every pass.
-        verdict: Why it ended, one of the words of :data:`Verdict` or of that of rounds.
-        floor: m, worst of the three mean deviations over the settled passes, in which the touching
-            averages out; NaN without one.
-        oscillation: m, standard deviation of the worst error over them; NaN with fewer than two.
-        swing: m, largest less smallest of them; NaN with fewer than two.
-        distortion: (n,) m, how much longer the way from each point to the next is when touched than
-            drawn, mean over the settled passes: no pose of the model removes it.
-    """
-
-    T_base_part: Array
-    covariance: Array
-    passes: tuple[Pass, ...]
-    verdict: str
-    floor: float
-    oscillation: float
-    swing: float
-    distortion: Array
 
 
 def feature_correction(run: Array, touched: Array) -> tuple[Array, Array]:
@@ -223,54 +162,12 @@ def _significance(run: Array, touched: Array, angles: Array, covariance: Array) 
     return float(step @ np.linalg.solve(covariance, step))
 
 
-def side_lengths(points: Array) -> Array:
-    """Returns the distance (n,) m of each point (n, 3) m from the next, the last from the first."""
-    return np.asarray(np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1))
-
-
 def _diverges(passes: list[Pass], limit: float) -> bool:
     worst = [p.worst for p in passes[-4:]]
     growing = [b > _WORSE * a for a, b in itertools.pairwise(worst)]
     # Touching alone may grow three times in a row; its corrections stay insignificant.
     real = all(p.significance > limit for p in passes[-3:])
     return real and len(growing) == 3 and all(growing)
-
-
-def summarise(
-    T_base_part: Array,
-    covariance: Array,
-    passes: list[Pass],
-    lengths: list[Array],
-    verdict: str,
-    *,
-    first: int,
-) -> Adjustment:
-    """Returns where passes ended, with floor and oscillation told apart.
-
-    Args:
-        T_base_part: (4, 4) the adjusted pose.
-        covariance: (6, 6) of it, from the touching alone.
-        passes: All.
-        lengths: (n,) m of each pass, see ``distortion``.
-        verdict: Why it ended.
-        first: Pass from which on nothing but touching changes the errors.
-    """
-    worst = np.array([p.worst for p in passes[first:]])
-    deviation = np.array([p.deviation for p in passes[first:]])
-    drift = np.array(lengths[first:] or [np.full(len(lengths[-1]), np.nan)])
-    several = len(worst) > 1
-    return Adjustment(
-        T_base_part=frozen(T_base_part, (4, 4), "T_base_part"),
-        covariance=frozen(covariance, (6, 6), "covariance"),
-        passes=tuple(passes),
-        verdict=verdict,
-        floor=float(np.linalg.norm(deviation.mean(axis=0), axis=1).max())
-        if len(worst)
-        else float("nan"),
-        oscillation=float(worst.std(ddof=1)) if several else float("nan"),
-        swing=float(np.ptp(worst)) if several else float("nan"),
-        distortion=frozen(drift.mean(axis=0), (None,), "distortion", allow_nan=True),
-    )
 
 
 def _check(sigma: float, angle: float, position: float, settled: int, most: int) -> None:
