@@ -11,12 +11,12 @@ from robotrue.calibration.deng2022.domains import (
     overlap_members,
     turned_features,
 )
+from robotrue.calibration.deng2022.readings import RULES
 from robotrue.calibration.deng2022.sampling import (
     hierarchical_sample,
     target_counts,
     target_images,
 )
-from robotrue.calibration.deng2022.sampling_rules import RULES
 from robotrue.core.regions import CylinderRegion, corners, points_at
 from robotrue.core.units import DEG
 from robotrue.errors import ConfigurationError, ObservabilityError

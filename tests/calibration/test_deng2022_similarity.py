@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from robotrue.calibration.deng2022.readings import SIMILARITY_READINGS
 from robotrue.calibration.deng2022.similarity import similarities, similarity
-from robotrue.calibration.deng2022.similarity_readings import READINGS
 from robotrue.errors import ConfigurationError, ObservabilityError, ShapeError
 
 
@@ -13,7 +13,7 @@ def errors():
     return 1e-3 * np.random.default_rng(2).normal(size=(3, 60, 3))
 
 
-@pytest.mark.parametrize("reading", READINGS)
+@pytest.mark.parametrize("reading", SIMILARITY_READINGS)
 def test_a_region_is_like_itself(errors, reading):
     assert similarity(errors[0], errors[0], reading=reading) == pytest.approx(1.0, abs=1e-12)
 

@@ -13,9 +13,9 @@ from robotrue.calibration.length_estimate import (
     UNSEEN_BASE,
     LengthEstimate,
     estimate_lengths,
+    length_observations,
     model_of_lengths,
 )
-from robotrue.calibration.lengths import length_observations
 from robotrue.calibration.model import Query
 from robotrue.calibration.parameters import ParameterLayout, State, retract
 from robotrue.calibration.settings import FitSettings, SolverSettings

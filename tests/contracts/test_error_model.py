@@ -14,10 +14,9 @@ import numpy as np
 import pytest
 
 from robotrue.calibration.archive import KINDS, open_model
-from robotrue.calibration.deng2022.boosted_poses import fit_boosted_poses
 from robotrue.calibration.deng2022.domains import divide_target
 from robotrue.calibration.deng2022.readings import DengReadings
-from robotrue.calibration.deng2022.transfer_gpr import fit_deng2022
+from robotrue.calibration.deng2022.transfer_gpr import fit_boosted_poses, fit_deng2022
 from robotrue.calibration.methods import METHODS, fit
 from robotrue.calibration.model import Query
 from robotrue.calibration.sources import TransferSource

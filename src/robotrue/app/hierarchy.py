@@ -15,8 +15,7 @@ from robotrue.app.number_options import parse_numbers
 from robotrue.app.presentation import Block, Note, Table
 from robotrue.app.transfer_method import parse_cylinder
 from robotrue.calibration.deng2022.domains import divide_target
-from robotrue.calibration.deng2022.readings import AttitudeReading
-from robotrue.calibration.deng2022.sampling_rules import TargetRule
+from robotrue.calibration.deng2022.readings import AttitudeReading, TargetRule
 from robotrue.cell.cell import Cell
 from robotrue.core.arrays import Array
 from robotrue.core.csv_text import csv_text

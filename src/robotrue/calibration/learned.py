@@ -25,7 +25,7 @@ from robotrue.calibration.estimate import Estimate, estimate
 from robotrue.calibration.estimator import NOISE_FLOOR
 from robotrue.calibration.evidence import Sums, Weights, learn, posterior
 from robotrue.calibration.held_out_blocks import HeldOutRows, predict_held_out
-from robotrue.calibration.learned_assembly import LinearFit, day_shift
+from robotrue.calibration.learned_assembly import LinearFit, WholeFit, day_shift, widen_covariance
 from robotrue.calibration.observations import (
     observations_of,
 )
@@ -50,7 +50,6 @@ from robotrue.calibration.terms.smooth import (
     no_basis,
 )
 from robotrue.calibration.terms.term_registry import further_terms
-from robotrue.calibration.whole_fit import WholeFit, widen_covariance
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel

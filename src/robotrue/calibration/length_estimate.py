@@ -1,4 +1,10 @@
-"""A calibration from lengths alone, or from lengths beside measured points: one estimate."""
+"""A calibration from lengths alone, or from lengths beside measured points: one estimate.
+
+A length goes from the reflector to an anchor, or between two poses of the arm. With v from the
+other end to the reflector it is |v|, and its derivative v/|v| dv. An anchor is a place of the
+layout, a station without axes: its columns shift it. Nothing turns with the whole, so the turn of
+the base is not seen, and its place only together with the anchors'.
+"""
 
 from __future__ import annotations
 
@@ -15,8 +21,15 @@ from robotrue.calibration.estimate import (
     solve_posterior,
 )
 from robotrue.calibration.identifiability import Identifiability
-from robotrue.calibration.lengths import length_observations
-from robotrue.calibration.observations import Observation, observations_of
+from robotrue.calibration.observations import (
+    IN_BASE,
+    ArmVisits,
+    Entries,
+    Linearisation,
+    Observation,
+    observations_of,
+    seen_points,
+)
 from robotrue.calibration.parameters import ParameterLayout, State
 from robotrue.calibration.priors import free_groups
 from robotrue.calibration.settings import FitSettings
@@ -25,10 +38,104 @@ from robotrue.core.arrays import Array, IntArray
 from robotrue.core.files import sha256
 from robotrue.core.poses import pose
 from robotrue.core.provenance import Provenance, merge
-from robotrue.errors import ModelMismatchError, ObservabilityError
+from robotrue.errors import ImplausibleDataError, ModelMismatchError, ObservabilityError
 from robotrue.measurement.length_set import LengthSet
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel
+from robotrue.robot.statics import Load, drive_torque
+
+SHORTEST = 1e-3
+"""m; a shorter length has no direction."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LengthObservation:
+    """Lengths whose ends are of one kind.
+
+    Attributes:
+        visits: Postures and loads; the station is the anchor, or ``IN_BASE`` with a second pose.
+        second: Postures at the other end; None where that is an anchor.
+        length: (n,) m.
+        variance: (n,) m^2, instrument and repeatability of the visits.
+        rows: (n,) rows of the length set.
+    """
+
+    visits: ArmVisits
+    second: ArmVisits | None
+    length: Array
+    variance: Array
+    rows: IntArray
+
+    def linearise(
+        self, layout: ParameterLayout, state: State, part: Entries = slice(None)
+    ) -> Linearisation:
+        """Returns the linearised rows; residual (n, 1) m.
+
+        Raises:
+            ImplausibleDataError: Ends that meet: a length between them has no direction.
+        """
+        along, _, jacobian = seen_points(layout, state, self.visits, part, rotations=False)
+        if self.second is not None:
+            other, _, columns = seen_points(layout, state, self.second, part, rotations=False)
+            along, jacobian = along - other, jacobian - columns
+        predicted = np.linalg.norm(along, axis=1)
+        short = np.flatnonzero(predicted < SHORTEST)
+        if short.size:
+            row = int(self.rows[part][short[0]])
+            raise ImplausibleDataError(
+                f"length {row + 1} of the set: its ends are {predicted[short[0]] * 1e3:.3g} mm "
+                f"apart, measured {self.length[part][short[0]] * 1e3:.6g} mm.",
+                hint="check the joints of both ends and the place of the anchor.",
+            )
+        direction = along / predicted[:, None]
+        visits = 1.0 if self.second is None else 2.0
+        return Linearisation(
+            residual=(self.length[part] - predicted)[:, None],
+            jacobian=direction[:, None, :] @ jacobian,
+            covariance=self.variance[part][:, None, None],
+            white=np.array([[visits], [0.0]]),
+        )
+
+
+def length_observations(
+    robot: RobotModel, lengths: LengthSet, payload: Load, *, repeatability: float, first: int
+) -> tuple[LengthObservation, ...]:
+    """Returns the lengths as observations, those to anchors and those between poses apart.
+
+    Args:
+        robot: Nominal arm; only its posture and masses are used, for the torques.
+        lengths: The set.
+        payload: On the flange.
+        repeatability: m, sd per axis of one visit.
+        first: Station number of anchor 0.
+    """
+    observations = []
+    for between in (False, True):
+        rows = np.flatnonzero(lengths.between_poses == between)
+        if not len(rows):
+            continue
+        station = np.full(len(rows), IN_BASE) if between else lengths.anchor[rows] + first
+        again = _visits(robot, lengths.second[rows], payload, station) if between else None
+        observations.append(
+            LengthObservation(
+                visits=_visits(robot, lengths.joints[rows], payload, station),
+                second=again,
+                length=lengths.length[rows],
+                variance=lengths.sigma[rows] ** 2 + (2.0 if between else 1.0) * repeatability**2,
+                rows=rows,
+            )
+        )
+    return tuple(observations)
+
+
+def _visits(robot: RobotModel, joints: Array, payload: Load, station: IntArray) -> ArmVisits:
+    return ArmVisits(
+        joints=joints,
+        torque=drive_torque(robot, joints, payload),
+        target=np.zeros(len(joints), dtype=np.int64),
+        station=station,
+    )
+
 
 METHODS: Final = ("nominal", "geometric", "elastic")
 """Parameter sets that lengths can be fitted with."""

@@ -5,7 +5,7 @@ smooth residual. The first source of the same arm is the prior of the target, wi
 have changed (:mod:`robotrue.calibration.drift_prior`); every other source is one more observation
 of the same coefficients with its own drift. Sources that are other units of the type say what units
 have in common: parameters = type mean + unit + drift. From five units on their own scatter is the
-spread of units (:mod:`robotrue.calibration.fleet`). The target rows then move everything, the
+spread of units (:mod:`robotrue.calibration.sources`). The target rows then move everything, the
 scales of the drift included. Without target rows the prediction is the prior's, as wide as it is.
 """
 
@@ -27,7 +27,6 @@ from robotrue.calibration.drift_scales import (
     mean_slopes,
     stack_rows,
 )
-from robotrue.calibration.fleet import DRIFT, FEWEST_ARMS, fleet_belief
 from robotrue.calibration.lineage import history, merged_document, record_step, widen_region
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel, require_belief
@@ -40,7 +39,14 @@ from robotrue.calibration.new_rows import (
 from robotrue.calibration.parameters import State, station_as_base
 from robotrue.calibration.robust import Loss, robust_variance, student_factor, weights
 from robotrue.calibration.settings import FitSettings
-from robotrue.calibration.sources import TransferSource, carry_to_reflector, combine_sources
+from robotrue.calibration.sources import (
+    DRIFT,
+    FEWEST_ARMS,
+    TransferSource,
+    carry_to_reflector,
+    combine_sources,
+    fleet_belief,
+)
 from robotrue.calibration.terms.smooth import add_centres
 from robotrue.calibration.update import (
     MOST_CENTRES,

@@ -17,13 +17,12 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from robotrue.calibration.deng2022.domains import Domains, check_overlap, turned_features
-from robotrue.calibration.deng2022.readings import AttitudeReading
+from robotrue.calibration.deng2022.readings import AttitudeReading, TargetRule
 from robotrue.calibration.deng2022.sampling import (
     hierarchical_sample,
     target_counts,
     target_images,
 )
-from robotrue.calibration.deng2022.sampling_rules import TargetRule
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.poses import pose
 from robotrue.core.regions import CylinderRegion, points_at

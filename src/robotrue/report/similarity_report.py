@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robotrue.calibration.deng2022.similarity_readings import READINGS, SimilarityReading
+from robotrue.calibration.deng2022.readings import SIMILARITY_READINGS, SimilarityReading
 from robotrue.core.arrays import Array
 from robotrue.core.csv_text import csv_text
 from robotrue.core.provenance import Provenance, mark_line
@@ -32,7 +32,7 @@ _KINDS = {"cylinder": "Cylinder sectors", "cube": "Boxes"}
 
 def similarities_csv(found: Sequence[RegionSimilarity], origin: Provenance) -> str:
     """Returns one row a region: kind, names, points, furthest pair in mm, a column a reading."""
-    head = ["kind", "reference", "region", "points", "furthest_pair_mm", *READINGS]
+    head = ["kind", "reference", "region", "points", "furthest_pair_mm", *SIMILARITY_READINGS]
     rows = [
         [
             each.kind,
@@ -40,7 +40,10 @@ def similarities_csv(found: Sequence[RegionSimilarity], origin: Provenance) -> s
             each.name,
             len(each.rows),
             f"{each.apart.max() / MM:.4f}",
-            *("" if np.isnan(each.values[r]) else f"{each.values[r]:.6f}" for r in READINGS),
+            *(
+                "" if np.isnan(each.values[r]) else f"{each.values[r]:.6f}"
+                for r in SIMILARITY_READINGS
+            ),
         ]
         for each in found
     ]
@@ -123,7 +126,7 @@ def _table(found: Sequence[RegionSimilarity]) -> ReportTable:
             each.reference,
             len(each.rows),
             float(each.apart.max()) / MM,
-            *(finite_or_none(each.values[r]) for r in READINGS),
+            *(finite_or_none(each.values[r]) for r in SIMILARITY_READINGS),
         )
         for each in found
     ]
@@ -134,7 +137,7 @@ def _table(found: Sequence[RegionSimilarity]) -> ReportTable:
             TableColumn(title="reference"),
             TableColumn(title="points"),
             TableColumn(title="furthest pair", unit="mm", digits=2),
-            *(TableColumn(title=reading, digits=4) for reading in READINGS),
+            *(TableColumn(title=reading, digits=4) for reading in SIMILARITY_READINGS),
         ),
         rows=tuple(rows),
     )

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from robotrue.calibration.calibrated_model import CalibratedModel
-from robotrue.calibration.deng2022.boosted_poses import fit_boosted_poses
+from robotrue.calibration.deng2022.transfer_gpr import fit_boosted_poses
 from robotrue.calibration.drift_prior import NO_DRIFT, DriftScales
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel

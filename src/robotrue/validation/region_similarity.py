@@ -14,8 +14,8 @@ from typing import Final
 import numpy as np
 from scipy.spatial import cKDTree
 
+from robotrue.calibration.deng2022.readings import SIMILARITY_READINGS, SimilarityReading
 from robotrue.calibration.deng2022.similarity import similarity
-from robotrue.calibration.deng2022.similarity_readings import READINGS, SimilarityReading
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.regions import (
     CylinderRegion,
@@ -220,7 +220,7 @@ def _compare_pairs(
 ) -> RegionSimilarity:
     here, there, distance = pairs
     values: dict[SimilarityReading, float] = {}
-    for reading in READINGS:
+    for reading in SIMILARITY_READINGS:
         of = points if reading == "coordinates" else errors
         try:
             values[reading] = similarity(of[here], of[there], reading=reading)

@@ -11,7 +11,7 @@ the candidates by their held-out density: what was not excluded stays in its wid
 Cost is bounded by rule, not by luck: at most :data:`MOST_TRAIN` rows fit a fold and at most
 :data:`MOST_TEST` score it, evenly spaced; the winner is refitted on all rows. From
 :data:`AVERAGED_ROWS` rows learned methods are fitted to all rows first and then refitted without
-each fold (:mod:`robotrue.calibration.whole_fit`).
+each fold (:mod:`robotrue.calibration.learned_assembly`).
 """
 
 from __future__ import annotations
@@ -27,12 +27,11 @@ import numpy as np
 from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.held_out_blocks import BLOCKS
 from robotrue.calibration.learned import LearnedMethod, share_waves
-from robotrue.calibration.learned_assembly import LinearFit
+from robotrue.calibration.learned_assembly import LinearFit, WholeFit
 from robotrue.calibration.methods import METHODS
 from robotrue.calibration.methods import FitFunction as MethodFunction
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.settings import FitSettings
-from robotrue.calibration.whole_fit import WholeFit
 from robotrue.core.arrays import BoolArray, IntArray
 from robotrue.core.progress import Progress
 from robotrue.core.units import MM

@@ -10,8 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from robotrue.calibration.deng2022.joined import PoseModel
-from robotrue.calibration.deng2022.readings import DengReadings
-from robotrue.calibration.deng2022.sampling_rules import TargetRule
+from robotrue.calibration.deng2022.readings import DengReadings, TargetRule
 from robotrue.calibration.deng2022.transfer_gpr import fit_deng2022, fit_pose_gpr
 from robotrue.calibration.model import ErrorModel, Query
 from robotrue.compensation.compensate import compensate

@@ -9,11 +9,11 @@ from typing import Final
 import numpy as np
 
 from robotrue.calibration.deng2022.domains import Domains, divide_target
+from robotrue.calibration.deng2022.readings import TargetRule
 from robotrue.calibration.deng2022.sampling import (
     target_counts,
     target_images,
 )
-from robotrue.calibration.deng2022.sampling_rules import TargetRule
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.regions import CylinderRegion, points_at
 from robotrue.core.units import DEG

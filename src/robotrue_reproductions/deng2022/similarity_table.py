@@ -11,8 +11,8 @@ from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
+from robotrue.calibration.deng2022.readings import SIMILARITY_READINGS, SimilarityReading
 from robotrue.calibration.deng2022.similarity import similarities
-from robotrue.calibration.deng2022.similarity_readings import READINGS, SimilarityReading
 from robotrue.core.arrays import Array
 from robotrue.core.poses import pose
 from robotrue.core.regions import CubeRegion, CylinderRegion, Region, grid_points
@@ -109,7 +109,7 @@ def layout_similarity(
         return None
     points, errors = found
     out: dict[SimilarityReading, Array] = {}
-    for reading in READINGS:
+    for reading in SIMILARITY_READINGS:
         values = points if reading == "coordinates" else errors
         out[reading] = similarities(values[0], list(values[1:]), reading=reading)
     return out
@@ -175,7 +175,7 @@ def similarity_figures(layouts: int) -> list[Figure]:
     for kind in TABLE_4:
         seen = (layout_similarity(cell, layout) for layout in random_layouts(kind, layouts, rng))
         drawn[kind] = [values for values in seen if values is not None]
-    for reading in READINGS:
+    for reading in SIMILARITY_READINGS:
         out.extend(_reading_figures(reading, drawn))
     return out
 

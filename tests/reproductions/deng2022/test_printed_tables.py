@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robotrue.calibration.deng2022.similarity_readings import READINGS
+from robotrue.calibration.deng2022.readings import SIMILARITY_READINGS
 from robotrue_reproductions.deng2022.arm_experiment import arm_results
 from robotrue_reproductions.deng2022.similarity_table import (
     FOUND,
@@ -47,7 +47,7 @@ def test_the_literal_coordinates_fall_with_the_square_of_the_distance(found):
 
 def test_every_reading_gives_a_cosine(found):
     for values in found.values():
-        assert set(values) == set(READINGS)
+        assert set(values) == set(SIMILARITY_READINGS)
         assert all((np.abs(v) <= 1.0).all() for v in values.values())
 
 

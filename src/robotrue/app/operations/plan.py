@@ -24,8 +24,12 @@ from robotrue.app.request import (
     fields_of,
 )
 from robotrue.app.request_fields import CellFile, SavedPage, table_output
-from robotrue.calibration.deng2022.readings import AttitudeReading, DengReadings
-from robotrue.calibration.deng2022.sampling_rules import TARGET_RULE, TargetRule
+from robotrue.calibration.deng2022.readings import (
+    TARGET_RULE,
+    AttitudeReading,
+    DengReadings,
+    TargetRule,
+)
 from robotrue.core.provenance import Provenance, marked_document
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError

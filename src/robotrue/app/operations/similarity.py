@@ -13,7 +13,7 @@ from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Note, Table
 from robotrue.app.request import Item, Option, Output, Reference, Request
 from robotrue.app.request_fields import CellFile, ForeignColumns, Page
-from robotrue.calibration.deng2022.similarity_readings import READING, SimilarityReading
+from robotrue.calibration.deng2022.readings import SIMILARITY_READING, SimilarityReading
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError
@@ -62,7 +62,7 @@ class SimilarityRequest(Request):
     reading: Annotated[
         SimilarityReading,
         Option(help="How eq. 9-10 are read where one number is shown; the table has all."),
-    ] = READING
+    ] = SIMILARITY_READING
     apart_mm: Annotated[
         float, Option(help="Points correspond if they lie nearer in their own regions.")
     ] = APART_MM

@@ -1,4 +1,4 @@
-"""The paper's pose features, its domains and sub-spaces, mapped pairs, and the rule about overlap.
+"""The paper's poses with their errors, its domains and sub-spaces, mapped pairs, the overlap rule.
 
 ``x = (px, py, pz, rx, ry, rz)`` in m and rad: the tool point and the attitude Rz(rz) Ry(ry) Rx(rx)
 in base (section 2.4). The Euler triple nearest to a reference is taken, so that a region has no
@@ -8,17 +8,19 @@ jump in it.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from robotrue.calibration.deng2022.readings import AttitudeReading
 from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.columns import Column, Columns
 from robotrue.core.regions import CylinderRegion, contains, divide_region, turn_region
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
-from robotrue.errors import ConfigurationError, ObservabilityError
+from robotrue.errors import ConfigurationError, ModelMismatchError, ObservabilityError
+from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel
 
@@ -237,3 +239,46 @@ def _own_attitude(features: Array) -> Array:
     turning = features[:, 5] - angle
     rz = min(features[:, 5], turning, key=np.ptp)
     return np.column_stack([features[:, 3:5], rz])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Labelled(Columns):
+    """Poses and their errors: the paper's D = {x, y}.
+
+    Attributes:
+        features: (n, 6) m and rad.
+        errors: (n, 3) m, measured minus commanded, base.
+        covariance: (n, 3, 3) m^2 of the measurement.
+    """
+
+    features: Annotated[Array, Column("n 6", unit="m, rad")]
+    errors: Annotated[Array, Column("n 3", unit="m")]
+    covariance: Annotated[Array, Column("n 3 3", unit="m^2")]
+
+
+def label_poses(robot: RobotModel, measurements: MeasurementSet, reference: Array) -> Labelled:
+    """Returns poses and errors of a set in base.
+
+    Args:
+        robot: Nominal arm whose tool is the measured point.
+        measurements: In base.
+        reference: (3,) rad, A, B, C near which attitudes are read.
+
+    Raises:
+        ModelMismatchError: Another number of joints, or a set in a tracker frame.
+    """
+    if measurements.dof != robot.dof:
+        raise ModelMismatchError(
+            f"the measurements have {measurements.dof} joints, {robot.name} has {robot.dof}."
+        )
+    if measurements.frame != "base":
+        raise ModelMismatchError(
+            "the measurements are in a tracker frame; the paper's method has no registration.",
+            hint="register the tracker to the base first.",
+        )
+    poses = forward(robot.nominal(), measurements.joints)
+    return Labelled(
+        features=pose_features(poses, reference),
+        errors=measurements.position - poses[:, :3, 3],
+        covariance=measurements.covariance,
+    )

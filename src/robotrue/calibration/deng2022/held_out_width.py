@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from robotrue.calibration.deng2022.committee import Committee
-from robotrue.calibration.deng2022.labelled_poses import Labelled
+from robotrue.calibration.deng2022.domains import Labelled
 from robotrue.core.arrays import Array
 from robotrue.core.units import MM
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -12,10 +12,12 @@ from robotrue.calibration.archive import robot_arrays, robot_document, robot_fro
 from robotrue.calibration.belief import Belief
 from robotrue.calibration.calibrated_model import unknown_reflector
 from robotrue.calibration.deng2022.committee import Committee, restore_committee
-from robotrue.calibration.deng2022.domains import LEVER, pose_features
+from robotrue.calibration.deng2022.domains import LEVER, Labelled, pose_features
 from robotrue.calibration.deng2022.readings import Outside
+from robotrue.calibration.lineage import describe_rows
 from robotrue.calibration.mean_tables import MeanTables
 from robotrue.calibration.model import Prediction, Query
+from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.training_summary import TrainingSummary
 from robotrue.core.archive import Archive, archive_reader
 from robotrue.core.arrays import Array, IntArray, frozen
@@ -276,3 +278,44 @@ def _distance(region: CylinderRegion, points: Array) -> Array:
     values = coordinates_of(region, points)
     out: Array = np.maximum(np.maximum(low - values, values - high), 0.0)
     return np.asarray(np.linalg.norm(out * np.array([LEVER, 1.0, 1.0]), axis=1))
+
+
+def expert_of(
+    region: CylinderRegion, committee: Committee, rows: Labelled, settings: FitSettings
+) -> Expert:
+    """Returns the expert of a region; its noise is the learned one without the instrument's.
+
+    That is repeatability and what no pose explains.
+    """
+    instrument = float(np.mean(np.trace(rows.covariance, axis1=1, axis2=2)) / 3.0)
+    left = (committee.noise * MM) ** 2 - instrument
+    white = float(np.sqrt(max(left, settings.repeatability_sd**2)))
+    return Expert(region=region, committee=committee, white=white)
+
+
+def pose_summary(
+    rows: MeasurementSet,
+    method: str,
+    *,
+    inside: str = ", and only inside its domains",
+    doubts: Sequence[str] = (),
+) -> dict[str, object]:
+    """Returns the JSON values of a model of poses; lengths are SI like everything in an archive.
+
+    Args:
+        rows: All rows it was fitted to.
+        method: Its name.
+        inside: Where it holds, the end of the doubt.
+        doubts: That come before it.
+    """
+    return {
+        "method": method,
+        **describe_rows(rows),
+        "screened_rows": [],
+        "verdict": "conditional",
+        "doubts": [
+            *doubts,
+            "A model of poses: it holds for the payload, the tool point and the arm configuration "
+            f"that were measured{inside}.",
+        ],
+    }

@@ -1,4 +1,8 @@
-"""Every place where the paper can be read two ways, as one settings object."""
+"""Every place where the paper can be read two ways, without the libraries that compute it.
+
+:class:`DengReadings` holds those of the transfer; the rules for target poses are applied by
+``sampling``, the readings of eq. 9-10 by ``similarity``.
+"""
 
 from __future__ import annotations
 
@@ -159,3 +163,17 @@ def changed_readings(readings: DengReadings) -> dict[str, object]:
     """Returns the readings that are not the default, by name."""
     usual = asdict(DengReadings())
     return {name: value for name, value in asdict(readings).items() if value != usual[name]}
+
+
+TargetRule: TypeAlias = Literal["random", "boundary", "corners", "space-filling"]
+"""Rule 3 and what may stand in its place."""
+RULES: Final[tuple[TargetRule, ...]] = get_args(TargetRule)
+TARGET_RULE: Final[TargetRule] = "random"
+
+
+SimilarityReading: TypeAlias = Literal[
+    "per-point", "swapped", "shared", "per-axis", "raw", "coordinates"
+]
+SIMILARITY_READINGS: Final[tuple[SimilarityReading, ...]] = get_args(SimilarityReading)
+SIMILARITY_READING: Final[SimilarityReading] = "per-point"
+"""Closest to the paper's Table 4."""

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from robotrue.calibration.deng2022.domains import LEVER, Domains
-from robotrue.calibration.deng2022.sampling_rules import RULES, TARGET_RULE, TargetRule
+from robotrue.calibration.deng2022.readings import RULES, TARGET_RULE, TargetRule
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.regions import CylinderRegion, corners, grid_coordinates
 from robotrue.errors import ConfigurationError

@@ -20,16 +20,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from robotrue.calibration.deng2022.similarity_readings import (
-    READING,
-    READINGS,
+from robotrue.calibration.deng2022.readings import (
+    SIMILARITY_READING,
+    SIMILARITY_READINGS,
     SimilarityReading,
 )
 from robotrue.core.arrays import Array, frozen
 from robotrue.errors import ConfigurationError, ObservabilityError, ShapeError
 
 
-def similarity(errors_a: Array, errors_b: Array, *, reading: SimilarityReading = READING) -> float:
+def similarity(
+    errors_a: Array, errors_b: Array, *, reading: SimilarityReading = SIMILARITY_READING
+) -> float:
     """Returns the cosine similarity of two regions, -1 to 1; see :func:`similarities`."""
     return float(similarities(errors_a, [errors_b], reading=reading)[0])
 
@@ -48,8 +50,10 @@ def similarities(reference: Array, others: Sequence[Array], *, reading: Similari
         ObservabilityError: An axis has one value everywhere and cannot be normalised, or every
             vector is zero.
     """
-    if reading not in READINGS:
-        raise ConfigurationError(f"no reading {reading!r}; readings are {list(READINGS)}.")
+    if reading not in SIMILARITY_READINGS:
+        raise ConfigurationError(
+            f"no reading {reading!r}; readings are {list(SIMILARITY_READINGS)}."
+        )
     first = frozen(reference, (None, 3), "reference")
     rest = [frozen(other, (len(first), 3), f"region {k + 1}") for k, other in enumerate(others)]
     if not len(first):

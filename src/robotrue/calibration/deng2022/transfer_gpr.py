@@ -3,10 +3,15 @@
 ``fit_deng2022`` is eq. 11-32 of Deng et al. 2022 under :class:`DengReadings`; ``fit_pose_gpr`` is
 what the paper compares it with, a Gaussian process on poses of one region. Both need positions in
 base. They are no entries of :data:`robotrue.calibration.methods.METHODS`: they need domains.
+
+``fit_boosted_poses`` takes source and target poses as they are, without alignment and domains, and
+lowers the weight of rows that do not fit the target (eq. 19-25). It is the rival that a transfer
+with knowledge of the arm has to beat, for regions of any shape.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from typing import Final
@@ -23,8 +28,10 @@ from robotrue.calibration.deng2022.committee import Committee, boost, single
 from robotrue.calibration.deng2022.domains import (
     LEVER,
     Domains,
+    Labelled,
     attitude_reference,
     check_overlap,
+    label_poses,
     mapped_pairs,
     overlap_members,
 )
@@ -32,9 +39,7 @@ from robotrue.calibration.deng2022.held_out_width import (
     held_out_inflation,
     left_out_inflation,
 )
-from robotrue.calibration.deng2022.joined import Expert, PoseModel
-from robotrue.calibration.deng2022.labelled_poses import Labelled, label_poses
-from robotrue.calibration.deng2022.pose_expert import expert_of, pose_summary
+from robotrue.calibration.deng2022.joined import Expert, PoseModel, expert_of, pose_summary
 from robotrue.calibration.deng2022.readings import AttitudeReading, DengReadings
 from robotrue.calibration.settings import FitSettings
 from robotrue.core.arrays import Array
@@ -278,3 +283,66 @@ def _describe_alignment(alignment: Alignment) -> dict[str, float]:
         "poses": len(alignment.distance),
         "largest_pair_distance_m": float(alignment.distance.max()),
     }
+
+
+BOOSTED_READINGS: Final = DengReadings(rounds=5, outside="nearest")
+LEAST_BOOSTED: Final = 3
+"""Target poses below which boosting has nothing to weigh the source by."""
+
+
+def fit_boosted_poses(
+    robot: RobotModel,
+    target: MeasurementSet,
+    sources: Sequence[MeasurementSet],
+    settings: FitSettings,
+) -> PoseModel:
+    """Returns a model of poses boosted from sources to the target.
+
+    Args:
+        robot: Nominal arm whose tool is the measured point.
+        target: At least :data:`LEAST_BOOSTED` rows in base.
+        sources: In base, at least one.
+        settings: The repeatability is used.
+
+    Raises:
+        ObservabilityError: Too few target rows, or no source.
+        ModelMismatchError: Another number of joints, or sets in a tracker frame.
+    """
+    if len(target) < LEAST_BOOSTED or not sources:
+        raise ObservabilityError(
+            f"{len(target)} target poses and {len(sources)} measured sources; boosting asks for "
+            f"{LEAST_BOOSTED} and 1."
+        )
+    rows = concatenate([*sources, target])
+    reference = attitude_reference(robot, rows.joints)
+    few = label_poses(robot, target, reference)
+    known = [label_poses(robot, source, reference) for source in sources]
+    committee = boost(
+        (few.features, few.errors),
+        (
+            np.concatenate([k.features for k in known]),
+            np.concatenate([k.errors for k in known]),
+        ),
+        BOOSTED_READINGS,
+        target_weight=np.ones(len(target)),
+    )
+    return PoseModel(
+        robot=robot,
+        experts=(expert_of(_around(rows.position), committee, few, settings),),
+        reference=reference,
+        outside=BOOSTED_READINGS.outside,
+        summary={
+            **pose_summary(rows, "boosted poses", inside=""),
+            "target_rows": len(target),
+        },
+    )
+
+
+def _around(points: Array) -> CylinderRegion:
+    """A full ring about joint 1 that holds all points."""
+    radius, height = np.hypot(points[:, 0], points[:, 1]), points[:, 2]
+    return CylinderRegion(
+        angle=(-np.pi, np.pi),
+        radius=(float(radius.min()), float(radius.max())),
+        height=(float(height.min()), float(height.max())),
+    )
