@@ -152,7 +152,8 @@ def analyse(
         free = every[(every < moments.start) | (every >= moments.stop)]
         (values, vectors), _ = _weigh_information(information, prior_sd, free)
     sd, dark = prior_sd[free], vectors[:, values < UNSEEN]
-    names = tuple(layout.names[i] for i in free)
+    every_name = layout.names
+    names = tuple(every_name[i] for i in free)
     kinds = _imagine_campaigns(robot, free, sd, payload, base_known=not layout.stations)
     unseen: list[Direction] = []
     for kind, gram in kinds:
@@ -167,7 +168,7 @@ def analyse(
     geometry = (free < moments.start) | (free >= moments.stop)
     reachable = np.linalg.eigvalsh(kinds[0][1][np.ix_(geometry, geometry)])
     return Identifiability(
-        names=tuple(layout.names[i] for i in every),
+        names=tuple(every_name[i] for i in every),
         sd_ratio=ratio,
         information=known[0][::-1],
         unseen=tuple(unseen),
