@@ -12,14 +12,14 @@ from robotrue.calibration.deng2022.domains import (
     turned_features,
 )
 from robotrue.calibration.deng2022.readings import RULES
-from robotrue.calibration.deng2022.sampling import (
+from robotrue.core.regions import CylinderRegion, corners, points_at
+from robotrue.core.units import DEG
+from robotrue.errors import ConfigurationError, ObservabilityError
+from robotrue.planning.hierarchical_plan import (
     hierarchical_sample,
     target_counts,
     target_images,
 )
-from robotrue.core.regions import CylinderRegion, corners, points_at
-from robotrue.core.units import DEG
-from robotrue.errors import ConfigurationError, ObservabilityError
 
 LIMITS = {"radius": (0.8, 1.4), "height": (0.7, 1.2)}
 SOURCE = CylinderRegion(angle=(-40 * DEG, -30 * DEG), **LIMITS)

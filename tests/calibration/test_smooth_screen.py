@@ -8,11 +8,15 @@ from planted_arm import PAYLOAD, arm, planted, postures
 
 from robotrue.calibration.estimate import estimate
 from robotrue.calibration.evidence import PriorGroup, posterior
-from robotrue.calibration.held_out_blocks import label_blocks, sums_without
+from robotrue.calibration.held_out_blocks import (
+    AMPLITUDES,
+    compare_left_out,
+    label_blocks,
+    sums_without,
+)
 from robotrue.calibration.learned import LearnedParts, climb_ladder, first_design
 from robotrue.calibration.methods import FitSettings
 from robotrue.calibration.priors import free_groups
-from robotrue.calibration.smooth_screen import AMPLITUDES, compare_left_out
 from robotrue.calibration.terms.smooth import choose_centres
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.statics import deflect_arm

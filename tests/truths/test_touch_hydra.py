@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robotrue.cell.registration.correspondence import check_names, matches
+from robotrue.cell.registration.ambiguity import check_names, matches
 from robotrue.cell.registration.fit import Noise, Registration, fit_points, point_residuals
 from robotrue.cell.registration.touches import fit_touches
 from robotrue.core.arrays import Array

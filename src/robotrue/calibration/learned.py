@@ -24,7 +24,7 @@ from robotrue.calibration.design import Design
 from robotrue.calibration.estimate import Estimate, estimate
 from robotrue.calibration.estimator import NOISE_FLOOR
 from robotrue.calibration.evidence import Sums, Weights, learn, posterior
-from robotrue.calibration.held_out_blocks import HeldOutRows, predict_held_out
+from robotrue.calibration.held_out_blocks import HeldOutRows, compare_left_out, predict_held_out
 from robotrue.calibration.learned_assembly import LinearFit, WholeFit, day_shift, widen_covariance
 from robotrue.calibration.observations import (
     observations_of,
@@ -33,7 +33,6 @@ from robotrue.calibration.parameters import retract
 from robotrue.calibration.priors import free_groups
 from robotrue.calibration.robust import weights as robust_weights
 from robotrue.calibration.settings import FitSettings
-from robotrue.calibration.smooth_screen import compare_left_out
 from robotrue.calibration.terms.backlash import Backlash
 from robotrue.calibration.terms.ripple import (
     LADDER,

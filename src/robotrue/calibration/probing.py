@@ -102,7 +102,7 @@ def estimate_probing(
         ConvergenceError: No rest.
 
     Fails when: points are named in the wrong order in a pattern that fits so too; see the
-    correspondence checks of :mod:`robotrue.cell.registration.correspondence`.
+    correspondence checks of :mod:`robotrue.cell.registration.ambiguity`.
     """
     settings = ProbingSettings() if settings is None else settings
     _check_joints(touches, model.robot.dof)

@@ -12,8 +12,8 @@ from robotrue.calibration.machined import tip_columns, unchanged_covariance
 from robotrue.calibration.model import ErrorModel, Query
 from robotrue.calibration.priors import prior_belief
 from robotrue.calibration.settings import FitSettings
+from robotrue.cell.registration.ambiguity import symmetric_alternatives
 from robotrue.cell.registration.fit import Noise, Registration, point_residuals
-from robotrue.cell.registration.symmetry import symmetric_alternatives
 from robotrue.core.arrays import Array
 from robotrue.core.poses import displacement_columns
 from robotrue.core.surfaces import TriangleMesh

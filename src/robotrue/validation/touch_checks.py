@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from robotrue.cell.registration.correspondence import check_names
+from robotrue.cell.registration.ambiguity import check_names
 from robotrue.cell.registration.fit import check_pattern
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.graduated import GAUSS_POINT, agreeing

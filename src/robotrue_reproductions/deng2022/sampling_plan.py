@@ -10,14 +10,15 @@ import numpy as np
 
 from robotrue.calibration.deng2022.domains import Domains, divide_target
 from robotrue.calibration.deng2022.readings import TargetRule
-from robotrue.calibration.deng2022.sampling import (
-    target_counts,
-    target_images,
-)
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.regions import CylinderRegion, points_at
 from robotrue.core.units import DEG
-from robotrue.planning.hierarchical_plan import reach_poses, sample_reachable
+from robotrue.planning.hierarchical_plan import (
+    reach_poses,
+    sample_reachable,
+    target_counts,
+    target_images,
+)
 from robotrue.robot.model import RobotModel
 from robotrue.simulation.plans import (
     POSTURE,

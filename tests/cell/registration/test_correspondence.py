@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robotrue.cell.registration.correspondence import check_names, matches
+from robotrue.cell.registration.ambiguity import check_names, matches
 from robotrue.core.poses import apply, pose_from_xyz_abc
 from robotrue.core.units import MM
 from robotrue.errors import ImplausibleDataError, ShapeError

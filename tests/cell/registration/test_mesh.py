@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from robotrue.cell.registration.ambiguity import symmetric_alternatives
 from robotrue.cell.registration.fit import Noise, Registration, displace_frame
-from robotrue.cell.registration.symmetry import symmetric_alternatives
 from robotrue.cell.registration.touches import fit_all_touches, fit_touches
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, pose_from_xyz_abc

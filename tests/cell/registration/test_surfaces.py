@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from robotrue.cell.registration.ambiguity import symmetric_alternatives
 from robotrue.cell.registration.baselines import fit_three_two_one
 from robotrue.cell.registration.fit import Registration, displace_frame
-from robotrue.cell.registration.symmetry import symmetric_alternatives
 from robotrue.cell.registration.touches import fit_all_touches
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, pose_from_xyz_abc

@@ -203,11 +203,11 @@ def run(request: ProbePlanRequest, context: Context) -> PlannedTouches:
     from robotrue.core.files import write_atomic
     from robotrue.measurement.formats.part_points import read_features
     from robotrue.planning.arm_scene import scene_of
-    from robotrue.planning.machined_files import parse_axis, read_machining, rough_frames
     from robotrue.planning.plan_sheets import touch_sheet
     from robotrue.planning.probing import plan_touches
     from robotrue.planning.probing_candidates import TouchLimits, touch_candidates
     from robotrue.planning.probing_frame import plan_frame_touches
+    from robotrue.planning.work_area import parse_axis, read_machining, rough_frames
 
     _require_sizes(request)
     limits = TouchLimits(lean=request.lean_deg * DEG, tip_axis=parse_axis(request.tip_axis))

@@ -114,7 +114,7 @@ def run(request: RegisterRoundsRequest, context: Context) -> AdjustedInRounds:
     from robotrue.calibration.nominal import NominalModel
     from robotrue.core.files import write_atomic
     from robotrue.measurement.formats.part_points import read_points
-    from robotrue.planning.machined_files import rough_frames
+    from robotrue.planning.work_area import rough_frames
     from robotrue.program.controller_frames import controller_frame
     from robotrue.validation.registration_rounds import register_in_rounds
 

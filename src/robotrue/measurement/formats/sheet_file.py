@@ -15,9 +15,10 @@ from robotrue.core.csv_text import as_written
 from robotrue.core.files import read_bytes, sha256
 from robotrue.core.provenance import file_provenance, provenance_of_lines
 from robotrue.errors import FormatError
-from robotrue.measurement.formats.sheet import HEADER_LINES, Sheet
-from robotrue.measurement.formats.sheet_header import (
+from robotrue.measurement.formats.sheet import (
+    HEADER_LINES,
     NumberedRow,
+    Sheet,
     check_header,
     check_widths,
     is_number,
