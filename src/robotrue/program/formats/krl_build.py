@@ -12,7 +12,13 @@ from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.units import DEG
 from robotrue.program.external_axes import mark_described
 from robotrue.program.formats.krl_columns import lean, si_columns, target_columns
-from robotrue.program.formats.krl_flow import BASE, FOREIGN_BASE, ON_ROBOT, TOOL, differing
+from robotrue.program.formats.krl_flow import (
+    BASE,
+    FOREIGN_BASE,
+    FOREIGN_TOOL,
+    ON_ROBOT,
+    TOOL,
+)
 from robotrue.program.formats.krl_frames import UNSURE
 from robotrue.program.formats.krl_modal import Visits, inherit, inherit_external, visits
 from robotrue.program.formats.krl_notes import conflict_notes, incomplete_notes
@@ -53,40 +59,37 @@ class Builder:
     def __init__(self, walk: KrlWalk, main: int, given: FrameTable) -> None:
         self.walk, self.main, self.given = walk, main, given
         self.scans, self.story, self.frames = walk.scans, walk.story, walk.frames
-        self._lines, self._states = self._solved_frames()
+        self._places, self._states = self._solved_frames()
         self._flags = dict(self.story.flags)
         self._taint()
 
     def _solved_frames(self) -> tuple[IntArray, IntArray]:
-        """Returns from which line on which (base, tool, on robot, foreign base, tool) hold."""
-        ways = self.walk.flow.solve()
+        """Returns from which place on which (base, tool, on robot, foreign base, tool) hold."""
+        flow = self.walk.flow
         self.story.notes += [
             f"{self.frames.name}: {name}, which an interrupt or trigger starts, changes base or "
             "tool; targets that may come after it are compensated as if it had not run."
-            for name in ways.handlers
+            for name in flow.changing_handlers()
         ]
-        self._calls = ways.foreign
+        self._calls = flow.foreign_calls()
         self.story.notes += [
             f"{self.frames.name}: {self.story.spelled.get(name, name)}, which an interrupt starts, "
             "is in no file given; targets are compensated as if it changed neither base nor "
             "tool."
-            for name in ways.lost
+            for name in flow.absent_handlers()
         ]
-        table = np.array(ways.value, dtype=np.int64)
+        places, keys = flow.places, (BASE, TOOL, ON_ROBOT, FOREIGN_BASE, FOREIGN_TOOL)
+        table = np.stack([flow.marks(key, places) for key in keys], axis=1)
         for side, column in _SIDES:
             for mark in np.unique(table[table[:, column] < 0, column]).tolist():
-                node = differing(mark)
-                what, cure = "is not known: no way through the program leads here", "remove it"
-                if node >= 0:
-                    what, cure = ways.what[node], "set it again after this line"
-                at = node if node >= 0 else int(np.flatnonzero(table[:, column] == mark)[0])
-                index = self.frames.unknown(side, ways.line[at], what, cure)
+                at, what = flow.differing(mark)
+                index = self.frames.unknown(side, at // 2, what, "set it again after this line")
                 table[table[:, column] == mark, column] = index
         table[:, ON_ROBOT] = np.where(table[:, ON_ROBOT] < 0, UNSURE, table[:, ON_ROBOT])
-        calls = table[:, FOREIGN_BASE:]
+        calls = table[:, 3:]
         first = calls[calls > 0].min(initial=np.iinfo(np.int64).max)
         calls[calls < 0] = first
-        return np.array(ways.line[: len(table)]), table[:, [BASE, TOOL, ON_ROBOT, FOREIGN_BASE, -1]]
+        return places, table
 
     def _taint(self) -> None:
         paths: dict[str, list[str]] = {}
@@ -98,13 +101,12 @@ class Builder:
                     self._flags[item.file, item.agg] = Reason.EXPRESSION
 
     def _state(self, line: IntArray | int) -> IntArray:
-        if (
-            isinstance(line, np.ndarray) and line.size > 1
-        ):  # nearly always all the same: no row of its own each
-            ends = np.searchsorted(self._lines, (line.min(), line.max()), side="right") - 1
+        place = 2 * np.asarray(line) + 1
+        if place.size > 1:  # nearly always all the same: no row of its own each
+            ends = np.searchsorted(self._places, (place.min(), place.max()), side="right") - 1
             if ends[0] == ends[1]:
-                return np.broadcast_to(self._states[ends[0]], (len(line), self._states.shape[1]))
-        return self._states[np.searchsorted(self._lines, line, side="right") - 1]
+                return np.broadcast_to(self._states[ends[0]], (len(place), self._states.shape[1]))
+        return self._states[np.searchsorted(self._places, place, side="right") - 1]
 
     def alike(self, lines: IntArray, line: int) -> BoolArray:
         """Returns in which lines (n,) of the main file the frames of another line are in force."""

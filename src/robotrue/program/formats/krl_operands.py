@@ -10,6 +10,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from robotrue.core.arrays import Array, IntArray
+from robotrue.program.formats.krl_flow import KrlFlow
 from robotrue.program.formats.krl_frames import Frames
 from robotrue.program.formats.krl_scan import NOT_CONSTANT, Scan
 from robotrue.program.formats.krl_story import Definition, ParsedKrl
@@ -74,6 +75,7 @@ class KrlPoints:
         frames: Work frames and tools.
         scope: Which file a name belongs to.
         values: Of variables.
+        flow: Frames and variables over every way.
         first: Aggregates before each line of every file.
         story: What is collected.
         motions: In the order of the text.
@@ -82,7 +84,8 @@ class KrlPoints:
     def __init__(self, scans: list[Scan], names: list[str], frames: Frames) -> None:
         self.scans, self.names, self.frames = scans, names, frames
         self.scope = frames.scope
-        self.values = KrlValues(self.scope)
+        self.flow = KrlFlow(frames.table.harmless_routines)
+        self.values = KrlValues(self.scope, self.flow)
         self.first = [first_aggregates(found) for found in scans]
         self.story = ParsedKrl([], defaultdict(list), {}, [], {}, [], [], False, [], {}, [], set())
         self.motions: list[MotionStatement] = []

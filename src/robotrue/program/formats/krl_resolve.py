@@ -185,8 +185,7 @@ class _Resolver:
                     frames[COLUMN[each.side], each.place] = self._frame(each, arguments)
                 except NotConstantError:
                     continue
-            nodes = self.walk.flow.copy_routine(call.name, frames)
-            self.copies[key] = self.walk.flow.copied, nodes
+            self.copies[key] = _, nodes = self.walk.flow.copy_routine(call.name, frames)
             for old in self.walk.flow.calls_of(call.name):
                 for inner in self.calls.get(old, ()):
                     self._copy(nodes[old], inner, arguments, depth + 1)

@@ -78,6 +78,10 @@ class Scope:
                 lower = routine.decode("latin-1").lower()
                 self._routines.setdefault(lower, {})[stem] = not number or bool(shared)
 
+    def has_routine(self, name: str) -> bool:
+        """Returns whether a program of the job has a routine, see :meth:`routine`."""
+        return name.partition("@")[0] in self._routines
+
     def routine(self, text: str, line: int) -> str:
         """Returns a routine's name in lower case, behind that of its file where others have it."""
         lower = text.lower()

@@ -14,9 +14,7 @@ from collections import defaultdict
 from collections.abc import Callable, Mapping
 from typing import Final, NamedTuple
 
-import numpy as np
-
-from robotrue.program.formats.course import DIFFERS, Course
+from robotrue.program.formats.control_flow import DIFFERS, ControlFlow
 from robotrue.program.formats.expression import NotConstantError
 from robotrue.program.formats.krl_expression import KrlValue, evaluate
 from robotrue.program.formats.krl_scope import Scope
@@ -25,8 +23,6 @@ Arguments = Mapping[str, KrlValue]
 """Parameters of a routine within one call."""
 NO_VALUE: Final = "no file of this job gives"
 _DEEPEST: Final = 12
-_MOST_STEPS: Final = 600_000
-"""Statements looked at for reaching definitions in all; beyond, what is changed is not known."""
 _LAST: Final = 1 << 60
 _PLAIN: Final = re.compile(r"\s*([A-Za-z_]\w*)\s*(?:\[([^\]]*)\])?\s*")
 _PARAMETER: Final = re.compile(r"\s*(\w+)\s*(?:\[[^\]]*\])?\s*(?::\s*(IN|OUT))?\s*", re.IGNORECASE)
@@ -70,7 +66,6 @@ class KrlValues:
     """Variables of a job while it is read, and their values afterwards.
 
     Attributes:
-        course: The ways through the main text; places are twice the line, one more behind it.
         routines: By name as the flow knows them.
         calls: Of routines of the job and of others.
         handlers: Routines that an interrupt, a trigger or the submit interpreter starts.
@@ -79,9 +74,8 @@ class KrlValues:
         resumes: An interrupt may leave a routine at any line.
     """
 
-    def __init__(self, scope: Scope) -> None:
-        self.scope = scope
-        self.course = Course()
+    def __init__(self, scope: Scope, flow: ControlFlow) -> None:
+        self.scope, self._flow = scope, flow
         self.routines: dict[str, KrlRoutine] = {}
         self.calls: list[KrlCall] = []
         self.handlers: set[str] = set()
@@ -91,8 +85,6 @@ class KrlValues:
         self._changes: dict[str, list[VariableChange]] = defaultdict(list)
         self._locals: dict[str, set[str]] = defaultdict(set)
         self._starts: list[tuple[int, str]] = [(0, "")]
-        self._versions: dict[tuple[str, str], Course | None] = {}
-        self._looked_at = 0
         self._kept: dict[tuple[str, str, int], KrlValue | NotConstantError] = {}
 
     def declare(self, name: str, subscript: str, text: str) -> None:
@@ -285,8 +277,10 @@ class KrlValues:
             given = self._given.get(name, {}).get(index, [])
             if len(given) == 1:
                 return self.value(*given[0], None, depth + 1)
-        course = self._course(key, index, mine)
-        version = -2 if course is None else int(course.versions(0, np.array([2 * line]))[0])
+        of = key.rpartition(":")[0]
+        sets = [(2 * change.line + 1, k) for k, change in enumerate(mine, start=1)]
+        span = self._extent(of) if of else (-1, _LAST)
+        version = self._flow.version_within((key, index), span, sets, 2 * line)
         if version == DIFFERS:
             raise NotConstantError(
                 f"{shown} has more than one value here", "set it in the line before"
@@ -308,21 +302,6 @@ class KrlValues:
         if not isinstance(before, dict) or "." in change.path or isinstance(value, dict | str):
             raise NotConstantError(f"{shown}.{change.path.upper()} is not followed")
         return before | {change.path: value}
-
-    def _course(self, key: str, index: str, changes: list[VariableChange]) -> Course | None:
-        """Returns the ways through the program with the changes of one variable as versions."""
-        if (key, index) not in self._versions:
-            routine = key.rpartition(":")[0]
-            first, last = self._extent(routine) if routine else (-1, _LAST)
-            course = self.course.between(first, last)
-            self._looked_at += len(course)
-            if self._looked_at > _MOST_STEPS:
-                self._versions[key, index] = None
-                return None
-            for number, change in enumerate(changes, start=1):
-                course.set(2 * change.line + 1, 0, number)
-            self._versions[key, index] = course
-        return self._versions[key, index]
 
     def _extent(self, routine: str) -> tuple[int, int]:
         """Returns the places a routine lies between."""

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.program.formats.camrob import CALL
-from robotrue.program.formats.krl_flow import BASE, ON_ROBOT, TOOL, Flow
+from robotrue.program.formats.krl_flow import BASE, ON_ROBOT, TOOL
 from robotrue.program.formats.krl_frames import DeferredFrame, Frames, read_fdat, with_settings
 from robotrue.program.formats.krl_operands import (
     KrlPoints,
@@ -78,7 +78,6 @@ class KrlWalk(KrlPoints):
 
     Attributes:
         beside: CAMRob files there are.
-        flow: Frames in force over every way.
         deferred: Frames whose value is known when everything has been read.
         derived: Points set from others: (line, variable, component, new value).
         main: The file whose statements are read, -1 if none is.
@@ -87,7 +86,6 @@ class KrlWalk(KrlPoints):
     def __init__(self, scans: list[Scan], names: list[str], frames: Frames) -> None:
         super().__init__(scans, names, frames)
         self.beside: set[str] = set()
-        self.flow = Flow(frames.table.harmless_routines)
         self.deferred: list[DeferredFrame] = []
         self.derived: list[tuple[int, str, str, str]] = []
         self.main = -1
@@ -168,10 +166,10 @@ class KrlWalk(KrlPoints):
         elif word in _SILENT:
             pass
         elif word == "spline":
-            self.flow.save()
+            self.flow.save(2 * line)
             self._with(file, line, code)
         elif word == "endspline":
-            self.flow.restore(line)
+            self.flow.restore(2 * line)
         elif self._control(line, word, code):
             self._barrier(line)
             self.taint(line, code)
@@ -190,8 +188,7 @@ class KrlWalk(KrlPoints):
         if call and call[1].lower() == "cr_process_file":
             self._camrob(file, line)
         if label:
-            self.flow.label(line, label[1].lower())
-            self.values.course.label(2 * line, label[1].lower())
+            self.flow.label(2 * line, label[1].lower())
         if call or label:
             self._barrier(line)
         self.taint(line, code)
@@ -215,13 +212,18 @@ class KrlWalk(KrlPoints):
             for name in routines:
                 self.flow.handler(name)
             if started[1].lower() == "trigger":
-                self.flow.trigger(line, routines)
+                self.flow.trigger(2 * line, self._followed(routines))
             return
-        node = self.flow.call(line, routines)
-        self.values.course.call(2 * line, routines)
+        followed = self._followed(routines)
+        node = self.flow.call(2 * line, followed) if followed else -1
         for called, arguments in split_calls(code):
             routine = self.scope.routine(called, line)
             self.values.calls.append(KrlCall(line, node, routine, arguments))
+
+    def _followed(self, routines: list[str]) -> list[str]:
+        """Returns the routines that may change something: of the job, or not known."""
+        known = self.scope.has_routine
+        return [name for name in routines if known(name) or not self.flow.is_harmless(name)]
 
     def _define(self, line: int, code: str) -> None:
         if code.rstrip().endswith(":"):
@@ -230,33 +232,32 @@ class KrlWalk(KrlPoints):
         self._barrier(line)
         match = _CALLED.search(code)
         name = self.scope.routine(match[1], line) if match else ""
-        self.flow.start(line, name)
-        self.values.course.start(2 * line, name)
+        self.flow.start(2 * line, name)
         inside = code[match.end() :].rpartition(")")[0] if match else ""
         self.values.begin_routine(line, name, inside)
 
     def _control(self, line: int, word: str, code: str) -> bool:
         """Draws branches, loops and jumps; returns whether the line is control flow."""
-        for ways, at in ((self.flow, line), (self.values.course, 2 * line)):
-            if word in ("if", "switch"):
-                ways.branch(at, opens=word == "if")
-            elif word in ("else", "case", "default"):
-                ways.alternative(at, other=word != "case")
-            elif word in ("endif", "endswitch"):
-                ways.join(at)
-            elif word in _LOOP:
-                ways.loop(at)
-            elif word in _LOOP_END:
-                ways.close_loop(at)
-            elif word == "exit":
-                ways.exit_loop(at)
-            elif word == "return":
-                ways.leave(at)
-            elif word == "goto":
-                to = _GOTO.match(code)
-                ways.jump(at, to[1].lower() if to else "")
-            elif word not in ("interrupt", "trigger", "resume"):
-                return False
+        flow, at = self.flow, 2 * line
+        if word in ("if", "switch"):
+            flow.branch(at, opens=word == "if")
+        elif word in ("else", "case", "default"):
+            flow.alternative(at, other=word != "case")
+        elif word in ("endif", "endswitch"):
+            flow.join(at)
+        elif word in _LOOP:
+            flow.loop(at)
+        elif word in _LOOP_END:
+            flow.close_loop(at)
+        elif word == "exit":
+            flow.exit_loop(at)
+        elif word == "return":
+            flow.leave(at)
+        elif word == "goto":
+            to = _GOTO.match(code)
+            flow.jump(at, to[1].lower() if to else "")
+        elif word not in ("interrupt", "trigger", "resume"):
+            return False
         counted = _COUNTED.match(code) if word == "for" else None
         if counted:
             self.values.change(counted[1].lower(), VariableChange(line, "", "", None))
@@ -275,7 +276,7 @@ class KrlWalk(KrlPoints):
         elif what == "ex_base":
             self._put(line, "base", self.frames.carried_number(line, match[2]))
         elif what in ("frames", "ptp_params", "cp_params"):
-            self.flow.take_pending(line)
+            self.flow.take_pending(2 * line)
 
     def _index_number(self, side: str, line: int, number: str) -> int:
         """Returns the index of a numbered frame; what is computed is known later."""
@@ -391,7 +392,7 @@ class KrlWalk(KrlPoints):
             named = self.scope.name(rest.strip())
             inline = frames.fdat.get(named, read_fdat("")) if not path else inline
         if not self._storing:
-            self.flow.pend(line, *frames.inline_frames(line, inline))
+            self.flow.pend(2 * line + 1, *frames.inline_frames(line, inline))
 
     def _with(self, file: int, line: int, code: str) -> None:
         """Puts in force what a WITH clause sets for its motion or spline block."""
@@ -412,7 +413,7 @@ class KrlWalk(KrlPoints):
 
     def _set(self, line: int, column: int, value: int) -> None:
         if not self._storing:
-            self.flow.set(line, (column, value))
+            self.flow.put(2 * line + 1, column, value)
 
     def _barrier(self, line: int) -> None:
         self.story.sequence.append((line, -1, False))
@@ -421,7 +422,7 @@ class KrlWalk(KrlPoints):
         kind, relative = match[1].upper(), match[2] is not None
         operands, end = self.operands(file, line, code, match.end(), 2 if kind == "CIRC" else 1)
         if "$" in code[end:] and _WITH.search(code, end):
-            self.flow.save()
+            self.flow.save(2 * line)
             self._with(file, line, " " * end + code[end:])
-            self.flow.restore(line + 1)
+            self.flow.restore(2 * line + 2)
         self.motions.append(MotionStatement(file, line, kind, relative, operands))

@@ -12,7 +12,7 @@ from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.rotations import matrix_from_quat_wxyz
 from robotrue.core.units import DEG, MM
 from robotrue.program.external_axes import mark_described
-from robotrue.program.formats.course import DIFFERS
+from robotrue.program.formats.control_flow import DIFFERS
 from robotrue.program.formats.number_table import Numbers
 from robotrue.program.formats.rapid_data import AXIS, NOTHING
 from robotrue.program.formats.rapid_frames import TOOL, WORK

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.program.formats import rapid_scan as scan
-from robotrue.program.formats.course import Course
+from robotrue.program.formats.control_flow import ControlFlow
 from robotrue.program.formats.number_table import NumberTable
 from robotrue.program.formats.rapid_expression import PURE
 from robotrue.program.formats.rapid_frames import KINDS, TOOL, WORK, RapidFrames
@@ -106,7 +106,7 @@ class Data:
         data: bytes,
         name: str,
         frames: RapidFrames,
-        course: Course,
+        course: ControlFlow,
         task: RapidTask | None = None,
     ) -> None:
         self.values = RapidValues(course, task or RapidTask(), name)

@@ -19,7 +19,7 @@ from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.poses import pose
 from robotrue.core.rotations import matrix_from_quat_wxyz
 from robotrue.core.units import MM
-from robotrue.program.formats.course import DIFFERS, Course
+from robotrue.program.formats.control_flow import DIFFERS, ControlFlow
 from robotrue.program.formats.krl_frames import Frames
 from robotrue.program.formats.rapid_scan import POSE, SKIP, arguments, clean, fills, numbers_of
 from robotrue.program.program import FrameTable
@@ -82,7 +82,7 @@ class RapidFrames:
         renewed: (place, (side, name)) where one is given a whole value.
     """
 
-    def __init__(self, table: FrameTable, name: str, course: Course) -> None:
+    def __init__(self, table: FrameTable, name: str, course: ControlFlow) -> None:
         self.frames = Frames(table, name)
         self.elsewhere: dict[str, str] = {}
         self.own: set[tuple[str, str]] = set()

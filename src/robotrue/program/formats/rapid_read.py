@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Final, NamedTuple
 
 from robotrue.errors import FormatError
-from robotrue.program.formats.course import Course
+from robotrue.program.formats.control_flow import ControlFlow
 from robotrue.program.formats.rapid_build import build
 from robotrue.program.formats.rapid_frames import RapidFrames
 from robotrue.program.formats.rapid_values import RapidTask
@@ -59,7 +59,7 @@ def _read_module(
     files: Sequence[_Beside], number: int, frames: FrameTable, task: RapidTask
 ) -> Program:
     """Returns the program of one file, read with the frames and routines of the others."""
-    own, course = files[number], Course()
+    own, course = files[number], ControlFlow()
     table = RapidFrames(frames, own.name, course)
     if number and not own.moves:  # it gives data only
         return build(RapidWalk(own.data, own.name, table, course, task), frames)

@@ -15,9 +15,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
-import numpy as np
-
-from robotrue.program.formats.course import DIFFERS, Course
+from robotrue.program.formats.control_flow import DIFFERS, ControlFlow
 from robotrue.program.formats.expression import NotConstantError
 from robotrue.program.formats.rapid_expression import (
     MEMBERS,
@@ -33,7 +31,6 @@ KINDS: Final = frozenset(
 """Types whose data are followed."""
 _DEEPEST: Final = 12
 _LAST: Final = 1 << 60
-_MOST_STEPS: Final = 600_000
 _TEXT: Final = re.compile(r'"(?:[^"\r\n]|"")*"|![^\r\n]*')
 _DECLARED: Final = re.compile(
     r"(?:\b(LOCAL|TASK)\s++)?+\b(?:CONST|PERS|VAR)\s++(\w++)\s++(\w++)\s*+(\{[^}]*+\})?+\s*+"
@@ -173,7 +170,7 @@ class RapidValues:
         foreign: Routines in no given file are called.
     """
 
-    def __init__(self, course: Course, task: RapidTask, module: str) -> None:
+    def __init__(self, course: ControlFlow, task: RapidTask, module: str) -> None:
         self.task, self.module = task, module
         self.foreign = False
         self._course = course
@@ -182,8 +179,6 @@ class RapidValues:
         self._changes: dict[tuple[str, str], list[RapidChange]] = defaultdict(list)
         self._starts: list[tuple[int, str, bool]] = [(0, "", False)]
         self._calls: dict[str, set[str]] = defaultdict(set)
-        self._courses: dict[tuple[str, str], Course | None] = {}
-        self._looked_at = 0
         self._kept: dict[tuple[str, str], RapidValue] = {}
 
     def begin_routine(self, place: int, name: str, *, handler: bool) -> None:
@@ -266,10 +261,8 @@ class RapidValues:
         risky = self._started_by_handlers()
         if any(self._routine(change.place) in risky for change in changes):
             raise NotConstantError(f"{name!r} is changed by a trap or an error handler")
-        course = self._course_of(key, changes)
-        if course is None:
-            raise NotConstantError("the module is too long to follow its variables")
-        version = int(course.versions(0, np.array([place - 1]))[0])
+        sets = [(change.place, k) for k, change in enumerate(changes, start=1)]
+        version = self._course.version_within(key, self._extent(key[0]), sets, place - 1)
         if version == DIFFERS:
             raise NotConstantError(f"{name!r} has more than one value here")
         if version == 0:
@@ -289,23 +282,13 @@ class RapidValues:
         before = self._find(name, change.place, self._routine(change.place), depth + 1)
         return _replace_part(before, _steps(change), value)
 
-    def _course_of(self, key: tuple[str, str], changes: list[RapidChange]) -> Course | None:
-        if key not in self._courses:
-            first, last = -1, _LAST
-            if key[0]:
-                first = next(place for place, name, _ in self._starts if name == key[0])
-                last = min(
-                    (p for p, name, _ in self._starts if p > first and not name), default=_LAST
-                )
-            course = self._course.between(first, last)
-            self._looked_at += len(course)
-            if self._looked_at > _MOST_STEPS:
-                self._courses[key] = None
-                return None
-            for number, change in enumerate(changes, start=1):
-                course.set(change.place, 0, number)
-            self._courses[key] = course
-        return self._courses[key]
+    def _extent(self, routine: str) -> tuple[int, int]:
+        """Returns the places between which the variables of a routine are followed."""
+        if not routine:
+            return -1, _LAST
+        first = next(place for place, name, _ in self._starts if name == routine)
+        ends = (at for at, name, _ in self._starts if at > first and not name)
+        return first, min(ends, default=_LAST)
 
     def _routine(self, place: int) -> str:
         at = bisect_right(self._starts, place, key=lambda start: start[0]) - 1

@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 from robotrue.core.arrays import Array
 from robotrue.errors import FormatError
 from robotrue.program.formats import rapid_scan as scan
-from robotrue.program.formats.course import Course
+from robotrue.program.formats.control_flow import ControlFlow
 from robotrue.program.formats.expression import NotConstantError
 from robotrue.program.formats.rapid_data import LITERAL, NOTHING, POSE, Data
 from robotrue.program.formats.rapid_expression import flat_numbers, pose_of
@@ -90,7 +90,7 @@ class RapidWalk(Data):
         data: bytes,
         name: str,
         frames: RapidFrames,
-        course: Course,
+        course: ControlFlow,
         task: RapidTask | None = None,
     ) -> None:
         super().__init__(data, name, frames, course, task)

@@ -10,7 +10,7 @@ import numpy as np
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.poses import pose
 from robotrue.core.rotations import matrix_from_rotation_vector
-from robotrue.program.formats.course import DIFFERS
+from robotrue.program.formats.control_flow import DIFFERS
 from robotrue.program.formats.krl_frames import Frames
 from robotrue.program.formats.number_text import LARGEST
 from robotrue.program.formats.shared_fate import flag_lost_frames, pair_arcs

@@ -7,7 +7,7 @@ from collections.abc import Container
 from dataclasses import dataclass, field
 from typing import Final
 
-from robotrue.program.formats.course import Course
+from robotrue.program.formats.control_flow import ControlFlow
 from robotrue.program.formats.number_table import NumberTable
 from robotrue.program.formats.stored_points import ParsedPoints, Variable, Variables
 from robotrue.program.formats.urscript_scan import AXES, POSE, Routine, arguments
@@ -102,7 +102,7 @@ class ScriptWalk:
 
     def __init__(self, code: bytes, routines: list[Routine], harmless: Container[str] = ()) -> None:
         self._harmless = harmless
-        self.code, self.course = code, Course()
+        self.code, self.course = code, ControlFlow()
         self.table = NumberTable(code, (tuple(range(6)), tuple(range(6))), b"#")
         self.story, self.variables = ParsedScript(), Variables()
         self._at, self._scope, self._routines = 0, "", routines

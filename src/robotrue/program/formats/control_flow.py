@@ -1,0 +1,468 @@
+"""Reaching definitions: what is in force at each place of a program, over every way it can take.
+
+A walk through the statements draws the control-flow graph: a node wherever ways divide or join and
+wherever a routine is called. Places are numbers that grow from statement to statement. What is set
+at a place has a *version*; each thing that is ever set has a data flow of its own, iterated to its
+fixed point, in which a routine is summed up as what it does to the version it finds.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict, deque
+from collections.abc import Hashable, Iterable, Mapping, Sequence
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from robotrue.core.arrays import IntArray
+from robotrue.program.formats.expression import NotConstantError
+
+DIFFERS: Final = -1
+"""Version of what differs between the ways that lead to a place."""
+_MOST_STEPS: Final = 600_000
+"""Nodes looked at for variables in all; beyond, what is changed is not known."""
+_UNREACHED: Final = -1
+AS_FOUND: Final = -2
+"""Mark of the version in force where the routine was called."""
+_JOINED: Final = -3
+"""``-3 - node``: mark of different versions that join at a node."""
+_NO_WAY: Final = "is not known here: no way through the program leads here"
+
+
+class Reaching(NamedTuple):
+    """The solved data flow of one thing.
+
+    Attributes:
+        node: (d,) version or mark at each drawn node, behind its calls and before what is set
+            between it and the next one.
+        relative: The same for all nodes, relative to what their routine was called with; where no
+            way leads, as if the program began there.
+        effect: What every routine makes of the version it finds.
+        set_at: (s,) places at which it is set, rising.
+        set_node: (s,) the nodes before them.
+        version: (s,) the versions set.
+    """
+
+    node: IntArray
+    relative: list[int]
+    effect: list[int]
+    set_at: IntArray
+    set_node: IntArray
+    version: IntArray
+
+
+class ControlFlow:
+    """The graph, drawn statement by statement, and what is set on its way.
+
+    Args:
+        mains: How many of the routines begin with the program even if they are called from within.
+
+    Attributes:
+        barriers: Grows with every statement that is more than a plain one.
+    """
+
+    def __init__(self, mains: int = 0) -> None:
+        self.barriers = 0
+        self._mains = mains
+        self._place: list[int] = []
+        self._what: list[str] = []
+        self._before: list[list[int]] = []
+        self._calls: list[tuple[str, ...]] = []
+        self._routine: list[int] = []
+        self._at = -1
+        self._names: dict[str, int] = {}
+        self._first: list[int] = []
+        self._last: list[list[int]] = []
+        self._branches: list[tuple[int, list[int], bool, bool]] = []
+        self._loops: list[tuple[int, list[int]]] = []
+        self._labels: dict[tuple[int, str], int] = {}
+        self._jumps: list[tuple[int, int, str]] = []
+        self._handlers: set[str] = set()
+        self._resumes = False
+        self._drawn = -1
+        self._sets: dict[Hashable, list[tuple[int, int]]] = defaultdict(list)
+        self._solved: dict[Hashable, Reaching] = {}
+        self._within: dict[Hashable, Reaching] = {}
+        self._looked_at = 0
+        self.start(0, "\0 before all")
+
+    def __len__(self) -> int:
+        return len(self._place)
+
+    # Drawing
+
+    def _add(self, at: int, before: Iterable[int], what: str = "") -> int:
+        self.barriers += 1
+        self._place.append(at)
+        self._what.append(what or "depends on which branch ran")
+        self._before.append([node for node in before if node >= 0])
+        self._calls.append(())
+        self._routine.append(len(self._first) - 1)
+        self._at = len(self._place) - 1
+        return self._at
+
+    def start(self, at: int, name: str, *, handler: bool = False) -> None:
+        """Begins a routine; the one before ends here. A handler may start at any place."""
+        self._leave()
+        self._first.append(len(self._place))
+        self._last.append([])
+        self._names[name] = len(self._first) - 1
+        self._branches, self._loops = [], []
+        self._add(at, (), "differs between the calls of this subprogram")
+        if handler:
+            self.handler(name)
+
+    def handler(self, name: str) -> None:
+        """Names a routine that an interrupt or trigger may start at any place."""
+        self._handlers.add(name)
+
+    def resume(self) -> None:
+        """The program has RESUME: a routine may be left at any place."""
+        self._resumes = True
+
+    def set(self, at: int, key: Hashable, version: int) -> None:
+        """Gives a thing a version (>= 0; 0 is what it was at first) from a place on."""
+        self._sets[key].append((at, version))
+
+    def call(self, at: int, names: Iterable[str]) -> int:
+        """Passes through other routines, of this program or not; returns the node."""
+        node = self._add(at, [self._at], "depends on the way a called subprogram took")
+        self._calls[node] = tuple(names)
+        return node
+
+    def branch(self, at: int, *, opens: bool) -> None:
+        """IF (which opens its first alternative at once), SWITCH and TEST."""
+        entry = self._add(at, [self._at])
+        self._branches.append((entry, [], False, opens))
+        self._add(at, [entry])
+
+    def alternative(self, at: int, *, other: bool) -> None:
+        """ELSE and DEFAULT (``other``: taken if nothing else is), ELSEIF and CASE."""
+        self.barriers += 1
+        if self._branches:
+            entry, ends, is_complete, is_open = self._branches.pop()
+            if is_open:
+                ends.append(self._at)
+            self._branches.append((entry, ends, is_complete or other, True))
+            self._add(at, [entry])
+
+    @property
+    def in_branch(self) -> bool:
+        """Returns whether the statement being read runs on one of several ways."""
+        return bool(self._branches)
+
+    def join(self, at: int) -> None:
+        """End of a branch."""
+        self.barriers += 1
+        if self._branches:
+            entry, ends, is_complete, _ = self._branches.pop()
+            self._add(at, [*ends, self._at, *([] if is_complete else [entry])])
+
+    def loop(self, at: int) -> None:
+        """Head of a loop."""
+        head = self._add(at, [self._at], "differs between the first and later turns of a loop")
+        self._loops.append((head, []))
+        self._add(at, [head])
+
+    def close_loop(self, at: int) -> None:
+        """End of a loop: back to the head, or on; an interrupt leaves any."""
+        self.barriers += 1
+        if self._loops:
+            head, exits = self._loops.pop()
+            if self._at >= 0:
+                self._before[head].append(self._at)
+            what = "depends on how often the loop before it has run"
+            self._add(at, [head, self._at, *exits], what)
+
+    def exit_loop(self, at: int) -> None:
+        """Leaves the loop from within."""
+        self.barriers += 1
+        if self._loops:
+            self._loops[-1][1].append(self._at)
+            self._add(at, (), _NO_WAY)
+
+    def label(self, at: int, name: str) -> None:
+        """A place a jump leads to."""
+        node = self._add(at, [self._at], "differs between the ways that lead to this label")
+        self._labels[len(self._first) - 1, name] = node
+
+    def jump(self, at: int, name: str) -> None:
+        """GOTO."""
+        self._jumps.append((self._at, len(self._first) - 1, name))
+        self._add(at, (), _NO_WAY)
+
+    def leave(self, at: int) -> None:
+        """RETURN."""
+        self._leave()
+        self._add(at, (), _NO_WAY)
+
+    def _leave(self) -> None:
+        if self._last:
+            self._last[-1].append(self._at)
+
+    def _finish(self) -> None:
+        """Ends the drawing: jumps lead to their labels."""
+        if self._drawn >= 0:
+            return
+        self._leave()
+        self._drawn = len(self._place)
+        for node, routine, name in self._jumps:
+            place = self._labels.get((routine, name), -1)
+            if place >= 0 and node >= 0:
+                self._before[place].append(node)
+        if self._resumes:
+            for node, routine in enumerate(self._routine):
+                self._last[routine].append(node)
+
+    # Answers
+
+    def handlers(self) -> list[str]:
+        """Returns the handlers that set something asked for: it may differ at any place."""
+        return self._setting_handlers(self._solved.values())
+
+    def _setting_handlers(self, solved: Iterable[Reaching]) -> list[str]:
+        routines = [(name, self._names[name]) for name in self._handlers & self._names.keys()]
+        effects = [one.effect for one in solved]
+        unchanged = (AS_FOUND, _UNREACHED)
+        return sorted(n for n, r in routines if any(each[r] not in unchanged for each in effects))
+
+    def versions(self, key: Hashable, places: IntArray) -> IntArray:
+        """Returns the version (n,) in force at places (n,); ``DIFFERS`` where ways disagree."""
+        if key not in self._sets:
+            return np.zeros(len(places), np.int64)
+        return np.maximum(self.marks(key, places), DIFFERS)
+
+    def marks(self, key: Hashable, places: IntArray) -> IntArray:
+        """Returns the version (n,) in force at places (n,), or a mark, see :meth:`differing`."""
+        return self._look_up(self._solve_all(key), places)
+
+    def differing(self, mark: int) -> tuple[int, str]:
+        """Returns the place at which the ways of a mark join, and why they may differ there."""
+        return self._place[_JOINED - mark], self._what[_JOINED - mark]
+
+    def mark_of(self, node: int) -> int:
+        """Returns the mark of different ways to a node."""
+        return _JOINED - node
+
+    def version_within(
+        self, name: Hashable, span: tuple[int, int], sets: Sequence[tuple[int, int]], place: int
+    ) -> int:
+        """Returns the version of a variable in force at a place; ``DIFFERS`` where ways disagree.
+
+        Args:
+            name: Of the variable; its data flow is kept under it.
+            span: From which place up to which it is followed, and nothing outside.
+            sets: (place, version) pairs.
+            place: Asked for.
+
+        Raises:
+            NotConstantError: Too many statements have been looked at already.
+        """
+        self._finish()
+        if name not in self._within:
+            if self._looked_at > _MOST_STEPS:
+                raise NotConstantError("the program is too long to follow its variables")
+            begin, end = np.searchsorted(self._place[: self._drawn], span).tolist()
+            self._looked_at += end - begin
+            self._within[name] = self._solve("", sets, range(begin, end))
+        return max(int(self._look_up(self._within[name], np.array([place]))[0]), DIFFERS)
+
+    def _look_up(self, solved: Reaching, places: IntArray) -> IntArray:
+        node = np.searchsorted(self._place[: self._drawn], places, side="right") - 1
+        value = solved.node[node]
+        if len(solved.set_at):
+            last = np.searchsorted(solved.set_at, places, side="right") - 1
+            is_set = (last >= 0) & (solved.set_node[last] == node)
+            value = np.where(is_set, solved.version[last], value)
+        return np.asarray(value)
+
+    # Data flow
+
+    def _solve_all(self, key: Hashable) -> Reaching:
+        if key not in self._solved:
+            self._finish()
+            self._solved[key] = self._solve(key, self._sets[key], range(len(self._place)))
+        return self._solved[key]
+
+    def _solve(self, key: Hashable, sets: Sequence[tuple[int, int]], nodes: range) -> Reaching:
+        ordered = sorted(sets, key=lambda one: one[0])
+        at, version = np.array(ordered, np.int64).reshape(-1, 2).T
+        set_node = np.searchsorted(self._place[: self._drawn], at, side="right") - 1
+        behind: dict[int, list[int]] = defaultdict(list)
+        for node, one in zip(set_node.tolist(), version.tolist(), strict=True):
+            behind[node].append(one)
+        flow = _DataFlow(self, key, nodes, behind)
+        flow.iterate()
+        return Reaching(flow.absolute(), flow.middle, flow.effect, at, set_node, version)
+
+    # What a language may have of its own
+
+    def _enter(self, key: Hashable, node: int) -> list[int]:
+        """Returns the routines of the program that a node may start."""
+        return [self._names[name] for name in self._calls[node] if name in self._names]
+
+    def _pass_through(self, key: Hashable, node: int) -> list[int]:
+        """Returns the routines that have run behind a node."""
+        return self._enter(key, node)
+
+    def _come_from(self, key: Hashable, node: int) -> list[int]:
+        """Returns the nodes before a node."""
+        return self._before[node]
+
+    def _started_anywhere(self, key: Hashable) -> list[int]:
+        """Returns the routines that begin with any version."""
+        return [self._names[name] for name in self._handlers & self._names.keys()]
+
+    def _is_certain(self, key: Hashable) -> bool:
+        """Returns whether a thing has version 0 wherever no way leads."""
+        return False
+
+    def _pass_node(self, key: Hashable, node: int, mark: int) -> int:
+        """Returns what is in force behind a node from what is behind its calls."""
+        return mark
+
+    def _versions_behind(
+        self, key: Hashable, node: int, behind: Mapping[int, list[int]]
+    ) -> Sequence[int]:
+        """Returns the versions set between a node and the next one."""
+        return behind.get(node, ())
+
+
+class _DataFlow:
+    """The iteration of one thing over some nodes."""
+
+    def __init__(
+        self, flow: ControlFlow, key: Hashable, nodes: range, behind: Mapping[int, list[int]]
+    ) -> None:
+        self.flow, self.key, self.nodes, self.behind = flow, key, nodes, behind
+        count = len(flow._place)
+        self.routines = {r for r, node in enumerate(flow._first) if node in nodes}
+        self.into, self.middle, self.out = ([_UNREACHED] * count for _ in range(3))
+        self.effect = [_UNREACHED] * len(flow._first)
+
+    def iterate(self) -> None:
+        """Finds what holds at every node, relative to what its routine was called with."""
+        flow, nodes = self.flow, self.nodes
+        behind, ends, callers = (defaultdict[int, list[int]](list) for _ in range(3))
+        for node in nodes:
+            for one in flow._come_from(self.key, node):
+                behind[one].append(node)
+            for routine in flow._pass_through(self.key, node):
+                callers[routine].append(node)
+        for routine in self.routines:
+            for node in flow._last[routine]:
+                ends[node].append(routine)
+        first = {flow._first[routine] for routine in self.routines}
+        queue, queued = deque(nodes), set(nodes)
+        while queue:
+            node = queue.popleft()
+            queued.discard(node)
+            before = [self.out[one] for one in flow._come_from(self.key, node)]
+            into = [AS_FOUND, *before] if node in first else before
+            self.into[node] = _join(into, node, self.into[node])
+            new = _keep_joined(self.out[node], self._through(node, self.into[node]))
+            if new == self.out[node]:
+                continue
+            self.out[node] = new
+            wake = list(behind[node])
+            left = [self.middle[node], *self._versions(node)] if flow._resumes else [new]
+            for routine in ends[node]:
+                total = _join([self.effect[routine], *left], node, self.effect[routine])
+                if total != self.effect[routine]:
+                    self.effect[routine] = total
+                    wake += callers[routine]
+            queue.extend(one for one in wake if one not in queued)
+            queued.update(wake)
+
+    def _through(self, node: int, mark: int) -> int:
+        """Returns what holds behind a node and what is set behind it; remembers what in between."""
+        if mark == _UNREACHED:
+            return mark
+        for routine in self.flow._pass_through(self.key, node):
+            does = self.effect[routine] if routine in self.routines else AS_FOUND
+            if does <= _JOINED:
+                mark = _JOINED - node
+            elif does != AS_FOUND:
+                mark = does
+        if mark != _UNREACHED:
+            mark = self.flow._pass_node(self.key, node, mark)
+        self.middle[node] = mark
+        if mark == _UNREACHED:
+            return mark
+        return [mark, *self._versions(node)][-1]
+
+    def _versions(self, node: int) -> Sequence[int]:
+        return self.flow._versions_behind(self.key, node, self.behind)
+
+    def absolute(self) -> IntArray:
+        """Returns what holds in the middle of every drawn node, however its routine is called."""
+        flow, entry = self.flow, self._entries()
+        drawn = range(self.nodes.start, min(self.nodes.stop, flow._drawn))
+        middle = np.full(flow._drawn, _UNREACHED)
+        for node in drawn:
+            found = entry[flow._routine[node]]
+            self.out[node] = _fill(self.out[node], found)
+            middle[node] = _fill(self.middle[node], found)
+            if _UNREACHED in (self.out[node], middle[node]):
+                middle[node] = self._light(node)
+        return middle
+
+    def _light(self, node: int) -> int:
+        """Says what holds where no way leads, as if the program began there knowing nothing.
+
+        Points are kept behind a GOTO to be taught; what their inline forms set holds for them. It
+        does not reach the rest of the program.
+        """
+        before = self.flow._come_from(self.key, node)
+        known = [self.out[one] for one in before if one < node]
+        if len(known) < max(len(before), 1):
+            known = [self._unsure(node)]
+        self.out[node] = self._through(node, _join(known, node, _UNREACHED))
+        return self.middle[node]
+
+    def _unsure(self, node: int) -> int:
+        return 0 if self.flow._is_certain(self.key) else _JOINED - node
+
+    def _entries(self) -> list[int]:
+        """Returns what each routine is entered with; one that nothing here calls, version 0."""
+        flow = self.flow
+        calls = [
+            (node, routine)
+            for node in range(self.nodes.start, min(self.nodes.stop, flow._drawn))
+            for routine in flow._enter(self.key, node)
+            if routine in self.routines
+        ]
+        called = {routine for _, routine in calls}
+        entry = [
+            0 if routine <= flow._mains or routine not in called else _UNREACHED
+            for routine in range(len(flow._first))
+        ]
+        for routine in flow._started_anywhere(self.key):
+            entry[routine] = self._unsure(flow._first[routine])
+        changed = True
+        while changed:
+            changed = False
+            for node, routine in calls:
+                here = _fill(self.into[node], entry[flow._routine[node]])
+                total = _join([entry[routine], here], flow._first[routine], entry[routine])
+                changed |= total != entry[routine]
+                entry[routine] = total
+        return entry
+
+
+def _join(marks: list[int], node: int, old: int) -> int:
+    """Returns what holds whichever of the ways was taken."""
+    reached = {mark for mark in marks if mark != _UNREACHED}
+    if not reached:
+        return old
+    return _keep_joined(old, reached.pop() if len(reached) == 1 else _JOINED - node)
+
+
+def _keep_joined(old: int, new: int) -> int:
+    """Returns ``new``, but a difference once seen stays: the iteration ends."""
+    return old if old <= _JOINED else new
+
+
+def _fill(mark: int, entry: int) -> int:
+    """Returns a mark relative to a routine's entry as it is for this entry."""
+    return entry if mark == AS_FOUND else mark
