@@ -27,8 +27,6 @@ from robotrue.robot.opw import OpwGeometry, opw_geometry
 
 MOST_FILLED = 8
 """Harmonics of the recurrence for each harmonic that is present."""
-_AT_A_TIME: Final = 4
-"""Harmonics that the recurrence takes at a time."""
 DOF: Final = 6
 
 CLOSED_FORM_DTYPE: Final = np.dtype(
@@ -80,7 +78,6 @@ WORK_DTYPE: Final = np.dtype(
         ("approach", np.float64, (DOF,)),
         ("payload", np.float64, (4,)),
         ("wrench", np.float64, (6,)),
-        ("drive_torque", np.float64, (DOF,)),
         ("shift", np.float64, (DOF,)),
         ("feature", np.float64, (2 * DOF,)),
         ("residual", np.float64, (3,)),
@@ -108,7 +105,7 @@ class CalibratedArm(NamedTuple):
     Attributes:
         arms: (t,) of ``ARM_DTYPE``, one per tool.
         harmonics: (h,) cycles per revolution.
-        consecutive: Whether they are 1, 2, ..., h, with h a multiple of four.
+        consecutive: Whether they are 1, 2, ..., h.
         ripple: (h, 12) rad, sine then cosine amplitudes of the six drives.
         centres: (12, m) scaled features of the smooth residual.
         half_square: (m,) half the squared length of each centre.
@@ -277,7 +274,6 @@ def _ripple(tables: MeanTables) -> tuple[Array, Array]:
         return harmonics, amplitude
     if last > MOST_FILLED * max(len(whole), 1):
         return harmonics, amplitude
-    filled = -(-last // _AT_A_TIME) * _AT_A_TIME
-    dense = np.zeros((filled, 2 * DOF))
+    dense = np.zeros((last, 2 * DOF))
     np.add.at(dense, whole - 1, amplitude)
-    return np.arange(1.0, filled + 1.0), dense
+    return np.arange(1.0, last + 1.0), dense

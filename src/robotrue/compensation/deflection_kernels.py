@@ -29,12 +29,12 @@ def locate(model: CalibratedArm, arm: Record, reuse: float, bump: Array, w: Reco
     write_theta(arm, w)
     walk(arm.nominal, w.nominal)
     write_load_torque(arm.masses, w.payload, w.wrench, w.nominal)
-    _write_drive_torque(arm, w)
     for i in range(6):
+        torque = 0.0
+        for k in range(6):
+            torque += arm.coupling[k, i] * w.nominal.torque[k]
         w.shift[i] = (
-            arm.compliance[i] * w.drive_torque[i]
-            + arm.gear[i] * w.joints[i]
-            + arm.backlash[i] * w.approach[i]
+            arm.compliance[i] * torque + arm.gear[i] * w.joints[i] + arm.backlash[i] * w.approach[i]
         )
     if len(model.harmonics) > 0:
         if model.consecutive:
@@ -42,11 +42,7 @@ def locate(model: CalibratedArm, arm: Record, reuse: float, bump: Array, w: Reco
         else:
             _add_waves(model.harmonics, model.ripple, w)
     theta = w.actual.theta
-    if arm.coupled:
-        multiply(arm.coupling, w.shift, theta)
-    else:
-        for i in range(6):
-            theta[i] = w.shift[i]
+    multiply(arm.coupling, w.shift, theta)
     for i in range(6):
         theta[i] += w.nominal.theta[i] + arm.offset[i]
     walk(arm.actual, w.actual)
@@ -61,38 +57,15 @@ def locate(model: CalibratedArm, arm: Record, reuse: float, bump: Array, w: Reco
 
 
 @compile_kernel(EXACT)
-def _write_drive_torque(arm: Record, w: Record) -> None:
-    """Writes the load torque on the drives (6,) N m."""
-    torque = w.nominal.torque
-    for i in range(6):
-        if arm.coupled:
-            w.drive_torque[i] = 0.0
-            for k in range(6):
-                w.drive_torque[i] += arm.coupling[k, i] * torque[k]
-        else:
-            w.drive_torque[i] = torque[i]
-
-
-@compile_kernel(EXACT)
 def _add_ripple(ripple: Array, w: Record) -> None:
-    """Adds A_k sin(k q) + B_k cos(k q), k = 1, 2, ..., to ``shift``, by Clenshaw's recurrence.
-
-    Both sums of a drive are carried in step, four harmonics at a time: their number is a multiple
-    of four (missing ones are rows of zeros).
-    """
+    """Adds A_k sin(k q) + B_k cos(k q), k = 1, 2, ..., to ``shift``, by Clenshaw's recurrence."""
     for i in range(6):
         sine, cosine = sine_and_cosine(w.joints[i])
         twice = 2.0 * cosine
         a = b = c = d = 0.0
-        for k in range(len(ripple) - 1, 0, -4):
-            b = (ripple[k, i] - b) + twice * a
-            d = (ripple[k, 6 + i] - d) + twice * c
-            a = (ripple[k - 1, i] - a) + twice * b
-            c = (ripple[k - 1, 6 + i] - c) + twice * d
-            b = (ripple[k - 2, i] - b) + twice * a
-            d = (ripple[k - 2, 6 + i] - d) + twice * c
-            a = (ripple[k - 3, i] - a) + twice * b
-            c = (ripple[k - 3, 6 + i] - c) + twice * d
+        for k in range(len(ripple) - 1, -1, -1):
+            a, b = (ripple[k, i] - b) + twice * a, a
+            c, d = (ripple[k, 6 + i] - d) + twice * c, c
         w.shift[i] += sine * a + cosine * c - d
 
 
@@ -124,14 +97,10 @@ def _write_exponents(centres: Array, half_square: Array, feature: Array, bump: A
     own = 0.0
     for k in range(12):
         own += feature[k] * feature[k]
-    f = feature
-    s0, s1, s2, s3, s4, s5 = f[0], f[1], f[2], f[3], f[4], f[5]
-    c0, c1, c2, c3, c4, c5 = f[6], f[7], f[8], f[9], f[10], f[11]
     for m in range(len(bump)):
         u = -0.5 * own - half_square[m]
-        u += s0 * centres[0, m] + s1 * centres[1, m] + s2 * centres[2, m] + s3 * centres[3, m]
-        u += s4 * centres[4, m] + s5 * centres[5, m] + c0 * centres[6, m] + c1 * centres[7, m]
-        u += c2 * centres[8, m] + c3 * centres[9, m] + c4 * centres[10, m] + c5 * centres[11, m]
+        for k in range(12):
+            u += feature[k] * centres[k, m]
         bump[m] = u
 
 

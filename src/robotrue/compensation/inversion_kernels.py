@@ -73,7 +73,7 @@ def invert_targets(
             for r in range(3):
                 outcome.before[n, r], outcome.after[n, r] = w.before[r], w.error[r]
         write_command(
-            arm, chunk, limits, n, status, w.joints, w.nominal.frame[6], w.target, outcome
+            arm, chunk, limits, n, status, w.joints, w.nominal.frame[6], w.target, w.error, outcome
         )  # fmt: skip
 
 
@@ -176,7 +176,7 @@ def _wrist_sine(frame: Array) -> float:
 @compile_kernel(EXACT)
 def write_command(
     arm: Record, chunk: Chunk, limits: InversionLimits, n: int, status: int, joints: Array,
-    command: Array, target: Array, outcome: Outcome,
+    command: Array, target: Array, error: Array, outcome: Outcome,
 ) -> None:  # fmt: skip
     """Writes what becomes of a target that was inverted: its status, and its command where done.
 
@@ -189,11 +189,12 @@ def write_command(
         joints: (6,) rad of the command.
         command: (3, 4) tool in base.
         target: (3, 4) likewise.
+        error: (6,) work space.
         outcome: ``Outcome``; ``after`` is reset to ``before`` where nothing is commanded.
     """
     moved = turned = 0.0
     if status == DONE:
-        moved, turned = _distance(command, target)
+        moved, turned = deviation(command, target, error)
         if moved < limits.min_shift and turned < limits.min_shift:
             status = NO_ERROR
         elif moved > limits.max_shift or turned > limits.max_turn:
@@ -228,6 +229,7 @@ def write_predicted(
     after: Array, outcome: Outcome,
 ) -> None:  # fmt: skip
     """Writes what becomes of targets that were inverted elsewhere; columns of k rows."""
+    error = np.empty(6)
     for k in range(len(rows)):
         n = rows[k]
         for r in range(3):
@@ -235,26 +237,8 @@ def write_predicted(
         status = DONE if converged[k] else NOT_CONVERGED
         arm = model.arms[chunk.tool[n]]
         write_command(
-            arm, chunk, limits, n, status, joints[k], command[k], target[k], outcome
+            arm, chunk, limits, n, status, joints[k], command[k], target[k], error, outcome
         )  # fmt: skip
-
-
-@compile_kernel(EXACT)
-def _distance(pose: Array, target: Array) -> tuple[float, float]:
-    """Returns m and rad between two poses (3, 4)."""
-    shift = turn = trace = 0.0
-    for r in range(3):
-        u, v = (r + 1) % 3, (r + 2) % 3
-        gap, twice = pose[r, ORIGIN] - target[r, ORIGIN], 0.0
-        for k in range(3):
-            twice += pose[v, k] * target[u, k] - pose[u, k] * target[v, k]
-            trace += pose[r, k] * target[r, k]
-        shift += gap * gap
-        turn += twice * twice
-    turn = 0.5 * math.sqrt(turn)
-    if trace < 1.0:  # more than a quarter turn
-        turn = math.atan2(turn, 0.5 * (trace - 1.0))
-    return math.sqrt(shift), turn
 
 
 @compile_kernel(EXACT)

@@ -262,11 +262,8 @@ def _write_nearest(arm: Record, theta: Array, near: Array, free: bool, joints: A
     is ranked behind all others.
     """
     for i in range(6):
-        joints[i] = arm.closed.sign[i] * (theta[i] - arm.closed.offset[i])
-    if arm.coupled:
-        for i in range(6):
-            theta[i] = joints[i]
-        multiply(arm.uncoupling, theta, joints)
+        theta[i] = arm.closed.sign[i] * (theta[i] - arm.closed.offset[i])
+    multiply(arm.uncoupling, theta, joints)
     distance = 0.0
     for i in range(6):
         q = joints[i] + TURN * math.floor((near[i] - joints[i]) / TURN + 0.5)
@@ -315,30 +312,21 @@ def _iterated_joints(arm: Record, w: Record, near: Array) -> bool:
 @compile_kernel(EXACT)
 def write_theta(arm: Record, w: Record) -> None:
     """Writes the angles of the nominal chain from the joints."""
-    theta = w.nominal.theta
-    if arm.coupled:
-        multiply(arm.coupling, w.joints, theta)
-        for i in range(6):
-            theta[i] += arm.zero[i]
-    else:
-        for i in range(6):
-            theta[i] = w.joints[i] + arm.zero[i]
+    multiply(arm.coupling, w.joints, w.nominal.theta)
+    for i in range(6):
+        w.nominal.theta[i] += arm.zero[i]
 
 
 @compile_kernel(EXACT)
 def write_drive_jacobian(arm: Record, jacobian: Array, w: Record) -> None:
     """Writes dx/dshift (6, 6) on the drive side, linear rows divided by ``length``."""
-    scale = 1.0 / arm.length
     for r in range(6):
-        unit = scale if r < 3 else 1.0
+        unit = 1.0 / arm.length if r < 3 else 1.0
         for i in range(6):
-            if arm.coupled:
-                total = 0.0
-                for k in range(6):
-                    total += jacobian[r, k] * arm.coupling[k, i]
-                w.jacobian[r, i] = total * unit
-            else:
-                w.jacobian[r, i] = jacobian[r, i] * unit
+            total = 0.0
+            for k in range(6):
+                total += jacobian[r, k] * arm.coupling[k, i]
+            w.jacobian[r, i] = total * unit
 
 
 @compile_kernel(EXACT)

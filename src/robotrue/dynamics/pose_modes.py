@@ -23,7 +23,7 @@ from robotrue.core.compiled import EXACT, compile_kernel
 from robotrue.dynamics.oscillators import Oscillators, real_modes
 from robotrue.errors import ModelMismatchError, ReachError, ShapeError
 from robotrue.robot.chain import ORIGIN, Z, chain_dtype, link_frames, links_of
-from robotrue.robot.chain_kernels import first_moment, walk, write_jacobian
+from robotrue.robot.chain_kernels import add_first_moment, walk, write_jacobian
 from robotrue.robot.model import RobotModel
 
 LIMIT_SLACK: Final = 1e-6
@@ -202,12 +202,13 @@ def write_mass_matrix(
     walk(links[0], chain)
     write_jacobian(chain)
     n, frame = len(chain.theta), chain.frame
-    linear, turned = np.empty((n, 3)), np.empty((n, 3))
+    linear, turned, place = np.empty((n, 3)), np.empty((n, 3)), np.empty(3)
     mass[:] = 0.0
     for i in range(n):
         if weight[i] <= 0.0:
             continue
-        place = first_moment(frame[i], centre[i])
+        place[:] = 0.0
+        add_first_moment(frame[i], centre[i], place)
         for j in range(i + 1):
             for r in range(3):
                 u, v = (r + 1) % 3, (r + 2) % 3

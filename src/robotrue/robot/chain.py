@@ -32,7 +32,8 @@ def chain_dtype(dof: int) -> np.dtype[np.void]:
 
     Fields: ``theta`` (n,) rad; ``sine`` and ``cosine`` (n,) of it; ``frame`` (n + 1, 3, 4) in base:
     frame i turned by joint i + 1, so that its z is the axis of that joint, then the tool;
-    ``torque`` (n,) N m of the load about the axes; ``jacobian`` (6, n) of the tool, dx/dtheta.
+    ``moment`` (3,) kg m in base of what was summed last; ``torque`` (n,) N m of the load about the
+    axes; ``jacobian`` (6, n) of the tool, dx/dtheta.
     """
     return np.dtype(
         [
@@ -40,6 +41,7 @@ def chain_dtype(dof: int) -> np.dtype[np.void]:
             ("sine", np.float64, (dof,)),
             ("cosine", np.float64, (dof,)),
             ("frame", np.float64, (dof + 1, 3, 4)),
+            ("moment", np.float64, (3,)),
             ("torque", np.float64, (dof,)),
             ("jacobian", np.float64, (6, dof)),
         ]

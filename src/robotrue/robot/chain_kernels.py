@@ -36,12 +36,9 @@ def walk(links: Record, chain: Record) -> None:
             x, y, z = frame[i, r, X], frame[i, r, Y], frame[i, r, Z]
             x, y = e * x + s * y, e * y - s * x
             frame[i, r, X], frame[i, r, Y] = x, y
-            frame[i + 1, r, X] = x * c[X, X] + y * c[Y, X] + z * c[Z, X]
-            frame[i + 1, r, Y] = x * c[X, Y] + y * c[Y, Y] + z * c[Z, Y]
-            frame[i + 1, r, Z] = x * c[X, Z] + y * c[Y, Z] + z * c[Z, Z]
-            frame[i + 1, r, ORIGIN] = (
-                x * c[X, ORIGIN] + y * c[Y, ORIGIN] + z * c[Z, ORIGIN] + frame[i, r, ORIGIN]
-            )
+            for column in range(4):
+                frame[i + 1, r, column] = x * c[X, column] + y * c[Y, column] + z * c[Z, column]
+            frame[i + 1, r, ORIGIN] += frame[i, r, ORIGIN]
 
 
 @compile_kernel(EXACT)
@@ -66,40 +63,36 @@ def write_load_torque(masses: Record, payload: Array, wrench: Array, chain: Reco
         wrench: (6,) N and N m on the tool, at the tool point.
         chain: Its ``frame`` is read.
     """
-    frame, tool, gravity = chain.frame, chain.frame[-1], masses.gravity
+    frame, tool, moment = chain.frame, chain.frame[-1], chain.moment
     last = len(chain.theta) - 1
-    m0, m1, m2 = first_moment(frame[last], payload)
+    moment[:] = 0.0
+    add_first_moment(frame[last], payload, moment)
     for j in range(last + 1):
         i = last - j
-        c0, c1, c2 = first_moment(frame[i], masses.moment[i])
-        m0, m1, m2 = m0 + c0, m1 + c1, m2 + c2
-        mass = masses.outboard[i] + payload[3]
-        # Moment about the joint's origin: weights at their centres, wrench at the tool.
-        a0, a1, a2 = (
-            m0 - mass * frame[i, X, ORIGIN],
-            m1 - mass * frame[i, Y, ORIGIN],
-            m2 - mass * frame[i, Z, ORIGIN],
-        )
-        l0, l1, l2 = (
-            tool[X, ORIGIN] - frame[i, X, ORIGIN],
-            tool[Y, ORIGIN] - frame[i, Y, ORIGIN],
-            tool[Z, ORIGIN] - frame[i, Z, ORIGIN],
-        )
-        t0 = a1 * gravity[2] - a2 * gravity[1] + l1 * wrench[2] - l2 * wrench[1] + wrench[3]
-        t1 = a2 * gravity[0] - a0 * gravity[2] + l2 * wrench[0] - l0 * wrench[2] + wrench[4]
-        t2 = a0 * gravity[1] - a1 * gravity[0] + l0 * wrench[1] - l1 * wrench[0] + wrench[5]
-        chain.torque[i] = frame[i, X, Z] * t0 + frame[i, Y, Z] * t1 + frame[i, Z, Z] * t2
+        add_first_moment(frame[i], masses.moment[i], moment)
+        mass, total = masses.outboard[i] + payload[3], 0.0
+        for r in range(3):
+            # Moment about the joint's origin: weights at their centres, wrench at the tool.
+            u, v = (r + 1) % 3, (r + 2) % 3
+            centre_u = moment[u] - mass * frame[i, u, ORIGIN]
+            centre_v = moment[v] - mass * frame[i, v, ORIGIN]
+            lever_u = tool[u, ORIGIN] - frame[i, u, ORIGIN]
+            lever_v = tool[v, ORIGIN] - frame[i, v, ORIGIN]
+            total += frame[i, r, Z] * (
+                centre_u * masses.gravity[v] - centre_v * masses.gravity[u]
+                + lever_u * wrench[v] - lever_v * wrench[u] + wrench[3 + r]
+            )  # fmt: skip
+        chain.torque[i] = total
 
 
 @compile_kernel(EXACT, inline=True)
-def first_moment(frame: Array, moment: Array) -> tuple[float, float, float]:
-    """Returns the first moment kg m in base of one given in a frame, with its mass behind it."""
-    a, b, c, mass = moment[0], moment[1], moment[2], moment[3]
-    return (
-        a * frame[0, X] + b * frame[0, Y] + c * frame[0, Z] + mass * frame[0, ORIGIN],
-        a * frame[1, X] + b * frame[1, Y] + c * frame[1, Z] + mass * frame[1, ORIGIN],
-        a * frame[2, X] + b * frame[2, Y] + c * frame[2, Z] + mass * frame[2, ORIGIN],
-    )
+def add_first_moment(frame: Array, body: Array, moment: Array) -> None:
+    """Adds the first moment kg m in base of a body: (3,) kg m in a frame, then its mass kg."""
+    for r in range(3):
+        along = 0.0
+        for column in range(4):
+            along += body[column] * frame[r, column]
+        moment[r] += along
 
 
 @compile_kernel(EXACT)
@@ -114,20 +107,15 @@ def deviation(pose: Array, target: Array, error: Array) -> tuple[float, float]:
         target: (3, 4).
         error: Written.
     """
-    x = y = z = trace = 0.0
-    for column in range(3):
-        p0, p1, p2 = pose[0, column], pose[1, column], pose[2, column]
-        t0, t1, t2 = target[0, column], target[1, column], target[2, column]
-        x += t1 * p2 - t2 * p1
-        y += t2 * p0 - t0 * p2
-        z += t0 * p1 - t1 * p0
-        trace += p0 * t0 + p1 * t1 + p2 * t2
-    error[3], error[4], error[5] = 0.5 * x, 0.5 * y, 0.5 * z
-    squared = 0.0
+    trace = squared = turned = 0.0
     for r in range(3):
-        error[r] = pose[r, ORIGIN] - target[r, ORIGIN]
+        u, v, twice = (r + 1) % 3, (r + 2) % 3, 0.0
+        for column in range(3):
+            twice += target[u, column] * pose[v, column] - target[v, column] * pose[u, column]
+            trace += pose[r, column] * target[r, column]
+        error[3 + r], error[r] = 0.5 * twice, pose[r, ORIGIN] - target[r, ORIGIN]
+        turned += error[3 + r] * error[3 + r]
         squared += error[r] * error[r]
-    turned = 0.25 * (x * x + y * y + z * z)
     turn = math.sqrt(turned)
     if trace < 1.0:
         stretch = math.atan2(turn, 0.5 * (trace - 1.0)) / max(turn, 1e-6)
