@@ -10,7 +10,7 @@ from planted_arm import PAYLOAD, arm, planted, postures, ripple_shift
 
 from robotrue.calibration.evidence import PriorGroup, held_scales, learn, posterior, sums_of
 from robotrue.calibration.held_out_blocks import HeldOutRows, widen
-from robotrue.calibration.learned import LearnedParts, climb_ladder, fit_learned, share_waves
+from robotrue.calibration.learned import LearnedMethod, LearnedParts, climb_ladder, share_waves
 from robotrue.calibration.methods import FitSettings, fit
 from robotrue.calibration.model import Query
 from robotrue.calibration.robust import student_factor
@@ -206,12 +206,8 @@ def test_another_day_widens_the_prediction_and_leaves_the_mean():
     rows = visited(points, postures(robot, 25, rng), rng)
     query = Query(joints=postures(robot, 10, rng), load=PAYLOAD)
     narrow, wide = (
-        fit_learned(
-            robot,
-            rows,
-            replace(SETTINGS, campaign_shift=shift),
-            parts=LearnedParts(smooth=False, highest=16),
-            method="ripple",
+        LearnedMethod(name="ripple", parts=LearnedParts(smooth=False, highest=16))(
+            robot, rows, replace(SETTINGS, campaign_shift=shift)
         )
         for shift in (0.0, 1e-4)
     )

@@ -14,10 +14,10 @@ from robotrue.calibration.estimate import estimate
 from robotrue.calibration.evidence import learn
 from robotrue.calibration.held_out_blocks import match_quantile, predict_held_out
 from robotrue.calibration.learned import (
+    LearnedMethod,
     LearnedParts,
     climb_ladder,
     first_design,
-    fit_learned,
     renew_linearisation,
 )
 from robotrue.calibration.methods import FitSettings
@@ -58,7 +58,7 @@ def model():
         covariance=np.tile(4e-10 * np.eye(3), (200, 1, 1)),
         approach=approach,
     )
-    return fit_learned(robot, data, SETTINGS, parts=LearnedParts(highest=16), method="gp")
+    return LearnedMethod(name="gp", parts=LearnedParts(highest=16))(robot, data, SETTINGS)
 
 
 @pytest.fixture(scope="module")
@@ -152,12 +152,8 @@ def test_measured_ur5_random_poses(data_dir):
     folder = data_dir / "ur5-jacobi"
     train = read_measurements(folder / "3D_UR5_uncalibrated_grid_cleaned.csv")
     test = read_measurements(folder / "3D_UR5_uncalibrated_random_cleaned.csv")
-    model = fit_learned(
-        preset("UR5"),
-        train,
-        FitSettings(),
-        parts=LearnedParts(smooth=False, highest=64),
-        method="ripple",
+    model = LearnedMethod(name="ripple", parts=LearnedParts(smooth=False, highest=64))(
+        preset("UR5"), train, FitSettings()
     )
     stated = model.predict(Query(joints=test.joints))
     off = test.position - forward(model.robot, test.joints)[:, :3, 3] - stated.error

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from planted_arm import PAYLOAD, arm, planted, postures, ripple_shift
 
-from robotrue.calibration.learned import LearnedParts, fit_learned
+from robotrue.calibration.learned import LearnedMethod, LearnedParts
 from robotrue.calibration.methods import FitSettings
 from robotrue.calibration.model import Query
 from robotrue.calibration.terms.ripple import Ripple, harmonics
@@ -65,8 +65,8 @@ def found():
     joints = postures(robot, 320, rng)
     approach = rng.choice([-1.0, 1.0], joints.shape)
     data, _ = rippling(actual, joints, rng, size=8e-5, backlash=2e-5, approach=approach)
-    model = fit_learned(
-        robot, data, SETTINGS, parts=LearnedParts(smooth=False, highest=16), method="ripple"
+    model = LearnedMethod(name="ripple", parts=LearnedParts(smooth=False, highest=16))(
+        robot, data, SETTINGS
     )
     return robot, actual, model
 
@@ -109,13 +109,13 @@ def test_without_ripple_the_evidence_leaves_it_out():
     robot = arm()
     actual = planted(robot, rng)
     data, _ = rippling(actual, postures(robot, 60, rng), rng, size=0.0)
-    model = fit_learned(robot, data, SETTINGS, parts=LearnedParts(), method="gp")
+    model = LearnedMethod(name="gp", parts=LearnedParts())(robot, data, SETTINGS)
     assert np.abs(model.mean_tables().ripple_sin).max(initial=0.0) < 5e-6
     joints = postures(robot, 200, rng)
     _, true = rippling(actual, joints, rng, size=0.0)
     off = true - forward(robot, joints)[:, :3, 3]
-    plain = fit_learned(
-        robot, data, SETTINGS, parts=LearnedParts(ripple=False, smooth=False), method="elastic"
+    plain = LearnedMethod(name="elastic", parts=LearnedParts(ripple=False, smooth=False))(
+        robot, data, SETTINGS
     )
     query = Query(joints=joints, load=PAYLOAD)
     learned, physical = (
@@ -129,8 +129,8 @@ def test_rows_in_any_order_of_columns_need_no_approach():
     robot = arm()
     data, _ = rippling(planted(robot, rng), postures(robot, 60, rng), rng, size=0.0)
     silent = replace(data, approach=np.zeros_like(data.joints))
-    model = fit_learned(
-        robot, silent, SETTINGS, parts=LearnedParts(smooth=False, highest=16), method="ripple"
+    model = LearnedMethod(name="ripple", parts=LearnedParts(smooth=False, highest=16))(
+        robot, silent, SETTINGS
     )
     np.testing.assert_array_equal(model.mean_tables().backlash, 0.0)
     assert any("approach" in doubt for doubt in model.training_summary()["doubts"])

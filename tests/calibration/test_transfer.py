@@ -10,7 +10,7 @@ from planted_arm import PAYLOAD, arm, planted, postures
 
 from robotrue.calibration.archive import open_model
 from robotrue.calibration.drift_prior import DEFAULTS, drift_of, prior_of
-from robotrue.calibration.learned import LearnedParts, fit_learned
+from robotrue.calibration.learned import LearnedMethod, LearnedParts
 from robotrue.calibration.lineage import model_hash
 from robotrue.calibration.methods import FitSettings, fit
 from robotrue.calibration.model import Query
@@ -56,8 +56,8 @@ def remounted(shift):
 @pytest.fixture(scope="module")
 def source():
     rows = visit(TRUE, postures(arm(), 150, np.random.default_rng(52)), 53)
-    return fit_learned(
-        arm(), rows, SETTINGS, parts=LearnedParts(smooth=False, highest=16), method="ripple"
+    return LearnedMethod(name="ripple", parts=LearnedParts(smooth=False, highest=16))(
+        arm(), rows, SETTINGS
     )
 
 

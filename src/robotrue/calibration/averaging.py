@@ -19,7 +19,6 @@ import numpy as np
 
 from robotrue.calibration.belief import (
     Belief,
-    add_variance,
     with_centres,
     with_harmonics,
     with_term,
@@ -190,10 +189,7 @@ def _widen_smooth(belief: Belief, smooth: SmoothResidual) -> Belief:
         return with_term(belief, smooth, np.arange(0))
     if own.size == smooth.size:
         return belief
-    wider = with_centres(belief, smooth.basis)
-    variance = np.zeros(len(wider.mean))
-    variance[belief.place(own.name).stop : wider.place(own.name).stop] = own.amplitude**2
-    return add_variance(wider, variance)
+    return with_centres(belief, smooth.basis, own.amplitude)
 
 
 def _arrange(belief: Belief, terms: tuple[Term, ...]) -> Belief:

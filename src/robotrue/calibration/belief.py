@@ -26,7 +26,7 @@ from robotrue.calibration.terms.ripple import Ripple
 from robotrue.calibration.terms.smooth import SmoothBasis, SmoothResidual, no_basis
 from robotrue.calibration.terms.term import Carry, Term
 from robotrue.core.arrays import Array, IntArray
-from robotrue.robot.model import RobotModel
+from robotrue.robot.model import RobotModel, parameter_slice
 
 ROWS: Final = 300
 """Numbers conditioned on at a time."""
@@ -171,6 +171,21 @@ def with_nuisances(belief: Belief, sd: Array) -> Belief:
     return replace(belief, mean=mean, root=root, nuisances=belief.nuisances + len(sd))
 
 
+def with_tool(belief: Belief, T_flange_tool: Array) -> Belief:
+    """Returns the belief with another tool (4, 4), of which nothing was learned: zero, certain."""
+    tool = parameter_slice(belief.robot.dof, "tool")
+    mean, root = belief.mean.copy(), belief.root.copy()
+    mean[tool], root[:, tool] = 0.0, 0.0
+    return replace(belief, robot=belief.robot.with_tool(T_flange_tool), mean=mean, root=root)
+
+
+def widen_tool(belief: Belief, sd: float) -> Belief:
+    """Returns the belief with its tool point less certain by ``sd`` m per axis."""
+    variance = np.zeros(len(belief.mean))
+    variance[parameter_slice(belief.robot.dof, "tool")][:3] = sd**2
+    return add_variance(belief, variance)
+
+
 def drop_nuisances(belief: Belief) -> Belief:
     """Returns the belief without the columns at its end that rows brought."""
     end = belief.end
@@ -197,9 +212,18 @@ def with_term(belief: Belief, term: Term, kept: IntArray) -> Belief:
     )
 
 
-def with_centres(belief: Belief, basis: SmoothBasis) -> Belief:
-    """Returns the belief over a basis that begins with the centres it had."""
-    return with_term(belief, *belief.smooth.with_basis(basis))
+def with_centres(belief: Belief, basis: SmoothBasis, sd: float = 0.0) -> Belief:
+    """Returns the belief over a basis that begins with the centres it had.
+
+    Args:
+        belief: Before.
+        basis: With the centres added.
+        sd: m, of the weights of centres that are added.
+    """
+    wider = with_term(belief, *belief.smooth.with_basis(basis))
+    variance = np.zeros(len(wider.mean))
+    variance[belief.place("smooth").stop : wider.place("smooth").stop] = sd**2
+    return add_variance(wider, variance)
 
 
 def with_amplitude(belief: Belief, amplitude: float) -> Belief:

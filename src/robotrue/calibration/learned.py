@@ -99,57 +99,6 @@ _LAST_WAVES: ContextVar[list[tuple[_Inputs, tuple[bool, int], _Waves]] | None] =
 """The last fit with ripple, within :func:`share_waves`."""
 
 
-def fit_learned(
-    robot: RobotModel,
-    measurements: MeasurementSet,
-    settings: FitSettings,
-    *,
-    parts: LearnedParts,
-    method: str,
-) -> CalibratedModel:
-    """Returns the learned model of the measurements.
-
-    Args:
-        robot: Nominal arm with the nominal reflector.
-        measurements: Points or poses, in base or in tracker frames.
-        settings: Loads, priors, robust rule.
-        parts: What is tried.
-        method: Name the summary carries.
-
-    Raises:
-        ObservabilityError: Too few measurements for the physical model.
-        ImplausibleDataError: The measurements cannot belong to this robot.
-        ConvergenceError: The physical estimate did not settle.
-    """
-    return fit_whole(robot, measurements, settings, parts=parts, method=method).model()
-
-
-def fit_whole(
-    robot: RobotModel,
-    measurements: MeasurementSet,
-    settings: FitSettings,
-    *,
-    parts: LearnedParts,
-    method: str,
-) -> WholeFit:
-    """Returns the learned fit, ready to be refitted without some rows; as :func:`fit_learned`."""
-    physical, at, found = _fit_waves(robot, measurements, settings, parts)
-    base = WholeFit(
-        physical=physical,
-        at=at,
-        held_out=found,
-        settings=settings,
-        notes={"method": method, "smooth": "not tried"},
-    )
-    if not parts.smooth or len(measurements) < FEWEST_SMOOTH:
-        return base
-    richer, better, notes = _with_smooth(at, found, measurements, settings)
-    notes = {"method": method, **notes}
-    if richer is at:
-        return replace(base, notes=notes)
-    return replace(base, at=richer, held_out=better, notes=notes, base=base)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LearnedMethod:
     """A calibration method with learned parts.
@@ -165,14 +114,39 @@ class LearnedMethod:
     def __call__(
         self, robot: RobotModel, measurements: MeasurementSet, settings: FitSettings
     ) -> CalibratedModel:
-        """Returns :func:`fit_learned`."""
-        return fit_learned(robot, measurements, settings, parts=self.parts, method=self.name)
+        """Returns the learned model of the measurements.
+
+        Args:
+            robot: Nominal arm with the nominal reflector.
+            measurements: Points or poses, in base or in tracker frames.
+            settings: Loads, priors, robust rule.
+
+        Raises:
+            ObservabilityError: Too few measurements for the physical model.
+            ImplausibleDataError: The measurements cannot belong to this robot.
+            ConvergenceError: The physical estimate did not settle.
+        """
+        return self.fit_whole(robot, measurements, settings).model()
 
     def fit_whole(
         self, robot: RobotModel, measurements: MeasurementSet, settings: FitSettings
     ) -> WholeFit:
-        """Returns :func:`fit_whole`."""
-        return fit_whole(robot, measurements, settings, parts=self.parts, method=self.name)
+        """Returns the learned fit, ready to be refitted without some rows; as :meth:`__call__`."""
+        physical, at, found = _fit_waves(robot, measurements, settings, self.parts)
+        base = WholeFit(
+            physical=physical,
+            at=at,
+            held_out=found,
+            settings=settings,
+            notes={"method": self.name, "smooth": "not tried"},
+        )
+        if not self.parts.smooth or len(measurements) < FEWEST_SMOOTH:
+            return base
+        richer, better, notes = _with_smooth(at, found, measurements, settings)
+        notes = {"method": self.name, **notes}
+        if richer is at:
+            return replace(base, notes=notes)
+        return replace(base, at=richer, held_out=better, notes=notes, base=base)
 
 
 @contextmanager

@@ -125,7 +125,12 @@ def typical_ripple(robot: RobotModel, highest: int = HIGHEST) -> Array:
 
 
 def prior_belief(
-    robot: RobotModel, settings: FitSettings | None = None, *, ripple: Array | None = None
+    robot: RobotModel,
+    settings: FitSettings | None = None,
+    *,
+    ripple: Array | None = None,
+    backlash: float = 0.0,
+    held: str = "base",
 ) -> Belief:
     """Returns the belief in an arm of which only the type is known.
 
@@ -136,6 +141,8 @@ def prior_belief(
         settings: Priors, stiffness and repeatability.
         ripple: (h,) rad, sd of sine and cosine of N = 1 .. h cycles per revolution; that of
             :func:`typical_ripple` if not given.
+        backlash: rad, sd of that of each drive.
+        held: Group of the error vector that is certain; empty: none.
     """
     settings = FitSettings() if settings is None else settings
     size = typical_ripple(robot) if ripple is None else frozen(ripple, (None,), "ripple")
@@ -143,13 +150,13 @@ def prior_belief(
         ParameterLayout(dof=robot.dof),
         State(robot=robot),
         settings.scales,
-        free_groups=tuple(g for g in free_groups("elastic") if g != "base"),
+        free_groups=tuple(g for g in free_groups("elastic") if g != held),
         stiffness=settings.stiffness,
         payload_mass=float(settings.payload.mass[0]),
         tool_rotation=False,
     )
     waves = np.tile(np.repeat(size, 2), robot.dof)
-    sd = np.concatenate([prior.sd, waves, np.zeros(robot.dof)])
+    sd = np.concatenate([prior.sd, waves, np.full(robot.dof, backlash)])
     mean = np.concatenate([prior.centre.robot.errors, np.zeros(len(waves) + robot.dof)])
     return Belief(
         robot=robot.nominal(),

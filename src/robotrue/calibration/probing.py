@@ -16,8 +16,9 @@ import numpy as np
 
 from robotrue.calibration.belief import (
     Belief,
-    add_variance,
+    widen_tool,
     with_amplitude,
+    with_tool,
 )
 from robotrue.calibration.drift_scales import Stack, stack_rows
 from robotrue.calibration.methods import fit
@@ -50,7 +51,6 @@ from robotrue.errors import (
 )
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.measurement.probing_set import ProbingSet
-from robotrue.robot.model import parameter_slice
 
 __all__ = [
     "ProbingEstimate",
@@ -170,27 +170,16 @@ def before_touching(model: ErrorModel, settings: ProbingSettings) -> Belief:
             robot = robot.with_tool(settings.T_flange_tool)
         return prior_belief(robot, replace(settings.priors, scales=scales))
     belief = _work_in_inflation(require_belief(model))
-    tool = parameter_slice(belief.robot.dof, "tool")
     if settings.T_flange_tool is not None:
         if settings.tool_sigma <= 0.0:
             raise ConfigurationError(
                 "the touches have a tool of their own, and nothing says how well it is known.",
                 hint="give tool_sigma; 1 mm is written tool_sigma=1e-3.",
             )
-        mean, root = belief.mean.copy(), belief.root.copy()
-        mean[tool] = 0.0
-        root[:, tool] = 0.0
-        belief = replace(
-            belief,
-            robot=belief.robot.with_tool(settings.T_flange_tool),
-            mean=mean,
-            root=root,
-            # The smooth residual was learned at another point.
-            white=float(np.hypot(belief.white, belief.smooth.amplitude)),
-        )
-    variance = np.zeros(len(belief.mean))
-    variance[tool][:3] = settings.tool_sigma**2
-    return add_variance(belief, variance)
+        # The smooth residual was learned at another point.
+        white = float(np.hypot(belief.white, belief.smooth.amplitude))
+        belief = replace(with_tool(belief, settings.T_flange_tool), white=white)
+    return widen_tool(belief, settings.tool_sigma)
 
 
 def _work_in_inflation(belief: Belief) -> Belief:

@@ -36,7 +36,9 @@ from robotrue.calibration.belief import (
     condition,
     root_of_covariance,
     standard_terms,
+    widen_tool,
     with_harmonics,
+    with_tool,
 )
 from robotrue.calibration.drift_prior import (
     NO_DRIFT,
@@ -124,20 +126,7 @@ def carry_to_reflector(
     gap = robot.T_flange_tool - belief.robot.T_flange_tool
     if np.max(np.abs(gap[:3, 3])) <= SAME:
         return belief
-    tool = parameter_slice(robot.dof, "tool")
-    mean, root = belief.mean.copy(), belief.root.copy()
-    mean[tool], root[:, tool] = 0.0, 0.0
-    variance = np.zeros(len(mean))
-    variance[tool.start : tool.start + 3] = settings.scales.tool**2
-    return add_variance(
-        replace(
-            belief,
-            robot=belief.robot.with_tool(robot.T_flange_tool),
-            mean=mean,
-            root=root,
-        ),
-        variance,
-    )
+    return widen_tool(with_tool(belief, robot.T_flange_tool), settings.scales.tool)
 
 
 def combine_sources(beliefs: Sequence[Belief], relations: Sequence[Relation]) -> Belief:

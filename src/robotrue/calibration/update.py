@@ -15,7 +15,6 @@ import numpy as np
 
 from robotrue.calibration.belief import (
     Belief,
-    add_variance,
     drop_nuisances,
     with_centres,
 )
@@ -120,10 +119,7 @@ def carry_residual(belief: Belief, joints: Array) -> Belief:
     if not len(far):
         return belief
     basis = add_centres(smooth.basis, joints[far], most=MOST_CENTRES, enough=UNCARRIED)
-    wider = with_centres(belief, basis)
-    variance = np.zeros(len(wider.mean))
-    variance[belief.place("smooth").stop : wider.place("smooth").stop] = smooth.amplitude**2
-    return add_variance(wider, variance)
+    return with_centres(belief, basis, smooth.amplitude)
 
 
 def without_nuisances(belief: Belief, rows: NewRows) -> Belief:

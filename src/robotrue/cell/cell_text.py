@@ -14,13 +14,12 @@ from robotrue.cell.obstacles import Box, Obstacle, Sphere
 from robotrue.cell.robot_table import robot_table
 from robotrue.cell.toml_edit import (
     plain_names,
+    pose_keys,
     round_digits,
     with_table,
     without_part,
     write_toml,
 )
-from robotrue.core.arrays import Array
-from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.tracker import DEFAULT_SPECIFICATION, TrackerSpecification, one_sigma
@@ -56,7 +55,7 @@ def portable_text(cell: Cell) -> tuple[str, dict[str, bytes]]:
         return values, {}
     text = cell.text
     if cell.part is not None:
-        text = with_table(without_part(text), "base", _pose_table(cell.T_base_frame))
+        text = with_table(without_part(text), "base", pose_keys(cell.T_base_frame))
     text, stated = plain_names(text)
     files = {name: cell.files[own] for name, own in stated.items()}
     if cell_text(parse_cell(text.encode(), cell.source, files=files)) != values:
@@ -68,7 +67,7 @@ def _cell_tables(cell: Cell) -> dict[str, object]:
     tables: dict[str, object] = {
         "schema": 1,
         "robot": robot_table(cell.robot, cell.compliance_prior, cell.link_radius),
-        "tool": _pose_table(cell.robot.T_flange_tool),
+        "tool": pose_keys(cell.robot.T_flange_tool),
         "payload": {
             "mass_kg": round_digits(cell.payload.mass[0]),
             "centre_of_mass_mm": round_digits(cell.payload.com[0] / MM),
@@ -82,20 +81,13 @@ def _cell_tables(cell: Cell) -> dict[str, object]:
     ):
         tables["target"] = _target_table(cell)
     if not np.array_equal(cell.T_base_frame, np.eye(4)) and cell.part is None:
-        tables["base"] = _pose_table(cell.T_base_frame)
+        tables["base"] = pose_keys(cell.T_base_frame)
     tables["tracker"] = _tracker_table(cell)
     if cell.obstacles:
         tables["obstacle"] = [_obstacle_table(body) for body in cell.obstacles]
     if cell.says_of_controller:
         tables["controller"] = controller_table(cell.controller)
     return tables
-
-
-def _pose_table(T: Array) -> dict[str, object]:
-    return {
-        "xyz_mm": round_digits(T[:3, 3] / MM),
-        "abc_deg": round_digits(abc_from_matrix(T[:3, :3]) / DEG),
-    }
 
 
 def _target_table(cell: Cell) -> dict[str, object]:

@@ -9,10 +9,10 @@ from typing import Final
 import numpy as np
 
 from robotrue.cell.schema import ControllerTable, ExternalTable, NamedFrameTable
-from robotrue.cell.toml_edit import round_digits
+from robotrue.cell.toml_edit import pose_keys, round_digits
 from robotrue.core.arrays import Array
 from robotrue.core.poses import pose, pose_from_xyz_abc
-from robotrue.core.rotations import abc_from_matrix, matrix_from_quat_wxyz
+from robotrue.core.rotations import matrix_from_quat_wxyz
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 from robotrue.program.controller_files import ControllerFile
@@ -215,11 +215,8 @@ def _orientation_keys(rule: OrientationRule) -> dict[str, object]:
 
 
 def _frame_table(key: str, T: Array) -> dict[str, object]:
-    return {
-        **({"number": int(key)} if key.isascii() and key.isdigit() else {"name": key}),
-        "xyz_mm": round_digits(T[:3, 3] / MM),
-        "abc_deg": round_digits(abc_from_matrix(T[:3, :3]) / DEG),
-    }
+    named = {"number": int(key)} if key.isascii() and key.isdigit() else {"name": key}
+    return {**named, **pose_keys(T)}
 
 
 def _axis_table(axis: ExternalAxis) -> dict[str, object]:

@@ -43,11 +43,11 @@ class PartFrame(Columns):
         """Returns what a reader wants to know of it, as JSON values: mm and deg."""
         return {
             "name": self.name,
-            "xyz_mm": (self.T_base_part[:3, 3] / MM).tolist(),
-            "abc_deg": (abc_from_matrix(self.T_base_part[:3, :3]) / DEG).tolist(),
+            "xyz_mm": (self.T_base_part[:3, 3] / MM + 0.0).tolist(),
+            "abc_deg": (abc_from_matrix(self.T_base_part[:3, :3]) / DEG + 0.0).tolist(),
             "touches": self.touches,
             "outliers": list(self.outliers),
-            "rms_mm": self.rms / MM,
+            "rms_mm": float(self.rms / MM),
             "verdict": self.verdict,
         }
 
@@ -126,19 +126,8 @@ def part_tables(part: PartTable) -> dict[str, object]:
             **({"instrument": origin.instrument} if origin.instrument else {}),
             "model": {**part.identity.document(), "file": part.model_file},
         },
-        "part": [_frame_table(frame) for frame in part.frames],
-    }
-
-
-def _frame_table(frame: PartFrame) -> dict[str, object]:
-    T = frame.T_base_part
-    return {
-        "name": frame.name,
-        "xyz_mm": (T[:3, 3] / MM + 0.0).tolist(),
-        "abc_deg": (abc_from_matrix(T[:3, :3]) / DEG + 0.0).tolist(),
-        "touches": frame.touches,
-        "outliers": list(frame.outliers),
-        "rms_mm": float(frame.rms / MM),
-        "verdict": frame.verdict,
-        "covariance_m_rad": (frame.covariance + 0.0).tolist(),
+        "part": [
+            {**frame.document(), "covariance_m_rad": (frame.covariance + 0.0).tolist()}
+            for frame in part.frames
+        ],
     }

@@ -14,6 +14,10 @@ import numpy.typing as npt
 import tomlkit
 from tomlkit.items import Item
 
+from robotrue.core.arrays import Array
+from robotrue.core.rotations import abc_from_matrix
+from robotrue.core.units import DEG, MM
+
 PART_HEADING: Final = (
     "# Registered by touching; written by `robotrue register`, whole. Do not edit.\n"
 )
@@ -35,6 +39,14 @@ def round_digits(values: npt.ArrayLike) -> Any:
         return round(value, 12) + 0.0  # no negative zero
 
     return round_value(plain)
+
+
+def pose_keys(T: Array) -> dict[str, object]:
+    """Returns a pose (4, 4) m as ``xyz_mm`` and ``abc_deg``, KUKA A, B, C."""
+    return {
+        "xyz_mm": round_digits(T[:3, 3] / MM),
+        "abc_deg": round_digits(abc_from_matrix(T[:3, :3]) / DEG),
+    }
 
 
 def write_toml(tables: Mapping[str, object]) -> str:

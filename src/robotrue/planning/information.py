@@ -20,12 +20,11 @@ from typing import Annotated, Final
 
 import numpy as np
 
-from robotrue.calibration.arm import term_columns
 from robotrue.calibration.belief import Belief, root_of_covariance, standard_terms
 from robotrue.calibration.model import ErrorModel
-from robotrue.calibration.observations import PositionObservation, observations_of
+from robotrue.calibration.observations import linear_rows, observations_of
 from robotrue.calibration.parameters import ParameterLayout, State
-from robotrue.calibration.priors import build_prior, free_groups
+from robotrue.calibration.priors import prior_belief
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.terms.compliance import StiffnessPrior
 from robotrue.calibration.terms.geometry import PriorScales
@@ -40,8 +39,6 @@ from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel, parameter_slice
 from robotrue.robot.statics import NO_LOAD, Load
 
-ROWS: Final = 1024
-"""Poses linearised at a time; bounds the memory."""
 LOOSE: Final = 0.1
 """m and rad, prior sd of the base where the tracker's frame is not known."""
 STIFFNESS_SD: Final = 0.3
@@ -181,26 +178,21 @@ class LinearModel(Columns):
 
     def _blocks(
         self, postures: Postures, robot: RobotModel
-    ) -> Iterator[tuple[slice, Array, Array, Array]]:
+    ) -> Iterator[tuple[IntArray, Array, Array, Array]]:
         """Rows, Jacobian (n, 3, p), drive Jacobian, covariance of instrument and repeatability."""
         layout = ParameterLayout(dof=robot.dof)
         terms = standard_terms(robot.dof, harmonics(len(self.unmodelled.ripple)))
-        for start in range(0, len(postures), ROWS):
-            part = slice(start, start + ROWS)
-            mine = postures.take(part)
-            (seen,) = observations_of(
-                robot,
-                _build_ideal_set(self.cell, robot, mine),
-                self.settings.payload,
-                repeatability=self.settings.repeatability_sd,
-                rotation_sd=self.settings.rotation_sd,
-            )
-            if not isinstance(seen, PositionObservation):  # _imagined has points only
-                raise ModelMismatchError("planning is about points, not poses, of a reflector.")
-            item = seen.linearise(layout, State(robot=robot))
-            drive = item.jacobian[:, :, parameter_slice(robot.dof, "theta")] @ robot.joint_map
-            learned, _ = term_columns(robot, seen.visits, item.jacobian, terms, None)
-            yield part, np.concatenate([item.jacobian, *learned], axis=2), drive, item.covariance
+        seen = observations_of(
+            robot,
+            _build_ideal_set(self.cell, robot, postures),
+            self.settings.payload,
+            repeatability=self.settings.repeatability_sd,
+            rotation_sd=self.settings.rotation_sd,
+        )
+        at, none = np.zeros(layout.size), np.zeros(sum(term.size for term in terms))
+        for item in linear_rows(seen, layout, State(robot=robot), at, terms, none):
+            drive = item.columns[:, :, parameter_slice(robot.dof, "theta")] @ robot.joint_map
+            yield item.rows, item.columns, drive, item.covariance
 
     def _rest(self, drive: Array) -> Array:
         """Covariance (n, 3, 3) m^2 of what the linear model leaves out."""
@@ -236,27 +228,22 @@ def before_measuring(
     """
     settings = settings_of(cell) if settings is None else settings
     unmodelled = UnmodelledErrors() if unmodelled is None else unmodelled
-    robot = cell.measured_robot.nominal()
-    layout = ParameterLayout(dof=robot.dof)
-    prior = build_prior(
-        layout,
-        State(robot=robot),
-        settings.scales,
-        free_groups=free_groups("elastic"),
-        stiffness=settings.stiffness,
-        payload_mass=float(settings.payload.mass[0]),
-        tool_rotation=False,
-    )
-    sd = prior.sd.copy()
+    robot, scales = cell.measured_robot.nominal(), settings.scales
     if cell.frame == "tracker":
-        sd[parameter_slice(robot.dof, "base")] = LOOSE
-    full = np.concatenate([sd, _drive_sd(robot, unmodelled)])
+        scales = replace(scales, base=LOOSE, base_rotation=LOOSE)
+    belief = prior_belief(
+        robot,
+        replace(settings, scales=scales),
+        ripple=unmodelled.ripple / robot.reach,
+        backlash=unmodelled.backlash / robot.reach,
+        held="",
+    )
     return LinearModel(
-        robot=prior.centre.robot,
+        robot=belief.actual,
         cell=cell,
         settings=settings,
         unmodelled=unmodelled,
-        root=np.diag(full)[:, full > 0.0],
+        root=belief.root.T,
     )
 
 

@@ -6,17 +6,17 @@ blank: a row that was left blank is refused, not taken for a measurement.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from robotrue.cell.cell import Cell
-from robotrue.core.arrays import Array
 from robotrue.core.csv_text import csv_text
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ModelMismatchError
 from robotrue.measurement.formats.canonical import canonical_mapping
-from robotrue.measurement.formats.part_points import PLANNED
+from robotrue.measurement.formats.part_points import PLANNED, point_columns
+from robotrue.measurement.formats.sheet import number_columns, write_six_digits
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.planning.pose_plan import PosePlan
 from robotrue.program.formats.krl_measure import Trigger, measuring_program
@@ -83,7 +83,7 @@ def plan_sheet(plan: PosePlan) -> bytes:
     go there, and a row that was left blank is refused, not taken for a measurement.
     """
     names = canonical_mapping(plan.joints.shape[1])
-    columns = _block(names.joints, plan.joints / DEG)
+    columns = number_columns(names.joints, plan.joints / DEG, write_six_digits)
     columns |= {name: [""] * len(plan) for name in names.position}
     columns |= {
         name: [str(int(sign)) for sign in plan.approach[:, i]]
@@ -93,20 +93,14 @@ def plan_sheet(plan: PosePlan) -> bytes:
         mass = np.array([load.mass[0] for load in plan.loads])[plan.load]
         centre = np.array([load.com[0] for load in plan.loads])[plan.load]
         wrench = np.array([load.wrench[0] for load in plan.loads])[plan.load]
-        columns |= _block(names.payload_mass, mass[:, None])
-        columns |= _block(names.payload_com, centre / MM)
+        columns |= number_columns(names.payload_mass, mass[:, None], write_six_digits)
+        columns |= number_columns(names.payload_com, centre / MM, write_six_digits)
         if wrench.any():
-            columns |= _block(names.force, wrench[:, :3]) | _block(names.moment, wrench[:, 3:])
+            columns |= number_columns(
+                names.force, wrench[:, :3], write_six_digits
+            ) | number_columns(names.moment, wrench[:, 3:], write_six_digits)
     head = "# poses to be measured; fill in x_mm, y_mm, z_mm and give the file to calibrate\n"
-    return (head + csv_text([columns, *zip(*columns.values(), strict=True)])).encode()
-
-
-def _block(names: tuple[str, ...], values: Array) -> dict[str, list[str]]:
-    return {name: [_number(v) for v in values[:, i]] for i, name in enumerate(names)}
-
-
-def _number(value: float) -> str:
-    return f"{value:.6f}".rstrip("0").rstrip(".") if value else "0"
+    return _write_sheet(head, columns)
 
 
 def touch_sheet(touches: ProbingSet, parts: Sequence[str]) -> bytes:
@@ -119,24 +113,10 @@ def touch_sheet(touches: ProbingSet, parts: Sequence[str]) -> bytes:
         touches: With joints.
         parts: Name of each part by its number; the column is left out for one part alone.
     """
-    dof = touches.joints.shape[1]
-    header = ["name", "px_mm", "py_mm", "pz_mm", *(f"j{i + 1}_deg" for i in range(dof))]
-    normals = not touches.full.all()
-    if normals:
-        header += ["nx", "ny", "nz"]
-    if len(parts) > 1:
-        header.append("part")
     head = f"{PLANNED}: put the joints at each touch in their place, then delete this line\n"
-    rows = [header]
-    for k, name in enumerate(touches.names):
-        row = [name, *_numbers(touches.point[k] / MM), *_numbers(touches.joints[k] / DEG)]
-        if normals:
-            row += _numbers(touches.normal[k])
-        if len(parts) > 1:
-            row.append(parts[int(touches.part[k])])
-        rows.append(row)
-    return (head + csv_text(rows)).encode()
+    columns = point_columns(touches, parts if len(parts) > 1 else (), write_six_digits)
+    return _write_sheet(head, columns)
 
 
-def _numbers(values: Sequence[float]) -> list[str]:
-    return ["" if np.isnan(v) else f"{v:.6f}".rstrip("0").rstrip(".") for v in values]
+def _write_sheet(head: str, columns: Mapping[str, Sequence[str]]) -> bytes:
+    return (head + csv_text([columns, *zip(*columns.values(), strict=True)])).encode()

@@ -13,7 +13,7 @@ two rows of the same name.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Final
@@ -208,13 +208,28 @@ def write_points(path: str | Path, touches: ProbingSet, parts: Sequence[str] = (
         raise FormatError(
             "sockets and named surfaces have no columns in a file of touched points.", source=path
         )
-    columns = {"name": list(touches.names)} | number_columns(POINT, touches.point / MM)
+    write_columns(path, point_columns(touches, parts), touches.provenance)
+
+
+def point_columns(
+    touches: ProbingSet, parts: Sequence[str], written: Callable[[float], str] = repr
+) -> dict[str, list[str]]:
+    """Returns the columns of a file of touched points by name.
+
+    Args:
+        touches: Of points and normals.
+        parts: Name of each part by its number; without any the column is left out.
+        written: Text of a number; all its digits if not given.
+    """
     if touches.has_joints:
-        columns |= number_columns(joint_names(touches.joints.shape[1]), touches.joints / DEG)
+        axes, values = joint_names(touches.joints.shape[1]), touches.joints / DEG
     else:
-        columns |= number_columns(POSITION, touches.position / MM)
+        axes, values = POSITION, touches.position / MM
+    columns = {"name": list(touches.names)}
+    columns |= number_columns(POINT, touches.point / MM, written)
+    columns |= number_columns(axes, values, written)
     if not touches.full.all():
-        columns |= number_columns(NORMAL, touches.normal)
+        columns |= number_columns(NORMAL, touches.normal, written)
     if parts:
         columns["part"] = [parts[int(k)] for k in touches.part]
-    write_columns(path, columns, touches.provenance)
+    return columns

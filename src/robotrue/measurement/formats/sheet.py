@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain, zip_longest
 from pathlib import Path
@@ -191,12 +191,25 @@ def column_key(name: str) -> str:
     return " ".join(name.split()).casefold()
 
 
-def number_columns(names: Sequence[str], values: Array) -> dict[str, list[str]]:
-    """Returns columns (n, k) as text with all digits, by their names; NaN is blank."""
+def number_columns(
+    names: Sequence[str], values: Array, written: Callable[[float], str] = repr
+) -> dict[str, list[str]]:
+    """Returns columns (n, k) as text by their names; NaN is blank.
+
+    Args:
+        names: Of the columns.
+        values: (n, k).
+        written: Text of a number; all its digits if not given.
+    """
     return {
-        name: ["" if np.isnan(v) else repr(float(v)) for v in values[:, i]]
+        name: ["" if np.isnan(v) else written(float(v)) for v in values[:, i]]
         for i, name in enumerate(names)
     }
+
+
+def write_six_digits(value: float) -> str:
+    """Returns a number with six digits behind the point at most."""
+    return f"{value:.6f}".rstrip("0").rstrip(".") if value else "0"
 
 
 def write_columns(
