@@ -1,4 +1,4 @@
-"""Fails unless pyproject, package, changelog and CITATION.cff name the same version."""
+"""Fails unless pyproject, package, changelog, CITATION.cff and recipe name the same version."""
 
 from __future__ import annotations
 
@@ -17,13 +17,14 @@ def found(path: str, pattern: str) -> str:
 
 
 def main() -> int:
-    """Returns 0 if all four agree."""
+    """Returns 0 if all of them agree."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     versions = {
         "pyproject.toml": project["version"],
         "src/robotrue/version.py": found("src/robotrue/version.py", r'^__version__ = "([^"]+)"'),
         "CHANGELOG.md": found("CHANGELOG.md", r"^## (\d+\.\d+\.\d+)"),
         "CITATION.cff": found("CITATION.cff", r'^version: "?([^"\n]+)"?'),
+        "packaging/conda/meta.yaml": found("packaging/conda/meta.yaml", r'^  version: "([^"]+)"'),
     }
     if len(set(versions.values())) == 1:
         return 0

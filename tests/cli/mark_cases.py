@@ -425,6 +425,7 @@ WITHOUT_RESULT: Final[Mapping[str, str]] = {
     "reproduce": "always simulated; tests/cli/test_reproduce.py looks at its tables",
     "serve": "a server; its pages are tested in tests/web",
     "warm-up": "compiles kernels",
+    "doctor": "checks the installation; tests/cli/test_doctor.py",
     "drill plan": "a sheet to fill in, made of the foot alone",
     "drill run": "answers a machine; tests/cli/test_drill_run.py looks at journal and answers",
     "simulate rsi": "always simulated; tests/cli/test_simulate.py",

@@ -68,11 +68,12 @@ def emit_table(
         provenance: Of the numbers: the title of simulated ones is marked.
     """
     title = mark_title(title, provenance)
-    table = Table(title=title, title_justify="left", show_header=any(columns), box=box.SIMPLE)
+    # As texts: names of files and columns may hold brackets, which Rich would read as markup.
+    table = Table(title=Text(title), title_justify="left", show_header=any(columns), box=box.SIMPLE)
     for k, column in enumerate(columns):
         left = k == 0 or words
         table.add_column(
-            column, justify="left" if left else "right", overflow="fold", no_wrap=not words
+            Text(column), justify="left" if left else "right", overflow="fold", no_wrap=not words
         )
     for row in rows:
         table.add_row(*(Text(cell) for cell in row))

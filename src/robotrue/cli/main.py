@@ -69,6 +69,7 @@ ORDER: Final = (
     "dynamics validate",
     "dynamics sensor",
     "reproduce",
+    "doctor",
     "warm-up",
     *(f"simulate {name}" for name in ("rsi", "egm", "rtde", "rdt", "drill")),
     *(f"sense {name}" for name in ("run", "align")),

@@ -7,8 +7,8 @@ from typing import Annotated, TypeAlias
 
 import typer
 
+from robotrue.app.serve_defaults import HOST, PORT
 from robotrue.cli.app import app
-from robotrue.web.serve_defaults import HOST, PORT
 
 HostNames: TypeAlias = Annotated[
     list[str] | None, typer.Option("--name", help="Host name it is reached by; may be repeated.")

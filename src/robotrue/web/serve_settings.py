@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
+from robotrue.app.serve_defaults import HOST, PORT
 from robotrue.errors import ConfigurationError
 from robotrue.online.net_address import is_loopback, net_address
-from robotrue.web.serve_defaults import HOST, PORT
 
 MB: Final = 1024 * 1024
 SHORTEST_PASSWORD: Final = 8
