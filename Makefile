@@ -5,13 +5,17 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= demo-out
 
-.PHONY: demo test check bench mutants fuzz fuzz-guided openapi postgres clean
+.PHONY: demo test check wheels bench mutants fuzz fuzz-guided openapi postgres clean
 
 demo: $(VENV)/.runtime
 	$(BIN)/robotrue demo --out $(OUT)
 
 test: $(VENV)/.development
 	PATH="$(abspath $(BIN)):$$PATH" sh scripts/check
+
+# The wheel in a clean environment of each Python 3.11 to 3.13 of this computer: demo and workbench.
+wheels: $(VENV)/.development
+	$(BIN)/python scripts/smoke_wheel.py
 
 bench: $(VENV)/.development
 	$(BIN)/python benchmarks/run.py

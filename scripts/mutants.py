@@ -43,6 +43,8 @@ SKIPPED: Final = ("NoOp", "BitOr", "RemoveDecorator", "ExceptionReplacer")
 """Types are written with |; decorators (slots, frozen) are left alone: they change no result."""
 FOLDERS: Final = ("properties", "contracts", "cli", "truths", "online", "web", "simulation")
 """Of tests, after the folder of a room itself; the quick ones first."""
+ALSO: Final = {"app": ("cli", "web")}
+"""Folders of tests that ask for a room through its shells; its own has few."""
 NEAREST: Final = 5
 """Test files that import a module and run before the folder of its room."""
 
@@ -107,8 +109,11 @@ def nearest_tests(tree: Path, file: Path) -> list[list[str]]:
         if imports.search(test.read_text(encoding="utf-8"))
     ]
     hits.sort(key=lambda test: (order.get(test.relative_to(tree / "tests").parts[0], 99), test))
-    folder = tree / "tests" / room
-    stages = [[str(test) for test in hits[:NEAREST]], [str(folder)] if folder.is_dir() else []]
+    folders = [tree / "tests" / name for name in (room, *ALSO.get(room, ()))]
+    stages = [
+        [str(test) for test in hits[:NEAREST]],
+        *([str(folder)] for folder in folders if folder.is_dir()),
+    ]
     return [stage for stage in stages if stage]
 
 
