@@ -109,9 +109,7 @@ def _fetch_page(robotrue: Path, folder: Path) -> None:
     try:
         while True:
             try:
-                page = urllib.request.urlopen(
-                    f"http://127.0.0.1:{port}/", timeout=10
-                ).read()
+                page = urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=10).read()
                 break
             except urllib.error.URLError as cause:
                 if server.poll() is not None or time.monotonic() > until:

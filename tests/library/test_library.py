@@ -248,6 +248,16 @@ def test_a_registered_cell_names_the_file_of_the_model_and_no_temporary_one(
     assert registered.cell.part is not None
     assert registered.cell.part.model_file == "arm.robotrue"
     rt.compensate(loaded, practice / "part.src", cell=registered)
+    (tmp_path / "elsewhere").mkdir()
+    saved = (tmp_path / "arm.robotrue").read_bytes()
+    registered.save(tmp_path / "elsewhere" / "cell.toml")
+    again = rt.read_cell(tmp_path / "elsewhere" / "cell.toml")
+    assert again.cell.part is not None
+    assert again.cell.text == registered.cell.text
+    before, after = registered.cell.part.frames[0], again.cell.part.frames[0]
+    np.testing.assert_array_equal(after.T_base_part, before.T_base_part)
+    assert (tmp_path / "elsewhere" / "arm.robotrue").read_bytes() == saved
+    rt.compensate(tmp_path / "elsewhere" / "arm.robotrue", practice / "part.src", cell=again)
     rt.calibrate(practice / "cell.toml", practice / "held_out.csv", method="geometric").save(
         tmp_path / "arm.robotrue"
     )

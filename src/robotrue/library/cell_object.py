@@ -15,7 +15,8 @@ from robotrue.cell.cell import Cell
 from robotrue.cell.cell_text import portable_text
 from robotrue.cell.config import parse_cell
 from robotrue.cell.config import read_cell as parse_cell_file
-from robotrue.core.files import write_atomic
+from robotrue.cell.toml_edit import plain_names
+from robotrue.core.files import read_bytes, write_atomic
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
@@ -92,8 +93,19 @@ class RobotCell(Presented):
         return make_picture([drawing], title=f"{robot.name}, all joints at zero")
 
     def save(self, path: str | Path) -> None:
-        """Writes the cell as a cell.toml, with the files that it names beside it."""
-        text, files = portable_text(self.cell)
+        """Writes the cell as a cell.toml, with the files that it names beside it.
+
+        A registered cell keeps its part frames and brings the model that they were found with.
+
+        Raises:
+            ConfigurationError: A registered cell whose own file is not there or has changed.
+        """
+        if self.cell.part is None:
+            text, files = portable_text(self.cell)
+        else:
+            folder = self.require_file().parent
+            text, stated = plain_names(self.cell.text)
+            files = {name: read_bytes(folder / own) for name, own in stated.items()}
         write_atomic(Path(path), text.encode())
         for name, data in files.items():
             write_atomic(Path(path).parent / name, data)
