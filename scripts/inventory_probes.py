@@ -243,11 +243,11 @@ def measurement_formats() -> Iterator[str]:
 def dynamics_formats() -> Iterator[str]:
     """Yields suffixes of frequency responses and of force records."""
     from robotrue.dynamics.cutter import KINDS
-    from robotrue.dynamics.formats.force_table import FORCE_SUFFIXES
     from robotrue.dynamics.formats.frf_table import FRF_SUFFIXES
+    from robotrue.dynamics.formats.signal_table import SIGNAL_SUFFIXES
 
     yield from (f"frequency response {each}" for each in FRF_SUFFIXES)
-    yield from (f"force record {each}" for each in FORCE_SUFFIXES)
+    yield from (f"force record {each}" for each in SIGNAL_SUFFIXES)
     yield from (f"cutter {each}" for each in KINDS)
 
 

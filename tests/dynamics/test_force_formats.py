@@ -6,7 +6,7 @@ from scipy.io import savemat
 
 from robotrue.dynamics.force import ForceRecord, check_force
 from robotrue.dynamics.formats.column_table import even_rate
-from robotrue.dynamics.formats.force_table import read_force, write_force_csv
+from robotrue.dynamics.formats.signal_table import read_force, write_force_csv
 from robotrue.errors import FormatError, ImplausibleDataError, MissingExtraError
 
 nptdms = pytest.importorskip("nptdms")

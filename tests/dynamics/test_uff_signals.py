@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from pass_cases import uff_set
 
-from robotrue.dynamics.formats.force_table import read_force
-from robotrue.dynamics.formats.signal_table import read_signals
+from robotrue.dynamics.formats.signal_table import read_force, read_signals
 from robotrue.errors import FormatError, ImplausibleDataError, MissingExtraError
 
 pytest.importorskip("pyuff")

@@ -108,7 +108,7 @@ def replay_force(path: str | Path, *, frame: str = "sensor") -> Iterator[ForceSa
 
 
 def _tdms(path: str | Path, frame: str) -> Iterator[ForceSample]:
-    from robotrue.dynamics.formats.force_table import read_force
+    from robotrue.dynamics.formats.signal_table import read_force
 
     record, _ = read_force(path)
     for i, (time, force) in enumerate(zip(record.time.tolist(), record.force, strict=True)):

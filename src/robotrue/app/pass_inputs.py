@@ -15,8 +15,7 @@ from robotrue.dynamics.dry_run import DryRun, LaserRecord
 from robotrue.dynamics.dynamometer import Dynamometer, force_in_base, unwrap_angle
 from robotrue.dynamics.force import ForceRecord
 from robotrue.dynamics.formats.column_table import even_rate
-from robotrue.dynamics.formats.force_table import read_force
-from robotrue.dynamics.formats.signal_table import read_signals
+from robotrue.dynamics.formats.signal_table import read_force, read_signals
 from robotrue.dynamics.pass_stages import PassStages, find_stages, zero_at_both_ends
 from robotrue.dynamics.pass_windows import PassJoints
 from robotrue.dynamics.windows import SMALLEST_PEAK, SMALLEST_TURN

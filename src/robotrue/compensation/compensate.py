@@ -43,7 +43,6 @@ def compensate(
     program: Program,
     *,
     settings: CompensationSettings | None = None,
-    progress: Progress = unheard,
 ) -> Compensation:
     """Returns the targets to command so that the actual tool lands on those of the program.
 
@@ -56,7 +55,6 @@ def compensate(
             in compiled code, else Newton runs on its predictions.
         program: Targets in work frames and with tools that the reader has resolved.
         settings: Load, guards and tolerances.
-        progress: Told how many targets are done, and of how many.
 
     Raises:
         ConfigurationError: The arm has not six joints, or the load does not fit the program.
@@ -67,7 +65,7 @@ def compensate(
     settings = settings or CompensationSettings()
     load = load_about_part_origin(program, settings.load_for(len(program)))
     setup = compensation_setup(model, program.T_flange_tool, program.start, settings)
-    return compensate_targets(setup, program, load, setup.start_state(), progress)
+    return compensate_targets(setup, program, load, setup.start_state())
 
 
 def compensate_targets(

@@ -21,12 +21,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Final, TypeAlias, TypeGuard, get_args
+from typing import Annotated, Final, Literal, TypeAlias, TypeVar, get_args
 
 import numpy as np
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from robotrue.compensation.process_force import (
-    FEEDING,
     Axes,
     DescribedForce,
     ForceRule,
@@ -34,7 +34,7 @@ from robotrue.compensation.process_force import (
     Key,
     Part,
 )
-from robotrue.core.arrays import Array, IntArray
+from robotrue.core.arrays import Array
 from robotrue.core.files import read_toml
 from robotrue.core.schema_faults import line_of_key
 from robotrue.core.units import MM
@@ -43,9 +43,8 @@ from robotrue.measurement.formats.sheet import Sheet, column_key
 from robotrue.measurement.formats.sheet_file import read_sheet
 from robotrue.program.program import Motion
 
-AXES: Final[tuple[Axes, ...]] = get_args(Axes)
-_AXES: Final = "base, tool or path; path with milling."
-MOVES: Final[Mapping[str, tuple[Motion, ...]]] = {
+Move: TypeAlias = Literal["line", "arc", "spline"]
+MOVES: Final[Mapping[Move, tuple[Motion, ...]]] = {
     "line": (Motion.LIN,),
     "arc": (Motion.ARC_VIA, Motion.ARC_END),
     "spline": (Motion.SPLINE,),
@@ -53,14 +52,13 @@ MOVES: Final[Mapping[str, tuple[Motion, ...]]] = {
 KEYS: Final[tuple[Key, ...]] = get_args(Key)
 FORCES: Final = ("fx_N", "fy_N", "fz_N")
 MOMENTS: Final = ("mx_Nm", "my_Nm", "mz_Nm")
-ENTRIES: Final = (
-    "name", "axes", "force_N", "moment_Nm", "lines", "moves", "program", "csv", "milling",
-    "feeds_mm_per_s",
-)  # fmt: skip
 Milling: TypeAlias = Callable[[Mapping[str, object]], Array]
 """From the keys of ``milling`` to a wrench (6,) N, N m in path axes."""
+Fault: TypeAlias = Callable[[str, str, str | None], ConfigurationError]
+"""From a key of a table, or "" for the table itself, message and hint to the error."""
 LARGEST: Final = 1e5
 """N or N m; more is another unit."""
+T = TypeVar("T", int, float)
 
 
 def read_force(path: str | Path, *, milling: Milling | None = None) -> DescribedForce:
@@ -85,149 +83,130 @@ def read_force(path: str | Path, *, milling: Milling | None = None) -> Described
 def _parts(
     path: Path, text: str, stated: Mapping[str, object], milling: Milling | None
 ) -> tuple[Part, ...]:
+    def fault_at(*where: str | int) -> Fault:
+        def fault(key: str, message: str, hint: str | None) -> ConfigurationError:
+            line = line_of_key(text, (*where, key) if key else where)
+            return ConfigurationError(f"{message}.", source=path, line=line, hint=hint)
+
+        return fault
+
+    fault = fault_at()
     for key in stated:
         if key != "force":
-            raise _fault(path, text, (key,), f"unknown key {key}", "the tables are [[force]].")
+            raise fault(key, f"unknown key {key}", "the tables are [[force]].")
     tables = stated.get("force")
     if not isinstance(tables, list) or not tables:
-        raise _fault(path, text, ("force",), "no [[force]] table", '[[force]] with axes = "path".')
+        raise fault("force", "no [[force]] table", '[[force]] with axes = "path".')
     out: list[Part] = []
     for k, table in enumerate(tables):
         if not isinstance(table, dict):
-            raise _fault(path, text, ("force",), "force is no table", "write [[force]].")
+            raise fault("force", "force is no table", "write [[force]].")
         try:
-            out.append(_ForceEntry(path, text, k, table).read_part(milling))
+            out.append(_read_part(path, k, table, fault_at("force", k), milling))
         except RobotrueError as cause:
             if cause.source is not None:
                 raise
-            line = line_of_key(text, ("force", k))
-            raise ConfigurationError(
-                cause.message, source=path, line=line, hint=cause.hint
+            raise fault_at("force", k)(
+                "", cause.message.removesuffix("."), cause.hint or ""
             ) from None
     return tuple(out)
 
 
-class _ForceEntry:
-    """One ``[[force]]`` table, and where it stands."""
+def _check_rising(pair: list[T]) -> list[T]:
+    if not pair[0] <= pair[1]:
+        raise ValueError("the first is above the last")
+    return pair
 
-    def __init__(self, path: Path, text: str, number: int, stated: Mapping[str, object]) -> None:
-        self.path, self.stated = path, stated
-        self._text, self._number = text, number
 
-    def fault(self, key: str, message: str, hint: str) -> ConfigurationError:
-        """Returns an error at a key, or at the table where that is empty."""
-        where = ("force", self._number, key) if key else ("force", self._number)
-        return _fault(self.path, self._text, where, message, hint)
+_Bounded = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
+_Three = Annotated[list[_Bounded], Field(min_length=3, max_length=3)]
+_Line = Annotated[int, Field(ge=1, lt=2**63)]
+_Feed = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+_Range = Annotated[list[_Line], Field(min_length=2, max_length=2), AfterValidator(_check_rising)]
+_Feeds = Annotated[list[_Feed], Field(min_length=2, max_length=2), AfterValidator(_check_rising)]
 
-    def read_part(self, milling: Milling | None) -> Part:
-        """Returns the part of a description that the table states."""
-        stated, source = self.stated, self._source()
-        axes = self._axes("path" if source == "milling" else "base")
-        if source == "milling" and axes != "path":
-            raise self.fault("axes", f"axes is {axes!r}", _AXES)
-        name, program = self._word("name", f"force {self._number + 1}"), self._word("program", "")
-        if source == "csv":
-            beside = [k for k in ("moment_Nm", "lines", "moves", "feeds_mm_per_s") if k in stated]
-            if beside:
-                hint = "leave it out: the table says where which force acts."
-                raise self.fault(beside[0], f"{beside[0]} stands beside csv", hint)
-            file = self._word("csv", "")
-            name = name if "name" in stated else file
-            return read_force_table(self.path.parent / file, name=name, axes=axes, program=program)
-        moment = self._three("moment_Nm") if "moment_Nm" in stated else np.zeros(3)
-        if source == "force_N":
-            wrench = np.concatenate([self._three("force_N"), moment])
-        elif milling is None or not isinstance(stated["milling"], dict):
-            raise self.fault("milling", "milling is no table", "milling = { kind = ... }.")
-        else:
-            wrench = milling(stated["milling"]) + np.concatenate([np.zeros(3), moment])
-        return ForceRule(
-            name=name,
+
+class _ForceEntry(BaseModel):
+    """One ``[[force]]`` table."""
+
+    model_config = ConfigDict(strict=True, frozen=True)
+    name: str = ""
+    axes: Axes | None = None
+    force_N: _Three | None = None
+    moment_Nm: _Three = [0.0, 0.0, 0.0]
+    lines: Annotated[list[_Range], Field(min_length=1)] | None = None
+    moves: Annotated[list[Move], Field(min_length=1)] = ["line", "arc", "spline"]
+    feeds_mm_per_s: _Feeds | None = None
+    program: str = ""
+    csv: str = ""
+    milling: object = None
+
+
+_EXPECTED: Final[Mapping[str, str]] = {
+    "axes": "base, tool or path; path with milling",
+    "force_N": f"three numbers of at most {LARGEST:g}, such as [120.0, -40.0, -60.0]",
+    "moment_Nm": f"three numbers of at most {LARGEST:g}, such as [0.0, 0.0, 1.2]",
+    "lines": "ranges of whole numbers, first and last, such as [[120, 480], [500, 500]]",
+    "moves": f"some of {', '.join(MOVES)}, such as ['line', 'arc']",
+    "feeds_mm_per_s": "the lowest and the highest, such as [1.0, 60.0]",
+}
+"""What is allowed; text in quotes elsewhere."""
+
+
+def _read_part(
+    path: Path, number: int, stated: Mapping[str, object], fault: Fault, milling: Milling | None
+) -> Part:
+    """Returns the part of a description that a table states."""
+    source = _find_source(stated, fault)
+    try:
+        entry = _ForceEntry.model_validate(stated)
+    except ValidationError as cause:
+        key = str(cause.errors()[0]["loc"][0])
+        what = f"{key} is {stated[key]!r}, expected {_EXPECTED.get(key, 'text in quotes')}"
+        raise fault(key, what, f"correct {key}, or leave it out.") from None
+    axes = entry.axes or ("path" if source == "milling" else "base")
+    if source == "milling" and axes != "path":
+        raise fault("axes", f"axes is {axes!r}, expected path with milling", 'axes = "path".')
+    if source == "csv":
+        beside = [k for k in ("moment_Nm", "lines", "moves", "feeds_mm_per_s") if k in stated]
+        if beside:
+            hint = "leave it out: the table says where which force acts."
+            raise fault(beside[0], f"{beside[0]} stands beside csv", hint)
+        return read_force_table(
+            path.parent / entry.csv,
+            name=entry.name if "name" in stated else entry.csv,
             axes=axes,
-            wrench=wrench,
-            lines=self._lines(),
-            motions=self._moves(),
-            feeds=self._feeds(),
-            program=program,
+            program=entry.program,
         )
-
-    def _source(self) -> str:
-        """Returns which key says how large the force is."""
-        for key in self.stated:
-            if key not in ENTRIES:
-                known = f"known are {', '.join(ENTRIES)}."
-                raise self.fault(key, f"unknown key {key} in [[force]]", known)
-        sources = [key for key in ("force_N", "milling", "csv") if key in self.stated]
-        if len(sources) != 1:
-            said = " and ".join(sources) if sources else "neither force_N nor milling nor csv"
-            hint = "one of force_N, milling and csv says how large the force is."
-            raise self.fault("", f"{said} in one [[force]]", hint)
-        return sources[0]
-
-    def _word(self, key: str, default: str) -> str:
-        value = self.stated.get(key, default)
-        if not isinstance(value, str):
-            raise self.fault(key, f"{key} is {value!r}", "text in quotes.")
-        return value
-
-    def _axes(self, default: Axes) -> Axes:
-        word = self._word("axes", default)
-        for axes in AXES:
-            if word == axes:
-                return axes
-        raise self.fault("axes", f"axes is {word!r}", _AXES)
-
-    def _list(self, key: str) -> list[object]:
-        """Returns the values of a key; none if they are no list."""
-        value = self.stated[key]
-        return value if isinstance(value, list) else []
-
-    def _expect(self, key: str, what: str, example: str) -> ConfigurationError:
-        message = f"{key} is {self.stated[key]!r}, expected {what}"
-        return self.fault(key, message, f"{key} = {example}.")
-
-    def _three(self, key: str) -> Array:
-        numbers = [v for v in self._list(key) if _is_number(v)]
-        if len(numbers) != 3 or len(self._list(key)) != 3 or not np.all(np.abs(numbers) <= LARGEST):
-            what = f"three numbers of at most {LARGEST:g}"
-            raise self._expect(key, what, "[120.0, -40.0, -60.0]")
-        return np.array(numbers, dtype=np.float64)
-
-    def _lines(self) -> IntArray:
-        """Ranges (r, 2) of lines; empty if none is stated."""
-        if "lines" not in self.stated:
-            return np.empty((0, 2), dtype=np.int64)
-        ranges = self._list("lines")
-        for lines in ranges or [None]:
-            pair = lines if isinstance(lines, list) else []
-            good = len(pair) == 2 and all(type(v) is int for v in pair)
-            if not (good and 1 <= pair[0] <= pair[1] < 2**63):
-                what = "ranges of whole numbers, first and last"
-                raise self._expect("lines", what, "[[120, 480], [500, 500]]")
-        return np.array(ranges, dtype=np.int64)
-
-    def _moves(self) -> tuple[Motion, ...]:
-        if "moves" not in self.stated:
-            return FEEDING
-        stated = self._list("moves")
-        names = [name for name in stated if isinstance(name, str) and name in MOVES]
-        if not stated or len(names) < len(stated):
-            raise self._expect("moves", f"some of {', '.join(MOVES)}", '["line", "arc"]')
-        return tuple(motion for name in names for motion in MOVES[name])
-
-    def _feeds(self) -> tuple[float, float] | None:
-        """Lowest and highest feed, m/s; None if none is stated."""
-        if "feeds_mm_per_s" not in self.stated:
-            return None
-        stated = self._list("feeds_mm_per_s")
-        pair = [v for v in stated if _is_number(v)]
-        if not (len(pair) == len(stated) == 2 and 0.0 <= pair[0] <= pair[1] < np.inf):
-            raise self._expect("feeds_mm_per_s", "the lowest and the highest", "[1.0, 60.0]")
-        return float(pair[0]) * MM, float(pair[1]) * MM
+    wrench = np.array([*(entry.force_N or [0.0, 0.0, 0.0]), *entry.moment_Nm])
+    if source == "milling":
+        if milling is None or not isinstance(entry.milling, dict):
+            raise fault("milling", "milling is no table", "milling = { kind = ... }.")
+        wrench += milling(entry.milling)
+    feeds = entry.feeds_mm_per_s
+    return ForceRule(
+        name=entry.name if "name" in stated else f"force {number + 1}",
+        axes=axes,
+        wrench=wrench,
+        lines=np.array(entry.lines or [], dtype=np.int64).reshape(-1, 2),
+        motions=tuple(motion for name in entry.moves for motion in MOVES[name]),
+        feeds=None if feeds is None else (feeds[0] * MM, feeds[1] * MM),
+        program=entry.program,
+    )
 
 
-def _is_number(value: object) -> TypeGuard[float]:
-    return type(value) in (int, float)
+def _find_source(stated: Mapping[str, object], fault: Fault) -> str:
+    """Returns which key says how large the force is."""
+    for key in stated:
+        if key not in _ForceEntry.model_fields:
+            known = f"known are {', '.join(_ForceEntry.model_fields)}."
+            raise fault(key, f"unknown key {key} in [[force]]", known)
+    sources = [key for key in ("force_N", "milling", "csv") if key in stated]
+    if len(sources) != 1:
+        said = " and ".join(sources) if sources else "neither force_N nor milling nor csv"
+        hint = "one of force_N, milling and csv says how large the force is."
+        raise fault("", f"{said} in one [[force]]", hint)
+    return sources[0]
 
 
 def read_force_table(path: Path, *, name: str, axes: Axes, program: str) -> ForceTable:
@@ -288,9 +267,3 @@ def _places(sheet: Sheet, key: Key) -> Array:
             row=int(bad[0]),
         )
     return out
-
-
-def _fault(
-    path: Path, text: str, where: tuple[str | int, ...], message: str, hint: str
-) -> ConfigurationError:
-    return ConfigurationError(f"{message}.", source=path, line=line_of_key(text, where), hint=hint)

@@ -23,7 +23,6 @@ def decode(
     key: str = "",
     error: type[RobotrueError] = ArchiveError,
     source: str | Path | None = None,
-    line: int | None = None,
     hint: str | None = None,
 ) -> T:
     """Returns JSON values as what they are to be; keys that a record does not have are passed over.
@@ -34,7 +33,6 @@ def decode(
         key: Under which they stand, for messages; empty for a whole document.
         error: What to raise.
         source: The file, for messages.
-        line: Its line.
         hint: What to try; of an archive, by default, to make it again.
 
     Raises:
@@ -56,7 +54,7 @@ def decode(
         if error is ArchiveError:
             message = f"contents are incomplete or damaged: {message}"
             hint = hint or REMAKE
-        raise error(message, source=source, line=line, hint=hint) from cause
+        raise error(message, source=source, hint=hint) from cause
 
 
 def encode(record: object) -> dict[str, object]:

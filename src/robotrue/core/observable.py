@@ -12,26 +12,22 @@ from robotrue.core.units import MM
 from robotrue.errors import ObservabilityError
 
 WEAKEST: Final = 20.0
-"""A motion known this many times worse than one touch is not known."""
+"""A motion known this many times worse than one touch, at the size of the pattern, is not known."""
 
 
-def check_motions(
-    centre: Array, normal: Array, T_base_part: Array, *, weakest: float = WEAKEST
-) -> None:
+def check_motions(centre: Array, normal: Array, T_base_part: Array) -> None:
     """Passes if the touches hold the part.
 
     Args:
         centre: (n, 3) m in base, the touches.
         normal: (n, 3) in base.
         T_base_part: (4, 4), to name the motion in part axes.
-        weakest: Largest allowed standard deviation of a motion, at the size of the pattern, over
-            that of one touch.
 
     Raises:
         ObservabilityError: A motion is free or nearly so; names it in part coordinates.
     """
     values, motions, size = motion_strengths(centre, normal)
-    loose = values < 1.0 / weakest
+    loose = values < 1.0 / WEAKEST
     if not loose.any():
         return
     named = _plain(motions[loose], T_base_part[:3, :3])
@@ -43,7 +39,7 @@ def check_motions(
     )
     raise ObservabilityError(
         f"{len(centre)} touches do not hold the part. Left open, in part axes: {listed}. "
-        f"Allowed is {weakest:.0f} times one touch.",
+        f"Allowed is {WEAKEST:.0f} times one touch.",
         hint="touch a face whose normal that motion changes, far from the others.",
     )
 

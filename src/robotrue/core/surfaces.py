@@ -237,18 +237,17 @@ def _on_triangle(points: Array, corners: Array) -> Array:
     return np.where(inside[:, None], points - height * normal, best)
 
 
-def read_scan(path: str | Path, *, unit: float = MM) -> Array:
+def read_scan(path: str | Path) -> Array:
     """Returns the points (n, 3) m of a scan, each once; open surfaces are welcome.
 
     Args:
-        path: Its triangles (STL, PLY, OBJ, ...).
-        unit: m per unit of the file.
+        path: Its triangles (STL, PLY, OBJ, ...), in millimetres.
 
     Raises:
         MissingExtraError: trimesh is not installed.
         FormatError: The file is missing, or not a mesh trimesh can read.
     """
-    _, vertices, faces = _load_triangles(path, unit)
+    _, vertices, faces = _load_triangles(path, MM)
     return np.asarray(np.unique(vertices[np.unique(faces)], axis=0))
 
 

@@ -41,22 +41,19 @@ def foreign_line(source: str | Path, number: int) -> FormatError:
     )
 
 
-def whole_lines(
-    data: bytes, *, source: str | Path, first: int = 1
-) -> tuple[list[JournalEntry], int]:
+def whole_lines(data: bytes, *, source: str | Path) -> tuple[list[JournalEntry], int]:
     """Returns the entries of all lines that have their end, and how many bytes those are.
 
     Args:
         data: Of the file, from the beginning of a line on.
         source: The file.
-        first: Number of the first line.
 
     Raises:
         FormatError: A line that is none of a journal; with its number.
     """
     whole = data.rfind(b"\n") + 1
     entries = []
-    for number, line in enumerate(data[:whole].splitlines(), start=first):
+    for number, line in enumerate(data[:whole].splitlines(), start=1):
         try:
             stated = json.loads(line)
             entries.append(replace(decode(JournalEntry, stated), document=stated))

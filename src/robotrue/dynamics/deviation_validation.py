@@ -18,7 +18,7 @@ import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.core.units import UM
-from robotrue.dynamics.deviation import DeviationSettings, fit_deviation
+from robotrue.dynamics.deviation import fit_deviation
 from robotrue.dynamics.deviation_physics import CompliantArm, StaticCompliance
 from robotrue.dynamics.paper_regression import fit_paper
 from robotrue.dynamics.window_folds import QUESTIONS, folds
@@ -141,7 +141,6 @@ def scores(
     *,
     kinds: Sequence[str] = tuple(QUESTIONS),
     methods: Sequence[str] = METHODS,
-    settings: DeviationSettings | None = None,
     row: StaticCompliance | None = None,
     known: str | None = None,
     seed: int = 0,
@@ -153,7 +152,6 @@ def scores(
         arm: As stated.
         kinds: Of :data:`QUESTIONS`.
         methods: Of :data:`METHODS`.
-        settings: Priors of the deviation.
         row: As of :func:`robotrue.dynamics.deviation.fit_deviation`.
         known: As of :func:`folds`.
         seed: As of :func:`folds`.
@@ -165,7 +163,7 @@ def scores(
     out = []
     for kind in kinds:
         for method in methods:
-            estimate = _estimate(method, arm, settings, row)
+            estimate = _estimate(method, arm, row)
             residual, stated = [], []
             for train, test in folds(windows, kind, known=known, seed=seed):
                 held = windows.take(test)
@@ -190,11 +188,9 @@ def _score(kind: str, method: str, residual: list[Array], stated: list[Array]) -
     )
 
 
-def _estimate(
-    method: str, arm: CompliantArm, settings: DeviationSettings | None, row: StaticCompliance | None
-) -> Estimate:
+def _estimate(method: str, arm: CompliantArm, row: StaticCompliance | None) -> Estimate:
     def deviation(train: WindowSet, test: WindowSet) -> tuple[Array, Array | None]:
-        model = fit_deviation(train, arm, settings, row=row)
+        model = fit_deviation(train, arm, row=row)
         return model.predict(test).error, model.predict_covariance(test)
 
     def paper(train: WindowSet, test: WindowSet) -> tuple[Array, Array | None]:

@@ -19,9 +19,9 @@ from typing import Annotated, Final
 import numpy as np
 
 from robotrue.core.archive import Archive, archive_reader
+from robotrue.core.archive_tables import pack_table, unpack_table
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.columns import Column, Columns
-from robotrue.core.document_decoder import decode
 from robotrue.core.provenance import MEASURED, Provenance, provenance_from
 from robotrue.core.rotations import skew
 from robotrue.core.units import MM, STANDARD_GRAVITY
@@ -35,10 +35,6 @@ _HEAVIEST: Final = 2000.0
 """kg; no robot carries more."""
 KIND: Final = "held-tool"
 SCHEMA: Final = 1
-_NUMBERS: Final = ("mass", "mass_sd", "condition", "force_noise", "moment_noise")
-_VECTORS: Final = (
-    "centre", "weight_in_base", "force_offset", "moment_offset", "centre_sd", "force_offset_sd",
-)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,8 +75,7 @@ class HeldTool(Columns):
         Args:
             source: File of the readings.
         """
-        numbers = {name: getattr(self, name) for name in _NUMBERS}
-        arrays = {name: getattr(self, name) for name in _VECTORS}
+        numbers, arrays = pack_table(self, leave=("provenance",))
         origin = {"source": source, "provenance": self.provenance.to_document()}
         return Archive(kind=KIND, schema=SCHEMA, document={**origin, **numbers}, arrays=arrays)
 
@@ -93,25 +88,13 @@ def held_tool_from_archive(archive: Archive) -> HeldTool:
         ArchiveError: Another kind, damaged, or written by a newer robotrue.
     """
     archive.expect(KIND, SCHEMA)
-    stated = {name: archive.document[name] for name in _NUMBERS}
-    numbers = decode(dict[str, float], stated)
-    if not all(0.0 <= value < np.inf for value in numbers.values()) or numbers["mass"] > _HEAVIEST:
+    document = dict(archive.document)
+    origin = provenance_from(document.get("provenance"))
+    tool = unpack_table(HeldTool, archive, document, provenance=origin)
+    numbers = (tool.mass, tool.mass_sd, tool.condition, tool.force_noise, tool.moment_noise)
+    if not all(0.0 <= value < np.inf for value in numbers) or tool.mass > _HEAVIEST:
         raise ArchiveError(f"a held tool with {numbers}.")
-    origin = provenance_from(archive.document.get("provenance"))
-    return HeldTool(
-        mass=numbers["mass"],
-        mass_sd=numbers["mass_sd"],
-        condition=numbers["condition"],
-        force_noise=numbers["force_noise"],
-        moment_noise=numbers["moment_noise"],
-        centre=archive.array("centre"),
-        weight_in_base=archive.array("weight_in_base"),
-        force_offset=archive.array("force_offset"),
-        moment_offset=archive.array("moment_offset"),
-        centre_sd=archive.array("centre_sd"),
-        force_offset_sd=archive.array("force_offset_sd"),
-        provenance=origin,
-    )
+    return tool
 
 
 def identify_held_tool(R_base_sensor: Array, readings: Array) -> HeldTool:

@@ -153,9 +153,7 @@ class SpindleLines:
     runout_share: float
 
 
-def spindle_lines(
-    record: ForceRecord, *, spindle: float, teeth: int, highest: float | None = None
-) -> SpindleLines:
+def spindle_lines(record: ForceRecord, *, spindle: float, teeth: int) -> SpindleLines:
     """Returns the force at all multiples of the spindle's frequency.
 
     Over a whole number of turns, where the lines do not leak into each other.
@@ -164,7 +162,6 @@ def spindle_lines(
         record: The force, steady.
         spindle: rev/s.
         teeth: Number of teeth.
-        highest: Hz; default: half the sampling rate.
 
     Raises:
         ConfigurationError: Less than two turns, or a spindle faster than half the rate.
@@ -178,8 +175,7 @@ def spindle_lines(
     count = round(turns * record.rate / spindle)
     force = record.force[:count]
     mean = force.mean(axis=0)
-    top = min(highest or np.inf, record.rate / 2.0)
-    order = np.arange(1, int(np.floor(top / spindle)) + 1)
+    order = np.arange(1, int(np.floor(record.rate / 2.0 / spindle)) + 1)
     order = order[order * spindle < record.rate / 2.0 * (1.0 - 1e-9)]
     import scipy.fft  # here alone: the process that answers a robot reads this file, too
 

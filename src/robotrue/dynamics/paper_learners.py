@@ -64,7 +64,7 @@ class Components(Columns):
         return np.asarray(self.standardise(columns) @ self.loadings[:, : self.count])
 
 
-def components_of(columns: Array, *, share: float = SHARE) -> Components:
+def components_of(columns: Array) -> Components:
     """Returns the principal components of columns (n, m).
 
     Raises:
@@ -93,14 +93,14 @@ def components_of(columns: Array, *, share: float = SHARE) -> Components:
         deviation=deviation,
         eigenvalues=np.maximum(value, 0.0),
         loadings=vector,
-        count=count_components(value, share),
+        count=count_components(value),
     )
 
 
-def count_components(eigenvalues: Array, share: float = SHARE) -> int:
-    """Returns how many of the eigenvalues, from the largest, carry a share of their sum."""
+def count_components(eigenvalues: Array) -> int:
+    """Returns how many of the eigenvalues, from the largest, carry 95 % of their sum."""
     carried = np.cumsum(eigenvalues) / np.sum(eigenvalues)
-    return int(np.searchsorted(carried, share - 1e-12) + 1)
+    return int(np.searchsorted(carried, SHARE - 1e-12) + 1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

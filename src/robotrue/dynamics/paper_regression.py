@@ -17,6 +17,7 @@ import numpy as np
 
 from robotrue.calibration.archive import robot_arrays, robot_document
 from robotrue.core.archive import Archive, archive_reader
+from robotrue.core.archive_tables import pack_table, unpack_table
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.columns import Columns
 from robotrue.core.document_decoder import decode
@@ -32,7 +33,6 @@ from robotrue.dynamics.learned_deviation import (
     windows_from,
 )
 from robotrue.dynamics.paper_learners import (
-    SHARE,
     Components,
     SupportVectors,
     components_of,
@@ -46,7 +46,6 @@ from robotrue.errors import ShapeError
 KIND: Final = "jin2022-deviation"
 SCHEMA: Final = 1
 _COMPONENTS: Final = ("mean", "deviation", "eigenvalues", "loadings")
-_MACHINE: Final = ("intercept", "penalty", "gamma", "tube")
 LIKE_KNOWN: Final = 0.5
 """Kernel with the nearest window learned from, below which a window is unlike all of them."""
 
@@ -145,10 +144,11 @@ class PaperModel(Columns):
 
     def to_archive(self) -> Archive:
         """Returns the model as document and arrays (SI)."""
+        machine, vectors = pack_table(self.machine)
         document = {
             "robot": robot_document(self.arm.robot),
             "components": self.components.count,
-            **{name: getattr(self.machine, name) for name in _MACHINE},
+            **machine,
             "held_out_m": self.held_out,
             **windows_document(self.windows),
         }
@@ -157,19 +157,17 @@ class PaperModel(Columns):
             **arm_arrays(self.arm),
             **windows_arrays(self.windows),
             **{name: getattr(self.components, name) for name in _COMPONENTS},
-            "vectors": self.machine.vectors,
-            "weights": self.machine.weights,
+            **vectors,
         }
         return Archive(kind=KIND, schema=SCHEMA, document=document, arrays=arrays)
 
 
-def fit_paper(windows: WindowSet, arm: CompliantArm, *, share: float = SHARE) -> PaperModel:
+def fit_paper(windows: WindowSet, arm: CompliantArm) -> PaperModel:
     """Returns the paper's regression of the deviation on joints, peak and mean force.
 
     Args:
         windows: Measured.
         arm: Limits of its joints and direction of the error.
-        share: Of the variance that the kept components carry.
 
     Raises:
         ObservabilityError: Too few windows, or one that nobody measured.
@@ -179,12 +177,12 @@ def fit_paper(windows: WindowSet, arm: CompliantArm, *, share: float = SHARE) ->
     Fails when: it is asked for poses it has not seen; it then returns its mean and says nothing.
     """
     check_for_fit(windows, physics_terms(arm, windows).outside)
-    components, machine = _fit_machine(windows, share)
+    components, machine = _fit_machine(windows)
     trial = (machine.penalty, machine.gamma, machine.tube)
     residual = []
     for train, test in folds(windows, "blocks"):
         known, held = windows.take(train), windows.take(test)
-        parts = _fit_machine(known, share, trial)
+        parts = _fit_machine(known, trial)
         residual.append(_deviation_of(*parts, known, held) - held.deviation)
     return PaperModel(
         arm=arm,
@@ -205,7 +203,6 @@ def paper_from_archive(archive: Archive) -> PaperModel:
     archive.expect(KIND, SCHEMA, hint="it is what `robotrue dynamics fit --method jin2022` writes.")
     document = dict(archive.document)
     count = decode(int, document["components"], key="components")
-    numbers = decode(dict[str, float], {name: document[name] for name in (*_MACHINE, "held_out_m")})
     return PaperModel(
         arm=arm_from(archive),
         windows=windows_from(archive),
@@ -213,21 +210,17 @@ def paper_from_archive(archive: Archive) -> PaperModel:
             count=count,
             **{name: archive.array(name) for name in _COMPONENTS},
         ),
-        machine=SupportVectors(
-            vectors=archive.array("vectors"),
-            weights=archive.array("weights"),
-            **{name: numbers[name] for name in _MACHINE},
-        ),
-        held_out=numbers["held_out_m"],
+        machine=unpack_table(SupportVectors, archive, document),
+        held_out=decode(float, document["held_out_m"], key="held_out_m"),
     )
 
 
 def _fit_machine(
-    windows: WindowSet, share: float, trial: tuple[float, float, float] | None = None
+    windows: WindowSet, trial: tuple[float, float, float] | None = None
 ) -> tuple[Components, SupportVectors]:
     """Components and regression of windows; C, gamma, epsilon are searched for without a trial."""
     columns = paper_columns(windows)
-    components = components_of(columns, share=share)
+    components = components_of(columns)
     values = (windows.deviation - windows.deviation.mean()) / _scale(windows)
     return components, fit_vectors(components.scores(columns), values, trial)
 

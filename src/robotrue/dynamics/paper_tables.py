@@ -52,12 +52,8 @@ class PaperTables:
     rmse_um: dict[str, float]
 
 
-def paper_tables(model: PaperModel, *, seed: int = 0) -> PaperTables:
+def paper_tables(model: PaperModel) -> PaperTables:
     """Returns the tables of a model.
-
-    Args:
-        model: As fitted.
-        seed: Of the random split.
 
     Raises:
         ObservabilityError: The split leaves too few windows to learn from.
@@ -66,7 +62,7 @@ def paper_tables(model: PaperModel, *, seed: int = 0) -> PaperTables:
     columns = paper_columns(windows)
     dof = windows.joints.shape[1]
     rest = model.predict(windows).error - windows.measured
-    train, test = folds(windows, "random", seed=seed)[0]
+    train, test = folds(windows, "random")[0]
     learned = fit_paper(windows.take(train), model.arm)
     apart = learned.predict(windows).error - windows.measured
     return PaperTables(

@@ -88,7 +88,7 @@ def read_tdms_table(path: str | Path) -> Iterator[tuple[tuple[str, ...], Array]]
         ImplausibleDataError: A record that no sensor can have made.
         MissingExtraError: Without npTDMS.
     """
-    from robotrue.dynamics.formats.force_table import read_force
+    from robotrue.dynamics.formats.signal_table import read_force
 
     record, _ = read_force(path)
     for first in range(0, len(record), _TDMS_ROWS):

@@ -19,7 +19,7 @@ from robotrue.core.units import DEG
 from robotrue.dynamics.force import ForceRecord
 from robotrue.dynamics.formats.column_table import table_bytes
 from robotrue.dynamics.formats.dynamics_csv import write_windows
-from robotrue.dynamics.formats.force_table import write_force_csv
+from robotrue.dynamics.formats.signal_table import write_force_csv
 from robotrue.dynamics.oscillators import join_oscillators
 from robotrue.dynamics.pose_modes import pose_modes
 from robotrue.simulation.milling_arm import FEED, milling_robot, pass_joints

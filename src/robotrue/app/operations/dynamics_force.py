@@ -155,7 +155,7 @@ def _predict(
     context: Context,
 ) -> ForceDocument:
     from robotrue.dynamics.coefficients import check_axes_agree
-    from robotrue.dynamics.formats.force_table import read_force, write_force_csv
+    from robotrue.dynamics.formats.signal_table import read_force, write_force_csv
     from robotrue.dynamics.milling_force import force_over_time, mean_force
 
     record = force_over_time(

@@ -57,8 +57,8 @@ def run(request: DynamicsPredictRequest, context: Context) -> PlainResult:
     from robotrue.app.dynamics_inputs import parse_static
     from robotrue.core.files import write_atomic
     from robotrue.dynamics.formats.column_table import table_bytes
-    from robotrue.dynamics.formats.force_table import read_force
     from robotrue.dynamics.formats.frf_table import read_frf
+    from robotrue.dynamics.formats.signal_table import read_force
     from robotrue.dynamics.frf import with_static
     from robotrue.dynamics.interpolation import fit_curve
     from robotrue.dynamics.predict import predict_error, prediction_columns
