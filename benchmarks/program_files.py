@@ -84,7 +84,7 @@ def _reprinted(buf: Any, out: Any) -> Any:
     while i < n:
         c = buf[i]
         if (48 <= c <= 57 or c == 45) and i > 0 and buf[i - 1] == 32:
-            value, end = krl_tokens.plain_number(buf, i)
+            value, end = krl_tokens.read_number(buf, i, n)
             if end > i:
                 k = number_kernels.put_number(out, k, value, 4, False, False)
                 i = end

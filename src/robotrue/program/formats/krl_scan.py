@@ -17,7 +17,7 @@ import numpy.typing as npt
 from robotrue.core.arrays import Array, Bytes, Integers, Ints
 from robotrue.core.compiled import PLAIN, compile_kernel
 from robotrue.errors import FormatError
-from robotrue.program.formats.krl_tokens import aggregate, blank, find, plain_number, word
+from robotrue.program.formats.krl_tokens import aggregate, blank, find, word
 
 COMPONENTS: Final = (
     *("X", "Y", "Z", "A", "B", "C"),
@@ -106,14 +106,12 @@ class Scan:
         return self.data[self.line_start[line] : self.line_end[line]].decode("latin-1")
 
 
-def scan(data: bytes, *, name: str, repeats: bool = True) -> Scan:
+def scan(data: bytes, *, name: str) -> Scan:
     """Returns the columns of a KRL file.
 
     Args:
         data: The bytes.
         name: Of the file, for messages.
-        repeats: Lines that differ in their numbers alone from the line before are read by a
-            shorter way, with the same result.
 
     Raises:
         FormatError: An unbalanced brace, or a number that cannot be read.
@@ -129,7 +127,6 @@ def scan(data: bytes, *, name: str, repeats: bool = True) -> Scan:
     n_lines, n_agg, n_tok, error, place = _scan(
         np.frombuffer(data, np.uint8),
         first,
-        repeats,
         *_MOTION_KEYS,
         _TYPE_KEYS,
         _COMPONENT_KEYS,
@@ -208,62 +205,10 @@ def _line_ends(buf: Bytes, i: int) -> tuple[int, int]:
     return (j if code < 0 else code), j
 
 
-@compile_kernel(PLAIN, inline=True)
-def _repeats(
-    buf: Bytes,
-    i: int,
-    before: int,
-    token: int,
-    n_tok: int,
-    tok_component: Integers,
-    tok_start: Integers,
-    tok_length: Integers,
-    tok_value: Array,
-) -> int:
-    """Reads the line at ``i`` if it differs in its numbers alone from the line at ``before``.
-
-    That one ends where this begins; its tokens are those from ``token`` to ``n_tok``. Blanks before
-    a number may differ in count. Returns the end of the line with its line feed, or ``i`` if it has
-    to be read in full. Nothing behind the line's own end is looked at.
-    """
-    j, a, new = i, before, n_tok
-    for t in range(token, n_tok):
-        start = tok_start[np.uint64(t)]
-        text = start - 1
-        if buf[np.uint64(text)] != 32 and buf[np.uint64(text)] != 9:
-            return i
-        while buf[np.uint64(text - 1)] == 32 or buf[np.uint64(text - 1)] == 9:
-            text -= 1
-        while a < text:
-            if buf[np.uint64(a)] != buf[np.uint64(j)]:
-                return i
-            a += 1
-            j += 1
-        blank = j
-        while buf[np.uint64(j)] == 32 or buf[np.uint64(j)] == 9:
-            j += 1
-        if j == blank:
-            return i
-        value, end = plain_number(buf, j)
-        if end == j:
-            return i
-        tok_component[np.uint64(new)], tok_start[np.uint64(new)] = tok_component[np.uint64(t)], j
-        tok_length[np.uint64(new)], tok_value[np.uint64(new)] = end - j, value
-        new += 1
-        j, a = end, start + tok_length[np.uint64(t)]
-    while a < i:
-        if buf[np.uint64(a)] != buf[np.uint64(j)]:
-            return i
-        a += 1
-        j += 1
-    return j
-
-
 @compile_kernel(PLAIN)
 def _scan(
     buf: Bytes,
     i: int,
-    repeats: bool,
     motion_keys: Integers,
     motion_kinds: Integers,
     type_keys: Integers,
@@ -284,30 +229,7 @@ def _scan(
     """Fills the columns; returns (lines, aggregates, tokens, error, place of the error)."""
     n = buf.size
     n_line, n_agg, n_tok = 0, 0, 0
-    last = n - 2 if repeats else -1  # a line that begins here or before ends before the bytes do
-    while last >= 0 and buf[last] != 10 and buf[last] != 13:
-        last -= 1
-    model = -1  # first byte of the line before, if others may repeat it
     while i < n:
-        if model >= 0 and i <= last:
-            t = agg_token[n_agg - 1]
-            j = _repeats(
-                buf, i, model, t, n_tok, tok_component, tok_start, tok_length, tok_value
-            )  # fmt: skip
-            if j > i:
-                there = tok_start[n_tok - 1] + tok_length[n_tok - 1]
-                n_tok += n_tok - t
-                further = tok_start[n_tok - 1] + tok_length[n_tok - 1] - there
-                line_start[n_line], line_end[n_line] = i, line_end[n_line - 1] + further
-                line_kind[n_line] = line_kind[n_line - 1]
-                agg_line[n_agg], agg_open[n_agg] = n_line, agg_open[n_agg - 1] + i - model
-                agg_close[n_agg], agg_flag[n_agg] = agg_close[n_agg - 1] + further, 0
-                n_agg += 1
-                agg_token[n_agg] = n_tok
-                n_line += 1
-                model, i = i, j
-                continue
-        model, before = -1, n_agg
         end, stop = _line_ends(buf, i)
         line_start[n_line], line_end[n_line] = i, end
         j = blank(buf, i, end)
@@ -376,13 +298,8 @@ def _scan(
         if depth > 0:
             return n_line, n_agg, n_tok, 1, end
         line_kind[n_line] = motion if motion > 0 and wanted == 0 else kind
-        alone = line_kind[n_line] > 1 and n_agg == before + 1 and agg_flag[before] == 0
         n_line += 1
-        if alone and n_tok > agg_token[before]:
-            model = i
         i = stop + 1
         if stop < n and buf[stop] == 13 and i < n and buf[i] == 10:
             i += 1
-        if i > n or buf[i - 1] != 10:
-            model = -1
     return n_line, n_agg, n_tok, 0, 0

@@ -202,36 +202,3 @@ def aggregate(
         if buf[after] == 125:
             return after, n_tok, flag, 0, 0
         j = after + 1
-
-
-@compile_kernel(PLAIN, inline=True)
-def plain_number(buf: Bytes, i: int) -> tuple[float, int]:
-    """Returns (value, end) of ``-?digits[.digits]`` of at most 18 digits; end = i for all else.
-
-    What it reads it reads as :func:`read_number` does; a line end must follow somewhere.
-    """
-    j = i + (buf[np.uint64(i)] == 45)
-    first = j
-    digit = np.int64(buf[np.uint64(j)]) - 48
-    mantissa = np.int64(0)
-    while 0 <= digit <= 9:
-        mantissa = mantissa * 10 + digit
-        j += 1
-        digit = np.int64(buf[np.uint64(j)]) - 48
-    if j == first or j - first > 18:
-        return 0.0, i
-    value = 0.0
-    if buf[np.uint64(j)] == 46:
-        j += 1
-        point = j
-        digit = np.int64(buf[np.uint64(j)]) - 48
-        while 0 <= digit <= 9:
-            mantissa = mantissa * 10 + digit
-            j += 1
-            digit = np.int64(buf[np.uint64(j)]) - 48
-        if j - first > 19:
-            return 0.0, i
-        value = float(mantissa) / _POW10[np.uint64(j - point)]
-    else:
-        value = float(mantissa)
-    return (-value if buf[np.uint64(i)] == 45 else value), j
