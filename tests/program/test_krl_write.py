@@ -11,7 +11,6 @@ from robotrue.core.poses import inverse
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG
 from robotrue.errors import ShapeError
-from robotrue.program.formats.krl_write import _ROWS
 from robotrue.program.program import Replacement
 
 FULL = "LIN {X 12.500,Y -0.375,Z -1.250,A 0.500,B 0.250,C 180.000} C_DIS"
@@ -62,8 +61,8 @@ def test_aligned_columns_stay_aligned() -> None:
 @pytest.mark.parametrize(
     ("old", "shift", "new"), [("X-0.010", 0.02, "X 0.010"), ("X    99.990", 0.02, "X   100.010")]
 )
-def test_a_program_written_in_pieces_reads_as_one(old: str, shift: float, new: str) -> None:
-    count = 2 * _ROWS + 1
+def test_a_long_program_is_written_alike(old: str, shift: float, new: str) -> None:
+    count = (2 << 12) + 1
     program = body("\n".join([f"LIN {{{old},Y 0.0,Z 0.0,A 0,B 0,C 0}}"] * count))
     lines = changed_lines(program, replacement(program, by_mm=(shift, 0, 0)))
     assert lines == [f"LIN {{{new},Y 0.0,Z 0.0,A 0,B 0,C 0}}"] * count

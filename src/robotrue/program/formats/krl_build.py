@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Final, NamedTuple, TypedDict
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from robotrue.core.arm_words import NO_WORD
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.units import DEG
 from robotrue.program.external_axes import mark_described
-from robotrue.program.formats.krl_columns import lean, si_columns, target_columns
+from robotrue.program.formats.krl_columns import lean, si_columns, target_numbers
 from robotrue.program.formats.krl_flow import (
     BASE,
     FOREIGN_BASE,
@@ -22,24 +21,17 @@ from robotrue.program.formats.krl_flow import (
 from robotrue.program.formats.krl_frames import UNSURE
 from robotrue.program.formats.krl_modal import Visits, inherit, inherit_external, visits
 from robotrue.program.formats.krl_notes import conflict_notes, incomplete_notes
-from robotrue.program.formats.krl_scan import INLINE_ARC, NOT_CONSTANT, STATEMENT, Scan
-from robotrue.program.formats.krl_spans import KrlSpans
+from robotrue.program.formats.krl_scan import INLINE_ARC, NOT_CONSTANT, STATEMENT
 from robotrue.program.formats.krl_walk import MOTION_OF, KrlWalk
+from robotrue.program.formats.krl_write import KrlSpans, column_of
 from robotrue.program.formats.shared_fate import flag_lost_frames
 from robotrue.program.formats.target_notes import absent_routine
-from robotrue.program.formats.written_out import WrittenOut
+from robotrue.program.formats.written_out import NONE_WRITTEN, WrittenOut
 from robotrue.program.held import turned_round
 from robotrue.program.program import FrameTable, Motion, Program, Reason
 
 _MOTION_OF_KIND: Final = np.array([int(MOTION_OF.get(kind, -1)) for kind in range(INLINE_ARC + 1)])
 _SIDES: Final = (("base", BASE), ("tool", TOOL))
-
-
-class _WrittenSpans(TypedDict, total=False):
-    """What the spans hold of targets that are written out."""
-
-    written: WrittenOut
-    bound: BoolArray
 
 
 class Settled(NamedTuple):
@@ -121,8 +113,8 @@ class Builder:
         last = max(moved, key=lambda each: each[:2], default=(0, -1, False))[1]
         if last < 0:
             return np.empty(0)
-        values, _, _, is_pose, is_axis = target_columns(found, np.array([last]))
-        axes: Array = values[0] * DEG
+        numbers, is_pose, is_axis = target_numbers(found, np.array([last]))
+        axes: Array = numbers.value[0, :6] * DEG
         return axes if is_axis[0] and not is_pose[0] and np.isfinite(axes).all() else np.empty(0)
 
     def settle_call(self, name: str, lines: IntArray, external: Array) -> Settled:
@@ -149,7 +141,9 @@ class Builder:
         found, name = self.scans[file], self.walk.names[file]
         agg, motion, where = self._rows(file)
         state, conflicts = self._row_states(file, agg, where)
-        values, external, words, is_pose, is_axis = target_columns(found, agg)
+        numbers, is_pose, is_axis = target_numbers(found, agg)
+        values, words = np.array(numbers.value[:, :6]), numbers.value[:, 6:8]
+        external = np.array(numbers.value[:, 8:]) if numbers.value.shape[1] > 8 else None
         mixed = is_pose & is_axis
         partial, donor = self._modal(file, agg, motion, values, is_axis, state, mixed)
         incomplete = mixed | np.isnan(values).any(axis=1)
@@ -183,7 +177,7 @@ class Builder:
             axes=axes,
             motion=lean(motion),
             reason=lean(reason),
-            words=lean(np.where(words < 0, NO_WORD, words)),
+            words=lean(np.where(np.isnan(words), NO_WORD, words).astype(np.int64)),
             words_of="kuka",
             line=line,
             frame=lean(frame),
@@ -192,24 +186,37 @@ class Builder:
             T_flange_tool=np.array(self.frames.matrices["tool"]),
             held=held,
             notes=tuple(dict.fromkeys(notes)),
-            spans=replace(
-                _spans(found, agg, is_axis, partial, donor, (donor >= 0) & ~free),
-                **self._collect_written(file, agg),
+            spans=KrlSpans(
+                numbers=numbers,
+                is_axis=is_axis,
+                written=self._collect_written(file, agg),
+                partial=partial,
+                donor=donor,
+                owed=(donor >= 0) & ~free,
             ),
             path=self._moves(file, agg, motion),
         )
 
-    def _collect_written(self, file: int, agg: IntArray) -> _WrittenSpans:
+    def _collect_written(self, file: int, agg: IntArray) -> WrittenOut:
         """Returns the targets that are written out, and which hang on others that are moved to."""
         mine = sorted((a, *what) for (f, a), what in self.story.written.items() if f == file)
         if not mine:
-            return {}
+            return NONE_WRITTEN
         moved = {d.variable for d in self.story.definitions if (d.file, d.agg) in self.story.uses}
-        row, start, end = np.array([each[:3] for each in mine], np.int64).T
-        return {
-            "written": WrittenOut(row=np.searchsorted(agg, row), start=start, end=end),
-            "bound": np.array([bool(each[3] & moved) for each in mine]),
-        }
+        point, start, end = np.array([each[:3] for each in mine], np.int64).T
+        scan = self.scans[file]
+        tokens = zip(
+            scan.agg_token[point].tolist(), scan.agg_token[point + 1].tolist(), strict=True
+        )
+        return WrittenOut(
+            row=np.searchsorted(agg, point),
+            start=start,
+            end=end,
+            bound=np.array([bool(each[3] & moved) for each in mine]),
+            columns=tuple(
+                tuple(map(column_of, scan.tok_component[a:b].tolist())) for a, b in tokens
+            ),
+        )
 
     def _find_held(self, state: IntArray, is_axis: BoolArray) -> BoolArray:
         """Returns the rows whose part the robot carries along a tool that stands; empty: none."""
@@ -460,27 +467,4 @@ def _are_nested(one: str, other: str) -> bool:
         or not other
         or (other + ".").startswith(one + ".")
         or (one + ".").startswith(other + ".")
-    )
-
-
-def _spans(
-    found: Scan,
-    agg: IntArray,
-    is_axis: BoolArray,
-    partial: IntArray,
-    donor: IntArray,
-    owed: BoolArray,
-) -> KrlSpans:
-    token = found.agg_token[agg]
-    return KrlSpans(
-        token=token,
-        tokens=found.agg_token[agg + 1] - token,
-        component=found.tok_component,
-        start=found.tok_start,
-        length=found.tok_length,
-        value=found.tok_value,
-        is_axis=is_axis,
-        partial=partial,
-        donor=donor,
-        owed=owed,
     )

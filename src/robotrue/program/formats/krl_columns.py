@@ -3,29 +3,35 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
-from robotrue.core.arrays import Array, BoolArray, IntArray, Integers
+from robotrue.core.arrays import Array, BoolArray, Bytes, IntArray, Ints
 from robotrue.core.compiled import PLAIN, compile_kernel
 from robotrue.core.units import DEG, MM
 from robotrue.program.euler import matrices_from_abc
-from robotrue.program.formats.krl_scan import STATUS, Scan
+from robotrue.program.formats.krl_scan import COMPONENTS, EXTERNAL, STATUS, Scan
+from robotrue.program.formats.krl_write import column_of
+from robotrue.program.formats.number_table import Numbers
 
 
-def target_columns(
-    found: Scan, agg: IntArray
-) -> tuple[Array, Array | None, IntArray, BoolArray, BoolArray]:
-    """Returns values (n, 6) in mm and deg, external axes if any, S and T, is pose, is axis."""
-    n = len(agg)
-    values = np.full((n, 6), np.nan)
-    any_external = bool((found.tok_component >= 12).any()) and n > 0
-    external = np.full((n if any_external else 1, 6), np.nan)
-    any_words = bool((found.tok_component >= STATUS).any())
-    words = np.full((n if any_words else 1, 2), -1, np.int64)
-    pose, axis = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
-    token, end = found.agg_token[agg], found.agg_token[agg + 1]
-    _gather(token, end, found.tok_component, found.tok_value, values, external, words, pose, axis)
-    words = np.broadcast_to(words, (n, 2))
-    return values, (external if any_external else None), words, pose, axis
+def target_numbers(found: Scan, agg: IntArray) -> tuple[Numbers, BoolArray, BoolArray]:
+    """Returns where the numbers of targets stand, as :class:`KrlSpans` has them, in mm and deg.
+
+    Beside them is pose (n,) and is axis (n,): which of both kinds a target has.
+    """
+    component = found.tok_component
+    any_external = len(agg) and ((component >= EXTERNAL) & (component < STATUS)).any()
+    shape = len(agg), 14 if any_external else 8
+    start, length = np.full(shape, -1), np.zeros(shape, np.int64)
+    value = np.full(shape, np.nan)
+    kinds = np.zeros((2, len(agg)), np.bool_)
+    token = found.agg_token[agg], found.agg_token[agg + 1]
+    columns = np.array([column_of(code) for code in range(len(COMPONENTS))])
+    _gather(
+        *token, component, found.tok_start, found.tok_length, found.tok_value, columns, start,
+        length, value, kinds,
+    )  # fmt: skip
+    return Numbers(start=start, length=length, value=value), kinds[0], kinds[1]
 
 
 def lean(column: IntArray) -> IntArray:
@@ -51,27 +57,25 @@ def si_columns(values: Array, axis: BoolArray) -> tuple[Array, Array, Array]:
 
 @compile_kernel(PLAIN)
 def _gather(
-    token: Integers,
-    end: Integers,
-    component: Integers,
+    token: Ints,
+    end: Ints,
+    component: Bytes,
+    begun: Ints,
+    size: npt.NDArray[np.uint16],
+    said: Array,
+    columns: IntArray,
+    start: IntArray,
+    length: IntArray,
     value: Array,
-    values: Array,
-    external: Array,
-    words: Integers,
-    pose: BoolArray,
-    axis: BoolArray,
+    kinds: BoolArray,
 ) -> None:
-    """Fills the dense columns of every row from its tokens."""
+    """Fills the tables (n, w) from the tokens of every row."""
     for row in range(token.size):
         for t in range(token[row], end[row]):
             code = component[t]
-            if code < 12:
-                values[row, code % 6] = value[t]
-                if code < 6:
-                    pose[row] = True
-                else:
-                    axis[row] = True
-            elif code < 18:
-                external[row, code - 12] = value[t]
-            else:
-                words[row, code - 18] = int(value[t])
+            if code < EXTERNAL:
+                kinds[code // 6, row] = True
+            column = columns[code]
+            value[row, column] = said[t]
+            if size[t] > 0:
+                start[row, column], length[row, column] = begun[t], size[t]

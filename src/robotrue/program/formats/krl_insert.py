@@ -19,7 +19,7 @@ import numpy as np
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
-from robotrue.program.formats.krl_spans import KrlSpans
+from robotrue.program.formats.krl_write import KrlSpans
 from robotrue.program.formats.move_trail import (
     UNKNOWN,
     Trail,
@@ -274,8 +274,8 @@ def _find_stored(job: Sequence[Program]) -> dict[bytes, list[int]]:
 
 def _find_literal(program: Program, row: int) -> bytes:
     """Returns the braces that the numbers of a row stand in."""
-    spans, data = program.spans, program.data
-    at = int(spans.start[int(spans.token[row])])
+    data, start = program.data, program.spans.numbers.start[row]
+    at = int(start[start >= 0].min())
     return data[data.rfind(b"{", 0, at) : data.find(b"}", at) + 1]
 
 

@@ -18,8 +18,9 @@ from robotrue.core.arrays import IntArray
 from robotrue.errors import FormatError
 from robotrue.program.formats.camrob import camrob_program, scan_targets
 from robotrue.program.formats.krl_build import Builder
-from robotrue.program.formats.krl_spans import KrlSpans
 from robotrue.program.formats.krl_story import Called
+from robotrue.program.formats.krl_write import KrlSpans
+from robotrue.program.formats.number_table import Numbers
 from robotrue.program.formats.text_lines import line_starts
 from robotrue.program.program import FrameTable, Program, Reason
 
@@ -231,23 +232,19 @@ class _Text:
 
 def _part_of(spans: KrlSpans, rows: slice, place: int) -> KrlSpans:
     """Returns the numbers of some rows, counted from the first byte of their file."""
-    token = spans.token[rows]
-    first = int(token[0]) if len(token) else 0
-    last = int(token[-1] + spans.tokens[rows][-1]) if len(token) else 0
+    numbers = spans.numbers
+    start = numbers.start[rows]
     inside = (spans.partial >= rows.start) & (spans.partial < rows.stop)
     donor = spans.donor[inside]
-    return replace(
-        spans,
-        token=token - first,
-        tokens=spans.tokens[rows],
-        component=spans.component[first:last],
-        start=spans.start[first:last] - place,
-        length=spans.length[first:last],
-        value=spans.value[first:last],
+    return KrlSpans(
+        numbers=Numbers(
+            start=np.where(start < 0, start, start - place),
+            length=numbers.length[rows],
+            value=numbers.value[rows],
+        ),
         is_axis=spans.is_axis[rows],
+        written=spans.written.part(rows, place),
         partial=spans.partial[inside] - rows.start,
         donor=np.where(donor >= 0, donor - rows.start, donor),
         owed=spans.owed[inside],
-        written=spans.written.part(rows, place),
-        bound=spans.bound[(spans.written.row >= rows.start) & (spans.written.row < rows.stop)],
     )

@@ -10,38 +10,60 @@ number standing after two or more blanks keeps its column. S and T keep their ba
 
 from __future__ import annotations
 
-import io
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
-from robotrue.core.arrays import Array, BoolArray, Bytes, IntArray, Ints
-from robotrue.core.compiled import PLAIN, compile_kernel
+from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.units import DEG, MM
 from robotrue.program.euler import renew_abc
-from robotrue.program.formats.krl_scan import COMPONENTS
-from robotrue.program.formats.krl_spans import (
-    KrlSpans,
-    format_aggregate,
-    states_other_words,
-    written_decimals,
-)
-from robotrue.program.formats.number_table import Numbers, put_stretches, respell_tokens
+from robotrue.program.formats.krl_scan import COMPONENTS, EXTERNAL, STATUS, scan
+from robotrue.program.formats.number_table import put_stretches
 from robotrue.program.formats.number_text import respell_word, restyle
-from robotrue.program.formats.pose_write import PrintedForm, changed_rows, new_values, spans_of
+from robotrue.program.formats.path_kernels import decimals_of
+from robotrue.program.formats.pose_write import PrintedForm, spans_of
+from robotrue.program.formats.written_out import TableForm, TableSpans, write_table
 from robotrue.program.program import Program, Replacement
 
 _INHERITED: Final = 0.5e-4
 """mm or deg; a component is inserted when what it would inherit is further off than this."""
-_ROWS: Final = 1 << 12
-"""Targets written at a time: what they need stays in the nearer caches."""
-_ENOUGH: Final = np.array([3] * 6 + [99] * 2)
-_LEAST: Final = np.array([4] * 6 + [-1] * 2)
-"""Decimals that can hold a correction, and those to print where there are fewer; S, T have none."""
+_ENOUGH: Final = 3
+_LEAST: Final = 4
+"""Decimals that can hold a correction, and those to print where there are fewer."""
 _FINE: Final = 6
 """Decimals of a number that had an exponent."""
+_MOST: Final = 9
+"""Decimals of what is written out."""
+_WORDS: Final = slice(6, 8)
+_BESIDE: Final = 8
+"""First column of external axes."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KrlSpans(TableSpans):
+    """Where the numbers stand: X..C or A1..A6, S and T, and E1..E6 if the file has any.
+
+    Attributes:
+        partial: (p,) rows with components left out that they inherit, in the order of motion.
+        donor: (p, 6) the row each left-out component is inherited from, -1 if it is written.
+        owed: (p, 6) left-out components that are inserted when the inherited value is not right.
+    """
+
+    partial: IntArray
+    donor: IntArray
+    owed: BoolArray
+
+
+def column_of(component: int) -> int:
+    """Returns the column of a component by its code."""
+    if component < EXTERNAL:
+        return component % 6
+    return (
+        component - STATUS + _WORDS.start if component >= STATUS else component - EXTERNAL + _BESIDE
+    )
 
 
 def write_krl(program: Program, replacement: Replacement) -> bytes:
@@ -55,131 +77,16 @@ def write_krl(program: Program, replacement: Replacement) -> bytes:
         ShapeError: A changed row has a value that is not finite, or beyond 1e9 mm or deg.
     """
     spans = spans_of(program, KrlSpans, "krl")
-    changed = changed_rows(program, replacement)
-    if not changed.any():
-        return program.data
-    if len(spans.written.row):
-        program, replacement, spans = _write_out(program, replacement, spans, changed)
-        changed = np.asarray(replacement.changed)
-    # What a target leaves out hangs on targets before it: such a program is one piece.
-    step = _ROWS if not len(spans.partial) else max(len(program), 1)
-    out, source, begin = io.BytesIO(), memoryview(program.data), 0
-    for first in range(0, len(program), step):
-        rows = slice(first, min(first + step, len(program)))
-        last = rows.stop == len(program)
-        end = len(program.data) if last else _behind(spans, rows.stop - 1)
-        if changed[rows].any():
-            out.write(_respell_rows(program, replacement, spans, rows, (begin, end)))
-        else:
-            out.write(source[begin:end])
-        begin = end
-    return out.getvalue()
+    put_in = partial(_insert_owed, spans) if len(spans.partial) else None
+    value = _controller_values(spans)
+    return write_table(program, replacement, spans, _FORM, value=value, put_in=put_in)
 
 
-def _write_out(
-    program: Program, replacement: Replacement, spans: KrlSpans, changed: BoolArray
-) -> tuple[Program, Replacement, KrlSpans]:
-    """Returns all three with the rows that are written out in their places, and done."""
-    written = spans.written
-    every = printed_values(spans, _tabulate(spans, slice(None)))
-    values, touched = new_values(program, replacement, every, spans.is_axis, _FORM)
-    moves = touched.any(axis=1) | (changed & states_other_words(spans, replacement.words))
-    chosen = np.flatnonzero(moves[written.row] | (spans.bound & moves.any())).tolist()
-    rows = written.row[chosen].tolist()
-    texts, decimals = [], written_decimals(program.data, spans) if rows else []
-    for row in rows:
-        first = int(spans.token[row])
-        tokens = range(first, first + int(spans.tokens[row]))
-        words = replacement.words[row].tolist() if changed[row] else [-1, -1]
-        texts.append(format_aggregate(spans, tokens, values[row], words, decimals))
-    stretches = written.stretches(chosen, texts)
-    data, start = put_stretches(program.data, stretches, spans.start.astype(np.int64))
-    left = np.array(changed)
-    left[written.row] = False
-    spans = replace(spans, start=start.astype(np.int32))
-    return replace(program, data=data), replace(replacement, changed=left), spans
-
-
-def _behind(spans: KrlSpans, row: int) -> int:
-    """Returns where the last number of a row ends: what stands before the next is with the next."""
-    token = int(spans.token[row] + spans.tokens[row]) - 1
-    return int(spans.start[token] + spans.length[token])
-
-
-def _respell_rows(
-    program: Program,
-    replacement: Replacement,
-    spans: KrlSpans,
-    rows: slice,
-    piece: tuple[int, int],
-) -> bytes:
-    """Returns the bytes between two places, which hold the rows, with what the rows shall say."""
-    numbers, is_axis = _tabulate(spans, rows), spans.is_axis[rows]
-    printed = printed_values(spans, numbers)
-    values, touched = new_values(program, replacement, printed, is_axis, _FORM, rows)
-    data, start = program.data[piece[0] : piece[1]], numbers.start - piece[0]
-    if len(spans.partial):
-        data, start = _insert_owed(data, spans, numbers, values, start)
-    words = np.asarray(replacement.words[rows], dtype=np.int64)
-    told = (words >= 0) & (words != numbers.value[:, 6:])
-    touched[:, 6:] = told & np.asarray(replacement.changed[rows], dtype=np.bool_)[:, None]
-    values[:, 6:] = words
-    enough, least = (np.broadcast_to(few, values.shape) for few in (_ENOUGH, _LEAST))
-    numbers = replace(numbers, start=start)
-    return respell_tokens(
-        data, numbers, values, touched, enough, least, aligned=True, apart=True,
-        respell_odd=_respell_odd,
-    )  # fmt: skip
-
-
-def _turn(rotation: Array, printed: Array) -> Array:
-    renew_abc(np.ascontiguousarray(rotation), np.arange(len(rotation)), printed, DEG)
-    return printed
-
-
-_FORM: Final = PrintedForm(length=MM, turns=3, turn=_turn, axis=DEG, unit="mm, deg")
-
-
-def _tabulate(spans: KrlSpans, rows: slice) -> Numbers:
-    """Returns the numbers (m, 8) of rows: X..C or A1..A6, then S and T."""
-    token, tokens = spans.token[rows], spans.tokens[rows]
-    shape = (len(token), 8)
-    start, length = np.full(shape, -1), np.zeros(shape, np.int64)
-    value = np.full(shape, np.nan)
-    _gather(
-        token, tokens, spans.component, spans.start, spans.length, spans.value, start, length, value
-    )
-    return Numbers(start=start, length=length, value=value)
-
-
-@compile_kernel(PLAIN)
-def _gather(
-    token: Ints,
-    tokens: Ints,
-    component: Bytes,
-    begun: Ints,
-    size: npt.NDArray[np.uint16],
-    said: Array,
-    start: IntArray,
-    length: IntArray,
-    value: Array,
-) -> None:
-    """Fills the tables (m, 8) from the tokens of every row."""
-    for row in range(token.size):
-        for t in range(token[row], token[row] + tokens[row]):
-            code = component[t]
-            if code < 12 or code >= 18:
-                column = code % 6 if code < 12 else code - 12
-                start[row, column], length[row, column] = begun[t], size[t]
-                value[row, column] = said[t]
-
-
-def printed_values(spans: KrlSpans, numbers: Numbers) -> Array:
-    """Returns numbers (m, 8) with X..C or A1..A6 as the controller has them, in mm and deg.
-
-    They must be of all rows if some leave components out.
-    """
-    values = numbers.value.copy()
+def _controller_values(spans: KrlSpans) -> Array:
+    """Returns the numbers (n, w) with X..C or A1..A6 as the controller has them, in mm and deg."""
+    if not len(spans.partial):
+        return spans.numbers.value
+    values = spans.numbers.value.copy()
     for row, donor in zip(spans.partial.tolist(), spans.donor, strict=True):
         c = np.flatnonzero(donor >= 0)
         values[row, c] = values[donor[c], c]
@@ -187,24 +94,22 @@ def printed_values(spans: KrlSpans, numbers: Numbers) -> Array:
 
 
 def _insert_owed(
-    data: bytes, spans: KrlSpans, numbers: Numbers, values: Array, start: IntArray
+    spans: KrlSpans, data: bytes, start: IntArray, values: Array
 ) -> tuple[bytes, IntArray]:
     """Returns the bytes with left-out components behind the last of their target, and new starts.
 
     They get the decimals of the number of their target that has the most.
     """
     texts: dict[int, bytes] = {}
+    ends = np.where(start < 0, -1, start + spans.numbers.length)
     for row, column in _find_owed(spans, values):
-        ends = start[row] + numbers.length[row]
-        shown = [data[a:b] for a, b in zip(start[row, :6], ends[:6], strict=True) if a >= 0]
+        pairs = zip(start[row, :6].tolist(), ends[row, :6].tolist(), strict=True)
+        shown = [data[a:b] for a, b in pairs if a >= 0]
         style = b"0." + b"0" * max(4, *map(_count_decimals, shown))
         name = COMPONENTS[column + 6 * int(spans.is_axis[row])].encode()
         text = b"," + name + b" " + restyle(style, values[row, column])
         texts[row] = texts.get(row, b"") + text
-    rows = np.array(sorted(texts), np.int64)
-    last = spans.token[rows] + spans.tokens[rows] - 1
-    place = spans.start[last].astype(np.int64) + spans.length[last]
-    stretches = [(at, 0, texts[k]) for at, k in zip(place.tolist(), rows.tolist(), strict=True)]
+    stretches = [(int(ends[row].max()), 0, texts[row]) for row in sorted(texts)]
     return put_stretches(data, stretches, start)
 
 
@@ -229,7 +134,35 @@ def _count_decimals(token: bytes) -> int:
     if b"e" in token.lower():
         return _FINE
     decimals = len(token.partition(b".")[2])
-    return min(decimals if decimals >= _ENOUGH[0] else int(_LEAST[0]), 15)
+    return min(decimals if decimals >= _ENOUGH else _LEAST, 15)
+
+
+def _count_written(program: Program) -> tuple[list[int], list[int]]:
+    """Returns as many decimals as the file has for a component, within bounds."""
+    found = scan(program.data, name=program.name)
+    table = found.tok_start[:, None].astype(np.int64), found.tok_length[:, None].astype(np.int64)
+    have = decimals_of(np.frombuffer(program.data, np.uint8), *table)[:, 0]
+    most = np.repeat([4, 6, 5, 5, 0], 3)
+    np.maximum.at(most, np.minimum(found.tok_component, EXTERNAL), have)
+    decimals = np.minimum(most, _MOST).tolist()
+    return decimals[:6], decimals[6:12]
+
+
+def _print_target(
+    values: Array, decimals: list[int], columns: Sequence[int], *, axis: bool
+) -> bytes:
+    """Returns a target in braces; external axes stay as they were."""
+    parts = []
+    for column in columns:
+        value = float(values[column])
+        if column < _WORDS.start:
+            name, text = COMPONENTS[column + 6 * axis], f"{value + 0.0:.{decimals[column]}f}"
+        elif column < _BESIDE:
+            name, text = COMPONENTS[column - _WORDS.start + STATUS], str(int(value))
+        else:
+            name, text = COMPONENTS[column - _BESIDE + EXTERNAL], repr(value)
+        parts.append(f"{name} {text}")
+    return ("{" + ",".join(parts) + "}").encode("ascii")
 
 
 def _respell_odd(token: bytes, value: float, least: int) -> bytes:
@@ -243,3 +176,21 @@ def _respell_odd(token: bytes, value: float, least: int) -> bytes:
     plus = b"+" if token.startswith(b"+") else b""
     whole = b"" if token.lstrip(b"+-").startswith(b".") else b"0"
     return restyle(plus + whole + b"." + b"0" * _FINE, value)
+
+
+def _turn(rotation: Array, printed: Array) -> Array:
+    printed = np.ascontiguousarray(printed)
+    renew_abc(np.ascontiguousarray(rotation), np.arange(len(rotation)), printed, DEG)
+    return printed
+
+
+_FORM: Final = TableForm(
+    printed=PrintedForm(length=MM, turns=3, turn=_turn, axis=DEG, unit="mm, deg"),
+    enough=np.array([[_ENOUGH] * 6 + [99] * 8] * 2),
+    least=np.array([[_LEAST] * 6 + [-1] * 8] * 2),
+    words=_WORDS,
+    count_decimals=_count_written,
+    print_target=_print_target,
+    respell_odd=_respell_odd,
+    tidy=True,
+)

@@ -109,7 +109,8 @@ def put_stretches(
     return splice_texts(data, ordered), np.where(start < 0, start, moved)
 
 
-def _respell_odd(token: bytes, value: float, least: int) -> bytes:
+def respell_in_style(token: bytes, value: float, least: int) -> bytes:
+    """Returns a number in the style of another one."""
     return restyle(token, value, least=least)
 
 
@@ -123,7 +124,7 @@ def respell_tokens(
     *,
     aligned: bool = False,
     apart: bool = False,
-    respell_odd: Callable[[bytes, float, int], bytes] = _respell_odd,
+    respell_odd: Callable[[bytes, float, int], bytes] = respell_in_style,
 ) -> bytes:
     """Returns the bytes with the touched numbers rewritten in their own style.
 

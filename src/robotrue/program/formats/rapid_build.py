@@ -17,12 +17,11 @@ from robotrue.program.formats.number_table import Numbers
 from robotrue.program.formats.rapid_data import AXIS, NOTHING
 from robotrue.program.formats.rapid_frames import TOOL, WORK
 from robotrue.program.formats.rapid_walk import AXES_SHIFTED, FOREIGN, SHIFTED, RapidWalk
-from robotrue.program.formats.rapid_write import RapidSpans
 from robotrue.program.formats.shared_fate import flag_lost_frames, pair_arcs
 from robotrue.program.formats.stored_points import firsts, motions_of, moves_to
 from robotrue.program.formats.target_notes import TargetNotes, absent_routine
 from robotrue.program.formats.text_lines import line_starts
-from robotrue.program.formats.written_out import WrittenOut
+from robotrue.program.formats.written_out import NONE_WRITTEN, TableSpans, WrittenOut
 from robotrue.program.held import turned_round
 from robotrue.program.program import FrameTable, Program, Reason
 
@@ -105,23 +104,22 @@ class _Builder:
             value[point] = row
         return replace(numbers, value=value)
 
-    def _spans(self) -> RapidSpans:
+    def _spans(self) -> TableSpans:
         """Returns where the numbers stand, rows in file order."""
         order = self.order
         numbers, is_axis = self.numbers.rows(order), self.is_axis[order]
-        written = self.walk.story.written
+        return TableSpans(numbers=numbers, is_axis=is_axis, written=self._written_out())
+
+    def _written_out(self) -> WrittenOut:
+        """Returns the targets that are written out."""
+        written, bases, place = self.walk.story.written, self.walk.story.bases, self.order.argsort()
         if not written:
-            return RapidSpans(numbers=numbers, is_axis=is_axis)
-        place = np.argsort(order)
-        mine = sorted((int(place[point]), *span[:2]) for point, span in written.items())
-        row, start, end = np.array(mine, np.int64).T
+            return NONE_WRITTEN
+        mine = sorted((int(place[point]), *span[:2], point) for point, span in written.items())
+        row, start, end, points = np.array(mine, np.int64).T
         # A target that starts from one that is moved to as well must not be carried along.
-        bases = self.walk.story.bases
-        bound = np.array([
-            any(self.used[base] for base in bases.get(int(order[at]), ())) for at in row.tolist()
-        ])  # fmt: skip
-        out = WrittenOut(row=row, start=start, end=end)
-        return RapidSpans(numbers=numbers, is_axis=is_axis, written=out, bound=bound)
+        bound = [any(self.used[base] for base in bases.get(one, ())) for one in points.tolist()]
+        return WrittenOut(row=row, start=start, end=end, bound=np.array(bound))
 
     def _put(self, rows: BoolArray, why: Reason, what: str) -> None:
         rows = rows & (self.kind != NOTHING)

@@ -26,7 +26,7 @@ from robotrue.program.formats.urscript_walk import (
     TOOL,
     ScriptWalk,
 )
-from robotrue.program.formats.urscript_write import UrSpans
+from robotrue.program.formats.written_out import TableSpans
 from robotrue.program.program import FrameTable, Program, Reason
 
 _SENTENCES: Final = {
@@ -98,7 +98,7 @@ class _Builder:
             T_base_frame=np.array(self.frames.matrices["base"]),
             T_flange_tool=np.array(self.frames.matrices["tool"]),
             notes=self.tell.notes(),
-            spans=UrSpans(numbers=self.numbers.rows(rows), is_axis=self.is_axis[rows]),
+            spans=TableSpans(numbers=self.numbers.rows(rows), is_axis=self.is_axis[rows]),
             path=moves_to(self.walk.story.uses, row_of),
         )
 

@@ -6,45 +6,26 @@ its style (:mod:`robotrue.program.formats.number_text`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array, BoolArray
+from robotrue.core.arrays import Array
 from robotrue.core.rotations import rotation_vector_from_matrix
-from robotrue.program.formats.number_table import Numbers, respell_tokens
-from robotrue.program.formats.pose_write import PrintedForm, new_values, spans_of
+from robotrue.program.formats.pose_write import PrintedForm, spans_of
+from robotrue.program.formats.written_out import TableForm, TableSpans, write_table
 from robotrue.program.program import Program, Replacement
-
-_ENOUGH: Final = 6
-_LEAST: Final = 7
-"""Decimals that can hold a correction, and those to print where there are fewer."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class UrSpans:
-    """Where the numbers of the targets stand.
-
-    Attributes:
-        numbers: (n, 6) x, y, z in m and the rotation vector in rad, or six axes in rad.
-        is_axis: (n,) the target is a list of axes.
-    """
-
-    numbers: Numbers
-    is_axis: BoolArray
 
 
 def write_urscript(program: Program, replacement: Replacement) -> bytes:
     """Returns the script with the numbers of the changed rows replaced and nothing else touched.
 
+    The numbers are x, y, z in m and the rotation vector in rad, or six axes in rad.
+
     Raises:
         ShapeError: A changed row has a value that is not finite, or beyond 1e9 m or rad.
     """
-    spans = spans_of(program, UrSpans, "urscript")
-    values, touched = new_values(program, replacement, spans.numbers.value, spans.is_axis, _FORM)
-    enough, least = (np.full(values.shape, few) for few in (_ENOUGH, _LEAST))
-    return respell_tokens(program.data, spans.numbers, values, touched, enough, least)
+    return write_table(program, replacement, spans_of(program, TableSpans, "urscript"), _FORM)
 
 
 def nearest_rotation_vector(rotation: Array, near: Array) -> Array:
@@ -68,6 +49,8 @@ def nearest_rotation_vector(rotation: Array, near: Array) -> Array:
     return out
 
 
-_FORM: Final = PrintedForm(
-    length=1.0, turns=3, turn=nearest_rotation_vector, axis=1.0, unit="m, rad"
+_FORM: Final = TableForm(
+    printed=PrintedForm(length=1.0, turns=3, turn=nearest_rotation_vector, axis=1.0, unit="m, rad"),
+    enough=np.full((2, 6), 6),
+    least=np.full((2, 6), 7),
 )

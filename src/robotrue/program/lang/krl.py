@@ -113,8 +113,7 @@ def _read(files: NamedBytes, frames: FrameTable) -> tuple[Program, ...]:
 
 def _write(program: Program, replacement: Replacement) -> bytes:
     from robotrue.program.formats.camrob import write_camrob
-    from robotrue.program.formats.krl_spans import KrlSpans
-    from robotrue.program.formats.krl_write import write_krl
+    from robotrue.program.formats.krl_write import KrlSpans, write_krl
 
     if not isinstance(program.spans, KrlSpans):
         return write_camrob(program, replacement)
