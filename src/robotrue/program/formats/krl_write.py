@@ -25,7 +25,7 @@ from robotrue.program.formats.number_table import put_stretches
 from robotrue.program.formats.number_text import respell_word, restyle
 from robotrue.program.formats.path_kernels import decimals_of
 from robotrue.program.formats.pose_write import PrintedForm, spans_of
-from robotrue.program.formats.written_out import TableForm, TableSpans, write_table
+from robotrue.program.formats.written_out import TargetForm, TableSpans, write_table
 from robotrue.program.program import Program, Replacement
 
 _INHERITED: Final = 0.5e-4
@@ -184,7 +184,7 @@ def _turn(rotation: Array, printed: Array) -> Array:
     return printed
 
 
-_FORM: Final = TableForm(
+_FORM: Final = TargetForm(
     printed=PrintedForm(length=MM, turns=3, turn=_turn, axis=DEG, unit="mm, deg"),
     enough=np.array([[_ENOUGH] * 6 + [99] * 8] * 2),
     least=np.array([[_LEAST] * 6 + [-1] * 8] * 2),

@@ -13,7 +13,7 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.core.rotations import rotation_vector_from_matrix
 from robotrue.program.formats.pose_write import PrintedForm, spans_of
-from robotrue.program.formats.written_out import TableForm, TableSpans, write_table
+from robotrue.program.formats.written_out import TargetForm, TableSpans, write_table
 from robotrue.program.program import Program, Replacement
 
 
@@ -49,7 +49,7 @@ def nearest_rotation_vector(rotation: Array, near: Array) -> Array:
     return out
 
 
-_FORM: Final = TableForm(
+_FORM: Final = TargetForm(
     printed=PrintedForm(length=1.0, turns=3, turn=nearest_rotation_vector, axis=1.0, unit="m, rad"),
     enough=np.full((2, 6), 6),
     least=np.full((2, 6), 7),

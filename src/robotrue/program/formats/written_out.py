@@ -85,7 +85,7 @@ class PrintTarget(Protocol):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TableForm:
+class TargetForm:
     """How a language writes such targets.
 
     Attributes:
@@ -114,7 +114,7 @@ def write_table(
     program: Program,
     replacement: Replacement,
     spans: TableSpans,
-    form: TableForm,
+    form: TargetForm,
     *,
     value: Array | None = None,
     put_in: Callable[[bytes, IntArray, Array], tuple[bytes, IntArray]] | None = None,
@@ -160,7 +160,7 @@ def write_table(
 
 
 def _write_out(
-    program: Program, spans: TableSpans, form: TableForm, values: Array, moves: BoolArray
+    program: Program, spans: TableSpans, form: TargetForm, values: Array, moves: BoolArray
 ) -> tuple[bytes, IntArray]:
     """Returns the bytes with targets written out that move, and where the other numbers are."""
     written, start = spans.written, spans.numbers.start
