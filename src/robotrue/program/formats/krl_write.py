@@ -25,7 +25,7 @@ from robotrue.program.formats.number_table import put_stretches
 from robotrue.program.formats.number_text import respell_word, restyle
 from robotrue.program.formats.path_kernels import decimals_of
 from robotrue.program.formats.pose_write import PrintedForm, spans_of
-from robotrue.program.formats.written_out import TargetForm, TableSpans, write_table
+from robotrue.program.formats.written_out import TableSpans, TargetForm, write_table
 from robotrue.program.program import Program, Replacement
 
 _INHERITED: Final = 0.5e-4

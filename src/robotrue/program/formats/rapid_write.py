@@ -16,7 +16,7 @@ from robotrue.core.rotations import quat_wxyz_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.program.formats.path_kernels import decimals_of
 from robotrue.program.formats.pose_write import PrintedForm, spans_of
-from robotrue.program.formats.written_out import TargetForm, TableSpans, write_table
+from robotrue.program.formats.written_out import TableSpans, TargetForm, write_table
 from robotrue.program.program import Program, Replacement
 
 _FEWEST: Final = np.array([4] * 3 + [9] * 4 + [4] * 10)

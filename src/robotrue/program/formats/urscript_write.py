@@ -13,7 +13,7 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.core.rotations import rotation_vector_from_matrix
 from robotrue.program.formats.pose_write import PrintedForm, spans_of
-from robotrue.program.formats.written_out import TargetForm, TableSpans, write_table
+from robotrue.program.formats.written_out import TableSpans, TargetForm, write_table
 from robotrue.program.program import Program, Replacement
 
 
