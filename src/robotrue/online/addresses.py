@@ -12,8 +12,8 @@ from robotrue.online.answering_link import AVAILABLE, AnsweringLink
 from robotrue.online.answering_wire import LinkSettings, RemoteGuard
 from robotrue.online.blocks import ForceBlock, JointBlock
 from robotrue.online.link import Corrector, StreamSource
+from robotrue.online.robot_link import RobotLinkSettings
 from robotrue.online.stream_protocol import (
-    AnsweredSettings,
     ForceWithJoints,
     Role,
     StreamProtocol,
@@ -110,7 +110,7 @@ def open_stream(
     if role == "force" and protocol.link_of_force is not None:
         return _force_of_robot(address, protocol.link_of_force(address), settings.robot)
     found = protocol.read(address, role, settings)
-    if isinstance(found, AnsweredSettings):
+    if isinstance(found, RobotLinkSettings):
         return _answer(found, settings)
     return cast("StreamSource[JointBlock] | StreamSource[ForceBlock]", found)
 
@@ -156,7 +156,7 @@ def _force_of_robot(
     return robot.force()
 
 
-def _answer(link: AnsweredSettings, settings: SourceSettings) -> StreamSource[JointBlock]:
+def _answer(link: RobotLinkSettings, settings: SourceSettings) -> StreamSource[JointBlock]:
     """The source of a controller that waits for answers: from a process of its own, or a thread."""
     corrector = settings.corrector
     if isinstance(link, LinkSettings):

@@ -21,7 +21,7 @@ import sys
 import time
 from collections.abc import AsyncIterator, Callable
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -31,7 +31,8 @@ from robotrue.online.blocks import Block, ForceBlock
 from robotrue.online.guard import CorrectionGuard, GuardState
 from robotrue.online.link import StreamSource
 from robotrue.online.robot_correction import Correction, CorrectionMode
-from robotrue.online.stream_protocol import AnsweringRobot, ForceWithJoints
+from robotrue.online.robot_link import RobotLink
+from robotrue.online.stream_protocol import ForceWithJoints
 from robotrue.online.udp import prompt_answers
 
 _BEAT: Final = 0.03
@@ -75,7 +76,7 @@ def _stay_in_memory() -> None:
         ctypes.CDLL(None).mlockall(_RESIDENT)
 
 
-def _open_link(opening: wire.Opening) -> tuple[CorrectionGuard | None, AnsweringRobot]:
+def _open_link(opening: wire.Opening) -> tuple[CorrectionGuard | None, RobotLink[Any]]:
     guard, before = None, opening.before
     if opening.limits is not None and opening.mode is not None:
         guard = CorrectionGuard(opening.limits, opening.mode)
@@ -88,7 +89,7 @@ class _Answering:
     """The loop beside the answering thread: samples and counters out, what is wanted in."""
 
     def __init__(
-        self, pipe: socket.socket, link: AnsweringRobot, guard: CorrectionGuard | None
+        self, pipe: socket.socket, link: RobotLink[Any], guard: CorrectionGuard | None
     ) -> None:
         self._pipe, self._link, self._guard = pipe, link, guard
         self._force: StreamSource[ForceBlock] | None = None

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import AsyncIterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Final
 
 from robotrue.errors import ConfigurationError, FormatError
@@ -29,9 +29,9 @@ from robotrue.online.egm import (
 )
 from robotrue.online.link import Corrector, Health
 from robotrue.online.robot_correction import CorrectionMode
-from robotrue.online.robot_link import LinkState, RobotLink
+from robotrue.online.robot_link import LinkState, RobotLink, RobotLinkSettings
 from robotrue.online.sequence import SequenceState, advance
-from robotrue.online.udp import CROWDED, Address, Inbox
+from robotrue.online.udp import Address, Inbox
 
 _CYCLE: Final = 4e-3
 _UNSEEN: Final = 25
@@ -41,36 +41,20 @@ _STALE: Final = Flag.REPEATED | Flag.REORDERED
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class EgmSettings:
-    """What the link has to know of the controller; no message tells.
+class EgmSettings(RobotLinkSettings):
+    """Of an ABB controller; the usual port is 6510.
 
     Attributes:
-        name: What messages and health call it.
         generation: RobotWare 6 or 7.
-        mode: How the controller takes a path correction; needed where corrections are sent.
         force_frame: Axes in which the controller reports the measured force.
-        host: Own address; ``0.0.0.0`` for all.
-        port: Own port; 0 takes a free one.
-        waiting: Samples that may wait for their reader before the health says so.
-        peer: Address and port of the controller, 0 for any port: all other senders are ignored.
     """
 
-    name: str
     generation: RobotWare
-    mode: CorrectionMode | None = None
     force_frame: str = "sensor"
-    host: str = "0.0.0.0"  # noqa: S104 (the controller is another computer)
-    port: int = EGM_PORT
-    waiting: int = CROWDED
-    peer: Address | None = None
     sends_force: ClassVar[bool] = True
 
     def open_link(self, corrector: Corrector | None, before: LinkState | None = None) -> EgmSource:
-        """Returns the link, which listens and answers from now on.
-
-        Raises:
-            ConfigurationError: As :class:`EgmSource`.
-        """
+        """Returns the link, which listens and answers from now on."""
         return EgmSource(self, corrector, before=before)
 
     def check_corrections(self) -> CorrectionMode:
@@ -117,14 +101,11 @@ class EgmSource(RobotLink[SeenMessage]):
         if corrector is not None:
             settings.check_corrections()
         super().__init__(
-            settings.name,
-            settings.host,
-            settings.port,
+            settings,
+            corrector,
+            port=EGM_PORT if settings.port is None else settings.port,
             cycle=_CYCLE,
             watch=egm_sequence(),
-            corrector=corrector,
-            waiting=settings.waiting,
-            peer=settings.peer,
             before=before,
         )
         self.settings = settings
@@ -206,8 +187,7 @@ class EgmForce:
     def __init__(self, link: EgmSource) -> None:
         self._link = link
         self._inbox: Inbox[SeenMessage] = Inbox(link.settings.waiting)
-        self._received = self._refused = 0
-        self._fault = ""
+        self._health = Health(name=f"{link.settings.name} force", connected=False)
 
     async def blocks(self) -> AsyncIterator[ForceBlock]:
         """Gives samples as they come; ends when the link is closed."""
@@ -220,16 +200,14 @@ class EgmForce:
 
     def health(self) -> Health:
         """Returns the counters as they stand; what never came is what the link has lost."""
-        link = self._link.health()
-        return Health(
-            name=f"{link.name} force",
-            connected=link.connected and not self._fault,
-            received=self._received,
+        link, fault = self._link.health(), self._health.last_fault
+        return replace(
+            self._health,
+            connected=link.connected and not fault,
             lost=link.lost,
             late=link.late,
-            refused=self._refused,
             reconnects=link.reconnects,
-            last_fault=self._inbox.crowding or self._fault or link.last_fault,
+            last_fault=self._inbox.crowding or fault or link.last_fault,
         )
 
     def take(self, seen: SeenMessage) -> None:
@@ -237,11 +215,10 @@ class EgmForce:
         try:
             egm_force_block([seen], self._link.settings.force_frame)
         except FormatError as refused:
-            self._refused += 1
-            self._fault = str(refused)
+            self._health.refuse(str(refused))
             return
-        self._received += 1
-        self._fault = ""
+        self._health.received += 1
+        self._health.last_fault = ""
         self._inbox.put(seen)
 
     def end(self, fault: BaseException | None) -> None:

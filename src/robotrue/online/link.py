@@ -18,9 +18,9 @@ from robotrue.online.robot_correction import Correction
 B_co = TypeVar("B_co", bound=Block, covariant=True)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(slots=True, kw_only=True)
 class Health:
-    """Counters of one source or sink since it was opened.
+    """Counters of one source or sink since it was opened; who counts gives copies away.
 
     Attributes:
         name: The address it was opened with.
@@ -47,6 +47,11 @@ class Health:
     turnaround_p50: float = float("nan")
     turnaround_p99: float = float("nan")
     last_fault: str = ""
+
+    def refuse(self, why: str) -> None:
+        """Counts what was refused."""
+        self.refused += 1
+        self.last_fault = why
 
 
 class StreamSource(Protocol[B_co]):

@@ -10,14 +10,15 @@ import asyncio
 import math
 import time
 from collections.abc import AsyncIterator, Mapping
-from dataclasses import dataclass, field
-from typing import Final, Generic, TypeVar
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, Final, Generic, TypeVar
 
 from robotrue.errors import FormatError
 from robotrue.online.blocks import Flag, JointBlock
 from robotrue.online.link import Corrector, Health
+from robotrue.online.robot_correction import CorrectionMode
 from robotrue.online.sequence import SequenceState
-from robotrue.online.udp import Address, Inbox, UdpEndpoint
+from robotrue.online.udp import CROWDED, Address, Inbox, UdpEndpoint
 
 S = TypeVar("S")
 
@@ -51,6 +52,46 @@ class LinkState:
     slowest: float = float("nan")
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RobotLinkSettings:
+    """What a link has to know of its controller; no packet tells.
+
+    Attributes:
+        name: What messages and health call it.
+        mode: How the controller takes a correction; needed where corrections are sent.
+        host: Own address; ``0.0.0.0`` for all.
+        port: Own port; 0 takes a free one, None the usual one.
+        waiting: Samples that may wait for their reader before the health says so.
+        peer: Address and port of the controller, 0 for any port: all other senders are ignored.
+    """
+
+    name: str
+    mode: CorrectionMode | None = None
+    host: str = "0.0.0.0"  # noqa: S104 (the controller is another computer)
+    port: int | None = None
+    waiting: int = CROWDED
+    peer: Address | None = None
+    sends_force: ClassVar[bool] = False
+
+    def open_link(
+        self, corrector: Corrector | None, before: LinkState | None = None
+    ) -> RobotLink[Any]:
+        """Returns the link, which listens and answers from now on.
+
+        Raises:
+            ConfigurationError: The address cannot be had, or corrections cannot be sent safely.
+        """
+        raise NotImplementedError
+
+    def check_corrections(self) -> CorrectionMode:
+        """Returns the mode, if corrections can be sent safely.
+
+        Raises:
+            ConfigurationError: They cannot.
+        """
+        raise NotImplementedError
+
+
 class RobotLink(Generic[S]):
     """A controller on UDP as a source of :class:`~robotrue.online.blocks.JointBlock`.
 
@@ -58,14 +99,11 @@ class RobotLink(Generic[S]):
     answers.
 
     Args:
-        name: What messages and health call it.
-        host: Own address.
+        settings: Of this controller.
+        corrector: Asked for each answer, from the link's own thread; None corrects nothing.
         port: Own port; 0 takes a free one, ``address`` tells which.
         cycle: s of the controller.
         watch: Before the first packet.
-        corrector: Asked for each answer, from the link's own thread; None corrects nothing.
-        waiting: Samples that may wait for their reader before the health says so.
-        peer: The only sender that is heard, port 0 for any of its ports; None hears the first.
         before: Of the link that this one goes on for: nobody has answered since.
 
     Raises:
@@ -74,32 +112,27 @@ class RobotLink(Generic[S]):
 
     def __init__(
         self,
-        name: str,
-        host: str,
-        port: int,
+        settings: RobotLinkSettings,
+        corrector: Corrector | None,
         *,
+        port: int,
         cycle: float,
         watch: SequenceState,
-        corrector: Corrector | None,
-        waiting: int,
-        peer: Address | None = None,
-        before: LinkState | None = None,
+        before: LinkState | None,
     ) -> None:
-        self._name, self._cycle = name, cycle
-        self._watch = watch if before is None else before.watch
-        self._corrector = corrector
-        self._silence = _SILENCE * cycle
-        self._peer = None if before is None else before.peer
-        self._pinned = peer
+        before = before or LinkState(watch=watch)
+        self._corrector, self._cycle, self._silence = corrector, cycle, _SILENCE * cycle
+        self._watch, self._peer, self._pinned = before.watch, before.peer, settings.peer
         self._seen = float("-inf")
-        self._refused = 0 if before is None else before.refused
-        self._reconnects = 0 if before is None else before.reconnects
-        self._fault = ""
-        self._inbox: Inbox[S] = Inbox(waiting)
-        self.turnaround = Turnaround()
-        if before is not None:
-            self.turnaround = Turnaround.of(before.turnaround, before.slowest)
-        self._endpoint = UdpEndpoint(host, port, self._take, closed=self._over)
+        self._health = Health(
+            name=settings.name,
+            connected=False,
+            refused=before.refused,
+            reconnects=before.reconnects,
+        )
+        self._inbox: Inbox[S] = Inbox(settings.waiting)
+        self.turnaround = Turnaround.of(before.turnaround, before.slowest)
+        self._endpoint = UdpEndpoint(settings.host, port, self._take, closed=self._over)
         self.address = self._endpoint.address
 
     async def blocks(self) -> AsyncIterator[JointBlock]:
@@ -139,17 +172,15 @@ class RobotLink(Generic[S]):
     def health(self) -> Health:
         """Returns the counters as they stand."""
         watch = self._watch
-        return Health(
-            name=self._name,
+        return replace(
+            self._health,
             connected=self._there(),
             received=watch.received,
             lost=watch.lost,
             late=watch.late,
-            refused=self._refused,
-            reconnects=self._reconnects,
             turnaround_p50=self.turnaround.quantile(0.5),
             turnaround_p99=self.turnaround.quantile(0.99),
-            last_fault=self._inbox.crowding or self._fault,
+            last_fault=self._inbox.crowding or self._health.last_fault,
         )
 
     @property
@@ -162,8 +193,8 @@ class RobotLink(Generic[S]):
         return LinkState(
             watch=self._watch,
             peer=self._peer,
-            refused=self._refused,
-            reconnects=self._reconnects,
+            refused=self._health.refused,
+            reconnects=self._health.reconnects,
             turnaround=self.turnaround.counts(),
             slowest=self.turnaround.largest,
         )
@@ -190,19 +221,21 @@ class RobotLink(Generic[S]):
         """One datagram, in the endpoint's thread."""
         pinned = self._pinned
         if pinned is not None and (sender[0] != pinned[0] or pinned[1] not in (0, sender[1])):
-            self._refuse(f"{sender[0]}:{sender[1]} is not the stated controller {pinned[0]}")
+            self._health.refuse(f"{sender[0]}:{sender[1]} is not the stated controller {pinned[0]}")
             return
         if self._corrector is not None and self._peer is not None and sender[0] != self._peer[0]:
-            self._refuse(f"{sender[0]} is not {self._peer[0]}, the controller that is corrected")
+            self._health.refuse(
+                f"{sender[0]} is not {self._peer[0]}, the controller that is corrected"
+            )
             return
         silent = host_time - self._seen > self._silence
         if self._peer is not None and sender != self._peer and not silent:
-            self._refuse(f"a second sender, {sender[0]}:{sender[1]}")
+            self._health.refuse(f"a second sender, {sender[0]}:{sender[1]}")
             return
         try:
             self._packet(data, sender, host_time, begins=self._peer is None or silent)
         except FormatError as refused:
-            self._refuse(str(refused))
+            self._health.refuse(str(refused))
 
     def _begin(self, sender: Address) -> bool:
         """Takes a sender as the peer, with a packet that could be read; before it is answered.
@@ -211,7 +244,7 @@ class RobotLink(Generic[S]):
             Whether it is the controller of before: nobody else is allowed, or the same port.
         """
         before, self._peer = self._peer, sender
-        self._reconnects += before is not None
+        self._health.reconnects += before is not None
         return self._pinned is not None or sender == before
 
     def _keep(self, kept: S, sequence: int, host_time: float, flags: Flag) -> None:
@@ -219,14 +252,10 @@ class RobotLink(Generic[S]):
         self._seen = host_time
         if flags:
             if flags & Flag.INVALID:
-                self._fault = f"packet {sequence}: {flags.name}"
+                self._health.last_fault = f"packet {sequence}: {flags.name}"
             if self._corrector is not None and flags & _UNSAFE:
                 self._corrector.fault(f"a packet with {(flags & _UNSAFE).name}")
         self._inbox.put(kept)
-
-    def _refuse(self, why: str) -> None:
-        self._refused += 1
-        self._fault = why
 
     def _there(self) -> bool:
         return self._peer is not None and time.monotonic() - self._seen <= self._silence

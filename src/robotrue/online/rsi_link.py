@@ -9,14 +9,14 @@ from __future__ import annotations
 import time
 from collections import deque
 from dataclasses import dataclass
-from typing import ClassVar, Final
+from typing import Final
 
 from robotrue.errors import ConfigurationError, FormatError
 from robotrue.online.blocks import JointBlock
 from robotrue.online.device_defaults import RSI_CYCLE_MS, RSI_PORT
 from robotrue.online.link import Corrector
 from robotrue.online.robot_correction import Correction, CorrectionMode, no_correction
-from robotrue.online.robot_link import LinkState, RobotLink
+from robotrue.online.robot_link import LinkState, RobotLink, RobotLinkSettings
 from robotrue.online.rsi import (
     RobPacket,
     SeenPacket,
@@ -39,45 +39,28 @@ from robotrue.online.stream_protocol import (
     StreamSettings,
     read_own_address,
 )
-from robotrue.online.udp import CROWDED, Address
+from robotrue.online.udp import Address
 
 _REMEMBERED: Final = 128
 """Packets whose answers are remembered: a count that is further back is another clock."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RsiSettings:
-    """What the link has to know of the controller; no packet tells.
+class RsiSettings(RobotLinkSettings):
+    """Of a KUKA controller; the usual port is that of its configuration.
 
     Attributes:
-        name: What messages and health call it.
         config: EthernetConfig.xml that the controller runs, or the usual one.
         cycle_ms: 4 (IPO_FAST) or 12 (IPO).
-        mode: What RSI_ON of the running program says; needed where corrections are sent.
-        host: Own address; ``0.0.0.0`` for all.
-        port: Own port; None takes that of the configuration, 0 a free one.
-        waiting: Samples that may wait for their reader before the health says so.
-        peer: Address and port of the controller, 0 for any port: all other senders are ignored.
         trust_restart: Whether a Delay near zero after a pause means RSI_ON, with no correction.
     """
 
-    name: str
     config: RsiConfig
     cycle_ms: int
-    mode: CorrectionMode | None = None
-    host: str = "0.0.0.0"  # noqa: S104 (the controller is another computer)
-    port: int | None = None
-    waiting: int = CROWDED
-    peer: Address | None = None
     trust_restart: bool = False
-    sends_force: ClassVar[bool] = False
 
     def open_link(self, corrector: Corrector | None, before: LinkState | None = None) -> RsiSource:
-        """Returns the link, which listens and answers from now on.
-
-        Raises:
-            ConfigurationError: As :class:`RsiSource`.
-        """
+        """Returns the link, which listens and answers from now on."""
         return RsiSource(self, corrector, before=before)
 
     def check_corrections(self) -> CorrectionMode:
@@ -147,14 +130,11 @@ class RsiSource(RobotLink[SeenPacket]):
     ) -> None:
         mode = CorrectionMode.ABSOLUTE if corrector is None else settings.check_corrections()
         super().__init__(
-            settings.name,
-            settings.host,
-            settings.config.port if settings.port is None else settings.port,
+            settings,
+            corrector,
+            port=settings.config.port if settings.port is None else settings.port,
             cycle=settings.cycle_ms * 1e-3,
             watch=rsi_sequence(settings.cycle_ms),
-            corrector=corrector,
-            waiting=settings.waiting,
-            peer=settings.peer,
             before=before,
         )
         self.settings = settings

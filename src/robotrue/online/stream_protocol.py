@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Final, Literal, Protocol, TypeAlias, runtime_checkable
+from typing import Final, Literal, Protocol, runtime_checkable
 
 from robotrue.errors import ConfigurationError
 from robotrue.online.blocks import Block, ForceBlock, JointBlock
-from robotrue.online.link import Corrector, StreamSource
+from robotrue.online.link import StreamSource
 from robotrue.online.net_address import AddressOptions, NetAddress, net_address
 from robotrue.online.robot_correction import CorrectionMode
-from robotrue.online.robot_link import LinkState, RobotLink
+from robotrue.online.robot_link import RobotLinkSettings
 from robotrue.online.udp import Address
 
-AnsweringRobot: TypeAlias = RobotLink[Any]
-"""A link of any controller; what it keeps of a packet is its own."""
 Role = Literal["robot", "force"]
 """Whether joints or forces are asked of an address: RTDE, EGM and records have both."""
 FORCE_FRAMES: Final = ("sensor", "tool", "base")
@@ -47,24 +45,6 @@ class ForceWithJoints(StreamSource[JointBlock], Protocol):
         """Returns the force as a source of its own; always one."""
 
 
-@runtime_checkable
-class AnsweredSettings(Protocol):
-    """Settings of a controller that waits for answers, from a thread or a process of their own."""
-
-    @property
-    def name(self) -> str:
-        """What messages and health call the link."""
-
-    def open_link(
-        self, corrector: Corrector | None, before: LinkState | None = None
-    ) -> AnsweringRobot:
-        """Returns the link, which listens and answers from now on.
-
-        Raises:
-            ConfigurationError: The address cannot be had, or corrections cannot be sent safely.
-        """
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StreamProtocol:
     """One protocol, named in ``addresses.PROTOCOLS``.
@@ -83,7 +63,7 @@ class StreamProtocol:
 
     example: str
     options: Mapping[str, str]
-    read: Callable[[str, Role, StreamSettings], StreamSource[Block] | AnsweredSettings]
+    read: Callable[[str, Role, StreamSettings], StreamSource[Block] | RobotLinkSettings]
     lacks: Mapping[Role, str] = field(default_factory=dict)
     takes_corrections: bool = False
     takes_path_axes: bool = False
