@@ -32,9 +32,8 @@ from robotrue.online.answering_wire import (
 )  # fmt: skip
 from robotrue.online.blocks import Flag
 from robotrue.online.guard import CorrectionGuard, GuardState
-from robotrue.online.link import Health
+from robotrue.online.link import Health, LinkState
 from robotrue.online.robot_correction import Correction, CorrectionMode
-from robotrue.online.robot_link import LinkState
 from robotrue.online.rsi_config import usual_rsi_config
 from robotrue.online.rsi_link import RsiSource
 from robotrue.online.sequence import SequenceState

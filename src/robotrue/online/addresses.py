@@ -11,13 +11,14 @@ from robotrue.errors import ConfigurationError
 from robotrue.online.answering_link import AVAILABLE, AnsweringLink
 from robotrue.online.answering_wire import LinkSettings, RemoteGuard
 from robotrue.online.blocks import ForceBlock, JointBlock
-from robotrue.online.link import Corrector, StreamSource
-from robotrue.online.robot_link import RobotLinkSettings
-from robotrue.online.stream_protocol import (
+from robotrue.online.guard import CorrectionGuard
+from robotrue.online.link import (
     ForceWithJoints,
+    RobotLinkSettings,
     Role,
     StreamProtocol,
     StreamSettings,
+    StreamSource,
 )
 
 PROTOCOLS: Final[Mapping[str, str]] = {
@@ -42,7 +43,7 @@ class SourceSettings(StreamSettings):
             corrector that lives here is asked from a thread here, whatever this says.
     """
 
-    corrector: Corrector | RemoteGuard | None = None
+    corrector: CorrectionGuard | RemoteGuard | None = None
     robot: StreamSource[JointBlock] | None = None
     own_process: bool = True
 

@@ -29,10 +29,9 @@ from robotrue.errors import RobotrueError
 from robotrue.online import answering_wire as wire
 from robotrue.online.blocks import Block, ForceBlock
 from robotrue.online.guard import CorrectionGuard, GuardState
-from robotrue.online.link import StreamSource
+from robotrue.online.link import ForceWithJoints, StreamSource
 from robotrue.online.robot_correction import Correction, CorrectionMode
 from robotrue.online.robot_link import RobotLink
-from robotrue.online.stream_protocol import ForceWithJoints
 from robotrue.online.udp import prompt_answers
 
 _BEAT: Final = 0.03

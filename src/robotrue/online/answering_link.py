@@ -24,10 +24,10 @@ from robotrue.errors import ConfigurationError, RobotrueError
 from robotrue.online import answering_wire as wire
 from robotrue.online.blocks import ForceBlock, JointBlock
 from robotrue.online.guard import CorrectionGuard, CorrectionLimits, GuardState
-from robotrue.online.link import Health
+from robotrue.online.link import Health, LinkState
 from robotrue.online.record_frames import frame_content
 from robotrue.online.robot_correction import CorrectionMode
-from robotrue.online.robot_link import LinkState, Turnaround
+from robotrue.online.robot_link import Turnaround
 from robotrue.online.sequence import SequenceState
 from robotrue.online.udp import Address, Inbox
 

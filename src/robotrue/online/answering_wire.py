@@ -20,10 +20,9 @@ from robotrue.errors import ConfigurationError, RobotrueError
 from robotrue.online.blocks import Block, ForceBlock, JointBlock
 from robotrue.online.egm_link import EgmSettings
 from robotrue.online.guard import CorrectionLimits, GuardState, check_whole
-from robotrue.online.link import Health
+from robotrue.online.link import Health, LinkState
 from robotrue.online.record_frames import Kind, frame_bytes
 from robotrue.online.robot_correction import Correction, CorrectionMode
-from robotrue.online.robot_link import LinkState
 from robotrue.online.rsi_link import RsiSettings
 from robotrue.online.sequence import SequenceState
 from robotrue.online.udp import Address

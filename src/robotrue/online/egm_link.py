@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Final
 
 from robotrue.errors import ConfigurationError, FormatError
-from robotrue.online import stream_protocol as protocol
 from robotrue.online.blocks import Flag, ForceBlock, JointBlock
 from robotrue.online.device_defaults import EGM_PORT
 from robotrue.online.egm import (
@@ -27,9 +26,20 @@ from robotrue.online.egm import (
     read_robot,
     write_path_correction,
 )
-from robotrue.online.link import Corrector, Health
+from robotrue.online.guard import CorrectionGuard
+from robotrue.online.link import (
+    CORRECTION_MODES,
+    FORCE_FRAMES,
+    Health,
+    LinkState,
+    RobotLinkSettings,
+    Role,
+    StreamProtocol,
+    StreamSettings,
+)
+from robotrue.online.net_address import read_own_address
 from robotrue.online.robot_correction import CorrectionMode
-from robotrue.online.robot_link import LinkState, RobotLink, RobotLinkSettings
+from robotrue.online.robot_link import RobotLink
 from robotrue.online.sequence import SequenceState, advance
 from robotrue.online.udp import Address, Inbox
 
@@ -53,7 +63,9 @@ class EgmSettings(RobotLinkSettings):
     force_frame: str = "sensor"
     sends_force: ClassVar[bool] = True
 
-    def open_link(self, corrector: Corrector | None, before: LinkState | None = None) -> EgmSource:
+    def open_link(
+        self, corrector: CorrectionGuard | None, before: LinkState | None = None
+    ) -> EgmSource:
         """Returns the link, which listens and answers from now on."""
         return EgmSource(self, corrector, before=before)
 
@@ -94,7 +106,7 @@ class EgmSource(RobotLink[SeenMessage]):
     def __init__(
         self,
         settings: EgmSettings,
-        corrector: Corrector | None = None,
+        corrector: CorrectionGuard | None = None,
         *,
         before: LinkState | None = None,
     ) -> None:
@@ -163,7 +175,7 @@ class EgmSource(RobotLink[SeenMessage]):
         elif silent or flags & Flag.CLOCK_JUMP or self._watch.total - before.total > _UNSEEN:
             self._corrector.note_restart(certain=False)
 
-    def _answer(self, corrector: Corrector, sender: Address, host_time: float) -> None:
+    def _answer(self, corrector: CorrectionGuard, sender: Address, host_time: float) -> None:
         # asked for now: the message may have waited, and estimates have come since
         now = time.monotonic()
         correction, age = corrector.next(now), corrector.age(now)
@@ -239,18 +251,16 @@ def name_egm_link(address: str) -> str:
     Raises:
         ConfigurationError: An address or option that cannot be read.
     """
-    return protocol.read_own_address(address, EGM_PORT, OPTIONS)[0].shown
+    return read_own_address(address, EGM_PORT, OPTIONS)[0].shown
 
 
-def read_egm_address(
-    address: str, role: protocol.Role, settings: protocol.StreamSettings
-) -> EgmSettings:
+def read_egm_address(address: str, role: Role, settings: StreamSettings) -> EgmSettings:
     """Returns the settings of a link to an ABB controller.
 
     Raises:
         ConfigurationError: An option or value that is none, or RobotWare is not stated.
     """
-    where, options = protocol.read_own_address(address, EGM_PORT, OPTIONS)
+    where, options = read_own_address(address, EGM_PORT, OPTIONS)
     generation = options.word("robotware", ("6", "7"))
     if generation is None:
         raise ConfigurationError(
@@ -259,19 +269,19 @@ def read_egm_address(
             source=address,
             hint="egm://0.0.0.0:6510?robotware=7",
         )
-    mode = options.word("mode", protocol.CORRECTION_MODES)
+    mode = options.word("mode", CORRECTION_MODES)
     return EgmSettings(
         name=where.shown,
         generation=RobotWare.SIX if generation == "6" else RobotWare.SEVEN,
         mode=None if mode is None else CorrectionMode(mode),
-        force_frame=options.word("frame", protocol.FORCE_FRAMES) or "sensor",
+        force_frame=options.word("frame", FORCE_FRAMES) or "sensor",
         host=where.host,
         port=where.port,
         peer=settings.peer,
     )
 
 
-PROTOCOL: Final = protocol.StreamProtocol(
+PROTOCOL: Final = StreamProtocol(
     example="egm://0.0.0.0:6510?robotware=7",
     options=OPTIONS,
     read=read_egm_address,

@@ -127,7 +127,10 @@ class GuardState:
 
 
 class CorrectionGuard:
-    """A :class:`~robotrue.online.link.Corrector` that keeps within its limits whatever is wanted.
+    """Says what a robot is sent in each cycle, and keeps within its limits whatever is wanted.
+
+    A link asks it for each of its answers, and tells it what it sees of the controller, from a
+    thread of its own.
 
     It starts at zero, and goes back there at the stated rate, without a jump, when the estimate
     is invalid or older than ``timeout``, when answers come late, or when a link sees a fault.

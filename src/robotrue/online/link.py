@@ -1,20 +1,29 @@
 """The contracts of the service: sources give blocks, sinks take estimates, each counts its faults.
 
-One file per protocol implements them. A source connects, reconnects and answers by itself; the
-service knows nothing of packets. A sink is slow or gone without anybody else noticing.
+A source connects, reconnects and answers by itself; the service knows nothing of packets. One leaf
+file per protocol has a ``PROTOCOL``. A sink is slow or gone without anybody else noticing.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import AsyncIterator
-from dataclasses import asdict, dataclass
-from typing import Protocol, TypeVar
+from collections.abc import AsyncIterator, Callable, Mapping
+from dataclasses import asdict, dataclass, field
+from typing import ClassVar, Final, Literal, Protocol, TypeVar, runtime_checkable
 
-from robotrue.online.blocks import Block
+from robotrue.online.blocks import Block, ForceBlock, JointBlock
 from robotrue.online.estimates import EstimateBlock
-from robotrue.online.robot_correction import Correction
+from robotrue.online.guard import CorrectionGuard
+from robotrue.online.robot_correction import CorrectionMode
+from robotrue.online.sequence import SequenceState
+from robotrue.online.udp import CROWDED, Address
 
+Role = Literal["robot", "force"]
+"""Whether joints or forces are asked of an address: RTDE, EGM and records have both."""
+FORCE_FRAMES: Final = ("sensor", "tool", "base")
+"""Axes in which a source states forces; the value of its ``frame=``."""
+CORRECTION_MODES: Final = tuple(mode.value for mode in CorrectionMode)
+"""Values of ``mode=``."""
 B_co = TypeVar("B_co", bound=Block, covariant=True)
 
 
@@ -67,49 +76,114 @@ class StreamSource(Protocol[B_co]):
         """Returns the counters as they stand."""
 
 
-class Corrector(Protocol):
-    """Says what a robot is to be sent in this cycle; a link asks it for each of its answers.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkState:
+    """What a link knows of its controller: with it another link goes on where one was ended.
 
-    A link also tells it what it sees of the controller, from a thread of its own.
+    Attributes:
+        watch: The count of its packets.
+        peer: Host and port of the controller; None before it came.
+        refused: Packets that could not be read.
+        reconnects: Times it came back.
+        turnaround: Bins of :class:`~robotrue.online.robot_link.Turnaround`.
+        slowest: s, the longest of them.
     """
 
-    def next(self, host_time: float) -> Correction | None:
-        """Returns the correction to send now: limited, ramped, zero when the watchdog bit.
+    watch: SequenceState
+    peer: Address | None = None
+    refused: int = 0
+    reconnects: int = 0
+    turnaround: Mapping[str, int] = field(default_factory=dict)
+    slowest: float = float("nan")
 
-        None where the controller is not to be answered at all.
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RobotLinkSettings:
+    """What a link has to know of its controller; no packet tells.
+
+    Attributes:
+        name: What messages and health call it.
+        mode: How the controller takes a correction; needed where corrections are sent.
+        host: Own address; ``0.0.0.0`` for all.
+        port: Own port; 0 takes a free one, None the usual one.
+        waiting: Samples that may wait for their reader before the health says so.
+        peer: Address and port of the controller, 0 for any port: all other senders are ignored.
+    """
+
+    name: str
+    mode: CorrectionMode | None = None
+    host: str = "0.0.0.0"  # noqa: S104 (the controller is another computer)
+    port: int | None = None
+    waiting: int = CROWDED
+    peer: Address | None = None
+    sends_force: ClassVar[bool] = False
+
+    def open_link(
+        self, corrector: CorrectionGuard | None, before: LinkState | None = None
+    ) -> StreamSource[JointBlock]:
+        """Returns the link, which listens and answers from now on.
+
+        Raises:
+            ConfigurationError: The address cannot be had, or corrections cannot be sent safely.
         """
+        raise NotImplementedError
 
-    def hold(self) -> Correction | None:
-        """Returns the answer to a packet whose cycle is over, which moves nothing; or None."""
+    def check_corrections(self) -> CorrectionMode:
+        """Returns the mode, if corrections can be sent safely.
 
-    def book(self, *, taken: bool) -> None:
-        """Takes note, before the next answer, whether the one before was taken for certain."""
+        Raises:
+            ConfigurationError: They cannot.
+        """
+        raise NotImplementedError
 
-    def add_unreported(self, answers: int) -> None:
-        """Counts answers that an ended link gave last and did not record."""
 
-    def age(self, host_time: float) -> float:
-        """Returns s since the measurement that the correction rests on; 0 where there is none."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StreamSettings:
+    """What the service knows of a source beyond its address.
 
-    def count_late(self, answers: int, host_time: float) -> None:
-        """Counts answers that came too late to be taken, or were never made."""
+    Attributes:
+        start_row: Samples a record of the service holds already; only a replay can leave them out.
+        peer: Address and port of the only controller that is heard, port 0 for any of its ports.
+        trust_restart: RSI: whether a Delay near zero after a pause is a session without correction.
+    """
 
-    def fault(self, why: str) -> None:
-        """Takes note of what makes corrections unsafe: a packet with NaN, a clock that jumped."""
+    start_row: int = 0
+    peer: Address | None = None
+    trust_restart: bool = False
 
-    def note_restart(self, *, certain: bool = True) -> None:
-        """Reports that the controller restarts and holds no correction, or may do so."""
 
-    def release(self) -> None:
-        """Goes to zero for good: the link is about to be closed."""
+@runtime_checkable
+class ForceWithJoints(StreamSource[JointBlock], Protocol):
+    """The source of a robot whose messages also hold the measured force."""
 
-    @property
-    def at_rest(self) -> bool:
-        """Whether the robot holds no correction (any more)."""
+    def force(self) -> StreamSource[ForceBlock]:
+        """Returns the force as a source of its own; always one."""
 
-    @property
-    def frozen(self) -> bool:
-        """Whether the robot is not to be moved, since nobody knows what it holds."""
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StreamProtocol:
+    """One protocol, named in ``addresses.PROTOCOLS``.
+
+    Attributes:
+        example: An address.
+        options: What an address takes after ``?``, with the unit.
+        read: Makes the source of an address, or the settings of a link that answers.
+        lacks: Why one of the two streams does not come, by its role; without an entry it comes.
+        takes_corrections: Whether the controller waits for answers and takes corrections.
+        takes_path_axes: Whether it takes them in the axes of its path.
+        link_of_force: Name of the robot's link whose messages hold the force that an address
+            means; None where forces have a source of their own.
+        force_rate: Force samples per second where no address states them; None: unknown.
+    """
+
+    example: str
+    options: Mapping[str, str]
+    read: Callable[[str, Role, StreamSettings], StreamSource[Block] | RobotLinkSettings]
+    lacks: Mapping[Role, str] = field(default_factory=dict)
+    takes_corrections: bool = False
+    takes_path_axes: bool = False
+    link_of_force: Callable[[str], str] | None = None
+    force_rate: float | None = None
 
 
 class Sink(Protocol):

@@ -128,6 +128,37 @@ def _unquote(parts: SplitResult, name: str) -> str:
     return unquote(getattr(parts, name) or "")
 
 
+def read_own_address(
+    address: str, port: int, options: Mapping[str, str]
+) -> tuple[NetAddress, AddressOptions]:
+    """Returns an address to listen at, and its options; without a host it is all of this computer.
+
+    Raises:
+        ConfigurationError: An address or option that cannot be read.
+    """
+    scheme, _, rest = address.partition("://")
+    if rest.startswith(":") or not rest.split("?")[0]:
+        address = f"{scheme}://0.0.0.0{rest}"
+    return read_device_address(address, port, options)
+
+
+def read_device_address(
+    address: str, port: int, options: Mapping[str, str]
+) -> tuple[NetAddress, AddressOptions]:
+    """Returns the address of a device, and its options.
+
+    Raises:
+        ConfigurationError: An address or option that cannot be read, or a path in it.
+    """
+    where = net_address(address, default_port=port)
+    if where.path:
+        raise ConfigurationError(
+            f"{where.shown}: a path in the address of a {where.scheme} source.",
+            hint=f"{where.scheme}://{where.host}:{where.port}",
+        )
+    return where, where.read_options(options)
+
+
 class AddressOptions:
     """Options after ``?``, refused where they are not known.
 

@@ -24,7 +24,8 @@ from robotrue.core.files import read_bytes
 from robotrue.errors import ConfigurationError
 from robotrue.online.blocks import Flag, ForceBlock
 from robotrue.online.device_defaults import RDT_PORT, RDT_SILENCE_S
-from robotrue.online.link import Health
+from robotrue.online.link import FORCE_FRAMES, Health, Role, StreamProtocol, StreamSettings
+from robotrue.online.net_address import read_device_address
 from robotrue.online.rdt import (
     RECORD,
     RdtCommand,
@@ -40,13 +41,6 @@ from robotrue.online.rdt import (
     write_request,
 )
 from robotrue.online.sequence import SequenceState, advance_block
-from robotrue.online.stream_protocol import (
-    FORCE_FRAMES,
-    Role,
-    StreamProtocol,
-    StreamSettings,
-    read_device_address,
-)
 from robotrue.online.udp import TOLD, tell_arrivals, time_waited
 
 Told = list[tuple[int, int, bytes]]

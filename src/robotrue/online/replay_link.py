@@ -14,10 +14,9 @@ import numpy as np
 
 from robotrue.errors import ConfigurationError
 from robotrue.online.blocks import Block, Flag, ForceBlock, JointBlock
-from robotrue.online.link import Health
+from robotrue.online.link import FORCE_FRAMES, Health, Role, StreamProtocol, StreamSettings
 from robotrue.online.net_address import AddressOptions
 from robotrue.online.replay_blocks import Repeats, force_blocks, joint_blocks
-from robotrue.online.stream_protocol import FORCE_FRAMES, Role, StreamProtocol, StreamSettings
 
 _TICK: Final = 5e-3
 """s between two blocks in real time."""

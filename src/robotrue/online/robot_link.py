@@ -10,15 +10,15 @@ import asyncio
 import math
 import time
 from collections.abc import AsyncIterator, Mapping
-from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, Final, Generic, TypeVar
+from dataclasses import replace
+from typing import Final, Generic, TypeVar
 
 from robotrue.errors import FormatError
 from robotrue.online.blocks import Flag, JointBlock
-from robotrue.online.link import Corrector, Health
-from robotrue.online.robot_correction import CorrectionMode
+from robotrue.online.guard import CorrectionGuard
+from robotrue.online.link import Health, LinkState, RobotLinkSettings
 from robotrue.online.sequence import SequenceState
-from robotrue.online.udp import CROWDED, Address, Inbox, UdpEndpoint
+from robotrue.online.udp import Address, Inbox, UdpEndpoint
 
 S = TypeVar("S")
 
@@ -29,67 +29,6 @@ _RELEASE: Final = 10.0
 _TOLD: Final = 4
 """Packets after the last answer with a correction: an answer that was late is told in them."""
 _UNSAFE: Final = Flag.NOT_FINITE | Flag.IMPLAUSIBLE | Flag.CLOCK_JUMP | Flag.SENSOR_FAULT
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LinkState:
-    """What a link knows of its controller: with it another link goes on where one was ended.
-
-    Attributes:
-        watch: The count of its packets.
-        peer: Host and port of the controller; None before it came.
-        refused: Packets that could not be read.
-        reconnects: Times it came back.
-        turnaround: Bins of :class:`~robotrue.online.robot_link.Turnaround`.
-        slowest: s, the longest of them.
-    """
-
-    watch: SequenceState
-    peer: Address | None = None
-    refused: int = 0
-    reconnects: int = 0
-    turnaround: Mapping[str, int] = field(default_factory=dict)
-    slowest: float = float("nan")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RobotLinkSettings:
-    """What a link has to know of its controller; no packet tells.
-
-    Attributes:
-        name: What messages and health call it.
-        mode: How the controller takes a correction; needed where corrections are sent.
-        host: Own address; ``0.0.0.0`` for all.
-        port: Own port; 0 takes a free one, None the usual one.
-        waiting: Samples that may wait for their reader before the health says so.
-        peer: Address and port of the controller, 0 for any port: all other senders are ignored.
-    """
-
-    name: str
-    mode: CorrectionMode | None = None
-    host: str = "0.0.0.0"  # noqa: S104 (the controller is another computer)
-    port: int | None = None
-    waiting: int = CROWDED
-    peer: Address | None = None
-    sends_force: ClassVar[bool] = False
-
-    def open_link(
-        self, corrector: Corrector | None, before: LinkState | None = None
-    ) -> RobotLink[Any]:
-        """Returns the link, which listens and answers from now on.
-
-        Raises:
-            ConfigurationError: The address cannot be had, or corrections cannot be sent safely.
-        """
-        raise NotImplementedError
-
-    def check_corrections(self) -> CorrectionMode:
-        """Returns the mode, if corrections can be sent safely.
-
-        Raises:
-            ConfigurationError: They cannot.
-        """
-        raise NotImplementedError
 
 
 class RobotLink(Generic[S]):
@@ -113,7 +52,7 @@ class RobotLink(Generic[S]):
     def __init__(
         self,
         settings: RobotLinkSettings,
-        corrector: Corrector | None,
+        corrector: CorrectionGuard | None,
         *,
         port: int,
         cycle: float,
@@ -156,7 +95,7 @@ class RobotLink(Generic[S]):
         """Whether the system lets the answering thread run before all others."""
         return self._endpoint.preferred
 
-    async def _wait_for_release(self, corrector: Corrector) -> None:
+    async def _wait_for_release(self, corrector: CorrectionGuard) -> None:
         """Waits for a robot without correction that has had the time to say otherwise."""
         until = time.monotonic() + _RELEASE
         since = None

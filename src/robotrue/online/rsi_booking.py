@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from robotrue.online.link import Corrector
+from robotrue.online.guard import CorrectionGuard
 from robotrue.online.sequence import SequenceState
 
 RESTART: Final = 20
@@ -43,7 +43,7 @@ class RsiBooking:
 
     def __init__(
         self,
-        corrector: Corrector,
+        corrector: CorrectionGuard,
         cycle_ms: int,
         before: SequenceState | None = None,
         *,

@@ -14,9 +14,18 @@ from typing import Final
 from robotrue.errors import ConfigurationError, FormatError
 from robotrue.online.blocks import JointBlock
 from robotrue.online.device_defaults import RSI_CYCLE_MS, RSI_PORT
-from robotrue.online.link import Corrector
+from robotrue.online.guard import CorrectionGuard
+from robotrue.online.link import (
+    CORRECTION_MODES,
+    LinkState,
+    RobotLinkSettings,
+    Role,
+    StreamProtocol,
+    StreamSettings,
+)
+from robotrue.online.net_address import read_own_address
 from robotrue.online.robot_correction import Correction, CorrectionMode, no_correction
-from robotrue.online.robot_link import LinkState, RobotLink, RobotLinkSettings
+from robotrue.online.robot_link import RobotLink
 from robotrue.online.rsi import (
     RobPacket,
     SeenPacket,
@@ -32,13 +41,6 @@ from robotrue.online.rsi_answer import SenWriter
 from robotrue.online.rsi_booking import RsiBooking
 from robotrue.online.rsi_config import RsiConfig, read_rsi_config, usual_rsi_config
 from robotrue.online.sequence import advance
-from robotrue.online.stream_protocol import (
-    CORRECTION_MODES,
-    Role,
-    StreamProtocol,
-    StreamSettings,
-    read_own_address,
-)
 from robotrue.online.udp import Address
 
 _REMEMBERED: Final = 128
@@ -59,7 +61,9 @@ class RsiSettings(RobotLinkSettings):
     cycle_ms: int
     trust_restart: bool = False
 
-    def open_link(self, corrector: Corrector | None, before: LinkState | None = None) -> RsiSource:
+    def open_link(
+        self, corrector: CorrectionGuard | None, before: LinkState | None = None
+    ) -> RsiSource:
         """Returns the link, which listens and answers from now on."""
         return RsiSource(self, corrector, before=before)
 
@@ -124,7 +128,7 @@ class RsiSource(RobotLink[SeenPacket]):
     def __init__(
         self,
         settings: RsiSettings,
-        corrector: Corrector | None = None,
+        corrector: CorrectionGuard | None = None,
         *,
         before: LinkState | None = None,
     ) -> None:

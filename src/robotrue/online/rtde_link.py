@@ -19,14 +19,9 @@ from robotrue.errors import ConfigurationError, FormatError
 from robotrue.online import rtde
 from robotrue.online.blocks import Flag, ForceBlock, JointBlock
 from robotrue.online.device_defaults import RTDE_PORT, RTDE_RATE_HZ, RTDE_SILENCE_S
-from robotrue.online.link import Health
+from robotrue.online.link import Health, Role, StreamProtocol, StreamSettings
+from robotrue.online.net_address import read_device_address
 from robotrue.online.sequence import SequenceState, advance, advance_block
-from robotrue.online.stream_protocol import (
-    Role,
-    StreamProtocol,
-    StreamSettings,
-    read_device_address,
-)
 
 _RETRY: Final = (0.2, 2.0)
 """s between attempts to reach a controller that is not there: the first, and the longest."""
