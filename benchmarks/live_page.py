@@ -22,8 +22,7 @@ import numpy as np
 
 from robotrue.online.estimates import Doubt, EstimateBlock
 from robotrue.online.link import Health
-from robotrue.online.sink_addresses import open_sink
-from robotrue.online.sink_settings import SinkSettings
+from robotrue.online.sinks import SinkSettings, open_sink
 
 PER_SECOND, BLOCK = 1000, 20
 

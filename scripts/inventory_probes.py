@@ -280,7 +280,7 @@ def models() -> Iterator[str]:
 def online() -> Iterator[str]:
     """Yields schemes of sources with their options, and of sinks."""
     from robotrue.online.addresses import PROTOCOLS, protocol_of
-    from robotrue.online.sink_addresses import EXAMPLES
+    from robotrue.online.sinks import EXAMPLES
 
     for scheme in PROTOCOLS:
         yield f"source {scheme}"

@@ -16,8 +16,7 @@ from estimate_cases import estimates
 from robotrue.errors import ConfigurationError, FormatError
 from robotrue.online import csv_sink
 from robotrue.online.estimates import Doubt
-from robotrue.online.sink_addresses import open_sink
-from robotrue.online.sink_settings import SinkSettings
+from robotrue.online.sinks import SinkSettings, open_sink
 
 
 def _written(address, *blocks, settings=None):
@@ -122,7 +121,7 @@ _WRITER = """
 import asyncio, sys
 sys.path.insert(0, {folder!r})
 from estimate_cases import estimates
-from robotrue.online.sink_addresses import open_sink
+from robotrue.online.sinks import open_sink
 async def run():
     sink = open_sink("csv+append:" + {path!r})
     await sink.open()

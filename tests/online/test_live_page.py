@@ -11,8 +11,7 @@ from estimate_cases import estimates
 
 from robotrue.online.estimates import Doubt
 from robotrue.online.link import Health
-from robotrue.online.sink_addresses import open_sink
-from robotrue.online.sink_settings import SinkSettings
+from robotrue.online.sinks import SinkSettings, open_sink
 
 playwright = pytest.importorskip("playwright.async_api")
 CHROMIUM = shutil.which("chromium")

@@ -19,8 +19,7 @@ from estimate_cases import estimates
 from robotrue.errors import ConfigurationError
 from robotrue.online.estimates import Doubt
 from robotrue.online.link import Health
-from robotrue.online.sink_addresses import open_sink
-from robotrue.online.sink_settings import SinkSettings
+from robotrue.online.sinks import SinkSettings, open_sink
 
 aiomqtt = pytest.importorskip("aiomqtt")
 MOSQUITTO = shutil.which("mosquitto") or shutil.which("mosquitto", path="/usr/sbin")
@@ -180,7 +179,7 @@ def test_killed_in_mid_stream_and_started_again(broker):
 
 _SERVICE = """
 import asyncio, sys
-from robotrue.online.sink_addresses import open_sink
+from robotrue.online.sinks import open_sink
 async def run():
     await open_sink(sys.argv[1]).open()
     await asyncio.sleep(60)

@@ -17,8 +17,7 @@ from robotrue.online.envelopes import Envelopes
 from robotrue.online.estimates import Doubt
 from robotrue.online.link import Health
 from robotrue.online.opcua_nodes import nodeset_files, readings, status_name
-from robotrue.online.sink_addresses import open_sink
-from robotrue.online.sink_settings import SinkSettings
+from robotrue.online.sinks import SinkSettings, open_sink
 
 asyncua = pytest.importorskip("asyncua")
 ua = asyncua.ua

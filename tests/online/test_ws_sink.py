@@ -15,8 +15,7 @@ from robotrue.errors import ConfigurationError
 from robotrue.online.estimates import Doubt
 from robotrue.online.link import Health
 from robotrue.online.live_page import page_files
-from robotrue.online.sink_addresses import open_sink
-from robotrue.online.sink_settings import SinkSettings
+from robotrue.online.sinks import SinkSettings, open_sink
 
 websockets = pytest.importorskip("websockets.asyncio.client")
 TOKEN = "correct-horse-battery"  # noqa: S105

@@ -20,8 +20,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "online"))
 from estimate_cases import estimates
 
 from robotrue.online.link import Health
-from robotrue.online.sink_addresses import open_sink
-from robotrue.online.sink_settings import SinkSettings
+from robotrue.online.sinks import SinkSettings, open_sink
 
 NOW = "(document.querySelector('#errors td:nth-child(2)')?.textContent ?? '')"
 

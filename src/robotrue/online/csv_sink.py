@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import asyncio
 import os
+from dataclasses import replace
 from io import FileIO
 from pathlib import Path
 from typing import Final
@@ -19,7 +20,7 @@ from robotrue.core.provenance import mark_line
 from robotrue.errors import ConfigurationError, FormatError, ShapeError
 from robotrue.online.estimates import EstimateBlock, doubt_words, number_columns, numbers
 from robotrue.online.link import Health
-from robotrue.online.sink_settings import SinkSettings
+from robotrue.online.sinks import SinkSettings
 
 _TAIL: Final = 1 << 16
 """Bytes looked at for the end of the last line; none of ours is as long."""
@@ -61,9 +62,7 @@ class CsvSink:
         self._columns = estimate_columns(settings.joints)
         self._file: FileIO | None = None
         self._size = 0
-        self._written = 0
-        self._refused = 0
-        self._fault = ""
+        self._health = Health(name=f"csv:{self._path}", connected=False)
         self._last: str | None = None
 
     @property
@@ -126,7 +125,7 @@ class CsvSink:
             raise FormatError(f"the last {_TAIL} bytes have no end of line.", source=self._path)
         if whole < size:
             file.truncate(whole)
-            self._fault = f"an unfinished last line of {size - whole} bytes was cut off"
+            self._health.last_fault = f"an unfinished last line of {size - whole} bytes was cut off"
         lines = tail[: len(tail) - (size - whole)].splitlines()
         self._last = lines[-1].decode("ascii", "replace") if whole > len(header) else None
         return whole
@@ -134,12 +133,12 @@ class CsvSink:
     async def write(self, estimates: EstimateBlock) -> None:
         """Puts one line for each estimate; a block that does not go whole is left out, counted."""
         if self._file is None:
-            self._refuse("the file is not open")
+            self._health.refuse("the file is not open")
             return
         try:
             data = estimate_lines(estimates, self._settings.joints)
         except ShapeError as cause:
-            self._refuse(str(cause))
+            self._health.refuse(str(cause))
             return
         # A disk that stands still must not hold up the answers to a robot: in a thread.
         await asyncio.to_thread(self._append, self._file, data)
@@ -147,13 +146,9 @@ class CsvSink:
     def _append(self, file: FileIO, data: bytes) -> None:
         try:
             self._size = _put(file, data, self._size)
-            self._written += 1
+            self._health.received += 1
         except OSError as cause:
-            self._refuse(f"cannot write: {cause.strerror}")
-
-    def _refuse(self, fault: str) -> None:
-        self._refused += 1
-        self._fault = fault
+            self._health.refuse(f"cannot write: {cause.strerror}")
 
     async def close(self) -> None:
         """Brings the lines to the disk and closes the file."""
@@ -165,19 +160,13 @@ class CsvSink:
         try:
             os.fsync(file.fileno())
         except OSError as cause:
-            self._fault = f"cannot write: {cause.strerror}"
+            self._health.last_fault = f"cannot write: {cause.strerror}"
         finally:
             file.close()
 
     def health(self) -> Health:
         """Returns the counters as they stand."""
-        return Health(
-            name=f"csv:{self._path}",
-            connected=self._file is not None,
-            received=self._written,
-            refused=self._refused,
-            last_fault=self._fault,
-        )
+        return replace(self._health, connected=self._file is not None)
 
 
 def _put(file: FileIO, data: bytes, size: int) -> int:

@@ -24,7 +24,7 @@ from robotrue.core.arrays import Array
 from robotrue.online.envelopes import EstimateBin
 from robotrue.online.estimates import Doubt, doubt_names
 from robotrue.online.link import Health, health_document
-from robotrue.online.sink_settings import SinkSettings
+from robotrue.online.sinks import SinkSettings
 
 _KINDS: Final = {"html": "text/html", "css": "text/css", "js": "text/javascript"}
 _FILES: Final = (

@@ -18,6 +18,7 @@ import json
 import logging
 import ssl
 from collections.abc import Coroutine, Sequence
+from dataclasses import replace
 from typing import Final
 
 import aiomqtt
@@ -28,7 +29,7 @@ from robotrue.online.estimates import EstimateBlock, doubt_words, number_columns
 from robotrue.online.link import Health, health_document
 from robotrue.online.net_address import NetAddress
 from robotrue.online.queues import LatestQueue
-from robotrue.online.sink_settings import SinkSettings, utc_seconds
+from robotrue.online.sinks import DisplaySink, SinkSettings, utc_seconds
 
 USER_VARIABLE: Final = "ROBOTRUE_MQTT_USER"
 PASSWORD_VARIABLE: Final = "ROBOTRUE_MQTT_PASSWORD"  # noqa: S105 (the name of a variable)
@@ -41,15 +42,13 @@ _MOST_MESSAGES: Final = 60
 _TIMEOUT: Final = 5.0
 _FIRST_WAIT: Final = 0.5
 _LONGEST_WAIT: Final = 30.0
-_BEAT: Final = 0.2
-_HEALTH_BEATS: Final = 5
 _LOGGER: Final = logging.getLogger("robotrue.online.mqtt")
 
 _Message = tuple[EstimateBlock, ...]
 """Blocks of one message; none of them for the counters."""
 
 
-class MqttSink:
+class MqttSink(DisplaySink):
     """A client of a broker that comes back by itself."""
 
     def __init__(self, address: NetAddress, settings: SinkSettings) -> None:
@@ -62,9 +61,8 @@ class MqttSink:
             ConfigurationError: A prefix no topic can have, a rate that is none, or a certificate
                 that cannot be read.
         """
-        self._address = address
+        super().__init__(address, settings)
         options = address.read_options({"rate": "messages per second, 0.1 to 100"})
-        self._settings = settings
         self._prefix = address.path or f"robotrue/{settings.cell}"
         if bad := sorted(set(self._prefix) & set("+#\0")):
             raise ConfigurationError(f"{address.shown}: {bad} in a topic, expected none.")
@@ -74,24 +72,15 @@ class MqttSink:
         self._blocks: list[EstimateBlock] = []
         self._rows = 0
         self._tasks: list[asyncio.Task[None]] = []
-        self._connected = False
-        self._received = self._refused = self._joined = 0
-        self._fault = ""
+        self._joined = 0
 
     async def open(self) -> None:
         """Begins to connect; a broker that is not there is tried again, ever more rarely."""
         _LOGGER.setLevel(logging.CRITICAL)
         self._tasks = [asyncio.create_task(self._keep()), asyncio.create_task(self._beat())]
 
-    async def write(self, estimates: EstimateBlock) -> None:
+    def _take(self, estimates: EstimateBlock) -> None:
         """Takes a block for the next message."""
-        if not len(estimates):
-            return
-        if estimates.joints.shape[1] not in (0, self._settings.joints):
-            self._refused += 1
-            self._fault = f"estimates of an arm of {estimates.joints.shape[1]} joints"
-            return
-        self._received += 1
         self._blocks.append(estimates)
         self._rows += len(estimates)
         span = estimates.host_time[-1] - self._blocks[0].host_time[0]
@@ -103,16 +92,12 @@ class MqttSink:
             self._waiting.put(tuple(self._blocks))
             self._blocks, self._rows = [], 0
 
-    async def _beat(self) -> None:
-        """Sends what a stream that stopped has left, and the counters once a second."""
-        count, seen = 0, -1
-        while True:
-            await asyncio.sleep(_BEAT)
-            if seen == self._received:
-                self._close_message()
-            seen, count = self._received, count + 1
-            if count % _HEALTH_BEATS == 0 and self._connected:
-                self._waiting.put(())
+    def _rest(self, beats: int) -> None:
+        self._close_message()
+
+    async def _show_health(self) -> None:
+        if self._health.connected:
+            self._waiting.put(())
 
     async def _keep(self) -> None:
         """Stays connected until the queue is closed and empty."""
@@ -121,15 +106,15 @@ class MqttSink:
             try:
                 async with self._client() as client:
                     await self._say(client, "status", "online", lasting=True)
-                    self._connected, wait = True, _FIRST_WAIT
+                    self._health.connected, wait = True, _FIRST_WAIT
                     self._joined += 1
                     await _wait_for_first(self._send(client), _until_gone(client))
                     await self._say(client, "status", "offline", lasting=True)
                     return
             except (aiomqtt.MqttError, OSError, ValueError) as cause:
-                self._fault = f"{cause}" or type(cause).__name__
+                self._health.last_fault = f"{cause}" or type(cause).__name__
             finally:
-                self._connected = False
+                self._health.connected = False
             await asyncio.sleep(wait)
             wait = min(2.0 * wait, _LONGEST_WAIT)
 
@@ -143,7 +128,7 @@ class MqttSink:
             try:
                 await self._say(client, "estimate", estimate_message(blocks, self._settings))
             except BaseException:
-                self._refused += len(blocks)
+                self._health.refused += len(blocks)
                 raise
 
     def _client(self) -> aiomqtt.Client:
@@ -175,7 +160,7 @@ class MqttSink:
             return
         keeper, beats = self._tasks
         beats.cancel()
-        if self._connected:
+        if self._health.connected:
             with contextlib.suppress(TimeoutError):
                 await asyncio.wait_for(asyncio.shield(keeper), _TIMEOUT)
         keeper.cancel()
@@ -184,14 +169,8 @@ class MqttSink:
 
     def health(self) -> Health:
         """Returns the counters; dropped counts messages, no secret is in any of it."""
-        return Health(
-            name=self._address.shown,
-            connected=self._connected,
-            received=self._received,
-            refused=self._refused,
-            dropped=self._waiting.dropped,
-            reconnects=max(0, self._joined - 1),
-            last_fault=self._fault,
+        return replace(
+            self._health, dropped=self._waiting.dropped, reconnects=max(0, self._joined - 1)
         )
 
 

@@ -12,7 +12,7 @@ import logging
 import math
 import socket
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
@@ -20,14 +20,14 @@ from typing import Final
 from asyncua import Node, Server, ua
 from asyncua.crypto.permission_rules import User, UserRole
 
-from robotrue.errors import ConfigurationError, ShapeError
+from robotrue.errors import ConfigurationError
 from robotrue.online import opcua_nodes as nodes
 from robotrue.online.envelopes import Envelopes, EstimateBin
 from robotrue.online.estimates import EstimateBlock, doubt_words
 from robotrue.online.link import Health, health_document
 from robotrue.online.net_address import NetAddress
 from robotrue.online.queues import LatestQueue
-from robotrue.online.sink_settings import SinkSettings, utc_seconds
+from robotrue.online.sinks import DisplaySink, SinkSettings, utc_seconds
 
 USER_VARIABLE: Final = "ROBOTRUE_OPCUA_USER"
 PASSWORD_VARIABLE: Final = "ROBOTRUE_OPCUA_PASSWORD"  # noqa: S105 (the name of a variable)
@@ -35,8 +35,6 @@ CERTIFICATE_VARIABLE: Final = "ROBOTRUE_OPCUA_CERTIFICATE"
 KEY_VARIABLE: Final = "ROBOTRUE_OPCUA_KEY"  # (PEM or DER, as the certificate)
 _PER_SECOND: Final = 10.0
 _STALE_BEATS: Final = 10
-_BEAT: Final = 0.2
-_HEALTH_BEATS: Final = 5
 _KINDS: Final = {
     bool: ua.VariantType.Boolean,
     int: ua.VariantType.Int64,
@@ -56,7 +54,7 @@ class _Tree:
     links: dict[str, dict[str, Node]] = field(default_factory=dict)
 
 
-class OpcUaSink:
+class OpcUaSink(DisplaySink):
     """A server that shows the latest estimate, its band, its doubt and every link's counters."""
 
     def __init__(self, address: NetAddress, settings: SinkSettings) -> None:
@@ -69,9 +67,8 @@ class OpcUaSink:
             ConfigurationError: A rate that is none, or other computers could look without a
                 password.
         """
-        self._address = address
+        super().__init__(address, settings)
         options = address.read_options({"rate": "updates per second, 1 to 50"})
-        self._settings = settings
         env = settings.environment
         self._user = address.user or env.get(USER_VARIABLE, "")
         self._password = address.password or env.get(PASSWORD_VARIABLE, "")
@@ -88,8 +85,6 @@ class OpcUaSink:
         self._server: Server | None = None
         self._tree = _Tree()
         self._tasks: list[asyncio.Task[None]] = []
-        self._received = self._refused = 0
-        self._fault = ""
 
     async def open(self) -> None:
         """Builds the tree and begins to listen.
@@ -175,32 +170,16 @@ class OpcUaSink:
         self._tree.health = await cell.add_object(index, "Health")
         await self._show_health()
 
-    async def write(self, estimates: EstimateBlock) -> None:
-        """Takes a block; what is shown of it comes at the rate of the address."""
-        try:
-            bins = self._envelopes.add(estimates)
-        except ShapeError as cause:
-            self._refused += 1
-            self._fault = str(cause)
-            return
-        self._received += 1
-        for each in bins:
-            self._waiting.put(each)
+    def _take(self, estimates: EstimateBlock) -> None:
+        for estimate_bin in self._envelopes.add(estimates):
+            self._waiting.put(estimate_bin)
 
-    async def _beat(self) -> None:
-        """Shows what a stream that stopped has left, then that nothing comes; and the counters."""
-        count, seen, still = 0, -1, 0
-        while True:
-            await asyncio.sleep(_BEAT)
-            still = still + 1 if seen == self._received else 0
-            if still == 1:
-                for each in self._envelopes.flush():
-                    self._waiting.put(each)
-            elif still == _STALE_BEATS:
-                self._waiting.put(None)
-            seen, count = self._received, count + 1
-            if count % _HEALTH_BEATS == 0:
-                await self._show_health()
+    def _rest(self, beats: int) -> None:
+        """Shows what a stream that stopped has left, then that nothing comes."""
+        for estimate_bin in self._envelopes.flush():
+            self._waiting.put(estimate_bin)
+        if beats == _STALE_BEATS:
+            self._waiting.put(None)
 
     async def _show(self) -> None:
         """Writes bins to the nodes; None says that nothing comes any more."""
@@ -294,14 +273,9 @@ class OpcUaSink:
         """Returns the counters; connected while the server runs, dropped counts updates."""
         for task in self._tasks:
             if task.done() and not task.cancelled() and task.exception() is not None:
-                self._fault = f"{type(task.exception()).__name__}: {task.exception()}"
-        return Health(
-            name=self._address.shown,
-            connected=self._server is not None,
-            received=self._received,
-            refused=self._refused,
-            dropped=self._waiting.dropped,
-            last_fault=self._fault,
+                self._health.last_fault = f"{type(task.exception()).__name__}: {task.exception()}"
+        return replace(
+            self._health, connected=self._server is not None, dropped=self._waiting.dropped
         )
 
 

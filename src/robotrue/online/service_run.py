@@ -42,8 +42,7 @@ from robotrue.online.sensing import Sensing
 from robotrue.online.sensing_chain import SensingChain, StreamShift
 from robotrue.online.sensing_files import sensing_of
 from robotrue.online.service import ServiceSettings, SinkPlan, Snapshot, sense
-from robotrue.online.sink_addresses import open_sink
-from robotrue.online.sink_settings import SinkSettings
+from robotrue.online.sinks import SinkSettings, open_sink
 from robotrue.online.udp import prompt_answers
 
 _FILES: Final = ("cell", "model", "frf", "tool", "deviation")

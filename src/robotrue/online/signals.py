@@ -162,11 +162,10 @@ class UdpSignals:
         self._watch = SequenceState(window=10_000)
         self._sender: Address | None = None
         self._latest = float("-inf")
-        self._received = self._refused = 0
-        self._fault = ""
         self._endpoint = UdpEndpoint(host, port, self._take, closed=self._inbox.close)
         self.address = self._endpoint.address
-        self._name = f"udp://{self.address[0]}:{self.address[1]}"
+        name = f"udp://{self.address[0]}:{self.address[1]}"
+        self._health = Health(name=name, connected=False)
         self._started = False
 
     async def samples(self) -> AsyncIterator[SignalSample]:
@@ -196,14 +195,12 @@ class UdpSignals:
             now: s on the monotonic clock.
         """
         with self._lock:
-            return Health(
-                name=self._name,
+            return replace(
+                self._health,
                 connected=now - self._latest < _SILENT,
-                received=self._received,
                 lost=self._watch.lost,
                 late=self._watch.late,
-                refused=self._refused,
-                last_fault=self._fault or self._inbox.crowding,
+                last_fault=self._health.last_fault or self._inbox.crowding,
             )
 
     def _take(self, data: bytes, sender: Address, host_time: float) -> None:
@@ -221,10 +218,9 @@ class UdpSignals:
             if sample.sequence >= 0:
                 self._watch, flags = advance(self._watch, sample.sequence, host_time)
             self._sender, self._latest = sender, host_time
-            self._received += 1
+            self._health.received += 1
         self._inbox.put(replace(sample, flags=sample.flags | flags))
 
     def _refuse(self, fault: str) -> None:
         with self._lock:
-            self._refused += 1
-            self._fault = fault
+            self._health.refuse(fault)

@@ -11,7 +11,8 @@ import contextlib
 import http
 import logging
 import socket
-from typing import Final
+from dataclasses import replace
+from typing import ClassVar, Final
 from urllib.parse import urlsplit
 
 from websockets.asyncio.server import Server, ServerConnection, serve
@@ -19,7 +20,7 @@ from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
-from robotrue.errors import ConfigurationError, ShapeError
+from robotrue.errors import ConfigurationError
 from robotrue.online.envelopes import MOST_PER_SECOND, Envelopes, EstimateBin
 from robotrue.online.estimates import EstimateBlock
 from robotrue.online.link import Health
@@ -32,7 +33,7 @@ from robotrue.online.live_page import (
 )
 from robotrue.online.net_address import NetAddress
 from robotrue.online.queues import LatestQueue
-from robotrue.online.sink_settings import SinkSettings
+from robotrue.online.sinks import DisplaySink, SinkSettings
 from robotrue.online.ws_door import door
 
 FRAMES: Final = "/frames"
@@ -46,15 +47,15 @@ _OPTIONS: Final = {
 _MOST_VIEWERS: Final = 32
 _QUEUE_S: Final = 2.0
 """s of frames kept for a viewer that does not read."""
-_BEAT: Final = 0.1
-_HEALTH_BEATS: Final = 10
 _SEND_BUFFER: Final = 1 << 16
 """Bytes the system may hold for a viewer: more of it would be shown late instead of left out."""
 _LOGGER: Final = logging.getLogger("robotrue.online.ws")
 
 
-class WebSocketSink:
+class WebSocketSink(DisplaySink):
     """A server of frames (:mod:`robotrue.online.live_page`) and of the page that draws them."""
+
+    _beat_time: ClassVar[float] = 0.1
 
     def __init__(self, address: NetAddress, settings: SinkSettings) -> None:
         """Takes ``ws://host:port?rate=50&origin=https://host``; port 0 is a free one.
@@ -62,8 +63,8 @@ class WebSocketSink:
         Raises:
             ConfigurationError: A rate that is none, or no token where one is needed.
         """
-        self._address, options = address, address.read_options(_OPTIONS)
-        self._settings = settings
+        super().__init__(address, settings)
+        options = address.read_options(_OPTIONS)
         self._door = door(address, settings.environment)
         self._rate = options.number(
             "rate", "Hz", default=_PER_SECOND, low=1.0, high=MOST_PER_SECOND
@@ -73,8 +74,7 @@ class WebSocketSink:
         self._viewers: set[LatestQueue[str]] = set()
         self._server: Server | None = None
         self._beats: asyncio.Task[None] | None = None
-        self._received = self._refused = self._gone_dropped = self._joined = 0
-        self._fault = ""
+        self._joined = 0
 
     @property
     def port(self) -> int:
@@ -110,16 +110,11 @@ class WebSocketSink:
             ) from cause
         self._beats = asyncio.create_task(self._beat())
 
-    async def write(self, estimates: EstimateBlock) -> None:
-        """Gives the block's envelopes to every viewer; never waits for any."""
-        try:
-            bins = self._envelopes.add(estimates)
-        except ShapeError as cause:
-            self._refused += 1
-            self._fault = str(cause)
-            return
-        self._received += 1
-        self._give(bins)
+    def _take(self, estimates: EstimateBlock) -> None:
+        self._give(self._envelopes.add(estimates))
+
+    def _rest(self, beats: int) -> None:
+        self._give(self._envelopes.flush())
 
     def _give(self, bins: list[EstimateBin]) -> None:
         if bins and self._viewers:
@@ -127,18 +122,10 @@ class WebSocketSink:
             for viewer in self._viewers:
                 viewer.put(frame)
 
-    async def _beat(self) -> None:
-        """Gives what a stream that stopped has left open, and the counters once a second."""
-        count, seen = 0, -1
-        while True:
-            await asyncio.sleep(_BEAT)
-            if seen == self._received:
-                self._give(self._envelopes.flush())
-            seen, count = self._received, count + 1
-            if count % _HEALTH_BEATS == 0:
-                healths = tuple(self._settings.healths())
-                for viewer in self._viewers:
-                    viewer.put(health_frame(healths, dropped=viewer.dropped))
+    async def _show_health(self) -> None:
+        healths = tuple(self._settings.healths())
+        for viewer in self._viewers:
+            viewer.put(health_frame(healths, dropped=viewer.dropped))
 
     async def _viewer(self, connection: ServerConnection) -> None:
         waiting: LatestQueue[str] = LatestQueue(int(self._rate * _QUEUE_S))
@@ -155,7 +142,7 @@ class WebSocketSink:
             pass
         finally:
             self._viewers.discard(waiting)
-            self._gone_dropped += waiting.dropped
+            self._health.dropped += waiting.dropped
 
     def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
         """Returns what is sent instead of a WebSocket, or None to go on to one."""
@@ -170,13 +157,13 @@ class WebSocketSink:
             _one(headers, "Authorization") or "",
         )
         if refusal:
-            self._refused += 1
-            self._fault = refusal
+            self._health.refuse(refusal)
             return connection.respond(http.HTTPStatus.FORBIDDEN, f"{refusal}\n")
         if len(self._viewers) >= _MOST_VIEWERS:
-            self._refused += 1
-            self._fault = f"more than {_MOST_VIEWERS} viewers"
-            return connection.respond(http.HTTPStatus.SERVICE_UNAVAILABLE, f"{self._fault}\n")
+            self._health.refuse(f"more than {_MOST_VIEWERS} viewers")
+            return connection.respond(
+                http.HTTPStatus.SERVICE_UNAVAILABLE, f"{self._health.last_fault}\n"
+            )
         return None
 
     def _page(self, path: str) -> Response:
@@ -205,14 +192,11 @@ class WebSocketSink:
 
     def health(self) -> Health:
         """Returns the counters; connected while somebody looks, dropped counts frames."""
-        return Health(
-            name=self._address.shown,
+        return replace(
+            self._health,
             connected=bool(self._viewers),
-            received=self._received,
-            refused=self._refused,
-            dropped=self._gone_dropped + sum(v.dropped for v in self._viewers),
+            dropped=self._health.dropped + sum(v.dropped for v in self._viewers),
             reconnects=max(0, self._joined - 1),
-            last_fault=self._fault,
         )
 
 
