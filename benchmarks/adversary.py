@@ -19,7 +19,7 @@ import numpy as np
 
 from robotrue.online.guard import CorrectionGuard, CorrectionLimits, GuardState
 from robotrue.online.robot_correction import Correction, CorrectionMode
-from robotrue.online.rsi_booking import SILENCE, RsiBooking
+from robotrue.online.rsi_answer import SILENCE, RsiBooking
 from robotrue.online.sequence import SequenceState
 
 NM = 1e-9

@@ -47,14 +47,14 @@ def test_rsipi_takes_our_answers_and_we_its_packets(echo_server):
         assert rsi.read_rob_fast(sent).joints_deg == packet.joints_deg
         echo_server.last_sent_ipoc = packet.ipoc
         shift = Correction(shift=np.array([0, 0, cycle]) * MM, turn=np.zeros(3), mode=ABSOLUTE)
-        answer = rsi_answer.write_sen(config, packet.ipoc, shift, ABSOLUTE)
+        answer = rsi_answer.SenWriter(config, ABSOLUTE).write(packet.ipoc, shift)
         assert echo_server.process_reply(answer.decode()) is True
         pose = rsi.read_rob(echo_server.generate_message().encode()).pose_mm_deg
         assert pose is not None
         assert cycle == 0 or pose[2] - before == pytest.approx(1.0)
         before = pose[2]
         echo_server.ipoc_value += 4
-    wrong = rsi_answer.write_sen(config, packet.ipoc + 7, shift, ABSOLUTE).decode()
+    wrong = rsi_answer.SenWriter(config, ABSOLUTE).write(packet.ipoc + 7, shift).decode()
     assert echo_server.process_reply(wrong) is False
 
 

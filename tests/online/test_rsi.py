@@ -153,7 +153,7 @@ def test_what_no_robot_does_is_marked():
 
 def test_an_answer():
     config = parse_rsi_config(CONFIG)
-    sent = rsi_answer.write_sen(config, 42, _correction(0.5 * MM), ABSOLUTE)
+    sent = rsi_answer.SenWriter(config, ABSOLUTE).write(42, _correction(0.5 * MM))
     assert sent == (
         b'<Sen Type="ImFree"><RKorr X="0.500000" Y="0.000000" Z="0.000000" /><IPOC>42</IPOC></Sen>'
     )
@@ -166,19 +166,19 @@ def test_an_answer():
 
 def test_an_answer_that_turns():
     config = parse_rsi_config(CONFIG.replace(b'"DiO" TYPE="LONG"', b'"RKorr.A" TYPE="DOUBLE"'))
-    sent = rsi_answer.write_sen(config, 1, _correction(turn=(0.0, 0.0, 0.25 * DEG)), ABSOLUTE)
+    sent = rsi_answer.SenWriter(config, ABSOLUTE).write(1, _correction(turn=(0.0, 0.0, 0.25 * DEG)))
     assert b'A="0.250000"' in sent
 
 
 def test_answers_that_must_not_be_sent():
     config = parse_rsi_config(CONFIG)
     with pytest.raises(ModelMismatchError, match="RELATIVE"):
-        rsi_answer.write_sen(config, 1, _correction(), CorrectionMode.RELATIVE)
+        rsi_answer.SenWriter(config, CorrectionMode.RELATIVE).write(1, _correction())
     with pytest.raises(ConfigurationError, match=r"takes no RKorr\.A"):
-        rsi_answer.write_sen(config, 1, _correction(turn=(0.0, 0.0, 1e-3)), ABSOLUTE)
+        rsi_answer.SenWriter(config, ABSOLUTE).write(1, _correction(turn=(0.0, 0.0, 1e-3)))
     only = parse_rsi_config(CONFIG.replace(b"FALSE", b"TRUE"))
     with pytest.raises(ConfigurationError, match="ONLYSEND"):
-        rsi_answer.write_sen(only, 1, _correction(), ABSOLUTE)
+        rsi_answer.SenWriter(only, ABSOLUTE).write(1, _correction())
     with pytest.raises(ShapeError, match="finite"):
         _correction(math.nan)
 

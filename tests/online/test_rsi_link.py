@@ -16,7 +16,7 @@ from robotrue.online.blocks import Flag
 from robotrue.online.guard import CorrectionGuard, CorrectionLimits
 from robotrue.online.robot_correction import Correction, CorrectionMode
 from robotrue.online.robot_link import Turnaround
-from robotrue.online.rsi_answer import SenWriter, write_sen
+from robotrue.online.rsi_answer import SenWriter
 from robotrue.online.rsi_config import parse_rsi_config, usual_rsi_config
 from robotrue.online.rsi_link import RsiSettings, RsiSource
 from robotrue.robot.presets import preset
@@ -318,13 +318,17 @@ def test_corrections_that_cannot_be_sent_safely_are_refused(config, mode, messag
         RsiSource(_settings(config=config, mode=mode), _guard(ABSOLUTE))
 
 
-def test_the_prepared_answer_is_the_same_to_the_byte():
-    for config in (HOLD, replace(HOLD, receive=HOLD.receive[:2]), replace(HOLD, sen_type="a&b")):
-        writer = SenWriter(config, ABSOLUTE)
-        for shift in ([0.0, 0.0, 0.0], [1e-4, -2.5e-7, 0.0]):
-            for turn in (np.zeros(3), np.full(3, 1e-3 if len(config.receive) > 2 else 0.0)):
-                wanted = Correction(shift=np.array(shift), turn=turn, mode=ABSOLUTE)
-                assert writer.write(77, wanted) == write_sen(config, 77, wanted, ABSOLUTE)
+def test_answers_to_the_byte():
+    wanted = Correction(shift=np.array([1e-4, -2.5e-10, 0.0]), turn=np.zeros(3), mode=ABSOLUTE)
+    two = replace(HOLD, receive=HOLD.receive[:2], sen_type="a&b%")
+    assert SenWriter(two, ABSOLUTE).write(77, wanted) == (
+        b'<Sen Type="a&amp;b%"><RKorr X="0.100000" Y="-0.000000" /><IPOC>77</IPOC></Sen>'
+    )
+    turned = replace(wanted, turn=np.full(3, 1e-3))
+    assert SenWriter(HOLD, ABSOLUTE).write(77, turned) == (
+        b'<Sen Type="ImFree"><RKorr X="0.100000" Y="-0.000000" Z="0.000000" A="0.057324" '
+        b'B="0.057267" C="0.057324" /><IPOC>77</IPOC></Sen>'
+    )
 
 
 def test_a_configuration_written_is_the_one_read():
@@ -415,7 +419,7 @@ def test_the_simulated_robot_judges_as_a_controller_does():
 
     def sen(ipoc, x=0.0):
         wanted = Correction(shift=np.array([x, 0.0, 0.0]), turn=np.zeros(3), mode=RELATIVE)
-        return write_sen(DROP, ipoc, wanted, RELATIVE)
+        return SenWriter(DROP, RELATIVE).write(ipoc, wanted)
 
     assert cycle().late == 0, "nobody has answered yet"
     assert cycle(sen(START + 4, 1e-3)).answered == 1
@@ -436,7 +440,7 @@ def test_a_late_answer_to_a_cycle_that_was_cut_short_is_told_apart():
         robot.next_packet()
         if short is None:
             rest = Correction(shift=np.zeros(3), turn=np.zeros(3), mode=ABSOLUTE)
-            robot.take(write_sen(HOLD, robot.settings.first_ipoc, rest, ABSOLUTE))
+            robot.take(SenWriter(HOLD, ABSOLUTE).write(robot.settings.first_ipoc, rest))
         robot.close_cycle(short=bool(short))
     assert (robot.report.answered, robot.report.late, robot.report.overslept) == (1, 3, 2)
 
@@ -448,12 +452,12 @@ def test_the_simulated_robot_holds_or_drops_and_limits():
         held.next_packet()
         if k == 0:
             wanted = Correction(shift=np.array([1e-3, 0, 0]), turn=np.zeros(3), mode=ABSOLUTE)
-            held.take(write_sen(HOLD, first, wanted, ABSOLUTE))
+            held.take(SenWriter(HOLD, ABSOLUTE).write(first, wanted))
         held.close_cycle()
     assert held.report.correction[0] == pytest.approx(1.0)
     held.next_packet()
     wanted = Correction(shift=np.array([0, 6e-3, 0]), turn=np.zeros(3), mode=ABSOLUTE)
-    held.take(write_sen(HOLD, first + 8, wanted, ABSOLUTE))
+    held.take(SenWriter(HOLD, ABSOLUTE).write(first + 8, wanted))
     held.close_cycle()
     assert held.report.broke_off == "correction Y of 6.000000 is beyond 5"
 

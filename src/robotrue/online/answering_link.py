@@ -79,7 +79,7 @@ class RemoteStream(Generic[B]):
 
     def end(self, fault: RobotrueError | None) -> None:
         """Says that no more will come."""
-        self._health = replace(self._health, connected=False)
+        self._health.connected = False
         self._fault = "" if fault is None else fault.message
         self._inbox.close(fault)
 
@@ -100,8 +100,8 @@ class RemoteStream(Generic[B]):
 
     def health(self) -> Health:
         """Returns the counters as they stood when they were last told."""
-        fault = self._inbox.crowding or self._fault
-        return replace(self._health, last_fault=fault) if fault else self._health
+        fault = self._inbox.crowding or self._fault or self._health.last_fault
+        return replace(self._health, last_fault=fault)
 
 
 class AnsweringLink:

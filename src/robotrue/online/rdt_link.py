@@ -169,7 +169,7 @@ class RdtSource:
                         yield block
                     continue
                 except OSError as cause:
-                    self._fault(f"not reached: {cause.strerror or cause}")
+                    self._health.last_fault = f"not reached: {cause.strerror or cause}"
                 finally:
                     self._leave()
                 await asyncio.sleep(wait)
@@ -210,7 +210,7 @@ class RdtSource:
         if self._socket is not None:
             self._socket.close()
             self._socket = None
-        self._health = replace(self._health, connected=False)
+        self._health.connected = False
 
     async def _next(self, scale: RdtScale, rate: float) -> ForceBlock | None:
         """The next block, or None when the sensor is silent or the source closed."""
@@ -252,7 +252,7 @@ class RdtSource:
                 while not size and not self._closed:
                     left = until - time.monotonic()
                     if left <= 0.0:
-                        self._fault(f"silent for {self._settings.silence:g} s")
+                        self._health.last_fault = f"silent for {self._settings.silence:g} s"
                         return 0
                     try:
                         async with asyncio.timeout(min(left, _LOOK)):
@@ -283,8 +283,7 @@ class RdtSource:
         """The size of a datagram if it holds records, else 0."""
         if got and got <= _DATAGRAM and got % RECORD.itemsize == 0:
             return got
-        self._fault(f"a datagram of {got} bytes, no records")
-        self._health = replace(self._health, refused=self._health.refused + 1)
+        self._health.refuse(f"a datagram of {got} bytes, no records")
         return 0
 
     def _flags(self, rdt: IntArray, came: Array) -> IntArray:
@@ -293,18 +292,17 @@ class RdtSource:
         self._watch, flags = advance_block(self._watch, rdt, came)
         if fresh and self._came:
             flags[0] |= int(Flag.CLOCK_JUMP)
-            self._health = replace(self._health, reconnects=self._health.reconnects + 1)
+            self._health.reconnects += 1
         self._came = True
         return flags
 
     def _report(self, block: ForceBlock) -> None:
-        self._health = replace(
-            self._health, connected=True, received=self._health.received + len(block)
-        )
+        self._health.connected = True
+        self._health.received += len(block)
         ill = np.flatnonzero(block.flags & int(Flag.SENSOR_FAULT | Flag.SATURATED))
         if len(ill):
             flags = Flag(int(block.flags[ill[-1]]))
-            self._fault(
+            self._health.last_fault = (
                 f"record {block.sequence[ill[-1]]}: {flags.name}, status "
                 f"{block.status[ill[-1]]:#010x}"
             )
@@ -324,9 +322,6 @@ class RdtSource:
                 source=self._settings.name,
                 hint=f"rate={seen:.0f}Hz, or the RDT Output Rate on the sensor's page.",
             )
-
-    def _fault(self, what: str) -> None:
-        self._health = replace(self._health, last_fault=what)
 
 
 def _make_receiver(link: socket.socket) -> Callable[[memoryview], tuple[int, Told]]:

@@ -68,12 +68,12 @@ class _Replay(Generic[B]):
 
     def health(self) -> Health:
         """Returns the counters as they stand; those of losses are of the record."""
-        return self._health
+        return replace(self._health)
 
     async def close(self) -> None:
         """Ends an open :meth:`blocks` with its next block."""
         self._closed = True
-        self._health = replace(self._health, connected=False)
+        self._health.connected = False
 
     async def blocks(self) -> AsyncIterator[B]:
         """Gives the record once, or as often as it is to be repeated.
@@ -82,7 +82,7 @@ class _Replay(Generic[B]):
             RobotrueError: As the reader of the file, after the samples before the fault.
         """
         settings = self._settings
-        self._health = replace(self._health, connected=not self._closed)
+        self._health.connected = not self._closed
         pace = None if settings.speed is None else _Pace(settings.speed)
         left_out = settings.start
         for block in self._read():
@@ -103,21 +103,15 @@ class _Replay(Generic[B]):
                     self._count(part)
                     yield part
                 at += count
-        self._health = replace(self._health, connected=False)
+        self._health.connected = False
 
     def _read(self) -> Iterator[B]:
         raise NotImplementedError
 
     def _count(self, block: B) -> None:
-        health, flags = self._health, block.flags
-        late = int(((flags & int(Flag.LATE)) != 0).sum())
-        gaps = int(((flags & int(Flag.GAP)) != 0).sum())
-        self._health = replace(
-            health,
-            received=health.received + len(block),
-            late=health.late + late,
-            lost=health.lost + gaps,
-        )
+        self._health.received += len(block)
+        self._health.late += int(((block.flags & int(Flag.LATE)) != 0).sum())
+        self._health.lost += int(((block.flags & int(Flag.GAP)) != 0).sum())
 
 
 class ReplayJoints(_Replay[JointBlock]):

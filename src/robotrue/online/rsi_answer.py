@@ -1,31 +1,39 @@
-"""``<Sen>`` answers to a KUKA controller, with the IPOC of the packet they answer.
+"""``<Sen>`` answers to a KUKA controller, and what it has done with each, as IPOC and Delay tell.
 
-Those that only shift have all prepared beforehand that does not change. Packets are written and
-answers read here for simulated controllers.
+Delay grows by one in each cycle that ends without an answer. Of two packets that are ``n`` cycles
+apart the later one has therefore counted ``n - 1`` more if the answer to the earlier was taken: the
+packets between were lost and nobody answered them. Every other number leaves it open. Controllers
+that set Delay back to zero with the next answer in time are read likewise. Some count from the
+first answer on, so the first answers of a session move nothing: one of them arrives.
+
+Assumed of the controller: it takes an answer once, none after the cycle that follows its own, and
+from the last packet before RSI_OFF to the first after RSI_ON :data:`RESTART` cycles pass or more.
+
+Packets are written and answers read here for simulated controllers.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Final
-from xml.sax.saxutils import escape, quoteattr
-
-import numpy as np
+from xml.sax.saxutils import quoteattr
 
 from robotrue.core.rotations import abc_from_matrix, matrix_from_rotation_vector
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, FormatError, ModelMismatchError
-from robotrue.online.robot_correction import Correction, CorrectionMode, no_correction
+from robotrue.online.guard import CorrectionGuard
+from robotrue.online.robot_correction import Correction, CorrectionMode
 from robotrue.online.rsi import JOINTS, POSE, RobPacket, read_values
 from robotrue.online.rsi_config import RsiConfig
+from robotrue.online.sequence import SequenceState
 from robotrue.online.xml_text import parse_xml
 
 _STRAIGHT: Final = [0.0, 0.0, 0.0]
-_SHIFT: Final = ("RKorr.X", "RKorr.Y", "RKorr.Z")
+_UNSEEN: Final = 5e-7
+"""mm and deg; what six decimals print as zero."""
 
 
 class SenWriter:
-    """Writes the bytes of :func:`write_sen`, five times as fast for a shift.
+    """Writes answers; all that does not change is prepared beforehand.
 
     Args:
         config: Which elements the controller takes.
@@ -36,70 +44,58 @@ class SenWriter:
     """
 
     def __init__(self, config: RsiConfig, mode: CorrectionMode) -> None:
-        self._config, self._mode = config, mode
-        self._head = self._tail = b""
-        whole = write_sen(config, 0, no_correction(mode), mode)
-        zeros = b' X="0.000000" Y="0.000000" Z="0.000000"'
-        plain = all((e := config.receives(tag)) and e.kind == "DOUBLE" for tag in _SHIFT)
-        if plain and whole.count(zeros) == 1 and whole.endswith(b"<IPOC>0</IPOC></Sen>"):
-            self._head, _, rest = whole.partition(zeros)
-            self._tail = rest.removesuffix(b"0</IPOC></Sen>")
+        if config.only_send:
+            raise ConfigurationError(
+                "ONLYSEND is TRUE: the controller takes no answers.", hint="set it to FALSE."
+            )
+        self._mode = mode
+        taken = [(name, config.receives(f"RKorr.{name}")) for name in POSE]
+        self._missing = [(k, name) for k, (name, element) in enumerate(taken) if element is None]
+        self._places = [k for k, (_, element) in enumerate(taken) if element is not None]
+        values = "".join(
+            f' {name}="{"%.6f" if element.kind == "DOUBLE" else "%d"}"'
+            for name, element in taken
+            if element is not None
+        )
+        kind = quoteattr(config.sen_type).replace("%", "%%")
+        body = f"<RKorr{values} />" if values else ""
+        answer = f"<Sen Type={kind}>{body}<IPOC>%d</IPOC></Sen>"
+        self._answer = answer.encode("ascii", "xmlcharrefreplace")
 
     def write(self, ipoc: int, correction: Correction) -> bytes:
-        """Returns the answer to the packet of an IPOC.
+        """Returns the answer to the packet of an IPOC, unchanged.
+
+        Args:
+            ipoc: That of the packet answered.
+            correction: Written as RKorr, X Y Z in mm and A B C in deg, to 1e-6 of them.
 
         Raises:
             ConfigurationError: The controller does not take this direction.
             ModelMismatchError: A correction for the other mode.
         """
-        plain = correction.mode is self._mode and correction.turn.tolist() == _STRAIGHT
-        if not self._head or not plain:
-            return write_sen(self._config, ipoc, correction, self._mode)
-        # without the sign of a zero
-        x, y, z = (v / MM + 0.0 for v in correction.shift.tolist())
-        values = b' X="%.6f" Y="%.6f" Z="%.6f"' % (x, y, z)
-        return b"%b%b%b%d</IPOC></Sen>" % (self._head, values, self._tail, ipoc)
-
-
-def write_sen(config: RsiConfig, ipoc: int, correction: Correction, mode: CorrectionMode) -> bytes:
-    """Returns the answer to the packet of an IPOC.
-
-    Args:
-        config: Which elements the controller takes.
-        ipoc: That of the packet answered, unchanged.
-        correction: Written as RKorr, X Y Z in mm and A B C in deg, to 1e-6 of them.
-        mode: What RSI_ON of the running program says.
-
-    Raises:
-        ConfigurationError: The link takes no answers, or not this direction.
-        ModelMismatchError: A correction for the other mode.
-    """
-    if config.only_send:
-        raise ConfigurationError(
-            "ONLYSEND is TRUE: the controller takes no answers.", hint="set it to FALSE."
-        )
-    if correction.mode is not mode:
-        raise ModelMismatchError(
-            f"a correction meant as {correction.mode.value} for a controller that takes it as "
-            f"{mode.value}.",
-            hint="RSI_ON(#RELATIVE) adds it up in every cycle, RSI_ON(#ABSOLUTE) does not.",
-        )
-    abc = correction.turn
-    if abc.any():
-        abc = abc_from_matrix(matrix_from_rotation_vector(abc))
-    numbers = np.concatenate([correction.shift / MM, abc / DEG]) + 0.0
-    values = dict(zip((f"RKorr.{name}" for name in POSE), numbers.tolist(), strict=True))
-    for tag, number in values.items():
-        if config.receives(tag) is None and abs(number) >= 5e-7:
-            raise ConfigurationError(
-                f"the controller takes no {tag}, and {number:.6f} is to be sent.",
-                hint=f'<ELEMENT TAG="{tag}" .../> under RECEIVE, or correct without it.',
+        if correction.mode is not self._mode:
+            raise ModelMismatchError(
+                f"a correction meant as {correction.mode.value} for a controller that takes it as "
+                f"{self._mode.value}.",
+                hint="RSI_ON(#RELATIVE) adds it up in every cycle, RSI_ON(#ABSOLUTE) does not.",
             )
-    values = {tag: number for tag, number in values.items() if config.receives(tag) is not None}
-    whole = {
-        tag for tag in values if (e := config.receives(tag)) is not None and e.kind != "DOUBLE"
-    }
-    return _document("Sen", config.sen_type, values, ipoc, whole)
+        x, y, z = correction.shift.tolist()
+        a, b, c = turn = correction.turn.tolist()
+        if turn != _STRAIGHT:
+            a, b, c = abc_from_matrix(matrix_from_rotation_vector(correction.turn)).tolist()
+        # without the sign of a zero
+        values = (
+            x / MM + 0.0, y / MM + 0.0, z / MM + 0.0, a / DEG + 0.0, b / DEG + 0.0, c / DEG + 0.0,
+        )  # fmt: skip
+        if not self._missing:
+            return self._answer % (*values, ipoc)
+        for k, name in self._missing:
+            if abs(number := values[k]) >= _UNSEEN:
+                raise ConfigurationError(
+                    f"the controller takes no RKorr.{name}, and {number:.6f} is to be sent.",
+                    hint=f'<ELEMENT TAG="RKorr.{name}" .../> under RECEIVE, or correct without it.',
+                )
+        return self._answer % (*(values[k] for k in self._places), ipoc)
 
 
 def write_rob(packet: RobPacket) -> bytes:
@@ -113,7 +109,17 @@ def write_rob(packet: RobPacket) -> bytes:
             values |= {f"{tag}.{n}": v for n, v in zip(names, numbers, strict=True)}
     if packet.late is not None:
         values["Delay.D"] = packet.late
-    return _document("Rob", "KUKA", values | dict(packet.signals), packet.ipoc, {"Delay.D"})
+    groups: dict[str, str] = {}
+    for tag, number in (values | dict(packet.signals)).items():
+        group, _, name = tag.partition(".")
+        text = str(int(number)) if tag == "Delay.D" else f"{number:.6f}"
+        groups[group] = groups.get(group, "") + (f' {name}="{text}"' if name else text)
+    parts = [
+        f"<{group}{body} />" if body.startswith(" ") else f"<{group}>{body}</{group}>"
+        for group, body in groups.items()
+    ]
+    text = f'<Rob Type="KUKA">{"".join(parts)}<IPOC>{packet.ipoc}</IPOC></Rob>'
+    return text.encode("ascii", "xmlcharrefreplace")
 
 
 def read_sen(data: bytes, config: RsiConfig, ipoc: int) -> dict[str, float]:
@@ -135,18 +141,106 @@ def read_sen(data: bytes, config: RsiConfig, ipoc: int) -> dict[str, float]:
     return values
 
 
-def _document(
-    root: str, kind: str, values: Mapping[str, float], ipoc: int, whole: set[str]
-) -> bytes:
-    parts = [f"<{root} Type={quoteattr(kind)}>"]
-    groups: dict[str, list[str]] = {}
-    for tag, number in values.items():
-        group, _, name = tag.partition(".")
-        text = str(int(number)) if tag in whole else f"{number:.6f}"
-        groups.setdefault(group, []).append(f' {name}="{text}"' if name else escape(text))
-    for group, texts in groups.items():
-        attributes = texts[0].startswith(" ")
-        body = "".join(texts)
-        parts.append(f"<{group}{body} />" if attributes else f"<{group}>{body}</{group}>")
-    parts.append(f"<IPOC>{ipoc}</IPOC></{root}>")
-    return "".join(parts).encode("ascii", "xmlcharrefreplace")
+RESTART: Final = 20
+"""Cycles, at least, from the last packet of a session to the first of the next, less the most that
+a packet is late."""
+SILENCE: Final = 25
+"""Cycles without a packet after which the controller is taken as gone."""
+_OLD: Final = 100
+"""Cycles by which a packet may come late; farther back it is of another clock."""
+_FEW: Final = 3
+"""Answers that a new session may have missed before we heard of it."""
+_NEAR: Final = (0.05, 0.2)
+"""s, and share of a pause, by which the IPOC may differ from our clock after it."""
+
+
+class RsiBooking:
+    """Books each answer with the corrector as taken, or as open.
+
+    Args:
+        corrector: Told before it is asked for the next answer.
+        cycle_ms: Of the controller.
+        before: Of a link that has ended; its last answers may not be recorded.
+        trust_restart: Whether a Delay near zero after a pause is a session started anew, which
+            holds no correction. A count that was set back otherwise looks the same.
+    """
+
+    def __init__(
+        self,
+        corrector: CorrectionGuard,
+        cycle_ms: int,
+        before: SequenceState | None = None,
+        *,
+        trust_restart: bool = False,
+    ) -> None:
+        self._trust = trust_restart
+        self._corrector, self._step = corrector, cycle_ms
+        self._ipoc = None if before is None else before.last
+        self._late = 0 if before is None else before.late_count
+        self._time = float("-inf") if before is None else before.host_time
+        self._resumed = self._ipoc is not None
+        self._first = SILENCE
+
+    def packet(
+        self, ipoc: int, late: int, host_time: float, *, same: bool = True, silent: bool = False
+    ) -> bool:
+        """Books the answer before; returns whether the answer to this packet may move the robot.
+
+        Args:
+            ipoc: Of the packet.
+            late: Its Delay.
+            host_time: s, when it came.
+            same: Whether its sender is that of the packet before, or the only one allowed.
+            silent: Whether it ends a pause.
+        """
+        before, late_before, gap = self._ipoc, self._late, host_time - self._time
+        cycles, odd = (1, 0) if before is None else divmod(ipoc - before, self._step)
+        if same and not silent and not odd and -_OLD <= cycles <= 0:
+            return False
+        self._ipoc, self._late, self._time = ipoc, late, host_time
+        if before is None:
+            self._corrector.book(taken=False)
+            return True
+        resumed, self._resumed = self._resumed, False
+        # less on its clock than on ours: time enough to begin anew and to set the clock back
+        whole = gap <= (cycles + RESTART) * self._step * 1e-3
+        if same and whole and not odd and cycles > 0:
+            rise = late - late_before
+            untold = cycles - (rise if rise >= 0 else late)
+            if resumed and 0 <= untold < SILENCE:
+                self._first = 0
+                self._corrector.book(taken=False)
+                self._corrector.add_unreported(untold)
+                self._corrector.fault("the controller was without answers for a while")
+                return True
+            if not resumed and (rise in (cycles - 1, cycles) or late == cycles - 1):
+                # a clock that leapt by a cycle looks like a lost packet, but takes no time
+                passed = cycles == 1 or gap >= (cycles - 0.5) * self._step * 1e-3
+                self._first -= self._first > 0
+                self._corrector.book(taken=passed and rise == cycles - 1 and not self._first)
+                if rise:
+                    self._corrector.count_late(max(rise, 1), host_time)
+                if silent:
+                    self._corrector.fault("the controller was not heard for a while")
+                return True
+        self._corrector.book(taken=False)
+        if same and not resumed and gap < RESTART * self._step * 1e-3:
+            self._corrector.fault(
+                f"from packet to packet IPOC went by {ipoc - before} ms, Delay by "
+                f"{late - late_before}"
+            )
+        else:
+            certain = same and not odd and self._is_new_session(cycles, late, gap)
+            self._first = SILENCE if certain else self._first
+            if resumed and not certain:
+                # the process before may have moved the robot after it last said where it is
+                self._corrector.add_unreported(SILENCE)
+            self._corrector.note_restart(certain=certain)
+            self._corrector.book(taken=False)
+        return True
+
+    def _is_new_session(self, cycles: int, late: int, gap: float) -> bool:
+        """Whether RSI was started anew in a pause: else Delay would have counted the pause."""
+        passed = cycles * self._step * 1e-3
+        near = abs(passed - gap) <= _NEAR[0] + _NEAR[1] * gap
+        return self._trust and near and cycles >= SILENCE and late <= _FEW

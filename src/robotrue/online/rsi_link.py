@@ -37,8 +37,7 @@ from robotrue.online.rsi import (
     rob_block,
     rsi_sequence,
 )
-from robotrue.online.rsi_answer import SenWriter
-from robotrue.online.rsi_booking import RsiBooking
+from robotrue.online.rsi_answer import RsiBooking, SenWriter
 from robotrue.online.rsi_config import RsiConfig, read_rsi_config, usual_rsi_config
 from robotrue.online.sequence import advance
 from robotrue.online.udp import Address

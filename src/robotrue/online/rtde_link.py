@@ -110,10 +110,9 @@ class _RtdeLink(Generic[B]):
                         if samples is not None:
                             yield samples
                 except (OSError, EOFError, TimeoutError) as cause:
-                    self._fault(f"connection lost: {cause or type(cause).__name__}")
+                    self._health.last_fault = f"connection lost: {cause or type(cause).__name__}"
                 except FormatError as cause:
-                    self._fault(cause.message)
-                    self._health = replace(self._health, refused=self._health.refused + 1)
+                    self._health.refuse(cause.message)
                 finally:
                     self._leave()
                 if not self._closed:
@@ -170,9 +169,8 @@ class _RtdeLink(Generic[B]):
             return (rest, None) if not self._closed else None
         rows = rtde.read_data(packets, recipe)
         block = self._watch_clock(self._block(rows, now, rate=self._settings.rate))
-        self._health = replace(
-            self._health, connected=True, received=self._health.received + len(block)
-        )
+        self._health.connected = True
+        self._health.received += len(block)
         self._came = True
         return rest, block
 
@@ -182,7 +180,7 @@ class _RtdeLink(Generic[B]):
             if frame.kind == "M":
                 message, source, level = rtde.read_text(frame)
                 if level <= 1:  # exception or error; warnings and remarks are the pendant's
-                    self._fault(f"{source}: {message}")
+                    self._health.last_fault = f"{source}: {message}"
         return [frame for frame in frames if frame.kind != "M"]
 
     def _block(self, rows: rtde.Rows, host_time: float, *, rate: float) -> B:
@@ -207,7 +205,7 @@ class _RtdeLink(Generic[B]):
 
     def _return(self, tick: int, host_time: float) -> Flag:
         """Takes the first packet after a return; returns what its clock says."""
-        self._health = replace(self._health, reconnects=self._health.reconnects + 1)
+        self._health.reconnects += 1
         watch, window, flags = self._watch, self._watch.window, Flag.NONE
         if watch.last is not None and tick <= watch.last:
             self._health = replace(self.health(), connected=True)
@@ -224,10 +222,7 @@ class _RtdeLink(Generic[B]):
         if self._writer is not None:
             self._writer.close()
             self._writer = None
-        self._health = replace(self._health, connected=False)
-
-    def _fault(self, what: str) -> None:
-        self._health = replace(self._health, last_fault=what)
+        self._health.connected = False
 
 
 class RtdeSource(_RtdeLink[JointBlock]):
