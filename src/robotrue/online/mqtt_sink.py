@@ -61,7 +61,7 @@ class MqttSink(DisplaySink):
             ConfigurationError: A prefix no topic can have, a rate that is none, or a certificate
                 that cannot be read.
         """
-        super().__init__(address, settings)
+        super().__init__(address, settings, beat=0.2)
         options = address.read_options({"rate": "messages per second, 0.1 to 100"})
         self._prefix = address.path or f"robotrue/{settings.cell}"
         if bad := sorted(set(self._prefix) & set("+#\0")):

@@ -67,7 +67,7 @@ class OpcUaSink(DisplaySink):
             ConfigurationError: A rate that is none, or other computers could look without a
                 password.
         """
-        super().__init__(address, settings)
+        super().__init__(address, settings, beat=0.2)
         options = address.read_options({"rate": "updates per second, 1 to 50"})
         env = settings.environment
         self._user = address.user or env.get(USER_VARIABLE, "")

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from typing import ClassVar, Final, NamedTuple, cast
+from typing import Final, NamedTuple, cast
 
 from robotrue.core.provenance import MEASURED, Provenance
 from robotrue.errors import ConfigurationError, MissingExtraError
@@ -86,13 +86,11 @@ class DisplaySink:
     Args:
         address: It was opened with.
         settings: Of the service.
+        beat: s between two looks at whether a block has come.
     """
 
-    _beat_time: ClassVar[float] = 0.2
-    """s between two looks at whether a block has come."""
-
-    def __init__(self, address: NetAddress, settings: SinkSettings) -> None:
-        self._address, self._settings = address, settings
+    def __init__(self, address: NetAddress, settings: SinkSettings, beat: float) -> None:
+        self._address, self._settings, self._beat_time = address, settings, beat
         self._health = Health(name=address.shown, connected=False)
 
     async def write(self, estimates: EstimateBlock) -> None:
@@ -187,9 +185,7 @@ def open_sink(address: str, settings: SinkSettings | None = None) -> Sink:
 
 
 def _open_csv(path: str, settings: SinkSettings) -> Sink:
-    from robotrue.online.csv_sink import CsvSink
-
     path = path.removeprefix("//")
     if not path:
         raise ConfigurationError("a csv address without a path.", hint=EXAMPLES[0])
-    return CsvSink(path, settings)
+    return cast(Sink, import_module("robotrue.online.csv_sink").CsvSink(path, settings))

@@ -12,7 +12,7 @@ import http
 import logging
 import socket
 from dataclasses import replace
-from typing import ClassVar, Final
+from typing import Final
 from urllib.parse import urlsplit
 
 from websockets.asyncio.server import Server, ServerConnection, serve
@@ -55,15 +55,13 @@ _LOGGER: Final = logging.getLogger("robotrue.online.ws")
 class WebSocketSink(DisplaySink):
     """A server of frames (:mod:`robotrue.online.live_page`) and of the page that draws them."""
 
-    _beat_time: ClassVar[float] = 0.1
-
     def __init__(self, address: NetAddress, settings: SinkSettings) -> None:
         """Takes ``ws://host:port?rate=50&origin=https://host``; port 0 is a free one.
 
         Raises:
             ConfigurationError: A rate that is none, or no token where one is needed.
         """
-        super().__init__(address, settings)
+        super().__init__(address, settings, beat=0.1)
         options = address.read_options(_OPTIONS)
         self._door = door(address, settings.environment)
         self._rate = options.number(
