@@ -57,31 +57,27 @@ class RemoteStream(Generic[B]):
         name: What health calls it.
         waiting: Samples that may wait for their reader before the health says so.
         restart: Awaited first of all: starts a process that has ended by itself anew.
+
+    Attributes:
+        inbox: What came.
+        told: Counters of the process.
     """
 
     def __init__(self, name: str, waiting: int, restart: Callable[[], Awaitable[None]]) -> None:
         self._waiting, self._restart = waiting, restart
-        self._health = Health(name=name, connected=False)
+        self.told = Health(name=name, connected=False)
         self.begin()
 
     def begin(self) -> None:
         """Begins, the first time or after a process that has ended."""
-        self._inbox: Inbox[B] = Inbox(self._waiting, len)
+        self.inbox: Inbox[B] = Inbox(self._waiting, len)
         self._fault = ""
-
-    def put(self, block: B) -> None:
-        """Keeps what came."""
-        self._inbox.put(block)
-
-    def take_health(self, health: Health) -> None:
-        """Takes note of the counters."""
-        self._health = health
 
     def end(self, fault: RobotrueError | None) -> None:
         """Says that no more will come."""
-        self._health.connected = False
+        self.told = replace(self.told, connected=False)
         self._fault = "" if fault is None else fault.message
-        self._inbox.close(fault)
+        self.inbox.close(fault)
 
     async def blocks(self) -> AsyncIterator[B]:
         """Gives samples as they come; ends when the link is closed.
@@ -90,18 +86,18 @@ class RemoteStream(Generic[B]):
             RobotrueError: A correction that this controller cannot take, or a process that ended.
         """
         await self._restart()
-        while found := await self._inbox.take():
+        while found := await self.inbox.take():
             for block in wire.join_blocks(found):
                 yield block
 
     async def close(self) -> None:
         """Gives no more; the link itself stays open."""
-        self._inbox.close()
+        self.inbox.close()
 
     def health(self) -> Health:
         """Returns the counters as they stood when they were last told."""
-        fault = self._inbox.crowding or self._fault or self._health.last_fault
-        return replace(self._health, last_fault=fault)
+        fault = self.inbox.crowding or self._fault or self.told.last_fault
+        return replace(self.told, last_fault=fault)
 
 
 class AnsweringLink:
@@ -302,18 +298,18 @@ class AnsweringLink:
     def _take(self, frame: bytes) -> None:
         block = frame_content(frame)
         if isinstance(block, JointBlock):
-            self._joints.put(block)
+            self._joints.inbox.put(block)
         elif self._force is not None and isinstance(block, ForceBlock):
-            self._force.put(block)
+            self._force.inbox.put(block)
 
     def _take_report(self, report: wire.AnsweringReport) -> None:
         if self._guard is not None and report.guard is not None:
             self._guard.take_state(report.guard)
         if report.link is not None and report.health is not None:
             self._link, self.preferred = report.link, report.preferred
-            self._joints.take_health(report.health)
+            self._joints.told = report.health
             if self._force is not None and report.force is not None:
-                self._force.take_health(report.force)
+                self._force.told = report.force
         elif report.watch is not None:
             self._link = replace(self._link, watch=report.watch, peer=report.peer)
 
