@@ -7,38 +7,25 @@ record of the input gives the same output again, and a checkpoint goes on bit fo
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Final, Literal, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.arrays import BoolArray, IntArray
 from robotrue.errors import ModelMismatchError
 from robotrue.online.blocks import Flag, ForceBlock, JointBlock
 from robotrue.online.clocks import ClockFix, StreamClock
 from robotrue.online.estimates import EstimateBlock
 from robotrue.online.record_frames import Kind, frame_bytes, frame_content
 
+if TYPE_CHECKING:  # its kernels take a second to load, and aligning clocks needs none of them
+    from robotrue.online.sensing import Sensing
+
 Stream: TypeAlias = Literal["joints", "force"]
 STREAMS: Final[tuple[Stream, Stream]] = ("joints", "force")
 State: TypeAlias = dict[str, npt.NDArray[Any]]
 _JUMP: Final = int(Flag.CLOCK_JUMP)
-
-
-class Estimator(Protocol):
-    """What makes estimates; times of all blocks are of one clock, the host's."""
-
-    def joints(self, block: JointBlock) -> None:
-        """Takes joints."""
-
-    def force(self, block: ForceBlock) -> EstimateBlock:
-        """Returns one estimate per force sample, in order."""
-
-    def state(self) -> dict[str, Array]:
-        """Returns what :meth:`restore` goes on from, bit for bit."""
-
-    def restore(self, state: dict[str, Array]) -> None:
-        """Goes on from :meth:`state`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,12 +52,12 @@ class SensingChain:
     """
 
     def __init__(
-        self, estimator: Estimator, *, shift: StreamShift | None = None, patient: bool = False
+        self, estimator: Sensing, *, shift: StreamShift | None = None, patient: bool = False
     ) -> None:
         """Starts without samples.
 
         Args:
-            estimator: Fed from here on.
+            estimator: Fed from here on; times of all its blocks are of the host's clock.
             shift: Between the streams' clocks.
             patient: Hold forces back until the joints have passed them: for recorded streams,
                 where either may run ahead. Live, a force goes through as it comes.

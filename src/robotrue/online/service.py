@@ -50,16 +50,14 @@ class SinkPlan:
         blocks: Blocks that may wait for it.
         whole: It is to get every estimate where the sources can wait (a file of a replay); else
             the oldest go where it cannot keep up.
-        before: What it is given first: the estimates it has missed.
-        after: The last line that it has, asked once it is open; None for nothing. What is not
-            later is not given to it again.
+        missed: Estimates that it is given first, after the last line that it has (None for
+            nothing); what is not later than that line is not given to it again.
     """
 
     sink: Sink
     blocks: int = 256
     whole: bool = False
-    before: Callable[[], Iterable[EstimateBlock]] = tuple
-    after: Callable[[], str | None] = lambda: None
+    missed: Callable[[str | None], Iterable[EstimateBlock]] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -179,9 +177,10 @@ class _Served:
 
     async def serve(self) -> None:
         """Gives the sink what waits until the queue is closed; its faults stay its own."""
-        self.line = self.plan.after()
-        for block in self.plan.before():
-            await self._write(block)
+        if self.plan.missed is not None:
+            self.line = getattr(self.plan.sink, "resumed_after", None)
+            for block in self.plan.missed(self.line):
+                await self._write(block)
         while (item := await self.queue.take()) is not None:
             await self._write(item)
 

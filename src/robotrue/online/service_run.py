@@ -7,7 +7,6 @@ import contextlib
 import signal
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
@@ -237,20 +236,19 @@ def _sinks(
     for address in settings.out:
         sink = open_sink(address, sink_settings)
         whole = address.lower().startswith("csv")
-        plan = SinkPlan(sink=sink, blocks=_BLOCKS if whole else 256, whole=whole)
+        missed = None
         if whole and writer is not None and resumed is not None:
-            plan = replace(
-                plan,
-                before=partial(_give_missing, writer, resumed, sink),
-                after=partial(getattr, sink, "resumed_after", None),
-            )
-        plans.append(plan)
+            missed = partial(_give_missing, writer, resumed)
+        plans.append(
+            SinkPlan(sink=sink, blocks=_BLOCKS if whole else 256, whole=whole, missed=missed)
+        )
     return plans
 
 
-def _give_missing(writer: RecordWriter, resumed: Resumed, sink: object) -> Iterator[EstimateBlock]:
+def _give_missing(
+    writer: RecordWriter, resumed: Resumed, line: str | None
+) -> Iterator[EstimateBlock]:
     """What a file has missed of the record, up to where this service goes on."""
-    line = getattr(sink, "resumed_after", None)
     yield from read_estimates_after(StreamRecord(writer.path), line, writer.first)
     yield from resumed.missing
 
