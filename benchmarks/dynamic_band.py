@@ -39,10 +39,10 @@ from robotrue.dynamics.formats.frf_table import read_frf
 from robotrue.dynamics.interpolation import fit_curve
 from robotrue.dynamics.window_folds import folds
 from robotrue.dynamics.windows import WindowSet
-from robotrue.simulation.milling_arm import SHIFTS, milling_arm
-from robotrue.simulation.milling_cut import tooling
+from robotrue.simulation.milling_arm import milling_arm
 from robotrue_reproductions.jin2022.jin_tables import arm_of
 from robotrue_reproductions.jin2022.milling_experiment import milling_experiment
+from robotrue_reproductions.jin2022.milling_pass import SHIFTS, tooling
 from robotrue_reproductions.jin2022.raw_records import BOW, write_cell, write_hammer, write_raw_pass
 
 LOW: Final = 0.88

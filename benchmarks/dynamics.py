@@ -28,8 +28,7 @@ from robotrue.core.units import UM
 from robotrue.dynamics.oscillators import Oscillators, join_oscillators
 from robotrue.dynamics.pose_modes import pose_modes
 from robotrue.dynamics.streaming import ModalFilter
-from robotrue.simulation.milling_arm import milling_arm, pass_joints
-from robotrue.simulation.milling_cut import RATE, milling_table
+from robotrue.simulation.milling_arm import RATE, milling_arm, milling_table, pass_joints
 
 BLOCKS: Final = (1, 20, 64, 256, 1024)
 NOTE: Final = {1: 0.57, 20: 8.6, 64: 15.7, 256: 16.0}

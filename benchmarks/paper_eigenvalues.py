@@ -20,9 +20,17 @@ from robotrue.core.units import DEG, MM, UM
 from robotrue.dynamics.cutter import CutterEngagement, EndMill
 from robotrue.dynamics.milling_force import milling_force
 from robotrue.dynamics.paper_learners import components_of
-from robotrue.simulation.milling_arm import FEED, WINDOWS, pass_joints, window_edges
-from robotrue.simulation.milling_cut import COEFFICIENTS, DEPTH, RUNOUT, SPINDLE, TEETH, slow
+from robotrue.simulation.milling_arm import (
+    COEFFICIENTS,
+    DEPTH,
+    FEED,
+    RUNOUT,
+    SPINDLE,
+    TEETH,
+    pass_joints,
+)
 from robotrue_reproductions.jin2022.jin_tables import EIGENVALUES
+from robotrue_reproductions.jin2022.milling_pass import WINDOWS, slow, window_edges
 
 PRINTED_CORRELATION: Final = -0.157
 """Of peak and mean, from tables 2 and 3."""

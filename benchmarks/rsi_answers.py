@@ -287,8 +287,8 @@ def ours(config: str, cycles: str) -> None:
     """Our simulated controller, until it has sent so many packets."""
     from robotrue.online.rsi_config import read_rsi_config
     from robotrue.robot.presets import preset
-    from robotrue.simulation.joint_motion import Jog
-    from robotrue.simulation.rsi_controller import RsiControllerSettings, run
+    from robotrue.simulation.cyclic_controller import Jog
+    from robotrue.simulation.rsi_controller import RsiController, RsiControllerSettings
 
     joints = np.radians([0.0, 30.0, -30.0, 0.0, 60.0, 0.0])
     settings = RsiControllerSettings(
@@ -298,7 +298,7 @@ def ours(config: str, cycles: str) -> None:
         cycles=int(cycles),
         timeout_packets=int(cycles),
     )
-    report = asyncio.run(run(settings))
+    report = asyncio.run(RsiController(settings).run())
     faulty = report.late + report.faulty
     own = report.overslept
     told = {"taken": report.answered, "faulty": faulty, "overslept": own, "missed": []}

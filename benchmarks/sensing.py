@@ -22,8 +22,8 @@ from robotrue.dynamics.streaming import ModalFilter
 from robotrue.online.blocks import ForceBlock, JointBlock
 from robotrue.online.sensing import Sensing
 from robotrue.online.sensing_models import JointCompliance, MeasuredResponse, SensingModels
-from robotrue.simulation.milling_arm import FEED, milling_arm, milling_robot, pass_joints
-from robotrue.simulation.milling_cut import RATE, pass_force, tooling
+from robotrue.simulation.milling_arm import FEED, RATE, milling_arm, milling_robot, pass_joints
+from robotrue_reproductions.jin2022.milling_pass import pass_force, tooling
 
 BLOCKS: Final = (1, 20, 256, 1024, 4096)
 COMPARED: Final = 256

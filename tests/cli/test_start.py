@@ -13,7 +13,7 @@ def test_services_start_without_scikit_learn() -> None:
         "import robotrue.online.service_run\n"
         "from robotrue.simulation import egm_controller, rdt_sensor, rsi_controller\n"
         "from robotrue.simulation import rtde_controller\n"
-        "from robotrue.simulation import drilling_online, drilling_practice, online_scenario\n"
+        "from robotrue.simulation import drilling_machine, drilling_online, online_scenario\n"
         "from robotrue.store import model_file\n"
         "import sys; print([name for name in ('sklearn', 'pandas') if name in sys.modules])\n"
         "from robotrue.calibration.learners import __all__ as names\n"

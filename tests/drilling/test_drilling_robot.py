@@ -23,8 +23,8 @@ from robotrue.online.link import Health
 from robotrue.online.robot_correction import CorrectionMode
 from robotrue.online.rsi_config import usual_rsi_config
 from robotrue.robot.statics import NO_LOAD
-from robotrue.simulation.joint_motion import Jog
-from robotrue.simulation.rsi_controller import RsiControllerSettings, run
+from robotrue.simulation.cyclic_controller import Jog
+from robotrue.simulation.rsi_controller import RsiController, RsiControllerSettings
 
 TILT = np.array([1.5, -0.8]) * DEG
 FOUND = HoleAdjustment(
@@ -121,7 +121,7 @@ def test_joints_of_a_simulated_controller_over_its_own_protocol() -> None:
             cycles=100_000,
         )
         stop = asyncio.Event()
-        controller = asyncio.create_task(run(standing, stop=stop))
+        controller = asyncio.create_task(RsiController(standing).run(stop=stop))
         head = {"hole": "1", "status": "move", "A_deg": 1.0, "dB_deg": 2.0, "dX_mm": 0.0}
         try:
             async with follow_joints(arm), asyncio.timeout(20.0):

@@ -5,7 +5,8 @@ import numpy as np
 from robotrue.core.units import UM
 from robotrue.dynamics.deviation_physics import CompliantArm, physics_terms
 from robotrue.dynamics.windows import WindowSet
-from robotrue.simulation.milling_arm import SHIFTS, STIFFNESS, milling_robot, pass_joints
+from robotrue.simulation.milling_arm import STIFFNESS, milling_robot, pass_joints
+from robotrue_reproductions.jin2022.milling_pass import SHIFTS
 
 FACTORS = np.array([1.2, 0.9, 1.1, 0.8, 1.25, 0.95])
 

@@ -16,8 +16,8 @@ from robotrue.online.egm_link import EgmSettings, EgmSource
 from robotrue.online.guard import CorrectionGuard, CorrectionLimits
 from robotrue.online.robot_correction import Correction, CorrectionMode
 from robotrue.robot.presets import preset
-from robotrue.simulation.egm_controller import EgmControllerSettings, run
-from robotrue.simulation.joint_motion import Jog
+from robotrue.simulation.cyclic_controller import Jog
+from robotrue.simulation.egm_controller import EgmController, EgmControllerSettings
 
 pytestmark = pytest.mark.peer
 peer = pytest.importorskip("ABBRobotEGM", reason="pip install ABBRobotEGM")
@@ -45,7 +45,7 @@ def test_it_reads_our_simulated_robot_and_corrects_its_path():
             force=milling_force,
         )
         stop = asyncio.Event()
-        robot = asyncio.create_task(run(settings, stop=stop))
+        robot = asyncio.create_task(EgmController(settings).run(stop=stop))
 
         def answer():
             states = []

@@ -39,7 +39,7 @@ from robotrue.online.rsi_link import RsiSource
 from robotrue.online.sequence import SequenceState
 from robotrue.online.udp import Inbox
 from robotrue.robot.presets import preset
-from robotrue.simulation.joint_motion import Jog
+from robotrue.simulation.cyclic_controller import Jog
 from robotrue.simulation.rsi_controller import RsiController, RsiControllerSettings
 
 pytestmark = pytest.mark.skipif(not answering_link.AVAILABLE, reason="answering processes: Linux")

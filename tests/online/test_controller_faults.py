@@ -17,7 +17,7 @@ from robotrue.online.rsi_config import usual_rsi_config
 from robotrue.online.rsi_link import RsiSettings, RsiSource
 from robotrue.robot.presets import preset
 from robotrue.simulation import egm_controller, rsi_controller
-from robotrue.simulation.joint_motion import Jog
+from robotrue.simulation.cyclic_controller import Jog
 from robotrue.simulation.online_faults import FAULTS, Fault, FaultKind, FaultyWire, parse_fault
 
 ABSOLUTE = CorrectionMode.ABSOLUTE
@@ -42,16 +42,14 @@ def _run(scheme, source, faults, cycles=CYCLES):
     given = {"motion": _jog(), "cycles": cycles, "faults": faults}
     if scheme == "rsi":
         config = usual_rsi_config(*source.address)
-        return rsi_controller.run(
-            rsi_controller.RsiControllerSettings(
-                config=config, mode=ABSOLUTE, timeout_packets=10_000, **given
-            )
+        settings = rsi_controller.RsiControllerSettings(
+            config=config, mode=ABSOLUTE, timeout_packets=10_000, **given
         )
-    return egm_controller.run(
-        egm_controller.EgmControllerSettings(
-            target=source.address, generation=RobotWare.SEVEN, **given
-        )
+        return rsi_controller.RsiController(settings).run()
+    settings = egm_controller.EgmControllerSettings(
+        target=source.address, generation=RobotWare.SEVEN, **given
     )
+    return egm_controller.EgmController(settings).run()
 
 
 @pytest.mark.parametrize("scheme", ["rsi", "egm"])

@@ -18,12 +18,11 @@ from robotrue.online.egm_link import EgmSettings, EgmSource
 from robotrue.online.guard import CorrectionGuard, CorrectionLimits
 from robotrue.online.robot_correction import Correction, CorrectionMode
 from robotrue.robot.presets import preset
+from robotrue.simulation.cyclic_controller import Jog
 from robotrue.simulation.egm_controller import (
     EgmController,
     EgmControllerSettings,
-    run,
 )
-from robotrue.simulation.joint_motion import Jog
 
 ABSOLUTE = CorrectionMode.ABSOLUTE
 SIX, SEVEN = RobotWare.SIX, RobotWare.SEVEN
@@ -182,7 +181,7 @@ def test_a_simulated_robot_is_led_and_left_without_correction():
             target=source.address, generation=SEVEN, motion=_jog(), force=milling_force
         )
         stop = asyncio.Event()
-        robot = asyncio.create_task(run(settings, stop=stop))
+        robot = asyncio.create_task(EgmController(settings).run(stop=stop))
         rows = 0
         async for block in source.blocks():
             rows += len(block)

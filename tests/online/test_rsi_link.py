@@ -20,8 +20,8 @@ from robotrue.online.rsi_answer import SenWriter
 from robotrue.online.rsi_config import parse_rsi_config, usual_rsi_config
 from robotrue.online.rsi_link import RsiSettings, RsiSource
 from robotrue.robot.presets import preset
-from robotrue.simulation.joint_motion import Jog
-from robotrue.simulation.rsi_controller import RsiController, RsiControllerSettings, run
+from robotrue.simulation.cyclic_controller import Jog
+from robotrue.simulation.rsi_controller import RsiController, RsiControllerSettings
 
 ABSOLUTE, RELATIVE = CorrectionMode.ABSOLUTE, CorrectionMode.RELATIVE
 START = 4_208_163_634
@@ -375,12 +375,11 @@ def test_a_simulated_robot_is_led_within_limits_and_left_without_correction(mode
         target = replace(config, port=source.address[1])
         stop = asyncio.Event()
         robot = asyncio.create_task(
-            run(
+            RsiController(
                 RsiControllerSettings(
                     config=target, mode=mode, motion=_jog(), timeout_packets=100_000
-                ),
-                stop=stop,
-            )
+                )
+            ).run(stop=stop)
         )
         wanted = Correction(shift=shift, turn=np.zeros(3), mode=ABSOLUTE)
         began = time.monotonic()
@@ -469,7 +468,7 @@ def test_collected_blocks_hold_every_row():
         source = RsiSource(_settings())
         target = usual_rsi_config("127.0.0.1", source.address[1])
         settings = RsiControllerSettings(config=target, mode=ABSOLUTE, motion=_jog(), cycles=60)
-        robot = asyncio.create_task(run(settings))
+        robot = asyncio.create_task(RsiController(settings).run())
         blocks = await collected(source, 60)
         report = await robot
         await source.close()

@@ -30,9 +30,9 @@ from robotrue.online.sensing_models import (
 )
 from robotrue.online.sensing_records import new_record
 from robotrue.online.sensing_windows import add_peak, peaks, window_dtype
-from robotrue.simulation.milling_arm import FEED, milling_arm, pass_joints
-from robotrue.simulation.milling_cut import RATE, TURN, pass_force, read_force, tooling
+from robotrue.simulation.milling_arm import FEED, RATE, TURN, milling_arm, pass_joints
 from robotrue_reproductions.jin2022.jin_tables import arm_of
+from robotrue_reproductions.jin2022.milling_pass import pass_force, read_force, tooling
 
 ARM, TOOLS = milling_arm(6), tooling(6)
 STATED = arm_of(ARM)

@@ -5,7 +5,7 @@ import numpy as np
 from robotrue.core.rotations import abc_from_matrix, quat_wxyz_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.robot.presets import preset
-from robotrue.simulation.joint_motion import Jog, MotionGrid
+from robotrue.simulation.cyclic_controller import Jog, MotionGrid
 
 
 def test_a_motion_worked_out_ahead_is_the_motion():

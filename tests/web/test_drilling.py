@@ -11,8 +11,7 @@ from web_shop import Client, Shop
 
 from robotrue.drilling.journal_lines import whole_lines
 from robotrue.errors import FormatError
-from robotrue.simulation.drilling_machine import drilling_machine
-from robotrue.simulation.drilling_practice import write_practice_files
+from robotrue.simulation.drilling_machine import drilling_machine, write_practice_files
 
 
 def line(hole: str, **more: Any) -> str:

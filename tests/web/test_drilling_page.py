@@ -10,8 +10,7 @@ import httpx
 from serving import watching
 from web_shop import Served
 
-from robotrue.simulation.drilling_machine import drilling_machine
-from robotrue.simulation.drilling_practice import write_practice_files
+from robotrue.simulation.drilling_machine import drilling_machine, write_practice_files
 
 
 def test_from_campaign_to_report(browser: Any, served: Served, tmp_path: Path) -> None:

@@ -1,17 +1,148 @@
-"""What simulated controllers with a clock of their own share: cycles, faults, the loop over UDP."""
+"""What simulated controllers with a clock of their own share: motion, cycles, faults, UDP.
+
+Where the arm goes depends on time alone, and arrays of one element cost as much as arrays of sixty:
+the places of many cycles are computed at once.
+"""
 
 from __future__ import annotations
 
 import asyncio
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import Annotated, Final, Generic, Protocol, TypeVar
 
+import numpy as np
+
+from robotrue.core.arrays import Array, BoolArray
+from robotrue.core.columns import Column, Columns
+from robotrue.core.rotations import abc_from_matrix, quat_wxyz_from_matrix
+from robotrue.core.units import DEG, MM
+from robotrue.errors import ConfigurationError
+from robotrue.robot.configuration import controller_axes
+from robotrue.robot.forward import forward
+from robotrue.robot.model import RobotModel
 from robotrue.simulation.device_defaults import LOCAL_HOST
-from robotrue.simulation.joint_motion import ArmMotion, MotionGrid
 from robotrue.simulation.online_faults import Fault, FaultKind, FaultyWire, showing
 
+
+class ArmMotion(Protocol):
+    """Where the arm is at each moment."""
+
+    @property
+    def duration(self) -> float:
+        """s; infinite for a motion that repeats."""
+
+    def along(self, times: Array) -> tuple[Array, Array]:
+        """Returns joints (n, dof) rad as displayed and T_base_tool (n, 4, 4) m.
+
+        Args:
+            times: (n,) s from the begin of the motion.
+        """
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Jog(Columns):
+    """One joint to and fro: what clocks are aligned with.
+
+    Attributes:
+        robot: The arm.
+        joints: (dof,) rad, model joints where it starts.
+        axis: Which joint, from 1.
+        amplitude: rad to the far end.
+        period: s to the far end and back.
+    """
+
+    robot: RobotModel
+    joints: Annotated[Array, Column("dof", unit="rad")]
+    axis: int = 1
+    amplitude: float = math.radians(5.0)
+    period: float = 4.0
+
+    def __post_init__(self) -> None:
+        """Checks the values."""
+        self._check_columns(dof=self.robot.dof)
+        if not 1 <= self.axis <= self.robot.dof or not self.period > 0.0:
+            raise ConfigurationError(
+                f"jog of axis {self.axis} in {self.period:g} s, expected an axis from 1 to "
+                f"{self.robot.dof} and more than 0 s."
+            )
+
+    @property
+    def duration(self) -> float:
+        """Infinite: it repeats."""
+        return math.inf
+
+    def along(self, times: Array) -> tuple[Array, Array]:
+        """Returns joints and poses; smooth, at rest at both ends."""
+        joints = np.repeat(self.joints[None], len(times), axis=0)
+        turn = 0.5 * (1.0 - np.cos(2.0 * math.pi * times / self.period))
+        joints[:, self.axis - 1] += self.amplitude * turn
+        return controller_axes(self.robot, joints), forward(self.robot, joints)
+
+
+_AHEAD: Final = 64
+"""Cycles: half a millisecond of work four times a second."""
+Six = tuple[float, float, float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where the arm is in a cycle, in the units of controllers.
+
+    Attributes:
+        joints_deg: As displayed.
+        pose_mm_deg: X, Y, Z, A, B, C of the tool in base; None where it is not known.
+        quat_wxyz: Attitude of the tool in base; that of no turn where it is not known.
+    """
+
+    joints_deg: Six
+    pose_mm_deg: Six | None
+    quat_wxyz: tuple[float, ...]
+
+
+def six(numbers: list[float]) -> Six:
+    """Returns a list of six as a tuple."""
+    a, b, c, d, e, f = numbers
+    return a, b, c, d, e, f
+
+
+class MotionGrid:
+    """The places of a motion on the grid of a controller's cycles.
+
+    Args:
+        motion: Of an arm of six joints.
+        cycle: s.
+    """
+
+    def __init__(self, motion: ArmMotion, cycle: float) -> None:
+        self._motion, self._cycle = motion, cycle
+        self._first, self._places = 0, list[Place]()
+
+    def at(self, number: int) -> Place:
+        """Returns the place at a cycle, counted from zero."""
+        row = number - self._first
+        if not 0 <= row < len(self._places):
+            self._first, row = number, 0
+            times = np.arange(number, number + _AHEAD, dtype=np.float64) * self._cycle
+            self._places = _places(self._motion, times)
+        return self._places[row]
+
+
+def _places(motion: ArmMotion, times: Array) -> list[Place]:
+    joints, poses = motion.along(times)
+    known: BoolArray = np.asarray(np.isfinite(poses).all(axis=(1, 2)))
+    turns = np.where(known[:, None, None], poses, np.eye(4))[:, :3, :3]
+    printed = np.concatenate([poses[:, :3, 3] / MM, abc_from_matrix(turns) / DEG], axis=1)
+    columns = (joints / DEG, printed, quat_wxyz_from_matrix(turns), known)
+    return [
+        Place(six(a), six(b) if there else None, tuple(q))
+        for a, b, q, there in zip(*(column.tolist() for column in columns), strict=True)
+    ]
+
+
+R = TypeVar("R")
 _WHOLE: Final = 0.9
 """Of a cycle; a shorter one gives less time for an answer than a controller would."""
 _SHORTEST: Final = 0.5
@@ -80,12 +211,13 @@ class CyclicSettings:
     keeps_time: bool = False
 
 
-class CyclicController(ABC):
+class CyclicController(ABC, Generic[R]):
     """A controller cycle by cycle: one packet, what comes meanwhile, the end of the cycle.
 
     Args:
         settings: Of any such controller.
         cycle: s.
+        target: Address and port its packets go to.
 
     Attributes:
         cycles: Of its clock so far.
@@ -93,18 +225,22 @@ class CyclicController(ABC):
         elapsed: s on its clock when the cycle began.
     """
 
-    def __init__(self, settings: CyclicSettings, cycle: float) -> None:
+    def __init__(self, settings: CyclicSettings, cycle: float, target: tuple[str, int]) -> None:
         self.cycles = self.left_out = 0
         self.elapsed = 0.0
         self._wire = FaultyWire(settings.faults)
-        self._shared, self._cycle = settings, cycle
+        self._shared, self._cycle, self._target = settings, cycle, target
         self._grid = MotionGrid(settings.motion, cycle)
 
-    async def run(self, target: tuple[str, int], *, stop: asyncio.Event | None = None) -> None:
-        """Sends until there is no more to send, or it is stopped.
+    @property
+    @abstractmethod
+    def report(self) -> R:
+        """What came of it so far."""
+
+    async def run(self, *, stop: asyncio.Event | None = None) -> R:
+        """Returns the report when there is no more to send, or it is stopped.
 
         Args:
-            target: Address and port its packets go to.
             stop: Set to end it after the cycle that runs.
         """
         settings = self._shared
@@ -119,12 +255,13 @@ class CyclicController(ABC):
                 if packet is None:
                     break
                 for datagram in self._wire.transmit([packet], self.elapsed):
-                    transport.sendto(datagram, target)
+                    transport.sendto(datagram, self._target)
                 self.close_cycle(short=await pace.wait())
                 if settings.keeps_time:
                     self.leave_out(pace.skip_overdue())
         finally:
             transport.close()
+        return self.report
 
     def next_packet(self) -> bytes | None:
         """Returns the packet of the cycle that begins; None when there is no more to send."""
@@ -151,7 +288,7 @@ class CyclicController(ABC):
     def take(self, data: bytes) -> None:
         """Takes a datagram that came during the cycle."""
 
-    def close_cycle(self, *, short: bool = False) -> None:  # noqa: B027
+    def close_cycle(self, *, short: bool = False) -> None:
         """Ends the cycle.
 
         Args:

@@ -6,7 +6,6 @@ as the offset from the programmed path that is to be held from then on.
 
 from __future__ import annotations
 
-import asyncio
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -28,9 +27,8 @@ from robotrue.online.egm import (
     read_target,
     write_robot,
 )
-from robotrue.simulation.cyclic_controller import CyclicController, CyclicSettings
+from robotrue.simulation.cyclic_controller import CyclicController, CyclicSettings, Place
 from robotrue.simulation.device_defaults import MOST_MM
-from robotrue.simulation.joint_motion import Place
 from robotrue.simulation.online_faults import FaultKind, clock_leap
 
 _CYCLE: Final = 4e-3
@@ -71,7 +69,7 @@ class EgmControllerSettings(CyclicSettings):
             )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(slots=True, kw_only=True)
 class EgmControllerReport:
     """What came of it.
 
@@ -96,21 +94,7 @@ class EgmControllerReport:
     largest_mm: float = 0.0
 
 
-async def run(
-    settings: EgmControllerSettings, *, stop: asyncio.Event | None = None
-) -> EgmControllerReport:
-    """Returns the report after the last cycle, or when stopped.
-
-    Args:
-        settings: What it does.
-        stop: Set to end it after the cycle that runs.
-    """
-    controller = EgmController(settings)
-    await controller.run(settings.target, stop=stop)
-    return controller.report
-
-
-class EgmController(CyclicController):
+class EgmController(CyclicController[EgmControllerReport]):
     """The controller cycle by cycle.
 
     Args:
@@ -118,7 +102,7 @@ class EgmController(CyclicController):
     """
 
     def __init__(self, settings: EgmControllerSettings) -> None:
-        super().__init__(settings, _CYCLE)
+        super().__init__(settings, _CYCLE, settings.target)
         self.settings = settings
         self._report = EgmControllerReport()
         self._wanted = np.zeros(3)
@@ -162,17 +146,20 @@ class EgmController(CyclicController):
         try:
             _, xyz_mm, age_ms = read_path_correction(data)
         except FormatError:
-            self._report = _with_target(report, data)
+            if _is_target(data):
+                report.targets += 1
+            else:
+                report.faulty += 1
             self._heard = self.cycles
             return
         wanted = np.array(xyz_mm) * MM
         if not np.isfinite(wanted).all() or age_ms > _OLDEST:
-            self._report = replace(report, faulty=report.faulty + 1)
+            report.faulty += 1
         elif np.abs(wanted).max() > self.settings.limit:
             self._stop(f"offset {wanted / MM} mm is beyond {self.settings.limit / MM:g} mm")
         elif not self._resting:
             self._wanted, self._heard = wanted, self.cycles
-            self._report = replace(report, corrections=report.corrections + 1)
+            report.corrections += 1
 
     def _guidance(self) -> GuidanceState:
         self._resting -= self._resting > 0
@@ -184,21 +171,20 @@ class EgmController(CyclicController):
         """EGMRunMove once more: it begins on the programmed path."""
         self._resting, self._heard = _REST + 1, None
         self._wanted = np.zeros(3)
-        self._report = replace(self._report, offset=np.zeros(3))
+        self._report.offset = np.zeros(3)
 
     def _follow(self, made: int) -> None:
         if self._heard is not None and (made - self._heard) * _CYCLE > self.settings.silence:
             self._stop(f"no message for {self.settings.silence:g} s")
-        if self._report.stopped:
+        report = self._report
+        if report.stopped:
             return
         part = 1.0 if self.settings.lag == 0.0 else -math.expm1(-_CYCLE / self.settings.lag)
-        offset = self._report.offset + part * (self._wanted - self._report.offset)
-        largest = max(self._report.largest_mm, float(np.linalg.norm(offset)) / MM)
-        self._report = replace(self._report, offset=offset, largest_mm=largest)
+        report.offset = report.offset + part * (self._wanted - report.offset)
+        report.largest_mm = max(report.largest_mm, float(np.linalg.norm(report.offset)) / MM)
 
     def _stop(self, why: str) -> None:
-        if not self._report.stopped:
-            self._report = replace(self._report, stopped=why)
+        self._report.stopped = self._report.stopped or why
 
     def _pose(self, place: Place) -> EgmPose | None:
         if place.pose_mm_deg is None:
@@ -207,9 +193,9 @@ class EgmController(CyclicController):
         return EgmPose(xyz_mm=tuple(xyz.tolist()), quat_wxyz=place.quat_wxyz)
 
 
-def _with_target(report: EgmControllerReport, data: bytes) -> EgmControllerReport:
+def _is_target(data: bytes) -> bool:
     try:
         read_target(data)
     except FormatError:
-        return replace(report, faulty=report.faulty + 1)
-    return replace(report, targets=report.targets + 1)
+        return False
+    return True

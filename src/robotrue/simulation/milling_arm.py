@@ -1,8 +1,11 @@
-"""A virtual IRB 6660-205/1.9 that mills: masses, flexible joints, tool modes, straight passes.
+"""A virtual IRB 6660-205/1.9 that mills: masses, flexible joints, tool modes, straight passes, cut.
 
 Source: Jin et al. 2022 for robot, path and cut (joints of Table 1). **Assumed**, since nothing is
 printed of it: masses and inertias, joint stiffness, damping, tool modes, the tool's place on the
-flange. Natural frequencies are those usual for arms of this size, 8.7 to 48 Hz at mid-path.
+flange, cutting coefficients of aluminium, runout; and that the material stands to the right of the
+feed (the tool turns the other way round): in up-milling only then do the signs of the printed mean
+force and error go together in the axes of this arm. Natural frequencies are those usual for arms of
+this size, 8.7 to 48 Hz at mid-path.
 """
 
 from __future__ import annotations
@@ -13,7 +16,9 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array
-from robotrue.core.units import DEG
+from robotrue.core.units import DEG, MM, UM
+from robotrue.dynamics.cutter import CutterEngagement, CuttingCoefficients, EndMill
+from robotrue.dynamics.milling_force import milling_force
 from robotrue.dynamics.oscillators import Oscillators, real_modes
 from robotrue.dynamics.pose_modes import FlexibleArm
 from robotrue.robot.forward import forward, walk
@@ -25,15 +30,28 @@ FIRST_ROW: Final = np.array([-26.174, -12.054, 52.467, -32.046, -56.636, 18.890]
 """rad, first row of Table 1; the passes keep its attitude and branch."""
 START: Final = np.array([1.02556, -0.40530, 0.960494])
 """m, flange at the start of the printed pass."""
-LENGTH: Final = 0.4953
-SPACING: Final = 0.9076
-"""The windows of the printed pass end at LENGTH u^SPACING, u even: fitted to Tables 2 and 3."""
-WINDOWS: Final = 93
 FEED: Final = 5e-3
 """m/s, along base x."""
-SHIFTS: Final = ((0.0, 0.0), (0.25, 0.0), (-0.25, 0.0), (0.0, 0.2), (0.0, -0.2), (0.4, -0.15))
-"""m in y and z: the printed pass, then five more for poses nobody has seen."""
 TOOL_POINT: Final = (0.32, 0.0, 0.16)
+RATE: Final = 20e3
+SPINDLE: Final = 60.0
+TURN: Final = RATE / SPINDLE
+"""Samples per turn of the spindle; three turns are a whole number of samples."""
+TEETH: Final = 2
+DEPTH: Final = 1 * MM
+COEFFICIENTS: Final = CuttingCoefficients(
+    tangential=1.35 * 796e6,
+    radial=1.35 * 169e6,
+    axial=1.35 * 222e6,
+    tangential_edge=1.35 * 27.7e3,
+    radial_edge=1.35 * 30.8e3,
+    axial_edge=1.35 * 1.4e3,
+)
+RUNOUT: Final = 8 * UM
+RUNOUT_SPREAD: Final = 0.15
+_SLICES: Final = 4
+_MIRROR: Final = np.array([1.0, -1.0, 1.0])
+_TURNS: Final = 3
 STIFFNESS: Final = 0.7e6 * np.array([1.9, 2.9, 2.4, 0.34, 0.26, 0.24])
 """N m/rad."""
 STIFFNESS_SPREAD: Final = 0.05
@@ -126,11 +144,6 @@ def pass_joints(along: Array, shift: tuple[float, float] = (0.0, 0.0)) -> Array:
     return inverse_path(robot, poses @ robot.T_flange_tool, near=FIRST_ROW)
 
 
-def window_edges() -> Array:
-    """Returns where the windows begin and end along a pass (94,) m."""
-    return np.asarray(LENGTH * np.linspace(0.0, 1.0, WINDOWS + 1) ** SPACING)
-
-
 def _arm(stiffness: Array) -> FlexibleArm:
     """The masses, moved from frames at the joints into the DH frames of the model."""
     robot = milling_robot()
@@ -151,3 +164,34 @@ def _arm(stiffness: Array) -> FlexibleArm:
         payload_com=np.array(payload_com),
         payload_inertia=np.diag(payload_inertia),
     )
+
+
+def milling_table(seed: int, finer: int) -> Array:
+    """Returns the force (1000 finer, 3) N over three turns, ``finer`` times the sampling rate."""
+    return force_table(draw_cutter(np.random.default_rng([seed, 102])), 1.0, finer)
+
+
+def draw_cutter(rng: np.random.Generator) -> EndMill:
+    """Returns a cutter with a runout of its own."""
+    return EndMill(
+        kind="flat",
+        diameter=16 * MM,
+        teeth=TEETH,
+        helix=30 * DEG,
+        runout=RUNOUT * float(np.exp(RUNOUT_SPREAD * rng.standard_normal())),
+        runout_angle=float(rng.uniform(0.0, 2.0 * np.pi)),
+    )
+
+
+def force_table(cutter: EndMill, part: float, finer: int) -> Array:
+    """Returns the force (1000 finer, 3) N over three turns at a part of the nominal depth."""
+    count = round(_TURNS * TURN * finer)
+    angle = np.asarray(2.0 * np.pi * np.arange(count) / (TURN * finer), dtype=np.float64)
+    cut = CutterEngagement(
+        mode="up",
+        depth=DEPTH * part,
+        width=6 * MM,
+        feed_per_tooth=FEED / (SPINDLE * TEETH),
+        spindle=SPINDLE,
+    )
+    return np.asarray(_MIRROR * milling_force(cutter, cut, COEFFICIENTS, angle, slices=_SLICES))

@@ -7,7 +7,7 @@ of two streams can be aligned, and cuts a straight pass along base x with the fo
 model.
 
 Everything here is SIMULATED. **Assumed**: what hangs on the sensor, the knocks, the cut of
-:mod:`robotrue.simulation.milling_cut`.
+:mod:`robotrue.simulation.milling_arm`.
 """
 
 from __future__ import annotations
@@ -29,8 +29,14 @@ from robotrue.robot.forward import forward
 from robotrue.robot.inverse_numeric import solve
 from robotrue.robot.model import RobotModel
 from robotrue.robot.presets import preset
-from robotrue.simulation.milling_arm import FEED, TOOL_POINT, milling_robot, pass_joints
-from robotrue.simulation.milling_cut import RATE, milling_table
+from robotrue.simulation.milling_arm import (
+    FEED,
+    RATE,
+    TOOL_POINT,
+    milling_robot,
+    milling_table,
+    pass_joints,
+)
 
 CYCLE: Final = 32.0
 """s."""
@@ -167,7 +173,7 @@ def online_scenario(seed: int = 0, robot: str | None = None) -> OnlineScenario:
     """Returns the scenario of an arm, the same for a seed on every machine (simulated).
 
     Args:
-        seed: Of the cutter, as :func:`robotrue.simulation.milling_cut.tooling` draws it.
+        seed: Of the cutter, as :func:`~robotrue.simulation.milling_arm.milling_table` draws it.
         robot: Preset; the arm of the virtual milling experiment if not given.
 
     Raises:

@@ -10,7 +10,7 @@ import asyncio
 import math
 import socket
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -99,7 +99,7 @@ class RdtSensorSettings:
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(slots=True, kw_only=True)
 class RdtSensorReport:
     """What came of it.
 
@@ -195,7 +195,7 @@ class RdtSensor:
         data, size = records.tobytes(), RECORD.itemsize
         packets = [data[k : k + size] for k in range(0, len(data), size)]
         late = int((now - times[:take] > _LATE).sum())
-        self.report = replace(self.report, late=self.report.late + late)
+        self.report.late += late
         self._deliver(packets, now - begun)
         if self._left <= 0:
             self._client = None
@@ -232,7 +232,7 @@ class RdtSensor:
     def _deliver(self, packets: list[bytes], since: float) -> None:
         """Sends packets as the fault of the moment lets them go."""
         packets = self._wire.transmit(packets, since)
-        self.report = replace(self.report, withheld=self._wire.withheld)
+        self.report.withheld = self._wire.withheld
         sent = 0
         for packet in packets:
             try:
@@ -240,7 +240,7 @@ class RdtSensor:
                 sent += 1
             except OSError:  # nobody listens any more, or the system's buffer is full
                 break
-        self.report = replace(self.report, sent=self.report.sent + sent)
+        self.report.sent += sent
 
     def _take_requests(self, since: float) -> None:
         silent = showing(self.settings.faults, FaultKind.SILENCE, since)
@@ -258,9 +258,9 @@ class RdtSensor:
             try:
                 command, count = read_request(data)
             except FormatError:
-                self.report = replace(self.report, refused=self.report.refused + 1)
+                self.report.refused += 1
                 continue
-            self.report = replace(self.report, requests=self.report.requests + 1)
+            self.report.requests += 1
             self._obey(command, count, address)
 
     def _obey(self, command: RdtCommand, count: int, address: tuple[str, int]) -> None:

@@ -7,7 +7,6 @@ after a budget of them RSI breaks off. Corrections move the pose it reports, add
 
 from __future__ import annotations
 
-import asyncio
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -23,9 +22,8 @@ from robotrue.online.robot_correction import CorrectionMode
 from robotrue.online.rsi import RobPacket
 from robotrue.online.rsi_answer import read_sen, write_rob
 from robotrue.online.rsi_config import RsiConfig
-from robotrue.simulation.cyclic_controller import CyclicController, CyclicSettings
+from robotrue.simulation.cyclic_controller import CyclicController, CyclicSettings, six
 from robotrue.simulation.device_defaults import MOST_MM
-from robotrue.simulation.joint_motion import six
 from robotrue.simulation.online_faults import FaultKind, clock_leap
 
 _AXES: Final = ("X", "Y", "Z", "A", "B", "C")
@@ -68,7 +66,7 @@ class RsiControllerSettings(CyclicSettings):
             )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(slots=True, kw_only=True)
 class RsiControllerReport:
     """What came of it.
 
@@ -98,21 +96,7 @@ class RsiControllerReport:
     largest_step_mm: float = 0.0
 
 
-async def run(
-    settings: RsiControllerSettings, *, stop: asyncio.Event | None = None
-) -> RsiControllerReport:
-    """Returns the report after the last cycle, when RSI broke off, or when stopped.
-
-    Args:
-        settings: What it does.
-        stop: Set to end it after the cycle that runs.
-    """
-    controller = RsiController(settings)
-    await controller.run((settings.config.host, settings.config.port), stop=stop)
-    return controller.report
-
-
-class RsiController(CyclicController):
+class RsiController(CyclicController[RsiControllerReport]):
     """The controller cycle by cycle.
 
     Args:
@@ -120,7 +104,8 @@ class RsiController(CyclicController):
     """
 
     def __init__(self, settings: RsiControllerSettings) -> None:
-        super().__init__(settings, settings.cycle)
+        target = (settings.config.host, settings.config.port)
+        super().__init__(settings, settings.cycle, target)
         self.settings = settings
         self._report = RsiControllerReport()
         self._signals = self._extra_signals()
@@ -189,44 +174,39 @@ class RsiController(CyclicController):
         report = self._report
         if self._answer is not None:
             self._attached = True
-            report = replace(report, answered=report.answered + 1)
+            report.answered += 1
         elif self._attached and not self._faulty:
-            late, overslept = report.late + 1, report.overslept + short
-            report = replace(report, late=late, overslept=overslept)
-        if self._faulty:
-            report = replace(report, faulty=report.faulty + 1)
+            report.late += 1
+            report.overslept += short
+        report.faulty += self._faulty
         if self._attached:
-            report = self._apply_answer(report)
-        if self._count_faults(report) > self.settings.timeout_packets:
-            report = replace(
-                report,
-                broke_off=f"{report.late - report.overslept} late and {report.faulty} faulty "
-                "answers in cycles that had their time, more than "
-                f"{self.settings.timeout_packets}",
+            self._apply_answer(report)
+        if self._count_faults() > self.settings.timeout_packets:
+            report.broke_off = (
+                f"{report.late - report.overslept} late and {report.faulty} faulty answers in "
+                f"cycles that had their time, more than {self.settings.timeout_packets}"
             )
-        self._report = report
 
-    def _count_faults(self, report: RsiControllerReport) -> int:
+    def _count_faults(self) -> int:
         """Late and faulty answers since RSI_ON, of cycles that had their time."""
+        report = self._report
         return report.late - report.overslept + report.faulty - self._forgiven
 
     def _delay_value(self) -> int:
         """What Delay says: where answers are added up, those that were cut short count, too."""
         relative = self.settings.mode is CorrectionMode.RELATIVE
-        return self._count_faults(self._report) + relative * (
-            self._report.overslept - self._excused
-        )
+        return self._count_faults() + relative * (self._report.overslept - self._excused)
 
     def _restart(self) -> None:
         """RSI_ON once more: no correction is held, and late answers are counted from zero."""
         self._attached = False
         self._held = dict.fromkeys(_AXES, 0.0)
-        self._forgiven += self._count_faults(self._report)
+        self._forgiven += self._count_faults()
         self._excused = self._report.overslept
         self._total = [0.0] * 6
-        self._report = replace(self._report, correction=np.zeros(6))
+        self._report.correction = np.zeros(6)
 
-    def _apply_answer(self, report: RsiControllerReport) -> RsiControllerReport:
+    def _apply_answer(self, report: RsiControllerReport) -> None:
         given = []
         for axis in _AXES:
             element = self.settings.config.receives(f"RKorr.{axis}")
@@ -239,20 +219,15 @@ class RsiController(CyclicController):
         if self.settings.mode is CorrectionMode.RELATIVE:
             total = [a + b for a, b in zip(before, given, strict=True)]
         if total == before:
-            return report
+            return
         self._total = total
-        report = replace(
-            report,
-            correction=np.array(total),
-            largest_mm=max(report.largest_mm, math.hypot(*total[:3])),
-            largest_step_mm=max(report.largest_step_mm, math.dist(total[:3], before[:3])),
-        )
+        report.correction = np.array(total)
+        report.largest_mm = max(report.largest_mm, math.hypot(*total[:3]))
+        report.largest_step_mm = max(report.largest_step_mm, math.dist(total[:3], before[:3]))
         for axis, value, most in zip(_AXES, total, self._most, strict=True):
             if not abs(value) <= most:
-                return replace(
-                    report, broke_off=f"correction {axis} of {value:.6f} is beyond {most:g}"
-                )
-        return report
+                report.broke_off = f"correction {axis} of {value:.6f} is beyond {most:g}"
+                return
 
     def _extra_signals(self) -> dict[str, float]:
         """What else the configuration says is sent, at zero: the other side may insist on it."""

@@ -12,7 +12,7 @@ import math
 import struct
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -85,7 +85,7 @@ class RtdeControllerSettings:
             )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(slots=True, kw_only=True)
 class RtdeControllerReport:
     """What came of it.
 
@@ -168,7 +168,7 @@ class RtdeController:
             first = max(self._tick + 1, due - _MOST_DUE + 1)
             ticks = np.arange(first, due + 1)
             late = int((since - ticks / TICKS > _LATE).sum())
-            self.report = replace(self.report, late=self.report.late + late)
+            self.report.late += late
             self._tick = due
             if any(client.started for client in self._clients):
                 self._send(ticks, since)
@@ -216,13 +216,13 @@ class RtdeController:
         before = client.wire.withheld
         packets = client.wire.transmit(packets, since)
         withheld = self.report.withheld + client.wire.withheld - before
-        self.report = replace(self.report, withheld=withheld)
+        self.report.withheld = withheld
         transport = client.writer.transport
         if transport.is_closing() or transport.get_write_buffer_size() > _LONGEST_QUEUE:
             self._drop(client)
             return
         client.writer.write(b"".join(packets))
-        self.report = replace(self.report, sent=self.report.sent + len(packets))
+        self.report.sent += len(packets)
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         if self._shows(FaultKind.SILENCE, time.monotonic() - self._begun):
@@ -231,16 +231,16 @@ class RtdeController:
         wire = FaultyWire(self.settings.faults, damage=lambda packet: _GARBLE)
         client = _Client(writer=writer, wire=wire)
         self._clients.append(client)
-        self.report = replace(self.report, clients=self.report.clients + 1)
+        self.report.clients += 1
         rest = b""
         try:
             while data := await reader.read(1 << 14):
                 frames, rest = rtde.split_frames(rest + data)
                 for frame in frames:
                     writer.write(self._answer(client, frame))
-                    self.report = replace(self.report, answered=self.report.answered + 1)
+                    self.report.answered += 1
         except (FormatError, struct.error, OSError, ValueError):
-            self.report = replace(self.report, refused=self.report.refused + 1)
+            self.report.refused += 1
         except asyncio.CancelledError:
             pass  # the simulator ends; nothing else is to be undone here
         finally:

@@ -22,9 +22,9 @@ from robotrue.dynamics.formats.dynamics_csv import write_windows
 from robotrue.dynamics.formats.signal_table import write_force_csv
 from robotrue.dynamics.oscillators import join_oscillators
 from robotrue.dynamics.pose_modes import pose_modes
-from robotrue.simulation.milling_arm import FEED, milling_robot, pass_joints
-from robotrue.simulation.milling_cut import RATE, pass_force, read_force
+from robotrue.simulation.milling_arm import FEED, RATE, milling_robot, pass_joints
 from robotrue_reproductions.jin2022.milling_experiment import MillingExperiment, milling_experiment
+from robotrue_reproductions.jin2022.milling_pass import pass_force, read_force
 from robotrue_reproductions.jin2022.raw_records import ORIGIN, write_cell
 
 ARM: Final = 3

@@ -22,12 +22,13 @@ from robotrue.dynamics.paper_regression import fit_paper
 from robotrue.dynamics.window_folds import folds
 from robotrue.robot.forward import forward
 from robotrue.robot.presets import preset
-from robotrue.simulation.milling_arm import SHIFTS, MillingArm, milling_robot
+from robotrue.simulation.milling_arm import MillingArm, milling_robot
 from robotrue_reproductions.jin2022.milling_experiment import (
     MillingExperiment,
     milling_experiment,
     with_noise,
 )
+from robotrue_reproductions.jin2022.milling_pass import SHIFTS
 from robotrue_reproductions.reproduction import (
     Figure,
     Paper,

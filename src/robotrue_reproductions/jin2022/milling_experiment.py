@@ -1,11 +1,11 @@
 """The virtual milling experiment: what a user would measure of a pass, and what is true.
 
 Passes of :mod:`robotrue.simulation.milling_arm` are cut with the force of
-:mod:`robotrue.simulation.milling_cut`. The truth is the displacement of the tool across the feed
-with the modes of each pose and joints that soften under load. The user has what the paper's user
-has: joints, a dynamometer, a laser against a straight-edge (cut less dry run), and a frequency
-response hammered at one pose, from an accelerometer, so constant below 4 Hz. No regeneration: with
-measured force, displacement follows from it whatever made it.
+:mod:`~robotrue_reproductions.jin2022.milling_pass`. The truth is the displacement of the tool
+across the feed with the modes of each pose and joints that soften under load. The user has what the
+paper's user has: joints, a dynamometer, a laser against a straight-edge (cut less dry run), and a
+frequency response hammered at one pose, from an accelerometer, so constant below 4 Hz. No
+regeneration: with measured force, displacement follows from it whatever made it.
 
 Everything here is SIMULATED. The size of the errors is assumed.
 """
@@ -28,22 +28,15 @@ from robotrue.dynamics.oscillators import join_oscillators
 from robotrue.dynamics.pose_modes import PoseModes, pose_modes
 from robotrue.dynamics.streaming import ModalFilter
 from robotrue.dynamics.windows import WindowSet, concatenate_windows, peaks_per_turn
-from robotrue.simulation.milling_arm import (
-    FEED,
+from robotrue.simulation.milling_arm import FEED, RATE, TURN, MillingArm, milling_arm, pass_joints
+from robotrue_reproductions.jin2022.milling_pass import (
     SHIFTS,
     WINDOWS,
-    MillingArm,
-    milling_arm,
-    pass_joints,
-    window_edges,
-)
-from robotrue.simulation.milling_cut import (
-    RATE,
-    TURN,
     Tooling,
     pass_force,
     read_force,
     tooling,
+    window_edges,
 )
 
 LASER: Final = 0.3 * UM

@@ -18,15 +18,7 @@ from robotrue.core.arrays import Array
 from robotrue.core.provenance import Provenance, mark_line
 from robotrue.core.units import DEG, UM
 from robotrue.dynamics.formats.column_table import table_bytes
-from robotrue.simulation.milling_arm import FEED, SHIFTS, MillingArm, pass_joints, window_edges
-from robotrue.simulation.milling_cut import (
-    DRIFT,
-    NOISE,
-    RATE,
-    SPINDLE,
-    Tooling,
-    pass_force,
-)
+from robotrue.simulation.milling_arm import FEED, RATE, SPINDLE, MillingArm, pass_joints
 from robotrue_reproductions.jin2022.milling_experiment import (
     JOINT_NOISE,
     LASER,
@@ -34,6 +26,14 @@ from robotrue_reproductions.jin2022.milling_experiment import (
     displace_tool,
     draw_repeatability,
     strike_hammer,
+)
+from robotrue_reproductions.jin2022.milling_pass import (
+    DRIFT,
+    NOISE,
+    SHIFTS,
+    Tooling,
+    pass_force,
+    window_edges,
 )
 
 AIR: Final = 2.0

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from robotrue.core.units import UM
-from robotrue.simulation.milling_arm import milling_arm, pass_joints
-from robotrue.simulation.milling_cut import RATE, SPINDLE, tooling
+from robotrue.simulation.milling_arm import RATE, SPINDLE, milling_arm, pass_joints
 from robotrue_reproductions.jin2022.milling_experiment import milling_experiment, with_noise
+from robotrue_reproductions.jin2022.milling_pass import tooling
 
 
 @pytest.fixture(scope="module")

@@ -10,8 +10,9 @@ from robotrue.core.units import DEG
 from robotrue.dynamics.paper_learners import components_of, count_components
 from robotrue.robot.forward import forward
 from robotrue.robot.inverse import inverse_path
-from robotrue.simulation.milling_arm import milling_robot, pass_joints, window_edges
+from robotrue.simulation.milling_arm import milling_robot, pass_joints
 from robotrue_reproductions.jin2022.jin_tables import EIGENVALUES, ROWS_DEG, printed_figures
+from robotrue_reproductions.jin2022.milling_pass import window_edges
 
 CONTRIBUTIONS = np.array([68.10, 15.00, 11.84, 5.05])
 LOADINGS = np.array(

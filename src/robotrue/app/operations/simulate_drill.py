@@ -80,8 +80,7 @@ def run(request: SimulateDrillRequest, context: Context) -> PlainResult:
     """
     from robotrue.drilling.foot_file import read_foot
     from robotrue.drilling.head import Head
-    from robotrue.simulation.drilling_machine import drilling_machine
-    from robotrue.simulation.drilling_practice import PIVOT
+    from robotrue.simulation.drilling_machine import PIVOT, drilling_machine
 
     setup = None if request.foot is None else read_foot(request.foot)
     head = Head(p_pivot_tip=PIVOT) if setup is None or setup.head is None else setup.head
@@ -101,7 +100,7 @@ def _write_files(
     machine: DrillingMachine, head: Head, request: SimulateDrillRequest, context: Context
 ) -> PlainResult:
     from robotrue.app.presentation import Note
-    from robotrue.simulation.drilling_practice import write_practice_files
+    from robotrue.simulation.drilling_machine import write_practice_files
 
     seed, folder = request.seed, request.write or Path()
     paths = write_practice_files(machine, context.output(folder), seed=seed, head=head)

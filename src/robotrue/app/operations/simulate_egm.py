@@ -67,7 +67,7 @@ def run(request: SimulateEgmRequest, context: Context) -> PlainResult:
     )
     return service.run_until_stopped(
         "ABB controller",
-        lambda stop: egm_controller.run(settings, stop=stop),
+        lambda stop: egm_controller.EgmController(settings).run(stop=stop),
         seconds=request.seconds,
     )
 

@@ -72,7 +72,7 @@ def run(request: SimulateRsiRequest, context: Context) -> PlainResult:
     )
     return service.run_until_stopped(
         "KUKA controller",
-        lambda stop: rsi_controller.run(settings, stop=stop),
+        lambda stop: rsi_controller.RsiController(settings).run(stop=stop),
         seconds=request.seconds,
     )
 

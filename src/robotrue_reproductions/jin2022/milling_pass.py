@@ -1,9 +1,7 @@
-"""The cutting force of a virtual milling pass at 20,000 samples a second, and what is read of it.
+"""Passes of the virtual milling arm: where, the force of the cut, and what a dynamometer reads.
 
-Source: Jin et al. 2022 for the cut. **Assumed**: cutting coefficients of aluminium, runout, how
-depth and material vary along the pass, and the errors of the dynamometer; and that the material
-stands to the right of the feed (the tool turns the other way round): in up-milling only then do the
-signs of the printed mean force and error go together in the axes of this arm.
+20,000 samples a second. **Assumed**: how depth and material vary along the pass, and the errors of
+the dynamometer.
 """
 
 from __future__ import annotations
@@ -15,27 +13,14 @@ import numpy as np
 from scipy.signal import lfilter
 
 from robotrue.core.arrays import Array
-from robotrue.core.units import DEG, MM, UM
-from robotrue.dynamics.cutter import CutterEngagement, CuttingCoefficients, EndMill
-from robotrue.dynamics.milling_force import milling_force
-from robotrue.simulation.milling_arm import FEED
+from robotrue.simulation.milling_arm import draw_cutter, force_table
 
-RATE: Final = 20e3
-SPINDLE: Final = 60.0
-TURN: Final = RATE / SPINDLE
-"""Samples per turn of the spindle; three turns are a whole number of samples."""
-TEETH: Final = 2
-DEPTH: Final = 1 * MM
-COEFFICIENTS: Final = CuttingCoefficients(
-    tangential=1.35 * 796e6,
-    radial=1.35 * 169e6,
-    axial=1.35 * 222e6,
-    tangential_edge=1.35 * 27.7e3,
-    radial_edge=1.35 * 30.8e3,
-    axial_edge=1.35 * 1.4e3,
-)
-RUNOUT: Final = 8 * UM
-RUNOUT_SPREAD: Final = 0.15
+LENGTH: Final = 0.4953
+SPACING: Final = 0.9076
+"""The windows of the printed pass end at LENGTH u^SPACING, u even: fitted to Tables 2 and 3."""
+WINDOWS: Final = 93
+SHIFTS: Final = ((0.0, 0.0), (0.25, 0.0), (-0.25, 0.0), (0.0, 0.2), (0.0, -0.2), (0.4, -0.15))
+"""m in y and z: the printed pass, then five more for poses nobody has seen."""
 DEPTH_SLOW: Final = 0.04
 MATERIAL_SLOW: Final = 0.03
 WEAR: Final = 0.04
@@ -47,11 +32,13 @@ DRIFT: Final = 0.6
 """N, at the end of a pass: the dynamometer is zeroed before each."""
 NOISE: Final = 0.5
 """N, of each sample."""
-_SLICES: Final = 4
 _DEPTHS: Final = np.array([0.95, 1.0, 1.05])
-_MIRROR: Final = np.array([1.0, -1.0, 1.0])
-_TURNS: Final = 3
 _COARSE: Final = 2000  # places of the slow waves; straight lines between
+
+
+def window_edges() -> Array:
+    """Returns where the windows begin and end along a pass (94,) m."""
+    return np.asarray(LENGTH * np.linspace(0.0, 1.0, WINDOWS + 1) ** SPACING)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,42 +59,13 @@ class Tooling:
 def tooling(seed: int) -> Tooling:
     """Returns cutter and dynamometer of a seed."""
     rng = np.random.default_rng([seed, 102])
-    cutter = _cutter(rng)
-    below, middle, above = (_table(cutter, float(part), 1) for part in _DEPTHS)
+    cutter = draw_cutter(rng)
+    below, middle, above = (force_table(cutter, float(part), 1) for part in _DEPTHS)
     return Tooling(
         table=middle,
         by_depth=(above - below) / (_DEPTHS[2] - _DEPTHS[0]),
         gain=1.0 + GAIN * rng.standard_normal(3),
     )
-
-
-def milling_table(seed: int, finer: int) -> Array:
-    """Returns the force (1000 finer, 3) N over three turns, ``finer`` times the sampling rate."""
-    return _table(_cutter(np.random.default_rng([seed, 102])), 1.0, finer)
-
-
-def _cutter(rng: np.random.Generator) -> EndMill:
-    return EndMill(
-        kind="flat",
-        diameter=16 * MM,
-        teeth=TEETH,
-        helix=30 * DEG,
-        runout=RUNOUT * float(np.exp(RUNOUT_SPREAD * rng.standard_normal())),
-        runout_angle=float(rng.uniform(0.0, 2.0 * np.pi)),
-    )
-
-
-def _table(cutter: EndMill, part: float, finer: int) -> Array:
-    count = round(_TURNS * TURN * finer)
-    angle = np.asarray(2.0 * np.pi * np.arange(count) / (TURN * finer), dtype=np.float64)
-    cut = CutterEngagement(
-        mode="up",
-        depth=DEPTH * part,
-        width=6 * MM,
-        feed_per_tooth=FEED / (SPINDLE * TEETH),
-        spindle=SPINDLE,
-    )
-    return np.asarray(_MIRROR * milling_force(cutter, cut, COEFFICIENTS, angle, slices=_SLICES))
 
 
 def pass_force(tools: Tooling, samples: int, rng: np.random.Generator) -> Array:
