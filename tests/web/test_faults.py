@@ -15,10 +15,9 @@ from robotrue.errors import FormatError, RobotrueError
 from robotrue.measurement.formats.sheet_file import read_sheet
 from robotrue.report.words import in_chinese
 from robotrue.validation.splits import SplitKind
-from robotrue.web.faults import KINDS, fault_card, refusal
 from robotrue.web.language import Wording
 from robotrue.web.pages.history_screen import kind_name
-from robotrue.web.problems import MissingError, title_of
+from robotrue.web.problems import KINDS, MissingError, fault_card, refusal, title_of
 from robotrue.web.workers import Unanswered
 
 

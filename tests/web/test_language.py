@@ -19,9 +19,9 @@ from robotrue.core.rotations import (
 from robotrue.core.units import DEG
 from robotrue.errors import ConfigurationError
 from robotrue.web import pages
-from robotrue.web.icons import PATHS
 from robotrue.web.language import LANGUAGES, Wording, choose_language, words
 from robotrue.web.preferences import ANGLE_NAMES, CHOICES, preferences_from
+from robotrue.web.templating import ICONS
 
 ROOM = Path(pages.__file__).parents[1]
 USED = re.compile(r"""say\(\s*f?["']([a-z_]+\.[a-z_]+)["'](?!\s*~)""")
@@ -61,7 +61,7 @@ def test_pages_have_names_icons_and_addresses_of_their_own() -> None:
     assert len({page.path for page in pages.SCREENS}) == len(pages.SCREENS)
     for page in pages.SCREENS:
         assert f"nav.{page.name}" in words("en")
-        assert page.name in PATHS
+        assert page.name in ICONS
 
 
 @pytest.mark.parametrize(

@@ -15,9 +15,8 @@ from robotrue.app.job_kinds import job_kinds
 from robotrue.errors import RobotrueError
 from robotrue.store import jobs
 from robotrue.store.workspace import Workspace
-from robotrue.web.answers import KEPT, Answers
 from robotrue.web.job_process import JobProcess
-from robotrue.web.workers import GRACE, MOST, QueryWorkers, _Refusal
+from robotrue.web.workers import GRACE, KEPT, MOST, Answers, QueryWorkers, _Refusal
 
 
 def test_an_answer_survives_the_death_of_its_process(

@@ -19,7 +19,7 @@ from robotrue.report.content import (
     Section,
     TableColumn,
 )
-from robotrue.report.contour_plot import SideContour
+from robotrue.report.map_plots import SideContour
 from robotrue.report.page import report_html
 
 

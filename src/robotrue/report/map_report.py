@@ -18,6 +18,7 @@ from robotrue.report.content import (
     ReportContent,
     ReportTable,
     Section,
+    finite_or_none,
 )
 from robotrue.report.labels import plain_columns
 from robotrue.report.map_plots import MapSlices
@@ -136,18 +137,9 @@ def _sectors(found: WorkspaceMap, alike: tuple[SectorSimilarity, ...]) -> Sectio
         if not here.any():
             rows.append((name, 0, None, None, None, None, None, None))
             continue
-        norm, bound = found.norm[here] / MM, found.bound[here] / MM
-        mean = found.error[here].mean(axis=0) / MM
-        rows.append(
-            (
-                name,
-                int(here.sum()),
-                float(norm.mean()),
-                float(norm.max()),
-                *(float(v) for v in mean),
-                float(bound.mean()),
-            )
-        )
+        error, stays = _statistics(found.norm[here] / MM), _statistics(found.bound[here] / MM)
+        mean = (found.error[here].mean(axis=0) / MM).tolist()
+        rows.append((name, int(here.sum()), error["mean"], error["max"], *mean, stays["mean"]))
     blocks = [
         ReportTable(
             title="Sectors",
@@ -165,9 +157,6 @@ def _sectors(found: WorkspaceMap, alike: tuple[SectorSimilarity, ...]) -> Sectio
 
 
 def _similarities(names: tuple[str, ...], alike: tuple[SectorSimilarity, ...]) -> ReportTable:
-    def number(value: float) -> float | None:
-        return float(value) if np.isfinite(value) else None
-
     return ReportTable(
         title="Similarity of the errors at corresponding points",
         columns=(
@@ -179,9 +168,7 @@ def _similarities(names: tuple[str, ...], alike: tuple[SectorSimilarity, ...]) -
                 names[s.first],
                 names[s.second],
                 s.points,
-                number(s.vector),
-                *(number(v) for v in s.axis),
-                number(s.norm),
+                *(finite_or_none(float(v)) for v in (s.vector, *s.axis, s.norm)),
             )
             for s in alike
         ),

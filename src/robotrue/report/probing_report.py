@@ -16,9 +16,9 @@ from robotrue.report.content import (
     ReportContent,
     ReportTable,
     Section,
-    TableColumn,
 )
 from robotrue.report.curve_plots import PoseCurves, PoseSeries
+from robotrue.report.labels import plain_columns
 from robotrue.report.map_plots import PartMap
 from robotrue.robot.forward import forward
 from robotrue.validation.error_map import radius_95
@@ -122,12 +122,9 @@ def _groups(plan: ProbePlan, task: ProbingTask) -> ReportTable:
     return ReportTable(
         title="Machined groups",
         columns=(
-            TableColumn(title="group"),
-            TableColumn(title="points", digits=0),
-            TableColumn(title="rms, one sigma", unit="mm"),
-            TableColumn(title="worst, 95 % within", unit="mm"),
-            TableColumn(title="at best", unit="mm"),
-            TableColumn(title="covered"),
+            *plain_columns("group", "points"),
+            *plain_columns("rms, one sigma", "worst, 95 % within", "at best", unit="mm"),
+            *plain_columns("covered"),
         ),
         rows=tuple(
             (
@@ -149,10 +146,9 @@ def _touches(plan: ProbePlan) -> ReportTable:
     return ReportTable(
         title="The touches, in the order of their worth",
         columns=(
-            TableColumn(title="touch"),
-            TableColumn(title="feature"),
-            *(TableColumn(title=axis, unit="mm", digits=1) for axis in "xyz"),
-            *(TableColumn(title=f"j{i + 1}", unit="deg", digits=2) for i in range(dof)),
+            *plain_columns("touch", "feature"),
+            *plain_columns(*"xyz", unit="mm", digits=1),
+            *plain_columns(*(f"j{i + 1}" for i in range(dof)), unit="deg", digits=2),
         ),
         rows=tuple(
             (

@@ -21,6 +21,7 @@ from robotrue.report.content import (
     ReportContent,
     ReportTable,
     Section,
+    finite_or_none,
 )
 from robotrue.report.labels import column, columns, statistics_table, tile, versions
 from robotrue.report.plots import PointErrors
@@ -228,17 +229,7 @@ def _decision(joined: _Targets, states: IntArray, tolerance: float, t: ReportTex
 
 
 def _worst_row(joined: _Targets, i: int, state: str) -> tuple[Cell, ...]:
-    def number(value: float) -> float | None:
-        return float(value) / MM if np.isfinite(value) else None
-
-    return (
-        joined.file[i],
-        int(joined.line[i]),
-        int(joined.line_after[i]),
-        number(joined.shift[i]),
-        number(joined.before[i]),
-        number(joined.after[i]),
-        number(joined.bound[i]),
-        number(joined.after[i] + joined.bound[i]),
-        state,
-    )
+    before, after, bound = joined.before[i], joined.after[i], joined.bound[i]
+    lengths = (joined.shift[i], before, after, bound, after + bound)
+    numbers = (finite_or_none(float(length) / MM) for length in lengths)
+    return (joined.file[i], int(joined.line[i]), int(joined.line_after[i]), *numbers, state)

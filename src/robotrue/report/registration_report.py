@@ -22,7 +22,7 @@ from robotrue.report.content import (
     Section,
     TableColumn,
 )
-from robotrue.report.labels import column, columns, fact, tile, versions
+from robotrue.report.labels import column, columns, fact, plain_columns, tile, versions
 from robotrue.report.words import Lang, ReportTexts
 from robotrue.validation.budget import COVERAGE_FACTOR
 
@@ -109,8 +109,8 @@ def _frames(part: PartTable, t: ReportTexts) -> Section:
         title=t("reg.table"),
         columns=(
             column(t, "reg.part"),
-            *(TableColumn(title=a, unit=_MM) for a in ("X", "Y", "Z")),
-            *(TableColumn(title=a, unit="deg", digits=4) for a in ("A", "B", "C")),
+            *plain_columns(*"XYZ", unit=_MM),
+            *plain_columns(*"ABC", unit="deg", digits=4),
             *columns(t, "reg.touches", "reg.outliers"),
             column(t, "reg.rms", _MM),
             column(t, "reg.verdict"),

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, ClassVar
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from robotrue.calibration.deng2022.readings import SIMILARITY_READINGS, SimilarityReading
 from robotrue.core.arrays import Array
+from robotrue.core.columns import Column
 from robotrue.core.csv_text import csv_text
 from robotrue.core.provenance import Provenance, mark_line
 from robotrue.core.regions import describe_region
@@ -18,13 +22,17 @@ from robotrue.report.content import (
     Conclusion,
     Fact,
     KeyFigure,
+    Plot,
     ReportContent,
     ReportTable,
     Section,
-    TableColumn,
     finite_or_none,
+    nullable,
 )
-from robotrue.report.error_curve_plot import ErrorCurves
+from robotrue.report.curve_plots import PEERS
+from robotrue.report.figure import AFTER, Drawing
+from robotrue.report.labels import plain_columns
+from robotrue.report.words import ReportTexts
 from robotrue.validation.region_similarity import NamedRegion, RegionSimilarity
 
 _KINDS = {"cylinder": "Cylinder sectors", "cube": "Boxes"}
@@ -133,11 +141,9 @@ def _table(found: Sequence[RegionSimilarity]) -> ReportTable:
     return ReportTable(
         title="Eq. 9 and 10 of Deng et al. 2022 under each reading",
         columns=(
-            TableColumn(title="region"),
-            TableColumn(title="reference"),
-            TableColumn(title="points"),
-            TableColumn(title="furthest pair", unit="mm", digits=2),
-            *(TableColumn(title=reading, digits=4) for reading in SIMILARITY_READINGS),
+            *plain_columns("region", "reference", "points"),
+            *plain_columns("furthest pair", unit="mm", digits=2),
+            *plain_columns(*SIMILARITY_READINGS, digits=4),
         ),
         rows=tuple(rows),
     )
@@ -157,3 +163,39 @@ def _curves(kind: str, found: Sequence[RegionSimilarity], errors: Array) -> Sect
         caption="Measured minus commanded, base axes; points in the order of the measurements.",
     )
     return Section(title=_KINDS[kind], blocks=(plot,))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ErrorCurves(Plot):
+    """Plot of error components over the points of regions (Figures 4 and 5 of Deng et al. 2022).
+
+    Attributes:
+        names: Region of each curve, the reference first.
+        errors: (regions, n, 3) m at corresponding points; NaN where a region has none.
+    """
+
+    names: Annotated[tuple[str, ...], Column("regions")]
+    errors: Annotated[Array, Column("regions n 3", unit="m", nan=True)]
+    title: str = "Errors of regions at corresponding points"
+    kind: ClassVar[str] = "error-curves"
+    json_keys: ClassVar[Mapping[str, str]] = {"regions": "names"}
+
+    def _json_more(self) -> dict[str, object]:
+        return {"errors_mm": nullable(self.errors / MM)}
+
+    def make_drawing(self, words: ReportTexts) -> Drawing:
+        """Returns one panel for each axis, the number of the point to the right."""
+
+        def draw(axes: list[Axes]) -> None:
+            number = np.arange(1, self.errors.shape[1] + 1)
+            for k, ax in enumerate(axes):
+                for r, name in enumerate(self.names):
+                    color, _, line = (AFTER, "", "-") if not r else PEERS[(r - 1) % len(PEERS)]
+                    ax.plot(
+                        number, self.errors[r, :, k] / MM, line, color=color, lw=1.2, label=name
+                    )
+                ax.set_title(f"{'xyz'[k]}, mm")
+                ax.set_xlabel("point")
+            axes[0].legend(fontsize=8)
+
+        return Drawing(draw=draw, width=12.0, height=3.4, panels=3)

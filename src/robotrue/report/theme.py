@@ -37,17 +37,18 @@ DARK: Final = {
 }
 
 
-def _variables(palette: dict[str, str]) -> str:
+def css_variables(palette: dict[str, str]) -> str:
+    """Returns the colours of a palette as CSS custom properties."""
     return "".join(f"--{name}:{value};" for name, value in palette.items())
 
 
 STYLE: Final = (
     ":root{color-scheme:light dark;"
-    + _variables(LIGHT)
+    + css_variables(LIGHT)
     + "}@media (prefers-color-scheme:dark){:root{"
-    + _variables(DARK)
+    + css_variables(DARK)
     + "}}@media print{:root{color-scheme:light;"
-    + _variables(LIGHT | {"page": "#fefefe"})
+    + css_variables(LIGHT | {"page": "#fefefe"})
     + "}}\n"
     + (Path(__file__).parent / "page.css").read_text(encoding="utf-8")
 )

@@ -157,11 +157,26 @@ def rows_of(workspace: Workspace, record: MeasurementRecord) -> MeasurementSet:
     """Returns the poses of a set, as they were taken in, bit for bit.
 
     Raises:
-        ArchiveError: Their file is missing or was altered.
+        ArchiveError: Their file is missing, was altered, or is of a newer robotrue.
     """
     path = workspace.path_of(record.samples)
     require_whole(path, record.samples)
-    return read_samples(path)
+    head, table = _open_samples(path, None)
+    dof = head.dof
+    values: dict[str, Any] = {}
+    for each in fields(MeasurementSet):
+        if each.name not in _SHAPES:
+            continue
+        shape = tuple(dof if size == -1 else size for size in _SHAPES[each.name])
+        columns = [table.column(name).to_numpy() for name in column_names(each.name, dof)]
+        values[each.name] = np.stack(columns, axis=1).reshape(table.num_rows, *shape)
+    return MeasurementSet(
+        frame="base" if head.frame == "base" else "tracker",
+        group_names=head.group_names,
+        sources=head.sources,
+        provenance=provenance_from(head.provenance, before=(*head.sources, *head.group_names)),
+        **values,
+    )
 
 
 def read_data(workspace: Workspace, model: ModelRecord) -> list[MeasurementSet]:
@@ -170,16 +185,6 @@ def read_data(workspace: Workspace, model: ModelRecord) -> list[MeasurementSet]:
         rows_of(workspace, items.get(workspace, MEASUREMENT, to.id, version=to.version))
         for to in model.refs("data")
     ]
-
-
-def some_rows(workspace: Workspace, record: MeasurementRecord, query: RowQuery) -> RowPage:
-    """Returns a page of the poses of a set, filtered and sorted, for tables and pictures.
-
-    Raises:
-        ArchiveError: Their file is damaged.
-        ConfigurationError: No such column.
-    """
-    return read_rows(workspace.path_of(record.samples), query)
 
 
 def column_names(field: str, dof: int) -> list[str]:
@@ -230,37 +235,16 @@ class _SamplesHead:
     provenance: object = None
 
 
-def read_samples(path: Path) -> MeasurementSet:
-    """Returns the set in a Parquet file.
+def some_rows(workspace: Workspace, record: MeasurementRecord, query: RowQuery) -> RowPage:
+    """Returns a page of the poses of a set, filtered and sorted, for tables and pictures.
+
+    Only the columns in question are read.
 
     Raises:
-        ArchiveError: Damaged, of something else, or of a newer robotrue.
-    """
-    head, table = _open_samples(path, None)
-    dof = head.dof
-    values: dict[str, Any] = {}
-    for each in fields(MeasurementSet):
-        if each.name not in _SHAPES:
-            continue
-        shape = tuple(dof if size == -1 else size for size in _SHAPES[each.name])
-        columns = [table.column(name).to_numpy() for name in column_names(each.name, dof)]
-        values[each.name] = np.stack(columns, axis=1).reshape(table.num_rows, *shape)
-    return MeasurementSet(
-        frame="base" if head.frame == "base" else "tracker",
-        group_names=head.group_names,
-        sources=head.sources,
-        provenance=provenance_from(head.provenance, before=(*head.sources, *head.group_names)),
-        **values,
-    )
-
-
-def read_rows(path: Path, query: RowQuery) -> RowPage:
-    """Returns some rows of a Parquet file; only the columns in question are read.
-
-    Raises:
-        ArchiveError: Damaged, or of a newer robotrue.
+        ArchiveError: Their file is damaged, or of a newer robotrue.
         ConfigurationError: No such column.
     """
+    path = workspace.path_of(record.samples)
     known = pq.read_schema(path).names
     wanted = list(query.columns) or [n for n in known if n.startswith(("joints_", "position_"))]
     for _, comparison, _ in query.where:

@@ -28,14 +28,56 @@ def add(
     name: str | None = None,
     note: str = "",
     id: str | None = None,
+    stage: str = BEFORE,
+    identities: Sequence[Path] = (),
+    links: Sequence[Link] = (),
+    detail: Mapping[str, object] | None = None,
 ) -> ProgramRecord:
     """Returns the imported files of one program as they are, the main one first.
+
+    Args:
+        where: Workspace or transaction.
+        paths: The files, the main one first.
+        name: In the workspace.
+        note: Of the user.
+        id: Of the program that gets this as its new version.
+        stage: As the CAM made it, or compensated; :func:`add_after` adds those.
+        identities: Files that say with which model each was made.
+        links: What it was made from.
+        detail: Counts and predicted errors, JSON values.
 
     Raises:
         ConfigurationError: No files, or two of one name.
         FormatError: A file cannot be read, or the first is in no dialect.
     """
-    return _add(where, paths, stage=BEFORE, name=name, note=note, id=id)
+    files = [Path(path) for path in paths]
+    names = [path.name.lower() for path in files]
+    if not files or len(set(names)) != len(names):
+        raise ConfigurationError(
+            f"a program of the files {', '.join(names) or '(none)'}, expected one or more, of "
+            "different names."
+        )
+    try:
+        with files[0].open("rb") as stream:
+            dialect = detect(stream.read(_LOOKED_AT), files[0].name).name
+        size = sum(path.stat().st_size for path in files)
+    except OSError as cause:
+        raise FormatError(f"cannot read: {cause.strerror}.", source=cause.filename) from cause
+    roles = [*((FILE, path) for path in files), *((IDENTITY, path) for path in identities)]
+    return items.add(
+        where,
+        PROGRAM,
+        name=name or files[0].name,
+        note=note,
+        detail=detail,
+        links=links,
+        files=[(role, path.name, path) for role, path in roles],
+        id=id,
+        stage=stage,
+        dialect=dialect,
+        file_count=len(files),
+        bytes=size,
+    )
 
 
 def add_after(
@@ -71,7 +113,7 @@ def add_after(
         ConfigurationError: What it was made from is not in the workspace, or two files of one name.
         FormatError: A file cannot be read.
     """
-    return _add(
+    return add(
         where,
         paths,
         stage=AFTER,
@@ -91,45 +133,3 @@ def copy_program(workspace: Workspace, record: ProgramRecord, folder: Path) -> t
     """
     copy_files(workspace, record, folder, IDENTITY)
     return copy_files(workspace, record, folder, FILE)
-
-
-def _add(
-    where: Workspace | Transaction,
-    paths: Sequence[str | Path],
-    *,
-    stage: str,
-    name: str | None,
-    note: str,
-    identities: Sequence[Path] = (),
-    links: Sequence[Link] = (),
-    detail: Mapping[str, object] | None = None,
-    id: str | None = None,
-) -> ProgramRecord:
-    files = [Path(path) for path in paths]
-    names = [path.name.lower() for path in files]
-    if not files or len(set(names)) != len(names):
-        raise ConfigurationError(
-            f"a program of the files {', '.join(names) or '(none)'}, expected one or more, of "
-            "different names."
-        )
-    try:
-        with files[0].open("rb") as stream:
-            dialect = detect(stream.read(_LOOKED_AT), files[0].name).name
-        size = sum(path.stat().st_size for path in files)
-    except OSError as cause:
-        raise FormatError(f"cannot read: {cause.strerror}.", source=cause.filename) from cause
-    roles = [*((FILE, path) for path in files), *((IDENTITY, path) for path in identities)]
-    return items.add(
-        where,
-        PROGRAM,
-        name=name or files[0].name,
-        note=note,
-        detail=detail,
-        links=links,
-        files=[(role, path.name, path) for role, path in roles],
-        id=id,
-        stage=stage,
-        dialect=dialect,
-        file_count=len(files),
-        bytes=size,
-    )

@@ -17,8 +17,7 @@ from typing import Final
 from robotrue.errors import RobotrueError
 from robotrue.store import jobs
 from robotrue.store.workspace import Workspace
-from robotrue.web.child_processes import child_context, child_start
-from robotrue.web.workers import end_with_parent
+from robotrue.web.workers import child_context, child_start, end_with_parent
 
 LOOK: Final = 1.0
 """s between two looks whether a job waits."""

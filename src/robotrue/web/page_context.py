@@ -6,7 +6,7 @@ import asyncio
 import json
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from datetime import datetime
+from datetime import UTC, datetime, timedelta
 from typing import Any, Concatenate, Final, ParamSpec, TypeAlias, TypeVar
 from urllib.parse import urlencode
 
@@ -16,16 +16,14 @@ from robotrue.store import items, jobs
 from robotrue.store.nouns import ModelRecord, Noun
 from robotrue.store.records import ItemQuery, ItemRecord
 from robotrue.store.workspace import Workspace
-from robotrue.web.answers import Answers
-from robotrue.web.faults import fault_words
-from robotrue.web.job_cards import shown_jobs
 from robotrue.web.job_process import JobProcess
 from robotrue.web.language import Wording
 from robotrue.web.live_relay import Relays
 from robotrue.web.preferences import CHOICES, Preferences
+from robotrue.web.problems import fault_words
 from robotrue.web.serve_settings import ServeSettings
 from robotrue.web.templating import render
-from robotrue.web.workers import QueryWorkers
+from robotrue.web.workers import Answers, QueryWorkers
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -33,6 +31,8 @@ Item = TypeVar("Item", bound=ItemRecord)
 Usual = TypeVar("Usual", float, None)
 KEPT_CHOICES: Final = ("model", "registration", "tolerance_mm")
 """Parts of an address that a person states once and that hold for what is opened from there."""
+JUST_NOW: Final = timedelta(seconds=15)
+"""Ago."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -193,3 +193,17 @@ class Screen:
     below: str = ""
     stage: str = ""
     operations: tuple[str, ...] = ()
+
+
+def shown_jobs(workspace: Workspace, kind: str) -> list[jobs.Job]:
+    """Returns the jobs of a kind that are not over, and the newest one if it has failed.
+
+    One that is done within the moment the page takes to come again is among them: its card leads
+    who asked for it to the result, and shows itself to nobody else.
+    """
+    found = jobs.search(workspace, kind=kind, limit=20).items
+    newest = [each for each in found[:1] if each.state in (jobs.FAILED, jobs.CANCELLED)]
+    since = datetime.now(UTC) - JUST_NOW
+    just = [each for each in found if each.finished and each.finished > since]
+    done = [each for each in just if each.state == jobs.DONE]
+    return ([each for each in found if not each.over] or newest) + done

@@ -1,12 +1,20 @@
-"""Errors as JSON (RFC 9457): a title, a status, what was wrong and one thing to try."""
+"""Refusals: as JSON (RFC 9457), and as cards on a page in the reader's language.
+
+What exactly was wrong is said where it was found, below the web room, in English. Around it a card
+says what a reader of another language needs: which kind of fault that is, and what always helps.
+``bench.fault`` of ``static/bench.js`` says the same of the answers of the HTTP interface.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Final
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
+from markupsafe import Markup
 from pydantic import BaseModel
 from starlette.exceptions import HTTPException
 
@@ -17,6 +25,8 @@ from robotrue.errors import (
     ModelMismatchError,
     RobotrueError,
 )
+from robotrue.web.language import Wording
+from robotrue.web.templating import render
 
 MEDIA_TYPE: Final = "application/problem+json"
 STATUS: Final[dict[type[RobotrueError], int]] = {
@@ -26,10 +36,27 @@ STATUS: Final[dict[type[RobotrueError], int]] = {
     MissingExtraError: 501,
 }
 """Status of an error; all others are 422: understood, and refused for what the data are."""
+KINDS: Final = (
+    "configuration error", "database down error", "format error", "implausible data error",
+    "shape error", "observability error", "convergence error", "reach error",
+    "model mismatch error", "step error", "archive error", "missing extra error",
+    "missing error", "unanswered", "invalid request", "too large", "no connection", "other",
+)  # fmt: skip
+OF_COMMANDS: Final = ("--", "robotrue workspace ")
+"""Beginnings of hints for who types commands; the page has buttons for what they say."""
 
 
 class MissingError(ConfigurationError):
     """Something asked for by name that is not in the workspace."""
+
+
+@contextmanager
+def missing_if_unknown() -> Iterator[None]:
+    """Raises what a block does not find as a :class:`MissingError`."""
+    try:
+        yield
+    except ConfigurationError as cause:
+        raise MissingError(cause.message, hint=cause.hint) from cause
 
 
 class Problem(BaseModel):
@@ -124,3 +151,47 @@ def answer_with_problems(app: FastAPI) -> None:
     async def _http(request: Request, error: HTTPException) -> JSONResponse:
         headers = None if error.headers is None else dict(error.headers)
         return problem(error.status_code, str(error.detail).lower(), headers=headers)
+
+
+def refusal(say: Wording, error: RobotrueError, *, title: str = "") -> Markup:
+    """Returns a card that says what was refused, why, and what to try.
+
+    Args:
+        say: The words of the reader.
+        error: As it was raised.
+        title: In the place of the kind of error; empty: the kind.
+    """
+    place, file = "", source_name(error)
+    if file is not None:
+        line = f":{error.line}" if error.line is not None else ""
+        place = f"{file}{line}: "
+    return fault_card(say, title_of(error), place + error.message, error.hint, title=title)
+
+
+def fault_card(
+    say: Wording, kind: str, message: str, hint: str | None, *, title: str = ""
+) -> Markup:
+    """Returns the card of a refusal of which kind, message and hint are known.
+
+    Args:
+        say: The words of the reader.
+        kind: One of :data:`KINDS`; another counts as the last.
+        message: In English.
+        hint: Likewise; None: there is none.
+        title: In the place of the kind.
+    """
+    hint = None if hint is not None and hint.startswith(OF_COMMANDS) else hint
+    key = f"fault.{(kind if kind in KINDS else KINDS[-1]).replace(' ', '_')}"
+    return render("fault.html", say=say, title=title, key=key, message=message, hint=hint)
+
+
+def fault_words(say: Wording) -> dict[str, object]:
+    """Returns what ``bench.fault`` needs to say the same in the browser."""
+    keys = {kind: f"fault.{kind.replace(' ', '_')}" for kind in KINDS}
+    return {
+        "kinds": {kind: {"title": say(key), "do": say(f"{key}_do")} for kind, key in keys.items()},
+        "english": say("fault.english"),
+        "try": say("fault.try"),
+        "plain": say.language == "en",
+        "commands": OF_COMMANDS,
+    }

@@ -21,9 +21,7 @@ from starlette.types import Scope
 from robotrue.errors import ConfigurationError, RobotrueError
 from robotrue.store.workspace import Workspace
 from robotrue.version import __version__
-from robotrue.web.answers import Answers
 from robotrue.web.api import api_router
-from robotrue.web.faults import refusal
 from robotrue.web.front import FrontServer, front, with_descriptors
 from robotrue.web.gate import Gate
 from robotrue.web.job_process import JobProcess
@@ -34,14 +32,14 @@ from robotrue.web.models import shown_model
 from robotrue.web.page_context import Build, PageContext, Screen, ServerContext
 from robotrue.web.pages import SCREENS
 from robotrue.web.pages.live_screen import FILES as LIVE_FILES
+from robotrue.web.pages.overview_screen import count_items
+from robotrue.web.parts.reports import reports_router
 from robotrue.web.preferences import preferences_from
-from robotrue.web.problems import DOCUMENTED, answer_with_problems
-from robotrue.web.project_stages import count_items
-from robotrue.web.reports import reports_router
+from robotrue.web.problems import DOCUMENTED, answer_with_problems, refusal
 from robotrue.web.serve_settings import ServeSettings
 from robotrue.web.sessions import Sessions, Tries
 from robotrue.web.uploads import forget_old
-from robotrue.web.workers import QueryWorkers
+from robotrue.web.workers import Answers, QueryWorkers
 
 STATIC: Final = Path(__file__).parent / "static"
 VENDORED: Final = {"vue": "static", "three": "elements/scene/dist"}

@@ -4,6 +4,10 @@ Numeric libraries take hundreds of megabytes; here they are loaded by the first 
 them, in a process of its own, and the server stays small and answers meanwhile. What takes longer
 than a few seconds is no question but a job of the store. A file can be slow to read all the same:
 then the next question gets a process of its own.
+
+Children are forked from a process that has loaded the libraries already: loading them takes seconds
+of a core, and a query, a worker and each of its jobs need the same ones. The server itself has
+threads and is never forked. Where the system cannot fork, each is spawned.
 """
 
 from __future__ import annotations
@@ -12,13 +16,14 @@ import asyncio
 import multiprocessing
 import os
 import threading
-from collections.abc import Callable
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from typing import Final, ParamSpec, TypeVar
+from typing import Final, ParamSpec, TypeAlias, TypeVar
 
 from robotrue.errors import RobotrueError
-from robotrue.web.child_processes import child_context
+from robotrue.store.jobs_worker import Start
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -28,6 +33,24 @@ GRACE: Final = 2.0
 """s that a question waits for a busy process; loading the libraries in another takes as long."""
 MOST: Final = 4
 """Processes at a time."""
+KEPT: Final = 24
+"""Answers kept: a version of an item never changes, nor does what it is asked."""
+BYTES: Final = 16 * 1024 * 1024
+"""Of all answers together."""
+Key: TypeAlias = tuple[Hashable, ...]
+LIBRARIES: Final = [
+    "matplotlib.figure",
+    "numba",
+    "scipy.optimize",
+    "scipy.spatial.transform",
+    "robotrue.app.operations.calibrate",
+    "robotrue.app.workbench.workbench_calls",
+    "robotrue.app.workspace_context",
+    "robotrue.report.page",
+    "robotrue.store.jobs_worker",
+]
+"""What nearly every child imports."""
+Context: TypeAlias = multiprocessing.context.BaseContext
 
 
 class Unanswered(RobotrueError):
@@ -149,3 +172,43 @@ def end_with_parent() -> None:
 
 def _begin() -> None:
     threading.Thread(target=end_with_parent, daemon=True).start()
+
+
+class Answers:
+    """Asks each question once; two who ask at the same time wait for one answer."""
+
+    def __init__(self, workers: QueryWorkers) -> None:
+        self._workers = workers
+        self._kept: OrderedDict[Key, bytes] = OrderedDict()
+        self._asked: dict[Key, asyncio.Task[bytes]] = {}
+
+    async def once(self, call: Callable[P, bytes], *args: P.args, **kwargs: P.kwargs) -> bytes:
+        """Returns the answer; the arguments must name versions, so that it can be kept.
+
+        Raises:
+            RobotrueError: What the function raised; it is called again next time.
+        """
+        key = (call, args, *kwargs.items())
+        if key in self._kept:
+            self._kept.move_to_end(key)
+            return self._kept[key]
+        if key not in self._asked:
+            self._asked[key] = asyncio.create_task(self._workers.ask(call, *args, **kwargs))
+            self._asked[key].add_done_callback(lambda _: self._asked.pop(key, None))
+        answer = await asyncio.shield(self._asked[key])
+        self._kept[key] = answer
+        while len(self._kept) > KEPT or sum(map(len, self._kept.values())) > BYTES:
+            self._kept.popitem(last=False)
+        return answer
+
+
+def child_start() -> Start:
+    """Returns how children are started here."""
+    return "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
+
+
+def child_context() -> Context:
+    """Returns what starts children; the libraries are loaded with the first of them."""
+    context = multiprocessing.get_context(child_start())
+    context.set_forkserver_preload(LIBRARIES)
+    return context

@@ -6,17 +6,13 @@ from fastapi import APIRouter
 
 from robotrue.web.api import (
     cells_routes,
-    chosen_model_routes,
-    drift_routes,
     drilling_routes,
-    files_routes,
-    intake_routes,
     items_routes,
     jobs_routes,
     live_routes,
-    plan_routes,
     scene_routes,
     touching_routes,
+    upload_routes,
 )
 from robotrue.web.page_context import ServerContext
 
@@ -25,8 +21,8 @@ def api_router(server: ServerContext) -> APIRouter:
     """Returns all routes of the HTTP interface."""
     router = APIRouter()
     for part in (
-        cells_routes, items_routes, chosen_model_routes, files_routes, intake_routes, jobs_routes,
-        live_routes, scene_routes, plan_routes, drift_routes, drilling_routes, touching_routes,
+        cells_routes, items_routes, upload_routes, jobs_routes, live_routes, scene_routes,
+        drilling_routes, touching_routes,
     ):  # fmt: skip
         router.include_router(part.router(server))
     return router

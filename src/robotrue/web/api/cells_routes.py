@@ -5,19 +5,16 @@ from __future__ import annotations
 import asyncio
 from typing import Annotated
 
-from fastapi import APIRouter, Path, Query
+from fastapi import APIRouter
 from fastapi.responses import PlainTextResponse, Response
 from pydantic import BaseModel, Field
 
 from robotrue.app.workbench import workbench_calls as calls
 from robotrue.store.nouns import CELL
-from robotrue.web.api.documents import record_document
-from robotrue.web.api.items_routes import get_item
+from robotrue.web.api.items_routes import JSON, Id, Version, get_item, record_document
 from robotrue.web.page_context import ServerContext
 
-Id = Annotated[str, Path(max_length=40)]
 Typed = Annotated[str, Field(max_length=40)] | float | int | None
-JSON = "application/json"
 
 
 class Form(BaseModel):
@@ -82,9 +79,7 @@ def router(server: ServerContext) -> APIRouter:
         return record_document(made, CELL.name)
 
     @routes.get("/cells/{id}/text", response_class=PlainTextResponse)
-    async def read_cell(
-        id: Id, version: Annotated[int | None, Query(ge=1, le=1_000_000)] = None
-    ) -> Response:
+    async def read_cell(id: Id, version: Version = None) -> Response:
         """The text of a cell's file."""
         record = await asyncio.to_thread(get_item, workspace, CELL.name, id, version)
         answer = await server.workers.ask(calls.read_cell_text, folder, id, record.version)

@@ -9,9 +9,8 @@ from fastapi import APIRouter, Path, Query
 from robotrue.app.workbench import workbench_calls as calls
 from robotrue.drilling.drill_defaults import JOURNAL
 from robotrue.store.nouns import DOCUMENT
-from robotrue.web.api.documents import record_document
-from robotrue.web.api.intake_routes import FromFiles, import_files
-from robotrue.web.api.items_routes import get_item
+from robotrue.web.api.items_routes import get_item, record_document
+from robotrue.web.api.upload_routes import FromFiles, import_files
 from robotrue.web.drill_journals import Entries, entries_after, journal_path
 from robotrue.web.page_context import ServerContext
 from robotrue.web.problems import MissingError

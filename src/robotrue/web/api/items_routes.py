@@ -2,27 +2,34 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from dataclasses import fields
+from datetime import datetime
+from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, Path, Query
-from fastapi.responses import FileResponse
-from pydantic import BaseModel
+from fastapi.responses import FileResponse, Response
+from pydantic import BaseModel, Field
 
 from robotrue.errors import ConfigurationError
 from robotrue.store import items, journal
-from robotrue.store.nouns import NOUNS, Noun
+from robotrue.store.nouns import MODEL, NOUNS, Noun, noun_of
 from robotrue.store.query_defaults import LIMIT, SORT
+from robotrue.store.records import Attachment, ItemRecord
 from robotrue.store.records import ItemQuery as Asked
-from robotrue.store.records import ItemRecord
 from robotrue.store.workspace import Workspace
-from robotrue.web.api.documents import record_document
+from robotrue.web import models
 from robotrue.web.page_context import ServerContext
-from robotrue.web.problems import MissingError
+from robotrue.web.problems import MissingError, missing_if_unknown
 
 NounName = Annotated[str, Path(description=f"One of {', '.join(NOUNS)}.", max_length=40)]
 Id = Annotated[str, Path(max_length=40)]
 Digest = Annotated[str, Path(pattern="^[0-9a-f]{64}$")]
 Version = Annotated[int | None, Query(ge=1, le=1_000_000)]
+JSON: Final = "application/json"
+CSV: Final[dict[int | str, dict[str, Any]]] = {
+    200: {"content": {"text/csv": {"schema": {"type": "string"}}}}
+}
+"""How OpenAPI describes an answer of :func:`csv_file`."""
 
 
 class ItemListing(BaseModel):
@@ -38,6 +45,16 @@ class Change(BaseModel, extra="forbid"):
 
     name: str | None = None
     note: str | None = None
+
+
+class ChosenModel(BaseModel, extra="forbid"):
+    """The model all pages show.
+
+    Attributes:
+        model: Id.
+    """
+
+    model: Annotated[str, Field(min_length=1, max_length=40)]
 
 
 def router(server: ServerContext) -> APIRouter:
@@ -136,11 +153,21 @@ def _offer_changes(routes: APIRouter, workspace: Workspace) -> None:
         ]
         return ItemListing(items=shown, total=page.total, offset=page.offset)
 
+    @routes.put("/chosen-model")
+    def choose_model(asked: ChosenModel) -> dict[str, object]:
+        """The document that says which model all pages show from now on."""
+        get_item(workspace, MODEL.name, asked.model)
+        return record_document(models.choose(workspace, asked.model), "document")
+
+    @routes.delete("/chosen-model", status_code=204)
+    def choose_newest() -> None:
+        """No model is chosen: the pages show the one that was made first."""
+        models.choose_none(workspace)
+
 
 def _noun(name: str) -> Noun[ItemRecord]:
-    if name not in NOUNS:
-        raise MissingError(f"{name!r} is no noun, expected {', '.join(NOUNS)}.")
-    return NOUNS[name]
+    with missing_if_unknown():
+        return noun_of(name)
 
 
 def get_item(workspace: Workspace, noun: str, id: str, version: int | None = None) -> ItemRecord:
@@ -149,8 +176,31 @@ def get_item(workspace: Workspace, noun: str, id: str, version: int | None = Non
     Raises:
         MissingError: There is none.
     """
-    try:
-        record: ItemRecord = items.get(workspace, _noun(noun), id, version=version)
-    except ConfigurationError as cause:
-        raise MissingError(cause.message, hint=cause.hint) from cause
-    return record
+    with missing_if_unknown():
+        return items.get(workspace, noun_of(noun), id, version=version)
+
+
+def csv_file(text: str | bytes, name: str) -> Response:
+    """Returns a table that browsers keep under a name."""
+    headers = {"Content-Disposition": f'attachment; filename="{name}"'}
+    return Response(text, media_type="text/csv; charset=utf-8", headers=headers)
+
+
+def record_document(record: ItemRecord, noun: str) -> dict[str, object]:
+    """Returns a record as JSON values; its files with the address they are fetched from."""
+    out: dict[str, object] = {"noun": noun}
+    for field in fields(record):
+        value = getattr(record, field.name)
+        if field.name == "links":
+            value = [{"role": e.role, "id": e.to.id, "version": e.to.version} for e in value]
+        elif field.name == "attachments":
+            value = [_file(each, record, noun) for each in value]
+        elif isinstance(value, datetime):
+            value = value.isoformat()
+        out[field.name] = value
+    return out
+
+
+def _file(each: Attachment, record: ItemRecord, noun: str) -> dict[str, object]:
+    where = f"/api/items/{noun}/{record.id}/files/{each.sha256}?version={record.version}"
+    return {"role": each.role, "name": each.name, "sha256": each.sha256, "href": where}

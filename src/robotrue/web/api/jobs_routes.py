@@ -9,7 +9,7 @@ from dataclasses import fields
 from datetime import datetime
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Path, Query
+from fastapi import APIRouter, Query
 from pydantic import BaseModel, ConfigDict, Field
 
 from robotrue.app.job_parameters import parameter_schemas, stated_parameters
@@ -19,11 +19,10 @@ from robotrue.errors import ConfigurationError
 from robotrue.store import jobs
 from robotrue.store.query_defaults import LIMIT
 from robotrue.store.workspace import Workspace
+from robotrue.web.api.items_routes import Id
 from robotrue.web.page_context import ServerContext
-from robotrue.web.problems import MissingError
+from robotrue.web.problems import missing_if_unknown
 from robotrue.web.uploads import find_upload, forget
-
-Id = Annotated[str, Path(max_length=40)]
 
 
 def _with_kinds(schema: dict[str, Any]) -> None:
@@ -60,10 +59,8 @@ def router(server: ServerContext) -> APIRouter:
     known = sorted(server.settings.kinds)
 
     def get_job(id: str) -> jobs.Job:
-        try:
+        with missing_if_unknown():
             return jobs.status(workspace, id)
-        except ConfigurationError as cause:
-            raise MissingError(cause.message, hint=cause.hint) from cause
 
     @routes.post("/jobs", status_code=202)
     async def ask_for_job(asked: Asked) -> dict[str, object]:
@@ -72,9 +69,7 @@ def router(server: ServerContext) -> APIRouter:
             raise ConfigurationError(
                 f"a job of kind {asked.kind!r}, expected one of {', '.join(known)}."
             )
-        id = await asyncio.to_thread(submit_job, workspace, asked.kind, asked.parameters)
-        server.job_process.wake()
-        return job_document(await asyncio.to_thread(jobs.status, workspace, id))
+        return await start_job(server, asked.kind, asked.parameters)
 
     @routes.get("/jobs")
     def list_jobs(
@@ -102,6 +97,15 @@ def router(server: ServerContext) -> APIRouter:
         return job_document(jobs.cancel(workspace, get_job(id).id))
 
     return routes
+
+
+async def start_job(
+    server: ServerContext, kind: str, parameters: Mapping[str, object]
+) -> dict[str, object]:
+    """Returns a job that now waits, as JSON values; whoever does jobs is told."""
+    id = await asyncio.to_thread(submit_job, server.workspace, kind, parameters)
+    server.job_process.wake()
+    return job_document(await asyncio.to_thread(jobs.status, server.workspace, id))
 
 
 def submit_job(workspace: Workspace, kind: str, parameters: Mapping[str, object]) -> jobs.JobId:

@@ -6,19 +6,17 @@ import asyncio
 import contextlib
 from typing import Annotated, Final
 
-from fastapi import APIRouter, Path, Query, WebSocket, WebSocketDisconnect
+from fastapi import APIRouter, Query, WebSocket, WebSocketDisconnect
 from fastapi.responses import Response
 from pydantic import BaseModel, Field
 
-from robotrue.errors import ConfigurationError
 from robotrue.web import live_sources
-from robotrue.web.api.documents import record_document
+from robotrue.web.api.items_routes import CSV, Id, csv_file, record_document
 from robotrue.web.live_relay import Viewer
 from robotrue.web.live_sources import LiveSource
 from robotrue.web.page_context import ServerContext
-from robotrue.web.problems import MissingError
+from robotrue.web.problems import missing_if_unknown
 
-Id = Annotated[str, Path(max_length=40)]
 Limit = Annotated[float, Field(ge=0.0, le=1e6, allow_inf_nan=False)]
 MOST: Final = 5000
 """Alarms told at once."""
@@ -56,10 +54,8 @@ def router(server: ServerContext) -> APIRouter:
     workspace = server.workspace
 
     def get_source(id: str) -> LiveSource:
-        try:
+        with missing_if_unknown():
             return live_sources.source(workspace, id)
-        except ConfigurationError as cause:
-            raise MissingError(cause.message, hint=cause.hint) from cause
 
     @routes.post("/live/sources", status_code=201)
     async def add_source(asked: NewSource) -> dict[str, object]:
@@ -87,14 +83,12 @@ def router(server: ServerContext) -> APIRouter:
     @routes.get(
         "/live/sources/{id}/alarms.csv",
         response_class=Response,
-        responses={200: {"content": {"text/csv": {"schema": {"type": "string"}}}}},
+        responses=CSV,
     )
     def download_alarms(id: Id) -> Response:
         """The alarms of a source as a table, the oldest first."""
         found = live_sources.alarms(workspace, get_source(id).id, limit=MOST)
-        text = live_sources.alarms_csv(found)
-        headers = {"Content-Disposition": 'attachment; filename="alarms.csv"'}
-        return Response(text, media_type="text/csv; charset=utf-8", headers=headers)
+        return csv_file(live_sources.alarms_csv(found), "alarms.csv")
 
     _offer_frames(routes, server)
     return routes

@@ -1,28 +1,25 @@
-"""What the 3-D view draws."""
+"""What the 3-D view draws: cells, models, measured sets, programs, plans."""
 
 from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from typing import Annotated
+from typing import Annotated, Concatenate, ParamSpec
 
-from fastapi import APIRouter, Path, Query
+from fastapi import APIRouter, Query
 from fastapi.responses import Response
 
 from robotrue.app.workbench import workbench_calls as calls
-from robotrue.store.nouns import CELL, MEASUREMENT, MODEL, PROGRAM
-from robotrue.web.api.items_routes import get_item
+from robotrue.store.nouns import CELL, DOCUMENT, MEASUREMENT, MODEL, PROGRAM
+from robotrue.web.api.items_routes import JSON, Id, Version, get_item
 from robotrue.web.page_context import ServerContext
 
-Id = Annotated[str, Path(max_length=40)]
-Version = Annotated[int | None, Query(ge=1, le=1_000_000)]
-JSON = "application/json"
+P = ParamSpec("P")
 
 
 def router(server: ServerContext) -> APIRouter:
     """Returns the routes of scenes."""
     routes = APIRouter(tags=["scenes"])
-    workspace, folder = server.workspace, str(server.workspace.folder)
 
     @routes.get("/scenes/cell/{id}")
     async def show_cell(id: Id) -> Response:
@@ -39,11 +36,9 @@ def router(server: ServerContext) -> APIRouter:
         id: Id, model: Annotated[str, Query(max_length=40)], version: Version = None
     ) -> Response:
         """Measured errors of a set before and after, by a model that need not have seen it."""
-        record = await asyncio.to_thread(get_item, workspace, MEASUREMENT.name, id, version)
-        judge = await asyncio.to_thread(get_item, workspace, MODEL.name, model)
-        versions = (id, record.version, model, judge.version)
-        answer = await server.answers.once(calls.draw_measurement, folder, *versions)
-        return Response(answer, media_type=JSON)
+        judge = await asyncio.to_thread(get_item, server.workspace, MODEL.name, model)
+        draw = calls.draw_measurement
+        return await _draw_item(server, draw, MEASUREMENT.name, id, version, model, judge.version)
 
     @routes.get("/programs/{id}/judgement")
     async def judge_program(
@@ -60,25 +55,29 @@ def router(server: ServerContext) -> APIRouter:
         tolerance there are the predicted errors and no verdict. Axis targets state no place and are
         counted apart, unless the judgement is to be strict.
         """
-        program = await asyncio.to_thread(get_item, workspace, PROGRAM.name, id, version)
-        judge = await asyncio.to_thread(get_item, workspace, MODEL.name, model)
-        versions = (id, program.version, model, judge.version)
-        answer = await server.answers.once(
-            calls.judge_program, folder, *versions, tolerance_mm, strict
-        )
-        return Response(answer, media_type=JSON)
+        judge = await asyncio.to_thread(get_item, server.workspace, MODEL.name, model)
+        stated = (model, judge.version, tolerance_mm, strict)
+        return await _draw_item(server, calls.judge_program, PROGRAM.name, id, version, *stated)
+
+    @routes.get("/plans/{id}")
+    async def show_plan(id: Id, version: Version = None) -> Response:
+        """Poses, what to expect of them, how the instrument sees them, and their scene."""
+        return await _draw_item(server, calls.show_plan, DOCUMENT.name, id, version)
 
     return routes
 
 
 async def _draw_item(
     server: ServerContext,
-    draw: Callable[[str, str, int], bytes],
+    draw: Callable[Concatenate[str, str, int, P], bytes],
     noun: str,
     id: str,
     version: int | None = None,
+    *args: P.args,
+    **kwargs: P.kwargs,
 ) -> Response:
+    """What a call answers about one version of an item, the latest if none is named."""
     record = await asyncio.to_thread(get_item, server.workspace, noun, id, version)
     folder = str(server.workspace.folder)
-    answer = await server.answers.once(draw, folder, id, record.version)
+    answer = await server.answers.once(draw, folder, id, record.version, *args, **kwargs)
     return Response(answer, media_type=JSON)

@@ -3,29 +3,25 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Awaitable
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Path, Query
+from fastapi import APIRouter, Query
 from fastapi.responses import Response
 from pydantic import BaseModel, Field
 
 from robotrue.app.workbench import workbench_calls as calls
 from robotrue.planning.plan_defaults import LEAN_DEG, ROUGH_MM, TIP_AXIS
-from robotrue.store.nouns import DOCUMENT, REGISTRATION
+from robotrue.store.nouns import DOCUMENT, REGISTRATION, DocumentRecord
 from robotrue.store.records import ItemRecord
-from robotrue.store.workspace import Workspace
 from robotrue.validation.registration_defaults import FIT
-from robotrue.web.api.documents import record_document
-from robotrue.web.api.intake_routes import UploadId
-from robotrue.web.api.items_routes import get_item
+from robotrue.web.api.items_routes import CSV, JSON, Id, csv_file, get_item, record_document
+from robotrue.web.api.upload_routes import Files, UploadId, use_uploads
 from robotrue.web.page_context import ServerContext
-from robotrue.web.uploads import find_upload, forget
 
-Id = Annotated[str, Path(max_length=40)]
 Version = Annotated[int, Field(ge=1, le=1_000_000)]
 Feature = Annotated[int, Field(ge=-1, le=100_000)]
 Length = Annotated[float, Field(ge=0.0, le=1000.0, allow_inf_nan=False)]
-JSON = "application/json"
 
 
 class Begin(BaseModel):
@@ -102,16 +98,17 @@ class Latest(BaseModel):
 def router(server: ServerContext) -> APIRouter:
     """Returns the routes of sessions at the part."""
     routes = APIRouter(tags=["touching"])
-    workspace, folder = server.workspace, str(server.workspace.folder)
+    folder = str(server.workspace.folder)
 
     @routes.post("/touching", status_code=201)
     async def begin_session(asked_for: Begin) -> dict[str, object]:
         """A session: features, where the part is roughly, and postures to touch them with."""
-        paths = [str(find_upload(workspace, each)) for each in asked_for.uploads]
-        stated = {**asked_for.model_dump(exclude={"uploads"}), "paths": paths}
-        made = await server.workers.ask(calls.begin_probing, folder, stated)
-        await asyncio.to_thread(_forget, workspace, asked_for.uploads)
-        return record_document(made, DOCUMENT.name)
+
+        def begin(paths: Files) -> Awaitable[DocumentRecord]:
+            stated = {**asked_for.model_dump(exclude={"uploads"}), "paths": list(map(str, paths))}
+            return server.workers.ask(calls.begin_probing, folder, stated)
+
+        return record_document(await use_uploads(server, asked_for.uploads, begin), DOCUMENT.name)
 
     @routes.get("/touching/{id}")
     async def show_session(
@@ -144,7 +141,7 @@ def router(server: ServerContext) -> APIRouter:
 
 def _offer_outcomes(routes: APIRouter, server: ServerContext) -> None:
     """Adds the routes that decide on readings, take a file of them, and end a session."""
-    workspace, folder = server.workspace, str(server.workspace.folder)
+    folder = str(server.workspace.folder)
 
     @routes.post("/touching/{id}/decisions", status_code=201)
     async def decide(id: Id, made: Decision) -> dict[str, object]:
@@ -159,9 +156,11 @@ def _offer_outcomes(routes: APIRouter, server: ServerContext) -> None:
     async def take_readings(id: Id, taken: Taken) -> dict[str, object]:
         """The session with the readings of a file; those not as expected are set aside."""
         await _read_session(server, id)
-        path = find_upload(workspace, taken.uploads[0])
-        made = await server.workers.ask(calls.import_readings, folder, id, taken.version, path)
-        await asyncio.to_thread(_forget, workspace, taken.uploads)
+
+        def import_readings(paths: Files) -> Awaitable[DocumentRecord]:
+            return server.workers.ask(calls.import_readings, folder, id, taken.version, paths[0])
+
+        made = await use_uploads(server, taken.uploads, import_readings)
         return record_document(made, DOCUMENT.name)
 
     @routes.post("/touching/{id}/registration", status_code=201)
@@ -176,21 +175,15 @@ def _offer_outcomes(routes: APIRouter, server: ServerContext) -> None:
     @routes.get(
         "/touching/{id}/readings.csv",
         response_class=Response,
-        responses={200: {"content": {"text/csv": {"schema": {"type": "string"}}}}},
+        responses=CSV,
     )
     async def download_readings(id: Id) -> Response:
         """The readings that count, as ``robotrue register`` reads them."""
         record = await _read_session(server, id)
         data = await server.workers.ask(calls.write_readings, folder, id)
         mark = " simulated" if record.detail["session"]["simulated"] else ""
-        headers = {"Content-Disposition": f'attachment; filename="readings{mark}.csv"'}
-        return Response(data, media_type="text/csv; charset=utf-8", headers=headers)
+        return csv_file(data, f"readings{mark}.csv")
 
 
 async def _read_session(server: ServerContext, id: str) -> ItemRecord:
     return await asyncio.to_thread(get_item, server.workspace, DOCUMENT.name, id)
-
-
-def _forget(workspace: Workspace, uploads: list[str]) -> None:
-    for each in uploads:
-        forget(workspace, each)

@@ -2,7 +2,7 @@
 
 A new one is a file with a ``PAGE`` and its templates, its name in :data:`SCREENS`, its texts in
 every language (``nav.<name>`` in ``shell.toml`` and a file ``<name>.toml``) and its icon in
-``icons.py``.
+``templating.py``.
 """
 
 from __future__ import annotations

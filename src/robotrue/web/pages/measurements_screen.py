@@ -10,9 +10,8 @@ from typing import Any, Final
 from robotrue.app.workbench import workbench_calls as calls
 from robotrue.store.nouns import CELL, MEASUREMENT, CellRecord, MeasurementRecord
 from robotrue.store.records import ItemQuery
-from robotrue.web.faults import fault_card
 from robotrue.web.page_context import PageContext, Screen
-from robotrue.web.problems import kind_words
+from robotrue.web.problems import fault_card, kind_words
 from robotrue.web.uploads import find_upload
 
 PAGE_ROWS: Final = 100

@@ -1,16 +1,55 @@
-"""The project: the way from the cell to the monitored robot, and the next step on it."""
+"""The project: the way from the cell to the monitored robot, how far it is, and the next step."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Final
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Final
 
+from robotrue.store import items
+from robotrue.store.nouns import CELL, DRIFT_CHECK, MEASUREMENT, MODEL, PROGRAM, Noun
+from robotrue.store.records import ItemQuery
+from robotrue.store.workspace import Workspace
 from robotrue.web.page_context import PageContext, Screen
 from robotrue.web.pages import cell_screen
-from robotrue.web.project_stages import STAGES
 
 CELL_WORDS: Final = frozenset({"cell", "new"})
 """What an address says that was once the address of a cell."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stage:
+    """One stage of a project.
+
+    Attributes:
+        name: Also the key of its texts.
+        noun: Of the items that show that the stage was reached.
+        where: Fields those items have.
+        first: Address that begins the stage.
+    """
+
+    name: str
+    noun: Noun[Any]
+    where: Mapping[str, str]
+    first: str
+
+
+STAGES: Final[tuple[Stage, ...]] = (
+    Stage(name="setup", noun=CELL, where={}, first="/cell?new=1"),
+    Stage(name="measure", noun=MEASUREMENT, where={}, first="/measurements"),
+    Stage(name="calibrate", noun=MODEL, where={}, first="/calibration"),
+    Stage(name="use", noun=PROGRAM, where={"stage": "after"}, first="/programs"),
+    Stage(name="monitor", noun=DRIFT_CHECK, where={}, first="/drift"),
+)
+"""In the order of the work; pages name the stage they belong to."""
+
+
+def count_items(workspace: Workspace) -> dict[str, int]:
+    """Returns how many items show that each stage was reached, by the stage's name."""
+    return {
+        stage.name: items.search(workspace, stage.noun, ItemQuery(where=stage.where, limit=1)).total
+        for stage in STAGES
+    }
 
 
 async def _build(context: PageContext) -> str:

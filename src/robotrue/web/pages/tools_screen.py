@@ -14,11 +14,10 @@ from robotrue.errors import ConfigurationError
 from robotrue.store import items, jobs
 from robotrue.store.nouns import DOCUMENT, NOUNS, DocumentRecord
 from robotrue.store.records import ItemQuery, ItemRecord, Ref, provenance_of_record
-from robotrue.web.faults import fault_card
 from robotrue.web.page_context import PageContext, Screen
 from robotrue.web.pages.history_screen import PAGES_OF
 from robotrue.web.parts.generated_form import GeneratedForm
-from robotrue.web.problems import kind_words
+from robotrue.web.problems import fault_card, kind_words
 
 OFFERED: Final = 50
 """Items to choose from, the newest."""

@@ -12,7 +12,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-from annotated_types import Gt, Lt
 from markupsafe import Markup
 
 from robotrue.app.job_files import job_fields, result_name, takes_files
@@ -175,18 +174,6 @@ class GeneratedForm(RequestForm):
     def file_value(self, record: ItemRecord, file: str) -> str:
         """Returns the parameter that means a file of an item."""
         return json.dumps({"id": record.id, "version": record.version, "file": file})
-
-    def bounds(self, each: RequestField) -> Iterator[tuple[str, str]]:
-        """Yields the attributes ``min`` and ``max`` of a number."""
-        known: dict[str, str] = dict(RequestForm.bounds(self, each))
-        for limit in each.info.metadata:
-            if isinstance(limit, Gt):
-                known.setdefault("min", f"{float(str(limit.gt)):g}")
-            elif isinstance(limit, Lt):
-                known.setdefault("max", f"{float(str(limit.lt)):g}")
-        if each.entry.least is not None:
-            known.setdefault("min", f"{each.entry.least:g}")
-        yield from known.items()
 
 
 def _part(each: RequestField) -> str:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from annotated_types import Ge, Le
+from annotated_types import Ge, Gt, Le, Lt
 from markupsafe import Markup
 
 from robotrue.app.request import FORM, JOB, Item, Output, Request, RequestField, fields_of
@@ -105,11 +105,11 @@ class RequestForm:
 
 
 def _limits(each: RequestField) -> tuple[float | None, float | None]:
-    """The least and the largest number of the type."""
-    low = high = None
+    """The least and the largest number of the type, or the ends that it must not reach."""
+    low, high = each.entry.least, None
     for limit in each.info.metadata:
-        if isinstance(limit, Ge):
-            low = float(str(limit.ge))
-        elif isinstance(limit, Le):
-            high = float(str(limit.le))
+        if isinstance(limit, Ge | Gt):
+            low = float(str(limit.ge if isinstance(limit, Ge) else limit.gt))
+        elif isinstance(limit, Le | Lt):
+            high = float(str(limit.le if isinstance(limit, Le) else limit.lt))
     return low, high
