@@ -337,3 +337,15 @@ def test_half_known_orientation_is_not_written(tmp_path: Path) -> None:
     with pytest.raises(FormatError, match="orientation is known for 1 of 2 rows"):
         write_canonical(tmp_path / "out.csv", m)
     assert not (tmp_path / "out.csv").exists()
+
+
+def test_axes_as_the_controller_displays_them(tmp_path: Path) -> None:
+    """In place of joints they are read by the robot; beside joints they are for people alone."""
+    shown = HEADER.replace("j", "a")
+    path = written(tmp_path, f"{shown}\n{ROW}\n")
+    m = read_measurements(path, relation=lambda axes: -axes)
+    np.testing.assert_allclose(m.joints[0] / DEG, [-10, 20, -30, -40, 50, -60])
+    assert "no robot says how they count" in message(path)
+    both = f"{HEADER},{shown.partition(',x_mm')[0]}\n{ROW},1,2,3,4,5,6\n"
+    m = read_measurements(written(tmp_path, both))
+    np.testing.assert_allclose(m.joints[0] / DEG, [10, -20, 30, 40, -50, 60])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -14,9 +16,10 @@ from web_shop import Client, Served, Shop, fill, unpacked, write_files
 
 from robotrue.app.job_kinds import job_kinds
 from robotrue.robot.presets import preset
-from robotrue.store import jobs
+from robotrue.store import items, jobs, measurements
 from robotrue.store.jobs_claim import claim
 from robotrue.store.jobs_work import attempt
+from robotrue.store.nouns import DOCUMENT
 from robotrue.web.parts.curve import Line, curve
 
 JOB = WAIT
@@ -57,6 +60,36 @@ def test_a_plan_tells_how_the_instrument_sees_its_poses(client: Client, filled: 
     tips = unpacked(plan["scene"]["robot"]["tool"])[:, 0]
     assert abs(tips - unpacked(plan["scene"]["points"]["position"])).max() < 1e-5
     assert here.get(f"/api/plans/{filled.cell.id}").status_code == 404
+
+
+def test_sheets_and_tables_show_the_axes_of_the_controller(client: Client, filled: Shop) -> None:
+    """What a person types into a pendant is in the sheets and on the pages, not model joints."""
+    controller = preset("KUKA KR160 R1570").controller
+    assert controller is not None
+    asked = {"cell": filled.cell.id, "model": filled.model.id, "poses": 5, "candidates": 60}
+    checked = {"model": filled.model.id, "poses": 6}
+    for kind, parameters in (("plan", asked), ("drift_plan", checked)):
+        made = done(filled, kind, parameters)
+        assert made.result is not None, made.error
+        record = items.get(filled.workspace, DOCUMENT, made.result["document"]["id"])
+        sheet = next(each for each in record.attachments if each.name.endswith("poses.csv"))
+        text = filled.workspace.content(sheet.sha256).decode()
+        rows = list(csv.DictReader(line for line in text.splitlines() if line[0] != "#"))
+        joints, axes = ([[float(row[f"{letter}{k}_deg"]) for k in range(1, 7)] for row in rows]
+                        for letter in "ja")  # fmt: skip
+        expected = np.rad2deg(controller.to_controller(np.deg2rad(joints)))
+        np.testing.assert_allclose(axes, expected, atol=1e-5)
+    assert "A6 °" in client().get(f"/drift?model={filled.model.id}").text
+    address = f"/measurements?id={filled.measured.id}&part=rows&sort=-joints_2"
+    page = client().get(address).text
+    assert "A2 ° ▼" in page
+    cells = [float(cell) for cell in re.findall("<td>([^<]+)</td>", page)]
+    shown = np.reshape(cells, (-1, 10))
+    assert (np.diff(shown[:, 2]) <= 0.0).all()
+    stored = measurements.rows_of(filled.workspace, filled.measured)
+    order = [stored.source_row.tolist().index(int(line)) for line in shown[:, 0]]
+    displayed = np.rad2deg(controller.to_controller(stored.joints[order]))
+    np.testing.assert_allclose(shown[:, 1:7], displayed, atol=6e-4)
 
 
 def test_too_few_poses_are_refused_with_a_hint(filled: Shop) -> None:

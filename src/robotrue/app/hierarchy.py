@@ -18,18 +18,18 @@ from robotrue.calibration.deng2022.domains import divide_target
 from robotrue.calibration.deng2022.readings import AttitudeReading, TargetRule
 from robotrue.cell.cell import Cell
 from robotrue.core.arrays import Array
-from robotrue.core.csv_text import csv_text
 from robotrue.core.files import write_atomic
 from robotrue.core.provenance import MEASURED, Provenance
 from robotrue.core.regions import describe_region
 from robotrue.core.units import DEG
 from robotrue.errors import ConfigurationError
-from robotrue.measurement.formats.canonical import canonical_mapping
 from robotrue.planning.hierarchical_plan import (
     HierarchicalPlan,
     HierarchicalSettings,
     plan_hierarchy,
 )
+from robotrue.planning.plan_sheets import pose_sheet
+from robotrue.robot.model import RobotModel
 
 EXAMPLE = "-15..15/15,-10..10/5,-10..10/2.5"
 
@@ -178,9 +178,9 @@ def write_hierarchy(request: HierarchyOptions, cell: Cell, context: Context) -> 
     plan = plan_hierarchy(cell.measured_robot.nominal(), domains, settings)
     source = context.output(request.output)
     target = source.with_name(f"{source.stem}_target{source.suffix}")
-    write_atomic(source, _sheet(plan.source, ["source"] * len(plan.source)))
+    write_atomic(source, _sheet(plan.source, ["source"] * len(plan.source), cell.robot))
     names = [f"sub-space {k + 1}" for k in plan.sub_space]
-    write_atomic(target, _sheet(plan.target, names))
+    write_atomic(target, _sheet(plan.target, names, cell.robot))
     context.wrote(f"{len(plan.source)} source poses", source, ": fill in what the tracker reads")
     context.wrote(f"{len(plan.target)} target poses", target, ": fill in what the tracker reads")
     return PlannedHierarchy(plan=plan, files=(source, target))
@@ -216,12 +216,5 @@ def _values(text: str) -> list[float] | None:
     return [low + k * float(step) for k in range(count + 1)]
 
 
-def _sheet(joints: Array, names: list[str]) -> bytes:
-    columns = canonical_mapping(joints.shape[1])
-    head = [*columns.joints, *columns.position, "set"]
-    rows = [
-        [*(f"{value:.6f}" for value in row), "", "", "", name]
-        for row, name in zip(joints / DEG, names, strict=True)
-    ]
-    remark = "# poses to be measured; fill in x_mm, y_mm, z_mm\n"
-    return (remark + csv_text([head, *rows])).encode()
+def _sheet(joints: Array, names: list[str], robot: RobotModel) -> bytes:
+    return pose_sheet(joints, robot, "fill in x_mm, y_mm, z_mm", {"set": names})

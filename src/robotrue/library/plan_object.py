@@ -66,7 +66,7 @@ class PosesToMeasure(Presented):
         """Writes the CSV of the poses; the measured points go into its blank columns."""
         from robotrue.planning.plan_sheets import plan_sheet
 
-        write_atomic(Path(path), plan_sheet(self.result.plan))
+        write_atomic(Path(path), plan_sheet(self.result.plan, self.result.robot))
 
     def blocks(self) -> Iterable[Block]:
         """Returns the expected error against the number of poses."""

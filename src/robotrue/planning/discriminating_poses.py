@@ -14,7 +14,6 @@ from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM
-from robotrue.measurement.formats.canonical import canonical_mapping
 from robotrue.planning.arm_scene import scene_of
 from robotrue.planning.candidates import STEP, draw_candidates, nothing_left, usable
 from robotrue.planning.criteria import greedy
@@ -91,12 +90,3 @@ def choose_discriminating(
         design = whitened[choice].reshape(-1, whitened.shape[2])
         sd[name] = np.sqrt(np.diagonal(np.linalg.pinv(design.T @ design)))
     return DiscriminatingPoses(joints=drawn[choice[short_order(drawn[choice])]], sd=sd)
-
-
-def drift_sheet(joints: Array) -> bytes:
-    """Returns the poses as CSV with blank positions, one row each in the order of measuring."""
-    names = canonical_mapping(joints.shape[1])
-    lines = ["# poses to be measured; fill in x_mm, y_mm, z_mm and give the file to drift"]
-    lines.append(",".join([*names.joints, *names.position]))
-    lines += [",".join([*(f"{q:.4f}" for q in row / DEG), "", "", ""]) for row in joints]
-    return ("\n".join(lines) + "\n").encode()

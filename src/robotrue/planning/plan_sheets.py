@@ -7,20 +7,25 @@ blank: a row that was left blank is refused, not taken for a measurement.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Final
 
 import numpy as np
 
 from robotrue.cell.cell import Cell
+from robotrue.core.arrays import Array
 from robotrue.core.csv_text import csv_text
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ModelMismatchError
-from robotrue.measurement.formats.canonical import canonical_mapping
+from robotrue.measurement.formats.canonical import axis_names, canonical_mapping
 from robotrue.measurement.formats.part_points import PLANNED, point_columns
 from robotrue.measurement.formats.sheet import number_columns, write_six_digits
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.planning.pose_plan import PosePlan
 from robotrue.program.formats.krl_measure import Trigger, measuring_program
 from robotrue.robot.configuration import controller_axes
+from robotrue.robot.model import RobotModel
+
+TYPE_AXES: Final = "; type a1_deg.. into the controller, never j1_deg.. (robot model)"
 
 
 def measuring_krl(cell: Cell, plan: PosePlan, name: str, trigger_output: int) -> bytes:
@@ -76,11 +81,15 @@ def plan_document(plan: PosePlan) -> dict[str, object]:
     }
 
 
-def plan_sheet(plan: PosePlan) -> bytes:
+def plan_sheet(plan: PosePlan, robot: RobotModel | None = None) -> bytes:
     """Returns the plan as CSV, one row per pose in the order of measuring.
 
     The columns are those a calibration reads. ``x_mm, y_mm, z_mm`` are blank: the measured points
     go there, and a row that was left blank is refused, not taken for a measurement.
+
+    Args:
+        plan: The poses.
+        robot: Says what its controller displays in each pose; None leaves those columns out.
     """
     names = canonical_mapping(plan.joints.shape[1])
     columns = number_columns(names.joints, plan.joints / DEG, write_six_digits)
@@ -99,8 +108,41 @@ def plan_sheet(plan: PosePlan) -> bytes:
             columns |= number_columns(
                 names.force, wrench[:, :3], write_six_digits
             ) | number_columns(names.moment, wrench[:, 3:], write_six_digits)
-    head = "# poses to be measured; fill in x_mm, y_mm, z_mm and give the file to calibrate\n"
-    return _write_sheet(head, columns)
+    if robot is not None:
+        columns |= _axis_columns(robot, plan.joints)
+    head = "# poses to be measured; fill in x_mm, y_mm, z_mm and give the file to calibrate"
+    return _write_sheet(f"{head}{'' if robot is None else TYPE_AXES}\n", columns)
+
+
+def drift_sheet(joints: Array, robot: RobotModel) -> bytes:
+    """Returns the poses of a drift check as CSV, one row each in the order of measuring."""
+    return pose_sheet(joints, robot, "fill in x_mm, y_mm, z_mm and give the file to drift", {})
+
+
+def pose_sheet(
+    joints: Array, robot: RobotModel, remark: str, further: Mapping[str, Sequence[str]]
+) -> bytes:
+    """Returns poses as CSV with blank positions and what the controller displays.
+
+    Args:
+        joints: (n, dof) rad, in the order of measuring.
+        robot: Of the controller.
+        remark: What to do with the sheet.
+        further: Columns by their names, between positions and axes.
+    """
+    names = canonical_mapping(robot.dof)
+    columns = {
+        **number_columns(names.joints, joints / DEG, write_six_digits),
+        **{name: [""] * len(joints) for name in names.position},
+        **further,
+        **_axis_columns(robot, joints),
+    }
+    return _write_sheet(f"# poses to be measured; {remark}{TYPE_AXES}\n", columns)
+
+
+def _axis_columns(robot: RobotModel, joints: Array) -> dict[str, list[str]]:
+    axes = controller_axes(robot, joints) / DEG
+    return number_columns(axis_names(robot.dof), axes, write_six_digits)
 
 
 def touch_sheet(touches: ProbingSet, parts: Sequence[str]) -> bytes:

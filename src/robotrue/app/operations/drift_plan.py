@@ -20,6 +20,7 @@ from robotrue.validation.drift_defaults import FEWEST, POSES
 if TYPE_CHECKING:
     from robotrue.app.workspace_context import WorkspaceContext
     from robotrue.core.arrays import Array
+    from robotrue.robot.model import RobotModel
     from robotrue.store.workspace import Transaction
 
 
@@ -38,12 +39,14 @@ class DriftPlan:
 
     Attributes:
         joints: (n, dof) rad, in the order of measuring.
+        robot: Whose controller counts its axes.
         sd: Standard deviation of each cause's numbers, mm and deg.
         output: Sheet that was written.
         provenance: Of the model.
     """
 
     joints: Array
+    robot: RobotModel
     sd: Mapping[str, Mapping[str, float]]
     output: Path
     provenance: Provenance
@@ -81,8 +84,8 @@ def run(request: DriftPlanRequest, context: Context) -> DriftPlan:
     from robotrue.planning.discriminating_poses import (
         choose_discriminating,
         draw_drift_candidates,
-        drift_sheet,
     )
+    from robotrue.planning.plan_sheets import drift_sheet
     from robotrue.robot.forward import forward
     from robotrue.validation.drift_check import cause_columns
 
@@ -103,11 +106,12 @@ def run(request: DriftPlanRequest, context: Context) -> DriftPlan:
     columns = {name: values for name, (_, values) in causes.items()}
     chosen = choose_discriminating(drawn, noise, columns, request.poses)
     output = context.output(request.output)
-    write_atomic(output, drift_sheet(chosen.joints))
+    write_atomic(output, drift_sheet(chosen.joints, cell.robot))
     poses = f"{len(chosen.joints)} pose{'' if len(chosen.joints) == 1 else 's'}"
     context.wrote(poses, output, ": fill in what the tracker reads")
     return DriftPlan(
         joints=chosen.joints,
+        robot=cell.robot,
         sd={name: _in_shop_units(terms, chosen.sd[name]) for name, (terms, _) in causes.items()},
         output=output,
         provenance=provenance_of(model),
@@ -127,6 +131,7 @@ def save(
     request: DriftPlanRequest, result: DriftPlan, into: Transaction, context: WorkspaceContext
 ) -> Mapping[str, object]:
     """Leaves a document ``drift-plan`` with the sheet, linked to the model."""
+    from robotrue.robot.configuration import controller_axes
     from robotrue.store.nouns import MODEL
     from robotrue.store.records import Link
 
@@ -135,6 +140,7 @@ def save(
         {
             "poses": len(result.joints),
             "joints_deg": (result.joints / DEG).tolist(),
+            "axes_deg": (controller_axes(result.robot, result.joints) / DEG).tolist(),
             "sd": result.sd,
         },
         result.provenance,

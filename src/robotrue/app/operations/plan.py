@@ -57,6 +57,7 @@ if TYPE_CHECKING:
     from robotrue.cell.cell import Cell
     from robotrue.measurement.formats.measured_files import QueryTable
     from robotrue.planning.pose_plan import PosePlan
+    from robotrue.robot.model import RobotModel
     from robotrue.robot.statics import Load
     from robotrue.store.workspace import Transaction
 
@@ -221,11 +222,13 @@ class Planned:
 
     Attributes:
         plan: The poses and what to expect of them.
+        robot: Whose controller counts the axes.
         files: That were written: table, page, KRL program.
         provenance: Of the model they start from; None without one.
     """
 
     plan: PosePlan
+    robot: RobotModel
     files: tuple[Path, ...]
     provenance: Provenance
 
@@ -286,7 +289,7 @@ def run(request: PlanRequest, context: Context) -> Planned | PlannedHierarchy:
     krl = None if request.krl is None else context.output(request.krl)
     text = b"" if krl is None else measuring_krl(cell, plan, krl.stem, request.trigger_output)
     files = [context.output(request.output)]
-    write_atomic(files[0], plan_sheet(plan))
+    write_atomic(files[0], plan_sheet(plan, cell.robot))
     plural = "" if len(plan) == 1 else "s"
     context.wrote(f"{len(plan)} pose{plural}", files[0], ": fill in what the tracker reads")
     if request.report is not None:
@@ -302,7 +305,7 @@ def run(request: PlanRequest, context: Context) -> Planned | PlannedHierarchy:
     if plan.stopped:
         gain = f"the next pose would gain less than {request.tolerance_um:g} um"
         context.inform(f"stopped at {len(plan)}: {gain}")
-    return Planned(plan=plan, files=tuple(files), provenance=origin)
+    return Planned(plan=plan, robot=cell.robot, files=tuple(files), provenance=origin)
 
 
 def _refuse_other_method(request: PlanRequest) -> None:

@@ -17,6 +17,7 @@ from robotrue.core.regions import CubeRegion
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.errors import ReachError
 from robotrue.measurement.measurement_set import concatenate
+from robotrue.robot.configuration import controller_axes
 from robotrue.robot.forward import forward
 from robotrue.store import items, measurements, models
 from robotrue.store.nouns import CELL, MEASUREMENT, MODEL
@@ -88,7 +89,7 @@ def _points(cell: Cell, seen: Evaluation) -> dict[str, object]:
             "position": pack_floats(seen.measured.position[shown]),
             "before": pack_floats(seen.before[shown]),
             "after": pack_floats(seen.after[shown]),
-            "joints_deg": pack_floats(np.degrees(joints)),
+            "axes_deg": pack_floats(np.degrees(controller_axes(cell.robot, joints))),
             "row": shown + 1,
             "of": n,
         },

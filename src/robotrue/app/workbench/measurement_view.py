@@ -8,13 +8,16 @@ import numpy as np
 
 from robotrue.app.workbench.arm_body import answer
 from robotrue.app.workbench.calibration_view import from_simulation
+from robotrue.app.workbench.file_imports import cell_of
 from robotrue.core.arrays import Array
 from robotrue.core.units import MM
 from robotrue.errors import ImplausibleDataError
 from robotrue.measurement.screening import screen
+from robotrue.robot.configuration import controller_axes
+from robotrue.robot.model import RobotModel
 from robotrue.store import items, measurements, models
 from robotrue.store.measurements import RowQuery
-from robotrue.store.nouns import MEASUREMENT, MODEL
+from robotrue.store.nouns import CELL, MEASUREMENT, MODEL, MeasurementRecord
 from robotrue.store.workspace import Workspace
 from robotrue.validation.evaluation import Evaluation, evaluate
 from robotrue.validation.metrics import coverage, error_statistics
@@ -51,25 +54,44 @@ def judge_measurement(
 def list_rows(
     workspace: Workspace, set_id: str, version: int, sort: str, offset: int, limit: int
 ) -> bytes:
-    """Returns a page of the rows of a set: line of the file, joints in deg, position in mm."""
+    """Returns a page of the rows of a set: line of the file, axes in deg, position in mm.
+
+    The axes are those the controller displays, where the set knows the cell it was measured in.
+    """
     record = items.get(workspace, MEASUREMENT, set_id, version=version)
     joints = tuple(f"joints_{k + 1}" for k in range(record.dof))
     position = tuple(f"position_{axis}" for axis in "xyz")
     columns = ("source_row", *joints, *position)
-    page = measurements.some_rows(
-        workspace,
-        record,
-        RowQuery(columns=columns, sort=sort, offset=offset, limit=limit),
+    by_axis = sort.removeprefix("-") in joints  # a controller may count the other way round
+    shown = RowQuery(columns=columns, sort=sort, offset=offset, limit=limit)
+    if by_axis:
+        shown = RowQuery(columns=columns, limit=record.poses)
+    page = measurements.some_rows(workspace, record, shown)
+    robot = _robot_of(workspace, record)
+    axes = np.stack([page.columns[name] for name in joints], axis=1)
+    if robot is not None:
+        axes = controller_axes(robot, axes)
+    points = np.stack([page.columns[name] for name in position], axis=1) / MM
+    values = np.column_stack([page.columns["source_row"], np.degrees(axes), points])
+    if by_axis:
+        order = np.argsort(values[:, columns.index(sort.removeprefix("-"))], kind="stable")
+        values = values[order[::-1] if sort.startswith("-") else order][offset : offset + limit]
+    return answer(
+        {
+            "columns": columns,
+            "letter": "j" if robot is None else "A",
+            "rows": values,
+            "total": page.total,
+            "offset": offset,
+        }
     )
-    values = np.stack(
-        [
-            page.columns["source_row"].astype(np.float64),
-            *(np.degrees(page.columns[name]) for name in joints),
-            *(page.columns[name] / MM for name in position),
-        ],
-        axis=1,
-    )
-    return answer({"columns": columns, "rows": values, "total": page.total, "offset": offset})
+
+
+def _robot_of(workspace: Workspace, record: MeasurementRecord) -> RobotModel | None:
+    """The arm of the cell a set was measured in; None where the set does not say."""
+    for to in record.refs("cell"):
+        return cell_of(workspace, items.get(workspace, CELL, to.id, version=to.version)).robot
+    return None
 
 
 def _sizes(errors: Array) -> dict[str, float]:

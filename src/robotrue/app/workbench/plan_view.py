@@ -13,6 +13,7 @@ from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 from robotrue.planning.arm_scene import scene_of
+from robotrue.robot.configuration import controller_axes
 from robotrue.store import items, models
 from robotrue.store.nouns import CELL, DOCUMENT, MODEL
 from robotrue.store.workspace import Workspace
@@ -33,15 +34,14 @@ def show_plan(workspace: Workspace, plan_id: str, version: int) -> bytes:
     simulated = any(from_simulation(models.model_of(workspace, each).model) for each in used)
     detail = dict(record.detail)
     joints = np.asarray(detail["joints_deg"], dtype=np.float64) * DEG
+    axes = controller_axes(cell.robot, joints) / DEG
     return answer(
         {
             **detail,
             "simulated": simulated,
             "model": used[0].name if used else "",
             "cell": cell.robot.name,
-            "axes_deg": None
-            if cell.robot.controller is None
-            else cell.robot.controller.to_controller(joints) / DEG,
+            "axes_deg": axes,
             "visibility": _visibility(cell, joints),
             "scene": {
                 "robot": body_document(cell, joints),
@@ -50,7 +50,7 @@ def show_plan(workspace: Workspace, plan_id: str, version: int) -> bytes:
                 "simulated": simulated,
                 "points": {
                     "position": pack_floats(np.asarray(detail["commanded_mm"]) * MM),
-                    "joints_deg": pack_floats(np.asarray(detail["joints_deg"])),
+                    "axes_deg": pack_floats(axes),
                     "row": np.arange(1, len(joints) + 1),
                     "of": len(joints),
                     "seen_from": cell.tracker_place,

@@ -1,6 +1,8 @@
 """robotrue's own CSV: the columns, reading their names, and writing them.
 
-``j1_deg .. jn_deg, x_mm, y_mm, z_mm`` and, each group whole or absent, ``rx_deg, ry_deg, rz_deg``
+``j1_deg .. jn_deg`` (joints of the robot model) or ``a1_deg .. an_deg`` (axes as the controller
+displays them; beside ``j1_deg`` they are for the reader of a sheet alone and passed over),
+``x_mm, y_mm, z_mm`` and, each group whole or absent, ``rx_deg, ry_deg, rz_deg``
 (R = Rz(rz) Ry(ry) Rx(rx)), ``sx_mm, sy_mm, sz_mm`` (one sigma), ``cxy_mm2, cxz_mm2, cyz_mm2``
 (covariances), ``fx_N, fy_N, fz_N``, ``mx_Nm, my_Nm, mz_Nm``, ``approach1 .. approachn``,
 ``temperature_C``, ``payload_kg``, ``payload_x_mm, payload_y_mm, payload_z_mm``, ``target``,
@@ -27,6 +29,7 @@ from robotrue.measurement.measurement_set import MeasurementSet
 
 POSITION: Final = ("x_mm", "y_mm", "z_mm")
 _JOINT: Final = re.compile(r"j(\d+)_deg")
+_AXIS: Final = re.compile(r"a(\d+)_deg")
 
 
 def canonical_mapping(dof: int) -> ColumnMapping:
@@ -59,9 +62,19 @@ def joint_names(dof: int) -> tuple[str, ...]:
     return tuple(f"j{i + 1}_deg" for i in range(dof))
 
 
+def axis_names(dof: int) -> tuple[str, ...]:
+    """Returns the names of columns of displayed axes: ``a1_deg``, ``a2_deg``, ..."""
+    return tuple(f"a{i + 1}_deg" for i in range(dof))
+
+
 def joints_in(header: Sequence[str]) -> int:
     """Returns how many joint columns a header has."""
     return sum(1 for name in header if _JOINT.fullmatch(column_key(name)))
+
+
+def axes_in(header: Sequence[str]) -> int:
+    """Returns how many columns of axes, as the controller displays them, a header has."""
+    return sum(1 for name in header if _AXIS.fullmatch(column_key(name)))
 
 
 def write_canonical(path: str | Path, measurements: MeasurementSet) -> None:

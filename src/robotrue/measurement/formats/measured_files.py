@@ -12,7 +12,13 @@ import numpy as np
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.columns import Column, Columns
 from robotrue.errors import ConfigurationError
-from robotrue.measurement.formats.canonical import canonical_mapping, joint_names, joints_in
+from robotrue.measurement.formats.canonical import (
+    axes_in,
+    axis_names,
+    canonical_mapping,
+    joint_names,
+    joints_in,
+)
 from robotrue.measurement.formats.joined_sheet import join_sheets, read_joint_list
 from robotrue.measurement.formats.joint_literals import AXES, read_joint_literals
 from robotrue.measurement.formats.mapped_sheet import MappedSheet
@@ -180,16 +186,19 @@ def _name_joints(
 def _detect_mapping(
     sheet: Sheet, name: str | None, positions: bool, ignore: Sequence[str]
 ) -> tuple[Sheet, ColumnMapping]:
-    dof = joints_in(sheet.header)
-    if dof or name == "canonical":
-        dropped = {column_key(column) for column in ignore}
+    dof, axes = joints_in(sheet.header), axes_in(sheet.header)
+    if dof or axes or name == "canonical":
+        beside = axis_names(axes) if dof else ()
+        dropped = {column_key(column) for column in (*ignore, *beside)}
         kept = [i for i, column in enumerate(sheet.header) if column_key(column) not in dropped]
         thinned = replace(
             sheet,
             header=tuple(sheet.header[i] for i in kept),
             cells=tuple(tuple(row[i] for i in kept) for row in sheet.cells),
         )
-        mapping = canonical_mapping(dof or 6)
+        mapping = canonical_mapping(dof or axes or 6)
+        if axes and not dof:
+            mapping = replace(mapping, joints=axis_names(axes), axes="controller")
         optional = mapping.optional if positions else (*mapping.optional, "position")
         return split_monuments(thinned, mapping), replace(mapping, optional=optional)
     for known in read_layouts().values():

@@ -85,7 +85,7 @@ export default {
       }
       if (doc.points) {
         const p = doc.points;
-        this.points = { at: tools.floats(p.position), before: p.before && tools.floats(p.before), after: p.after && tools.floats(p.after), seenFrom: p.seen_from, joints: tools.floats(p.joints_deg), row: p.row, dof: doc.robot.dof, turn: tools.floats(doc.robot.orientation[this.angles]), terms: doc.robot.orientation[this.angles].shape[1] };
+        this.points = { at: tools.floats(p.position), before: p.before && tools.floats(p.before), after: p.after && tools.floats(p.after), seenFrom: p.seen_from, axes: tools.floats(p.axes_deg), row: p.row, dof: doc.robot.dof, turn: tools.floats(doc.robot.orientation[this.angles]), terms: doc.robot.orientation[this.angles].shape[1] };
         this.hasErrors = Boolean(p.before);
       }
       if (doc.path) {
@@ -164,7 +164,7 @@ export default {
       }
       if (this.points) {
         const d = this.points.dof;
-        facts.push([this.text.joints, [...this.points.joints.slice(d * i, d * i + d)].map((q) => q.toFixed(1)).join(", ") + "°"]);
+        facts.push([`A1 – A${d}`, [...this.points.axes.slice(d * i, d * i + d)].map((q) => q.toFixed(1)).join(", ") + "°"]);
       }
       this.facts = facts;
     },
