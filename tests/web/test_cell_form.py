@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +11,18 @@ import httpx
 import numpy as np
 import pytest
 from serving import Watched, serving, watching
-from web_shop import Client, Served
+from web_shop import Client, Served, unpacked
 
 from robotrue.cell.config import parse_cell
 from robotrue.cell.obstacles import Box, HalfSpace
+from robotrue.cell.robot_table import robot_table
+from robotrue.cell.toml_edit import write_toml
 from robotrue.core.poses import pose_from_xyz_abc
+from robotrue.core.units import DEG, MM
+from robotrue.robot.forward import forward
+from robotrue.robot.model import RobotModel
+from robotrue.robot.presets import preset
+from robotrue.robot.urdf import to_urdf
 
 NUMBERS = {
     "tool_x_mm": "12,5", "tool_z_mm": 300, "tool_b_deg": "−30", "mass_kg": "45", "centre_z_mm": 120,
@@ -87,6 +95,75 @@ def test_an_empty_form_is_a_usual_cell(client: Client) -> None:
         cell = parse_cell(text.encode(), "cell.toml")
         assert cell.robot.name == name
         assert cell.tracker.range_bound / cell.tracker.divisor == pytest.approx(7.5e-6)
+
+
+def dh_table(robot: RobotModel) -> str:
+    assert robot.controller is not None
+    columns = {
+        "theta_deg": robot.theta / DEG, "alpha_deg": robot.alpha / DEG, "d_mm": robot.d / MM,
+        "a_mm": robot.a / MM, "axes_sign": robot.controller.sign,
+        "axes_offset_deg": robot.controller.offset / DEG,
+    }  # fmt: skip
+    rows = zip(*columns.values(), strict=True)
+    text = "\n".join(";".join(f"{v:.9g}".replace(".", ",") for v in row) for row in rows)
+    return f"{';'.join(columns)}\n{text}\n"
+
+
+def arm_files(robot: RobotModel) -> dict[str, str]:
+    """The same arm in each form that the form of a cell takes."""
+    unknown = np.full(robot.dof, np.nan)
+    table = robot_table(replace(robot, name="bench"), unknown, None)
+    named = {key: table[key] for key in ("convention", "dh", "axes_sign", "axes_offset_deg")}
+    return {
+        "arm.csv": dh_table(robot),
+        "arm.toml": write_toml(named),
+        "whole.toml": write_toml({"robot": named}),
+        "arm.urdf": to_urdf(robot),
+    }
+
+
+@pytest.mark.parametrize("name", ["arm.csv", "arm.toml", "whole.toml", "arm.urdf"])
+def test_an_arm_comes_from_a_file(client: Client, name: str) -> None:
+    made, arm = client(), preset("KUKA KR160 R1570").nominal()
+    sent = made.post(f"/api/files?name={name}", content=arm_files(arm)[name].encode()).json()
+    maker = "" if name == "arm.urdf" else "kuka"  # a URDF counts axes as ROS does
+    form = {"robot": "", "arm": sent["id"], "convention": arm.convention, "maker": maker}
+    numbers = {f"stiffness_{joint}_MNm_per_rad": 1.0 for joint in range(1, 7)}
+    found = made.post("/api/cells/form", json={**form, "numbers": numbers}).json()
+    assert found["faults"] == {}
+    assert found["joints"] == 6
+    assert found["arm_files"] == (["arm.urdf"] if name == "arm.urdf" else [])
+    stated = {"text": found["text"], "name": "Own arm", "uploads": [sent["id"]]}
+    kept = made.post("/api/cells/text", json=stated)
+    assert kept.status_code == 201, kept.text
+    drawn = made.get(f"/api/scenes/cell/{kept.json()['id']}").json()
+    assert "robot" in drawn, drawn
+    assert drawn["robot"]["reach_m"] == pytest.approx(arm.reach, abs=1e-6)
+    if name != "arm.urdf":  # with limits it is drawn in their middle
+        expected = forward(arm, np.zeros((1, 6)))[0, :3, 3]
+        np.testing.assert_allclose(unpacked(drawn["robot"]["tool"])[0, 0], expected, atol=1e-5)
+    assert ('maker = "kuka"' in found["text"]) is (maker == "kuka")
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("arm.csv", "theta_deg,d_mm\n0,1\n", "no column 'alpha_deg', 'a_mm'"),
+        ("arm.csv", "theta_deg,alpha_deg,d_mm,a_mm\n0,-90,0.5,0.3\n", "metres"),
+        ("arm.toml", 'maker = "kuka"\n', "no DH table"),
+        ("arm.urdf", "<robot", "arm.urdf"),
+        ("arm.step", "ISO-10303-21;", "expected .toml, .csv, .urdf or .xml"),
+    ],
+)
+def test_a_file_of_no_arm_is_refused_beside_its_field(
+    client: Client, name: str, text: str, words: str
+) -> None:
+    made = client()
+    sent = made.post(f"/api/files?name={name}", content=text.encode()).json()
+    form = {"robot": "", "arm": sent["id"]}
+    faults = made.post("/api/cells/form", json={**form, "numbers": {}}).json()["faults"]
+    assert list(faults) == ["arm"]
+    assert words in faults["arm"]["text"]
 
 
 @pytest.mark.parametrize(
@@ -194,6 +271,31 @@ def test_from_the_form_to_the_second_version(watched: Watched, fresh: Served) ->
             page.goto(address)
             page.locator("#sheet").wait_for()
             assert page.evaluate("document.documentElement.scrollWidth") <= width, address
+
+
+def test_an_arm_from_a_file_and_the_corners_of_a_box(watched: Watched, tmp_path: Path) -> None:
+    page, arm = watched.page, preset("UR10").nominal()
+    path = tmp_path / "bench.csv"
+    path.write_text(dh_table(arm))
+    page.goto("/cell?new=1")
+    watched.find("cell-preview").get_by_text("preset =").wait_for()
+    watched.find("cell-robot").select_option("")
+    watched.find("cell-arm").set_input_files(path)
+    watched.find("cell-preview").get_by_text('convention = "dh"').wait_for()
+    watched.find("cell-convention").select_option("mdh")
+    watched.find("cell-preview").get_by_text('convention = "mdh"').wait_for()
+    watched.find("group-surroundings").locator("summary").click()
+    watched.find("add-box").click()
+    low, high = (
+        watched.find(f"cell-box1_{corner}_y_mm").bounding_box() for corner in ("low", "high")
+    )
+    assert low is not None
+    assert high is not None
+    assert low["x"] == high["x"]
+    assert low["y"] < high["y"]
+    page.locator('[data-testid="cell-keep"]:enabled').click()
+    watched.find("scene").and_(page.locator('[data-state="ready"]')).wait_for()
+    assert page.locator("h2", has_text="bench").count()
 
 
 def test_the_note_of_a_model_s_set_is_changed_where_it_stands(

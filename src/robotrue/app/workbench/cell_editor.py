@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import shutil
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Final
 
 from robotrue.app.workbench.arm_body import answer
+from robotrue.app.workbench.arm_file import ArmFile, read_arm
 from robotrue.app.workbench.cell_form_fields import (
     OPTIONAL_FIELDS,
     find_incomplete_fields,
     state_surroundings,
 )
+from robotrue.cell.cell import Cell
 from robotrue.cell.config import parse_cell
 from robotrue.cell.toml_edit import round_digits, write_toml
 from robotrue.core.json_values import plain_text
 from robotrue.core.units import MM, UM
-from robotrue.errors import ConfigurationError, ModelMismatchError, ShapeError
+from robotrue.errors import ConfigurationError, FormatError, ModelMismatchError, ShapeError
 from robotrue.measurement.tracker import DEFAULT_SPECIFICATION
 from robotrue.robot.forward import wrist_reach
+from robotrue.robot.makers import MAKERS
 from robotrue.robot.presets import preset, preset_names, rated_payload
 from robotrue.store import cells, items
 from robotrue.store.layout import copy_files
@@ -28,6 +32,7 @@ from robotrue.store.nouns import CELL, CellRecord
 from robotrue.store.workspace import Workspace, transaction
 
 HEADING: Final = "# Made from a preset; change and extend it.\n"
+HEADING_OF_FILE: Final = "# Made from the file of an arm; change and extend it.\n"
 USUAL: Final[Mapping[str, float]] = {
     "repeatability_mm": 0.06,
     "sigma_um": round_digits(
@@ -79,41 +84,70 @@ def list_presets() -> bytes:
         {"name": name, "usual": None, "least": least, "most": most}
         for name, (least, most) in OPTIONAL_FIELDS.items()
     ]
-    return answer({"presets": found, "fields": fields})
+    return answer({"presets": found, "fields": fields, "makers": list(MAKERS)})
 
 
 def describe_cell(stated: Mapping[str, object]) -> bytes:
     """Returns the cell.toml of a form, or what is wrong with which field.
 
     Args:
-        stated: ``robot``, ``frame`` and the fields, as typed.
+        stated: ``robot``, ``frame`` and the fields, as typed; in place of ``robot`` the path of a
+            file ``arm``, with ``convention`` and ``maker``.
     """
     values, faults = _numbers(stated)
     robot = str(stated.get("robot", ""))
-    if robot not in preset_names():
+    try:
+        arm = _read_stated_arm(stated)
+        model = None if arm is None else _parse({"schema": 1, "robot": arm.table}, arm.files).robot
+    except (ConfigurationError, FormatError, ShapeError) as error:
+        faults["arm" if stated.get("arm") else "robot"] = {"kind": "refused", "text": str(error)}
+        return answer({"faults": faults, "text": "", "cautions": {}})
+    if arm is None or model is None:
         faults["robot"] = {"kind": "preset"}
-    else:
-        faults = {**find_incomplete_fields(values, robot), **faults}
+        return answer({"faults": faults, "text": "", "cautions": {}})
+    faults = {**find_incomplete_fields(values, model.dof), **faults}
     if values["sigma_um"] == 0.0 and values["sigma_um_per_m"] == 0.0:
         faults["sigma_um"] = {"kind": "exact"}
     if math.dist((values["centre_x_mm"], values["centre_y_mm"], values["centre_z_mm"]), (0, 0, 0)):
         if values["mass_kg"] == 0.0:
             faults["mass_kg"] = {"kind": "massless"}
+    known = {"joints": model.dof, "arm_files": list(arm.files)}
     if faults:
-        return answer({"faults": faults, "text": "", "cautions": {}})
-    rated = rated_payload(robot)
+        return answer({"faults": faults, "text": "", "cautions": {}, **known})
+    rated = rated_payload(robot) if robot else None
     over = rated is not None and values["mass_kg"] > rated
     cautions = {"mass_kg": {"kind": "rated", "most": rated}} if over else {}
     try:
-        text = _cell_toml(robot, str(stated.get("frame", "base")), values)
-        parse_cell(text.encode(), "cell.toml")
+        tables = _cell_tables(arm.table, model.dof, str(stated.get("frame", "base")), values)
+        _parse(tables, arm.files)
     except (ConfigurationError, ShapeError) as error:
         faults[_find_field(error.message)] = {"kind": "refused", "text": error.message}
-        return answer({"faults": faults, "text": "", "cautions": {}})
-    return answer({"faults": {}, "text": text, "cautions": cautions})
+        return answer({"faults": faults, "text": "", "cautions": {}, **known})
+    text = (HEADING if robot else HEADING_OF_FILE) + write_toml(tables)
+    return answer({"faults": {}, "text": text, "cautions": cautions, **known})
 
 
-def save_cell_text(workspace: Workspace, text: str, name: str, id: str, version: int) -> CellRecord:
+def _read_stated_arm(stated: Mapping[str, object]) -> ArmFile | None:
+    """The arm of a form: a preset, or the file that was sent; None: neither is known."""
+    robot, sent = str(stated.get("robot", "")), stated.get("arm")
+    if sent:
+        convention, maker = (str(stated.get(key) or "") for key in ("convention", "maker"))
+        return read_arm(Path(str(sent)), convention=convention or "dh", maker=maker)
+    return ArmFile(table={"preset": robot}) if robot in preset_names() else None
+
+
+def _parse(tables: Mapping[str, object], files: Mapping[str, bytes]) -> Cell:
+    return parse_cell(write_toml(tables).encode(), "cell.toml", files=files)
+
+
+def save_cell_text(
+    workspace: Workspace,
+    text: str,
+    name: str,
+    id: str,
+    version: int,
+    companions: Sequence[Path] = (),
+) -> CellRecord:
     """Returns the record of a cell.toml's text: a new cell, or a new version of one.
 
     Args:
@@ -122,6 +156,7 @@ def save_cell_text(workspace: Workspace, text: str, name: str, id: str, version:
         name: Of a new cell.
         id: Of the cell that gets a new version; empty: none.
         version: Of it that was changed.
+        companions: Files that the text of a new cell names.
 
     Raises:
         ModelMismatchError: Somebody else changed it meanwhile.
@@ -133,7 +168,9 @@ def save_cell_text(workspace: Workspace, text: str, name: str, id: str, version:
     with TemporaryDirectory() as place:
         path = Path(place) / "cell.toml"
         if not id:
-            cells.require_beside(text, ())
+            cells.require_beside(text, [each.name for each in companions])
+            for each in companions:
+                shutil.copyfile(each, Path(place) / each.name)
             path.write_text(text, encoding="utf-8")
             return cells.add(workspace, path, name=name)
         before = items.get(workspace, CELL, id)
@@ -181,14 +218,16 @@ def _numbers(stated: Mapping[str, object]) -> tuple[dict[str, float], dict[str, 
     return values, faults
 
 
-def _cell_toml(robot: str, frame: str, values: Mapping[str, float]) -> str:
-    """Returns the cell.toml that a form states, in its own keys."""
+def _cell_tables(
+    robot: Mapping[str, object], dof: int, frame: str, values: Mapping[str, float]
+) -> dict[str, object]:
+    """Returns the tables of the cell.toml that a form states, in its own keys."""
     tracker: dict[str, object] = {"frame": "unknown" if frame == "unknown" else "base"}
     if any(values[key] != USUAL[key] for key in ("sigma_um", "sigma_um_per_m")):
         tracker |= {key: values[key] for key in ("sigma_um", "sigma_um_per_m")}
     tables: dict[str, object] = {
         "schema": 1,
-        "robot": {"preset": robot},
+        "robot": dict(robot),
         "tool": {
             "xyz_mm": [values[f"tool_{axis}_mm"] for axis in "xyz"],
             "abc_deg": [values[f"tool_{angle}_deg"] for angle in "abc"],
@@ -200,13 +239,13 @@ def _cell_toml(robot: str, frame: str, values: Mapping[str, float]) -> str:
         "repeatability": {"mm": values["repeatability_mm"]},
         "tracker": tracker,
     }
-    for key, added in state_surroundings(values, robot, frame).items():
+    for key, added in state_surroundings(values, dof, frame).items():
         stated = tables.get(key)
         if isinstance(stated, dict) and isinstance(added, dict):
             tables[key] = {**stated, **added}
         else:
             tables[key] = added
-    return HEADING + write_toml(tables)
+    return tables
 
 
 def _find_field(message: str) -> str:

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final
 
-from robotrue.robot.presets import preset
-
 BOXES: Final = 8
 """Boxes that the form states; a cell.toml may hold more."""
 JOINTS: Final = 7
-"""Most joints of a preset."""
+"""Most joints that the form states a stiffness of."""
 OPTIONAL_FIELDS: Final[Mapping[str, tuple[float, float]]] = {
     **{f"reflector_{axis}_mm": (-3000.0, 3000.0) for axis in "xyz"},
     **{f"tracker_{axis}_mm": (-50_000.0, 50_000.0) for axis in "xyz"},
@@ -26,10 +24,10 @@ OPTIONAL_FIELDS: Final[Mapping[str, tuple[float, float]]] = {
 """Least and most of each number that may be left blank: it is then not stated."""
 
 
-def find_incomplete_fields(values: Mapping[str, float], robot: str) -> dict[str, dict[str, object]]:
+def find_incomplete_fields(values: Mapping[str, float], dof: int) -> dict[str, dict[str, object]]:
     """Returns a fault for each blank field of a point, a box or a stiffness that is half stated."""
     faults: dict[str, dict[str, object]] = {}
-    for names in _list_groups(robot):
+    for names in _list_groups(dof):
         missing = [name for name in names if name not in values]
         if 0 < len(missing) < len(names):
             faults |= {name: {"kind": "incomplete"} for name in missing}
@@ -44,17 +42,17 @@ def find_incomplete_fields(values: Mapping[str, float], robot: str) -> dict[str,
 
 
 def state_surroundings(
-    values: Mapping[str, float], robot: str, frame: str
+    values: Mapping[str, float], dof: int, frame: str
 ) -> dict[str, dict[str, object] | list[dict[str, object]]]:
     """Returns the keys that the optional fields add to the tables of a cell.toml.
 
     Args:
         values: The fields that are stated, complete.
-        robot: Name of the preset.
+        dof: Joints of the arm.
         frame: Frame of the measured positions, ``base`` or ``unknown``.
     """
     tables: dict[str, dict[str, object] | list[dict[str, object]]] = {}
-    stiffness = [values.get(name) for name in _list_stiffness(robot)]
+    stiffness = [values.get(name) for name in _list_stiffness(dof)]
     stated = [round(each * 1e6, 3) for each in stiffness if each is not None]
     if stated:
         tables["robot"] = {"stiffness_Nm_per_rad": stated}
@@ -76,18 +74,18 @@ def state_surroundings(
     return tables
 
 
-def _list_groups(robot: str) -> list[list[str]]:
+def _list_groups(dof: int) -> list[list[str]]:
     """The fields that are stated together or not at all."""
     points = [[f"{what}_{axis}_mm" for axis in "xyz"] for what in ("reflector", "tracker")]
     boxes = [
         [f"box{number}_{corner}_{axis}_mm" for corner in ("low", "high") for axis in "xyz"]
         for number in range(1, BOXES + 1)
     ]
-    return [*points, *boxes, _list_stiffness(robot)]
+    return [*points, *boxes, _list_stiffness(dof)]
 
 
-def _list_stiffness(robot: str) -> list[str]:
-    return [f"stiffness_{joint}_MNm_per_rad" for joint in range(1, preset(robot).dof + 1)]
+def _list_stiffness(dof: int) -> list[str]:
+    return [f"stiffness_{joint}_MNm_per_rad" for joint in range(1, dof + 1)]
 
 
 def _read_point(values: Mapping[str, float], name: str) -> list[float]:

@@ -8,9 +8,9 @@ import numpy as np
 
 from robotrue.app.workbench.arm_body import answer, body_document, pack_floats
 from robotrue.app.workbench.calibration_view import from_simulation
+from robotrue.app.workbench.file_imports import cell_of
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
-from robotrue.cell.config import parse_cell
 from robotrue.cell.obstacles import Box, Sphere
 from robotrue.core.arrays import Array
 from robotrue.core.regions import CubeRegion
@@ -35,9 +35,7 @@ SLACK: Final = 0.02
 
 def draw_cell(workspace: Workspace, cell_id: str, version: int) -> bytes:
     """Returns a cell without a model: arm and frames."""
-    record = items.get(workspace, CELL, cell_id, version=version)
-    (file,) = record.files("cell")
-    cell = parse_cell(workspace.content(file.sha256), workspace.path_of(file.sha256))
+    cell = cell_of(workspace, items.get(workspace, CELL, cell_id, version=version))
     middle = cell.robot.limits.mean(axis=1) if np.isfinite(cell.robot.limits).all() else None
     joints = np.zeros(cell.robot.dof) if middle is None else middle
     return answer({

@@ -38,11 +38,13 @@ def describe_cell(form: Mapping[str, object]) -> bytes:
     return answer(form)
 
 
-def save_cell_text(folder: str, text: str, name: str, id: str, version: int) -> CellRecord:
+def save_cell_text(
+    folder: str, text: str, name: str, id: str, version: int, companions: Sequence[Path] = ()
+) -> CellRecord:
     """Returns the record of a cell.toml's text: a new cell, or a new version of one."""
     from robotrue.app.workbench.cell_editor import save_cell_text as answer
 
-    return _ask(answer, folder, text, name, id, version)
+    return _ask(answer, folder, text, name, id, version, companions)
 
 
 def read_cell_text(folder: str, id: str, version: int) -> bytes:

@@ -1,6 +1,7 @@
 // The obstacles of a cell in its 3-D view: boxes, spheres, and the plane of a floor or a wall.
 const COLOUR = 0x8895a3;
 const OPACITY = 0.28;
+const PLANE_OPACITY = 0.1; // the grid of the floor shows through
 const PLANE_WIDTH = 6; // m, of a floor or a wall that has no end
 
 export function drawObstacles(three, group, list) {
@@ -12,8 +13,8 @@ export function drawObstacles(three, group, list) {
   }
 }
 
-function surface(T, geometry) {
-  const paint = new T.MeshBasicMaterial({ color: COLOUR, transparent: true, opacity: OPACITY, side: T.DoubleSide, depthWrite: false });
+function surface(T, geometry, opacity = OPACITY) {
+  const paint = new T.MeshBasicMaterial({ color: COLOUR, transparent: true, opacity, side: T.DoubleSide, depthWrite: false });
   const mesh = new T.Mesh(geometry, paint);
   mesh.add(new T.LineSegments(new T.EdgesGeometry(geometry, 30), new T.LineBasicMaterial({ color: COLOUR })));
   return mesh;
@@ -32,7 +33,7 @@ function sphere(T, { centre, radius }) {
 }
 
 function plane(T, { point, normal }) {
-  const mesh = surface(T, new T.PlaneGeometry(PLANE_WIDTH, PLANE_WIDTH));
+  const mesh = surface(T, new T.PlaneGeometry(PLANE_WIDTH, PLANE_WIDTH), PLANE_OPACITY);
   mesh.quaternion.setFromUnitVectors(new T.Vector3(0, 0, 1), new T.Vector3(...normal));
   mesh.position.set(...point);
   return mesh;
