@@ -7,7 +7,7 @@ import webbrowser
 from pathlib import Path
 from types import ModuleType
 
-from robotrue.app.job_kinds import job_kinds
+from robotrue.app.job_kinds import LazyJobKinds
 from robotrue.cli.console import say
 from robotrue.errors import ConfigurationError, MissingExtraError
 
@@ -30,7 +30,7 @@ def run(
         token=_secret("--token-env", token_env),
         upload_limit=upload_mb * made.MB,
         upload_total=(upload_total_mb or 0) * made.MB,
-        kinds=job_kinds(),
+        kinds=LazyJobKinds(),
         **settings,
     )
 

@@ -35,7 +35,7 @@ class JobProcess:
             workspace: Where jobs wait.
             kinds: What it can do: ``module:function`` by kind; empty: jobs are left to others.
         """
-        self._workspace, self._kinds = workspace, dict(kinds)
+        self._workspace, self._kinds = workspace, kinds
         self._process: BaseProcess | None = None
         self._wake = asyncio.Event()
         self._orphans = True  # an earlier server may have left jobs of dead workers
@@ -78,7 +78,7 @@ class JobProcess:
             return False
 
     def _start(self) -> None:
-        where = (str(self._workspace.folder), self._workspace.url, self._kinds)
+        where = (str(self._workspace.folder), self._workspace.url, dict(self._kinds))
         self._process = child_context().Process(target=_work, args=where)  # type: ignore[attr-defined]
         self._process.start()
         self._orphans = False

@@ -56,7 +56,6 @@ def router(server: ServerContext) -> APIRouter:
     """Returns the routes of jobs."""
     routes = APIRouter(tags=["jobs"])
     workspace = server.workspace
-    known = sorted(server.settings.kinds)
 
     def get_job(id: str) -> jobs.Job:
         with missing_if_unknown():
@@ -65,9 +64,10 @@ def router(server: ServerContext) -> APIRouter:
     @routes.post("/jobs", status_code=202)
     async def ask_for_job(asked: Asked) -> dict[str, object]:
         """A job that now waits to be done; watch it at ``/api/jobs/{id}``."""
+        known = server.settings.kinds
         if asked.kind not in known:
             raise ConfigurationError(
-                f"a job of kind {asked.kind!r}, expected one of {', '.join(known)}."
+                f"a job of kind {asked.kind!r}, expected one of {', '.join(sorted(known))}."
             )
         return await start_job(server, asked.kind, asked.parameters)
 

@@ -69,7 +69,7 @@ def _describe_entry(
     kind = kinds.get(entry.item, "")
     usual = kind_name(context.say, kind) if kind else entry.item[:8]
     where = "" if entry.action == GONE else PAGES_OF.get(entry.noun, "")
-    if kind in context.server.settings.kinds:
+    if kind and kind in context.server.settings.kinds:
         where = f"/tools/{kind}?job="
     return str(entry.detail.get("name") or usual), where and where + entry.item, ""
 
