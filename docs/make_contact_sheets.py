@@ -1,0 +1,200 @@
+"""Draws docs/_static/contact_*.jpg: every page of the workbench at four widths, both themes.
+
+    python docs/make_contact_sheets.py [--keep FOLDER] [--axe axe.min.js] [--widths 390,820]
+
+Serves a new workspace with the sample project, does its jobs (calibration, plan, compensation,
+drift check, certificate), and takes each page with Chromium: English in light colours, Chinese in
+dark ones. It says which pages are wider than their window, which texts are cut off, and, with the
+script of axe-core (https://github.com/dequelabs/axe-core), which rules of WCAG A and AA they break.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final
+
+import httpx
+from PIL import Image, ImageDraw
+from playwright.sync_api import Page, sync_playwright
+
+OUT: Final = Path(__file__).resolve().parent / "_static"
+CHROMIUM: Final = "/usr/bin/chromium"
+FLAGS: Final = (
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-gpu-compositing",
+    "--disable-accelerated-2d-canvas",
+    "--no-sandbox",
+)
+WIDTHS: Final = (1440, 1180, 820, 390)
+HEIGHTS: Final = {1440: 900, 1180: 820, 820: 1180, 390: 844}
+LOOKS: Final = (("en", "light"), ("zh", "dark"))
+THUMB: Final = {1440: 460, 1180: 400, 820: 260, 390: 170}
+"""Pixels a picture is wide on a sheet."""
+SHEET: Final = 1900
+TALLEST: Final = 2.2
+"""Longest part of a page that is shown, in widths (in heights of the window on a phone)."""
+SETTLED_MS: Final = 700
+WAIT: Final = 600.0
+"""s that a job may take."""
+CUT: Final = """() => [...document.querySelectorAll('body *')].filter((e) => {
+  const style = getComputedStyle(e);
+  if (!['hidden', 'clip'].includes(style.overflowX)) return false;
+  if (style.textOverflow === 'ellipsis') return false;
+  return e.clientWidth > 4 && e.scrollWidth > e.clientWidth + 1 && e.innerText?.trim();
+}).map((e) => e.tagName + '.' + e.className + ': ' + e.innerText.trim().slice(0, 40))"""
+
+
+def main() -> None:
+    """Takes all pages, writes the sheets, says what is wrong on stderr."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--keep", type=Path, help="folder for the single pictures")
+    parser.add_argument("--axe", type=Path, help="axe.min.js")
+    parser.add_argument("--widths", default=",".join(map(str, WIDTHS)))
+    parser.add_argument("--only", default="", help="part of the address of the pages to take")
+    asked = parser.parse_args()
+    script = asked.axe.read_text(encoding="utf-8") if asked.axe else ""
+    with tempfile.TemporaryDirectory() as scratch, _serving(Path(scratch) / "shop") as address:
+        pages = [each for each in fill(address) if asked.only in each]
+        folder = asked.keep or Path(scratch)
+        folder.mkdir(exist_ok=True)
+        for width in map(int, asked.widths.split(",")):
+            taken = [_take(address, pages, width, look, folder, script) for look in LOOKS]
+            if not asked.only:
+                draw_sheet([path for part in taken for path in part], width)
+
+
+def fill(address: str) -> list[str]:
+    """Fills a workspace by the HTTP interface; returns the addresses of its pages."""
+    client = httpx.Client(base_url=address, timeout=WAIT)
+
+    def do(kind: str, **parameters: object) -> Any:
+        answer = client.post("/api/jobs", json={"kind": kind, "parameters": parameters})
+        answer.raise_for_status()
+        job, until = answer.json(), time.monotonic() + WAIT
+        while not job["over"] and time.monotonic() < until:
+            time.sleep(0.3)
+            job = client.get(f"/api/jobs/{job['id']}").json()
+        if job["state"] != "done":
+            sys.stderr.write(f"{kind}: {job['state']} {job['error']}\n")
+        return job["result"] or {}
+
+    cell = client.post("/api/sample-project").json()["id"]
+    sets = {
+        each["name"]: each["id"] for each in client.get("/api/items/measurement").json()["items"]
+    }
+    (program,) = client.get("/api/items/program").json()["items"]
+    held_out, training = (next(v for k, v in sets.items() if k.startswith(n)) for n in ("50", "80"))
+    model = do("calibrate", cell=cell, measurements=[training])["model"]["id"]
+    after = do("compensate", model=model, program=program["id"])["program"]["id"]
+    plan = do("plan", cell=cell, model=model, poses=12, candidates=120)["document"]["id"]
+    do("drift_plan", model=model, poses=7)
+    check = do("drift", model=model, measurements=[held_out])["check"]["id"]
+    do("report", model=model, measurements=[held_out])
+    return [
+        "/", "/cell", "/cell?new=1", f"/cell?cell={cell}&edit=1", "/plan", f"/plan?id={plan}",
+        "/measurements", f"/measurements?id={held_out}", "/calibration", "/registration",
+        "/programs", f"/programs?id={program['id']}&tolerance_mm=0.3",
+        f"/programs?id={after}&tolerance_mm=0.3", "/drift", f"/drift?id={check}", "/drilling",
+        "/live", "/tools", "/tools/calibrate", "/history", "/nowhere",
+    ]  # fmt: skip
+
+
+def _take(
+    address: str, pages: list[str], width: int, look: tuple[str, str], folder: Path, axe: str
+) -> list[Path]:
+    """The pictures of all pages at one width, in one language and theme."""
+    language, theme = look
+    size = {"width": width, "height": HEIGHTS[width]}
+    taken = []
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
+        context = browser.new_context(base_url=address, viewport=size, bypass_csp=True)
+        chosen = f"language={language}&theme={theme}"
+        context.add_cookies([{"name": "robotrue_view", "value": chosen, "url": address}])
+        page = context.new_page()
+        for number, place in enumerate(pages):
+            page.goto(place)
+            _settle(page)
+            for fault in _find_faults(page, width, axe):
+                sys.stderr.write(f"{width} {language} {theme} {place[:40]}: {fault}\n")
+            name = re.sub(r"\W+", "_", place.partition("?")[0]).strip("_") or "overview"
+            taken.append(folder / f"{width}_{language}_{theme}_{number:02d}_{name}.png")
+            page.screenshot(path=taken[-1], full_page=True)
+        browser.close()
+    return taken
+
+
+def _settle(page: Page) -> None:
+    """Waits until parts that come later, and the 3-D view, are there."""
+    page.wait_for_load_state("load")
+    with contextlib.suppress(Exception):  # a page without such a place
+        page.wait_for_function("!document.querySelector('[data-part]')", timeout=60_000)
+        page.wait_for_function(
+            "[...document.querySelectorAll('[data-testid=scene]')]"
+            ".every((e) => e.dataset.state !== 'loading')", timeout=60_000,
+        )  # fmt: skip
+    page.wait_for_timeout(SETTLED_MS)
+
+
+def _find_faults(page: Page, width: int, axe: str) -> Iterator[str]:
+    wide = page.evaluate("document.documentElement.scrollWidth")
+    if wide > width:
+        yield f"{wide} px wide"
+    for text in page.evaluate(CUT)[:5]:
+        yield f"cut off: {text}"
+    if axe:
+        page.evaluate(axe)
+        asked = "{runOnly: ['wcag2a', 'wcag2aa', 'wcag21aa']}"
+        for broken in page.evaluate(f"axe.run(document, {asked})")["violations"]:
+            places = [node["target"][0] for node in broken["nodes"]]
+            yield f"{broken['impact']} {broken['id']}: {len(places)} x {places[:3]}"
+
+
+def draw_sheet(pictures: list[Path], width: int) -> None:
+    """Writes the sheet of one width: English above, Chinese below."""
+    thumb, gap = THUMB[width], 14
+    per_row = (SHEET - gap) // (thumb + gap)
+    tall = int(thumb * TALLEST if width <= 820 else thumb * 1.25)
+    rows = -(-len(pictures) // per_row)
+    sheet = Image.new("RGB", (SHEET, gap + rows * (tall + gap + 16)), "#808890")
+    pen = ImageDraw.Draw(sheet)
+    for k, path in enumerate(pictures):
+        with Image.open(path) as picture:
+            small = picture.convert("RGB")
+        small = small.resize((thumb, max(1, round(small.height * thumb / small.width))))
+        small = small.crop((0, 0, thumb, min(tall, small.height)))
+        row, column = divmod(k, per_row)
+        corner = (gap + column * (thumb + gap), gap + row * (tall + gap + 16))
+        pen.text(corner, path.stem.partition("_")[2], fill="white")
+        sheet.paste(small, (corner[0], corner[1] + 14))
+    sheet.save(OUT / f"contact_{width}.jpg", quality=62, optimize=True)
+
+
+@contextlib.contextmanager
+def _serving(folder: Path) -> Iterator[str]:
+    """Serves a new workspace on a free port."""
+    start = "from robotrue.cli.main import run; run()"
+    command = [sys.executable, "-c", start, "serve", str(folder), "--port", "0"]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)  # noqa: S603
+    try:
+        for line in process.stderr or ():
+            if found := re.search(r"at (https?://\S+)/", line):
+                yield found[1]
+                return
+        raise SystemExit("the server did not come up.")
+    finally:
+        process.terminate()
+        process.wait(15.0)
+
+
+if __name__ == "__main__":
+    main()
