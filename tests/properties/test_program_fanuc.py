@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 from damaged import Edits, edited, edits, read_or_refused
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from robotrue.core.arm_words import NO_WORD
@@ -90,6 +90,26 @@ def programs(draw: st.DrawFn) -> bytes:
     return (text + draw(st.sampled_from(["", end]))).encode("latin-1")
 
 
+def plain_record(number: int) -> str:
+    return (
+        f"P[{number}]{{\n   GP1:\n    UF : 1, UT : 1,\t\tCONFIG : 'N U T, 0, 0, 0',\n"
+        f"\tX = 1.000 mm, Y = {number}.000 mm, Z = 0.000 mm, "
+        "W = 0.00 deg, P = 0.00 deg, R = 0.00 deg\n};"
+    )
+
+
+SHARED = "\n".join(
+    [
+        *("/PROG  PART", "/ATTR", 'COMMENT\t\t= "x";', "/MN", "   1:UFRAME_NUM=1 ;"),
+        "   2:L P[1:a] 5mm/sec FINE Offset,PR[1] ;",
+        *("   3:C P[1]    ", "    :  P[2] 200mm/sec CNT1 ;", "/POS"),
+        *(plain_record(1), plain_record(2), "/END"),
+    ]
+).encode()
+"""A position that one move shifts by an unknown register and another uses as it is: the second
+gets a record of its own."""
+
+
 def read(data: bytes) -> Program:
     return LS.read(data, name="part.ls", frames=TABLE)
 
@@ -112,6 +132,7 @@ def test_zero_correction_is_the_identity(data: bytes) -> None:
 
 
 @given(programs(), st.integers(0, 2**32 - 1))
+@example(data=SHARED, seed=0)
 @settings(max_examples=30, deadline=None)
 def test_what_is_written_is_read_again_and_nothing_else_changed(data: bytes, seed: int) -> None:
     program = read(data)
@@ -127,8 +148,9 @@ def test_what_is_written_is_read_again_and_nothing_else_changed(data: bytes, see
     assert np.abs(again.position - change.position)[pose].max(initial=0) <= 0.5001e-3 * MM
     assert np.abs(again.rotation - change.rotation)[pose].max(initial=0) <= 3 * 0.5001e-3 * DEG
     assert np.abs(again.axes - change.axes)[axis].max(initial=0) <= 0.5001e-3 * DEG
-    # Aligned columns may give up blanks.
-    assert NUMBERS.sub(rb"=#\1", out) == NUMBERS.sub(rb"=#\1", data)
+    if not program.spans.written:  # those get records of their own
+        # Aligned columns may give up blanks.
+        assert NUMBERS.sub(rb"=#\1", out) == NUMBERS.sub(rb"=#\1", data)
     np.testing.assert_array_equal(again.reason, program.reason)
     # Applied and taken back, the program is where it was to half a digit each way.
     undo = moved(again, program.position - again.position, np.eye(3))
@@ -137,6 +159,7 @@ def test_what_is_written_is_read_again_and_nothing_else_changed(data: bytes, see
 
 
 @given(programs(), st.integers(0, 2**32 - 1))
+@example(data=SHARED, seed=0)
 @settings(max_examples=30, deadline=None)
 def test_words_are_those_asked_for(data: bytes, seed: int) -> None:
     program = read(data)
@@ -152,7 +175,8 @@ def test_words_are_those_asked_for(data: bytes, seed: int) -> None:
     out = LS.write(program, change)
     kept = (words == NO_WORD) | (program.words == NO_WORD) | ~change.changed[:, None]
     np.testing.assert_array_equal(read(out).words, np.where(kept, program.words, words))
-    assert CONFIG.sub(b"", out) == CONFIG.sub(b"", data)
+    if not program.spans.written:  # those get records of their own
+        assert CONFIG.sub(b"", out) == CONFIG.sub(b"", data)
 
 
 SAMPLE = b"""/PROG  PART

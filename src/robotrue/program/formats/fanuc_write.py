@@ -129,6 +129,7 @@ def _write_out(
     place, turn, axes = find_moved(program, replacement)
     posed = spans.tokens.kind == POSE
     moved = changed & np.where(posed, place.any(axis=1) | turn, axes.any(axis=1))
+    moved |= (words != NO_WORD).any(axis=1)
     out: list[Stretch] = []
     records: list[bytes] = []
     for row, target in enumerate(spans.written, len(spans.place)):
