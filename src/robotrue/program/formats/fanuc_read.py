@@ -14,10 +14,9 @@ from robotrue.core.poses import pose
 from robotrue.core.units import DEG, MM
 from robotrue.program.external_axes import COUNT, Carried, mark_described
 from robotrue.program.formats.fanuc_moves import FanucMoves, moves
-from robotrue.program.formats.fanuc_records import CURRENT
 from robotrue.program.formats.fanuc_register_files import follow_registers
 from robotrue.program.formats.fanuc_registers import Effects
-from robotrue.program.formats.fanuc_scan import FanucScan, scan
+from robotrue.program.formats.fanuc_scan import CURRENT, FanucScan, scan
 from robotrue.program.formats.fanuc_write import FanucSpans, read_config
 from robotrue.program.formats.numbered_frames import NumberedFrames
 from robotrue.program.formats.shared_fate import flag_lost_frames, share_fate

@@ -18,13 +18,16 @@ import numpy as np
 
 from robotrue.core.arrays import Array, IntArray
 from robotrue.errors import FormatError
-from robotrue.program.formats.fanuc_records import COLUMNS, CURRENT, plain_records
+from robotrue.program.formats.move_trail import line_start
 from robotrue.program.formats.number_text import NUMBER
 from robotrue.program.formats.text_lines import line_at, require_text
 
-_SECTION: Final = re.compile(
-    rb"(?:\A|(?<=[\r\n]))[ \t]*+(?:\xef\xbb\xbf)?[ \t]*+/(PROG|MN|POS|END)\b"
-)
+CURRENT: Final = -1
+"""UF or UT that is written ``F``: the number in force."""
+_COLUMNS: Final = 7
+"""Number, first byte, kind, first byte and length of CONFIG (-1, 0 without), UF, UT."""
+_SECTION: Final = re.compile(rb"/(PROG|MN|POS|END)\b")
+_BEFORE_SECTION: Final = re.compile(rb"[ \t]*+(?:\xef\xbb\xbf)?[ \t]*+")
 _HEAD: Final = re.compile(rb"\s*P\s*\[\s*(\d{1,6})\s*(?::[^\]\r\n]*)?\]\s*\{\s*", re.IGNORECASE)
 _GROUP: Final = re.compile(
     rb"GP(\d{1,2})\s*:\s*UF\s*:\s*(\d{1,9}|F)\s*,\s*UT\s*:\s*(\d{1,9}|F)\s*,\s*"
@@ -34,6 +37,17 @@ _GROUP: Final = re.compile(
 _FIELD: Final = rb"(\w{1,4})\s*=\s*(\*+|" + NUMBER + rb")\s*(mm|deg)\s*"
 _ONE: Final = re.compile(_FIELD, re.IGNORECASE)
 _SIX: Final = re.compile(rb",\s*".join([_FIELD] * 6), re.IGNORECASE)
+_PLAIN: Final = re.compile(
+    rb"\s*+(P)\s*+\[\s*+(\d{1,6}+)\s*+(?::[^\]\r\n]*+)?\]\s*+\{\s*+GP1\s*+:"
+    rb"\s*+UF\s*+:\s*+(\d{1,9}+|F)\s*+,\s*+UT\s*+:\s*+(\d{1,9}+|F)\s*+,"
+    rb"(?:\s*+CONFIG\s*+:\s*+'([^'\r\n]*+)'\s*+,)?"
+    + rb",".join(
+        rb"\s*+%c\s*+=\s*+([+-]?(?:\d{1,15}+(?:\.\d{0,15}+)?|\.\d{1,15}+))\s*+%s\s*+" % pair
+        for pair in zip(b"XYZWPR", (b"mm", b"mm", b"mm", b"deg", b"deg", b"deg"), strict=True)
+    )
+    + rb"\}\s*+;"
+)
+"""A pose of group 1 alone, as controllers write them by the thousand."""
 _CLOSE: Final = re.compile(rb"\}\s*;")
 _BLANK: Final = re.compile(rb"\s*")
 _COMMA: Final = re.compile(rb"\s*,\s*")
@@ -44,8 +58,6 @@ _NAMES: Final[dict[tuple[bytes, ...], int]] = {
 _PROG: Final = re.compile(rb"^/PROG[ \t]+(\w+)", re.MULTILINE)
 _POSITIONS: Final = re.compile(rb"^[ \t]*/POS\b", re.MULTILINE)
 STATEMENT: Final = re.compile(rb"\s*+(?:(\d{0,6}+)\s*+:)?+([^;]*+);[ \t]*+(?:\r\n|\n|\r)?")
-_AT_ONCE: Final = 8192
-"""Records read by one call of the compiled loop."""
 _UNITS: Final = ((b"mm", b"mm", b"mm", b"deg", b"deg", b"deg"), (b"deg",) * 6)
 
 
@@ -130,6 +142,8 @@ class _Reader:
         found: dict[str, re.Match[bytes]] = {}
         for match in _SECTION.finditer(self.data):
             key = match[1].decode()
+            if not self._begins_line(match.start()):
+                continue
             if key in found:
                 place = match.start(1) - 1
                 self._refuse(f"a second /{key}", "give one program per file", place)
@@ -147,25 +161,34 @@ class _Reader:
             self._refuse("sections in another order than /PROG, /MN, /POS, /END", "export again", 0)
         return (found["MN"].end(), ends[2]), (found["POS"].end(), ends[3])
 
+    def _begins_line(self, place: int) -> bool:
+        begin = line_start(self.data, place)
+        blank = _BEFORE_SECTION.match(self.data, begin, place)
+        return blank is not None and blank.end() == place
+
     def records(self, at: int, end: int) -> None:
         """Reads the records between two places."""
-        data, text = self.data, np.frombuffer(self.data, np.uint8)
-        table, spans = np.empty((_AT_ONCE, COLUMNS), np.int64), np.empty((_AT_ONCE, 6, 2), np.int64)
-        value = np.empty((_AT_ONCE, 6))
+        data = self.data
         while True:
-            count, at = plain_records(text, at, end, table, spans, value)
-            self.rows.frombytes(table[:count].tobytes())
-            self.spans.frombytes(spans[:count].tobytes())
-            self.values.frombytes(value[:count].tobytes())
-            match = None if count == _AT_ONCE else _HEAD.match(data, at, end)
-            if match is not None:
-                at = self._record(int(match[1]), match.start(1), match.end(), end)
-            elif count < _AT_ONCE:
+            while plain := _PLAIN.match(data, at, end):
+                self._plain_record(plain)
+                at = plain.end()
+            match = _HEAD.match(data, at, end)
+            if match is None:
                 break
+            at = self._record(int(match[1]), match.start(1), match.end(), end)
         rest = _BLANK.match(data, at, end)
         at = rest.end() if rest else at
         if at < end:
             self._refuse(f"{_show(data, at)} is no position record", "correct it", at)
+
+    def _plain_record(self, match: re.Match[bytes]) -> None:
+        groups, regs = match.groups(), match.regs
+        first, last = regs[5]
+        frames = _frame(groups[2]), _frame(groups[3])
+        self.rows.extend((int(groups[1]), regs[1][0], 0, first, last - first, *frames))
+        self.spans.extend(chain.from_iterable(regs[6:]))
+        self.values.extend(map(float, groups[5:]))
 
     def _record(self, number: int, place: int, at: int, end: int) -> int:
         """Reads the groups of one record up to its ``};`` and returns the place after it."""
@@ -175,7 +198,7 @@ class _Reader:
             if group is None:
                 break
             groups += 1
-            row = len(self.rows) // COLUMNS
+            row = len(self.rows) // _COLUMNS
             if group[1].lstrip(b"0") == b"1" and not has_one:
                 has_one = True
                 at = self._robot(number, place, group, end)
@@ -190,7 +213,7 @@ class _Reader:
         if not has_one:
             if self.others.setdefault(number, place) != place:
                 self._twice(number, self.others[number], place)
-            self.external.pop(len(self.rows) // COLUMNS, None)
+            self.external.pop(len(self.rows) // _COLUMNS, None)
         return close.end()
 
     def _robot(self, number: int, place: int, group: re.Match[bytes], end: int) -> int:
@@ -229,7 +252,7 @@ class _Reader:
 
     def result(self, statements: tuple[int, int]) -> FanucScan:
         """Returns the columns."""
-        table = np.frombuffer(self.rows, np.int64).reshape(-1, COLUMNS)
+        table = np.frombuffer(self.rows, np.int64).reshape(-1, _COLUMNS)
         self._require_once(table)
         spans = np.frombuffer(self.spans, np.int64).reshape(-1, 6, 2)
         return FanucScan(

@@ -10,17 +10,24 @@ from __future__ import annotations
 import re
 from array import array
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import Final, NamedTuple, NoReturn
 
 import numpy as np
 
 from robotrue.core.arrays import Array, IntArray
 from robotrue.errors import FormatError
-from robotrue.program.formats.jbi_points import point_lines
 from robotrue.program.formats.number_text import NUMBER
 from robotrue.program.formats.text_lines import require_text
 
 _LINE: Final = re.compile(rb"([^\r\n]*)(?:\r\n|\n|\r|\Z)")
+_FINITE: Final = rb"[+-]?(?:\d{1,200}+(?:\.\d*+)?|\.\d++)(?:[eE][+-]?0?\d{1,2}(?!\d))?+"
+_PLAIN_POINT: Final = re.compile(
+    rb"[ \t]*+([CP])(\d{1,6}+)[ \t]*+="
+    + rb",".join([rb"[ \t]*+(" + _FINITE + rb")[ \t]*+"] * 6)
+    + rb"(?:\r\n|\n|\r|\Z)"
+)
+"""A robot point of six numbers."""
 _OTHER_POINT: Final = re.compile(rb"(C|P|BC|BP|EC|EX)(\d{1,6})[ \t]*=(.*)")
 _HEADER: Final = re.compile(rb"///(\w+)[ \t]*(.*)")
 _NUMBER: Final = re.compile(NUMBER)
@@ -28,8 +35,6 @@ UNITS: Final = {"RECTAN": 0, "ANGLE": 1, "PULSE": 2}
 """How numbers are meant: a pose in mm and deg, axes in deg, axes in pulses."""
 _ARGUMENTS: Final = b"//ARGINFO"
 _BOM: Final = b"\xef\xbb\xbf"
-_AT_ONCE: Final = 8192
-"""Point lines read by one call of the compiled loop."""
 
 
 class Header(NamedTuple):
@@ -187,23 +192,18 @@ class _Reader:
 
     def _points(self) -> None:
         """Reads ``//POS`` up to ``//INST``."""
-        text = np.frombuffer(self.data, np.uint8)
-        table, spans = np.empty((_AT_ONCE, 4), np.int64), np.empty((_AT_ONCE, 6, 2), np.int64)
-        value, more = np.empty((_AT_ONCE, 6)), True
         self.found |= {"C": 0, "P": 0}
+        more = True
         while more:
             header = self._header()
-            count, self.at = point_lines(
-                text, self.at, self.line, header, P_POINTS, table, spans, value
-            )
-            self.line += count
-            self.rows.frombytes(table[:count].tobytes())
-            self.spans.frombytes(spans[:count].tobytes())
-            self.values.frombytes(value[:count].tobytes())
-            variables = int(np.count_nonzero(table[:count, 0] >= P_POINTS))
-            self.found["P"] += variables
-            self.found["C"] += count - variables
-            more = count == _AT_ONCE or self._other()
+            while match := _PLAIN_POINT.match(self.data, self.at):
+                kind, number, *numbers = match.groups()
+                self.line += 1
+                self.rows.extend((self._name(kind.decode(), int(number)), self.line, header, 6))
+                self.spans.extend(chain.from_iterable(match.regs[3:]))
+                self.values.extend(map(float, numbers))
+                self.at = match.end()
+            more = self._other()
 
     def _pass_arguments(self) -> None:
         """Passes over what stands in ``//ARGINFO``: kinds of arguments and text for people."""
