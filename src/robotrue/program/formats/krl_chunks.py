@@ -12,15 +12,13 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.core.arrays import BoolArray, Bytes, IntArray, Ints
-from robotrue.core.compiled import PLAIN, compile_kernel
+from robotrue.core.arrays import BoolArray, IntArray
 from robotrue.program.formats.file_survey import Survey, WindowLines
 from robotrue.program.formats.krl_build import Builder
+from robotrue.program.formats.krl_columns import count_parts
 from robotrue.program.formats.krl_frames import Frames
 from robotrue.program.formats.krl_point_chunks import PointSurvey, as_motions
 from robotrue.program.formats.krl_scan import (
-    AXIS,
-    EXTERNAL,
     INLINE_ARC,
     INLINE_LIN,
     INLINE_PTP,
@@ -91,9 +89,7 @@ class MotionSurvey(KrlSurvey):
 
     def _sort_scan(self, found: Scan) -> WindowLines | Whole:
         found = with_clauses(found)
-        targets, kind, self._axis_first = _motions(
-            found.line_kind, found.agg_line, found.agg_flag, found.agg_token, found.tok_component
-        )
+        targets, kind, self._axis_first = _motions(found)
         moves = kind != NOTHING
         self._external.add(found, moves)
         if (kind == MIXED).any():
@@ -144,33 +140,21 @@ class MotionSurvey(KrlSurvey):
         )
 
 
-@compile_kernel(PLAIN)
-def _motions(
-    line_kind: Bytes, agg_line: Ints, agg_flag: Bytes, agg_token: Ints, component: Bytes
-) -> tuple[IntArray, IntArray, BoolArray]:
+def _motions(found: Scan) -> tuple[IntArray, IntArray, BoolArray]:
     """Returns targets and kind of every line, and whether its first target has axis values."""
-    targets, kind = np.zeros(line_kind.size, np.int64), np.zeros(line_kind.size, np.int64)
-    axis_first = np.zeros(line_kind.size, np.bool_)
-    for agg in range(agg_line.size):
-        line = agg_line[agg]
-        if line_kind[line] <= STATEMENT:
-            continue
-        pose, axis = 0, 0
-        for t in range(agg_token[agg], agg_token[agg + 1]):
-            pose += component[t] < AXIS
-            axis += AXIS <= component[t] < EXTERNAL
-        what = PARTIAL
-        if agg_flag[agg] & NOT_CONSTANT or (pose > 0 and axis > 0) or pose + axis == 0:
-            what = ODD
-        elif pose + axis == 6:
-            what = FULL
-        if line_kind[line] == INLINE_ARC and axis > 0:
-            what = MIXED
-        if targets[line] == 0:
-            axis_first[line] = axis > 0
-        targets[line] += 1
-        kind[line] = max(kind[line], what)
-    return targets, kind, axis_first
+    pose, axis = count_parts(found)
+    what = np.where(pose + axis == 6, FULL, PARTIAL)
+    odd = (pose > 0) & (axis > 0) | (pose + axis == 0) | (found.agg_flag & NOT_CONSTANT > 0)
+    what[odd] = ODD
+    of_line = found.line_kind[found.agg_line]
+    what[(of_line == INLINE_ARC) & (axis > 0)] = MIXED
+    plain = np.flatnonzero(of_line > STATEMENT)
+    lines, count = found.agg_line[plain], len(found.line_kind)
+    kind, axis_first = np.zeros(count, np.int64), np.zeros(count, np.bool_)
+    np.maximum.at(kind, lines, what[plain])
+    some, first = np.unique(lines, return_index=True)
+    axis_first[some] = axis[plain[first]] > 0
+    return np.bincount(lines, minlength=count), kind, axis_first
 
 
 class KrlCutter:

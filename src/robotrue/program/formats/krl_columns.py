@@ -9,7 +9,7 @@ from robotrue.core.arrays import Array, BoolArray, Bytes, IntArray, Ints
 from robotrue.core.compiled import PLAIN, compile_kernel
 from robotrue.core.units import DEG, MM
 from robotrue.program.euler import matrices_from_abc
-from robotrue.program.formats.krl_scan import COMPONENTS, EXTERNAL, STATUS, Scan
+from robotrue.program.formats.krl_scan import AXIS, COMPONENTS, EXTERNAL, STATUS, Scan
 from robotrue.program.formats.krl_write import column_of
 from robotrue.program.formats.number_table import Numbers
 
@@ -32,6 +32,17 @@ def target_numbers(found: Scan, agg: IntArray) -> tuple[Numbers, BoolArray, Bool
         length, value, kinds,
     )  # fmt: skip
     return Numbers(start=start, length=length, value=value), kinds[0], kinds[1]
+
+
+def count_parts(found: Scan) -> tuple[IntArray, IntArray]:
+    """Returns how many pose and how many axis components each aggregate (a,) has."""
+    component = found.tok_component
+    is_axis = (component >= AXIS) & (component < EXTERNAL)
+    pose, axis = (
+        np.diff(np.concatenate([[0], np.cumsum(one)])[found.agg_token])
+        for one in (component < AXIS, is_axis)
+    )
+    return pose, axis
 
 
 def lean(column: IntArray) -> IntArray:

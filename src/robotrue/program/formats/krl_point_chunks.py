@@ -13,30 +13,21 @@ from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
-from robotrue.core.arrays import BoolArray, Bytes, IntArray, Ints
-from robotrue.core.compiled import PLAIN, compile_kernel
+from robotrue.core.arrays import BoolArray, IntArray
 from robotrue.program.formats.file_survey import WindowLines, reason_column
-from robotrue.program.formats.krl_scan import (
-    AXIS,
-    EMPTY,
-    EXTERNAL,
-    INLINE_LIN,
-    NOT_CONSTANT,
-    STATEMENT,
-    Scan,
-)
+from robotrue.program.formats.krl_columns import count_parts
+from robotrue.program.formats.krl_operands import first_aggregates
+from robotrue.program.formats.krl_scan import EMPTY, INLINE_LIN, STATEMENT, Scan
 from robotrue.program.formats.krl_survey import KrlSurvey, line_edges
 from robotrue.program.program import Motion, Program
 from robotrue.program.program_chunk import Whole
 
-_BLANK, _TAB, _QUOTE, _APOSTROPHE, _COMMA, _EQUALS = (ord(sign) for sign in " \t\"',=")
-_OPEN, _CLOSE, _BRACE, _ZERO, _NINE, _A, _Z = (ord(sign) for sign in "[]}09AZ")
-_SMALL: Final = ord("a") - ord("A")
-_LONGEST: Final = 256
+_MOST_DIGITS: Final = 9
+_NAME: Final = re.compile(rb"([^\"'\[]*+)(?:\[([\d \t]*+)\])?+([^\"'\[]*+)")
 _ELEMENT: Final = re.compile(rb"\b(\w++)\s*+\[\s*+(\d++)\s*+\]")
 _NO_POINT: Final = re.compile(
     rb"\$|\b(?:BASE_DATA|TOOL_DATA|LOAD_DATA|FDAT_ACT|PDAT_ACT|LDAT_ACT|FDAT|PDAT|LDAT|LOAD)\b",
@@ -44,12 +35,12 @@ _NO_POINT: Final = re.compile(
 )
 
 
-class Shape:
-    """What the last point was called, for the next window: kept between calls of the kernel."""
+class Shape(NamedTuple):
+    """What a point is called: all before it but its index, whether it is of axes, index or -1."""
 
-    def __init__(self) -> None:
-        self.letters = np.zeros(_LONGEST, np.uint8)
-        self.numbers = np.array([-1, -1, 0], np.int64)  # length or -1, index, is an axis target
+    letters: bytes
+    is_axis: bool
+    index: int
 
 
 class PointSurvey(KrlSurvey):
@@ -59,14 +50,14 @@ class PointSurvey(KrlSurvey):
 
     def __init__(self, name: str, targets: int, *, axes_at_rest: bool) -> None:
         super().__init__(name, targets, axes_at_rest=axes_at_rest)
-        self._shape = Shape()
+        self._shape: Shape | None = None
         self._plain: BoolArray = np.zeros(0, np.bool_)
         self._tail: tuple[int, bytes] | None = None  # last line of the stretch that is open
         self._spans: dict[bytes, list[tuple[int, int, bool]]] = defaultdict(list)
         self._element: tuple[bytes, int] | None = None
 
     def _sort_scan(self, found: Scan) -> WindowLines:
-        plain, begins = _point_lines(found, self._shape)
+        plain, begins, self._shape = _point_lines(found, self._shape)
         self._plain = plain
         self._external.add(found, plain)
         event = np.asarray((found.line_kind == STATEMENT) & ~plain)
@@ -127,107 +118,52 @@ class PointSurvey(KrlSurvey):
 
 def as_motions(found: Scan) -> Scan:
     """Returns a scan in which points of stretches stand as plain motions, and nothing else does."""
-    plain, _ = _point_lines(found, Shape())
+    plain, _, _ = _point_lines(found, None)
     line_kind = np.where(plain, INLINE_LIN, EMPTY).astype(np.uint8)
     return replace(found, line_kind=line_kind)
 
 
-def _point_lines(found: Scan, shape: Shape) -> tuple[BoolArray, BoolArray]:
-    """Returns which lines are plain points, and where a stretch begins."""
-    plain, begins = _points(
-        np.frombuffer(found.data, np.uint8), found.line_start, found.line_end, found.line_kind,
-        found.agg_line, found.agg_open, found.agg_close, found.agg_flag, found.agg_token,
-        found.tok_component, shape.letters, shape.numbers,
-    )  # fmt: skip
-    for line in np.flatnonzero(begins).tolist():
-        code = found.data[int(found.line_start[line]) : int(found.line_end[line])]
-        if _NO_POINT.search(code.partition(b"=")[0]):
-            after = np.flatnonzero(begins[line + 1 :] | ~plain[line + 1 :])
-            end = line + 1 + (int(after[0]) if len(after) else len(plain) - line - 1)
-            plain[line:end], begins[line] = False, False
-            if end == len(plain):
-                shape.numbers[0] = -1
-    return plain, begins
+def _point_lines(found: Scan, last: Shape | None) -> tuple[BoolArray, BoolArray, Shape | None]:
+    """Returns which lines are plain points, where a stretch begins, and what the last was called.
+
+    Args:
+        found: Lines of a ``.dat``.
+        last: What the point before them was called, None if a stretch cannot go on.
+    """
+    pose, axis = count_parts(found)
+    whole = (pose + axis == 6) & ((pose == 0) | (axis == 0)) & (found.agg_flag == 0)
+    first = first_aggregates(found)
+    lines = np.flatnonzero(found.line_kind != EMPTY)
+    plain, begins = np.zeros((2, len(found.line_kind)), np.bool_)
+    if not len(whole):
+        return plain, begins, None if len(lines) else last
+    agg = np.minimum(first[lines], max(len(whole) - 1, 0))
+    may = (found.line_kind[lines] == STATEMENT) & (np.diff(first)[lines] == 1)
+    may[may] &= whole[agg[may]]
+    columns = (may, found.line_start[lines], found.agg_open[agg], found.agg_close[agg],
+               found.line_end[lines], axis[agg] > 0)  # fmt: skip
+    for line, one, *place in zip(lines.tolist(), *(each.tolist() for each in columns), strict=True):
+        shape = _read_shape(found.data, *place) if one else None
+        goes_on = shape and last and shape[:2] == last[:2] and shape.index > max(last.index, -1)
+        if shape is not None and not goes_on and _NO_POINT.search(shape.letters.partition(b"=")[0]):
+            shape = None
+        plain[line], begins[line] = shape is not None, shape is not None and not goes_on
+        last = shape
+    return plain, begins, last
 
 
-@compile_kernel(PLAIN)
-def _points(
-    buf: Bytes, line_start: Ints, line_end: Ints, line_kind: Bytes, agg_line: Ints, agg_open: Ints,
-    agg_close: Ints, agg_flag: Bytes, agg_token: Ints, component: Bytes, letters: Bytes,
-    numbers: IntArray,
-) -> tuple[BoolArray, BoolArray]:  # fmt: skip
-    """Returns which lines are plain points and where a stretch begins; renews the shape."""
-    plain = np.zeros(line_kind.size, np.bool_)
-    begins = np.zeros(line_kind.size, np.bool_)
-    here = np.empty(letters.size, np.uint8)
-    agg = 0
-    for line in range(line_kind.size):
-        first = agg
-        while agg < agg_line.size and agg_line[agg] == line:
-            agg += 1
-        if line_kind[line] == EMPTY:
-            continue
-        size, index, axis = -1, -1, 0
-        if line_kind[line] == STATEMENT and agg - first == 1:
-            axis = _point_kind(agg_flag[first], component, agg_token[first], agg_token[agg])
-            if axis >= 0 and _ends(buf, agg_close[first] + 1, line_end[line]):
-                size, index = _read_name(buf, line_start[line], agg_open[first], here)
-        if size < 0:
-            numbers[0] = -1
-            continue
-        plain[line] = True
-        same = size == numbers[0] and axis == numbers[2] and index > numbers[1] and index >= 0
-        for k in range(size if same else 0):
-            same &= here[k] == letters[k]
-        begins[line] = not same
-        letters[:] = here
-        numbers[0], numbers[1], numbers[2] = size, index, axis
-    return plain, begins
-
-
-@compile_kernel(PLAIN)
-def _point_kind(flag: int, component: Bytes, token: int, end: int) -> int:
-    """Returns 0 for a whole pose, 1 for whole axis values, -1 for anything else."""
-    pose, axis = 0, 0
-    for t in range(token, end):
-        pose += component[t] < AXIS
-        axis += AXIS <= component[t] < EXTERNAL
-    if flag & NOT_CONSTANT or pose + axis != 6 or (pose > 0 and axis > 0):
-        return -1
-    return 1 if axis else 0
-
-
-@compile_kernel(PLAIN)
-def _ends(buf: Bytes, i: int, end: int) -> bool:
-    """Returns whether nothing follows a point but the rest of a structure."""
-    while i < end and (buf[i] == _BLANK or buf[i] == _TAB):
-        i += 1
-    return i >= end or buf[i] == _COMMA or buf[i] == _BRACE
-
-
-@compile_kernel(PLAIN)
-def _read_name(buf: Bytes, i: int, end: int, out: Bytes) -> tuple[int, int]:
-    """Writes what stands before a point, its index left out; returns (length or -1, index)."""
-    size, index, brackets, assigned = 0, -1, 0, False
-    while i < end:
-        c = buf[i]
-        i += 1
-        if c == _QUOTE or c == _APOSTROPHE or size >= out.size:
-            return -1, -1
-        assigned |= c == _EQUALS
-        if c == _OPEN:
-            brackets += 1
-            index = 0
-            digits = 0
-            while i < end and buf[i] != _CLOSE:
-                if _ZERO <= buf[i] <= _NINE:
-                    index = index * 10 + (buf[i] - _ZERO)
-                    digits += 1
-                elif buf[i] != _BLANK and buf[i] != _TAB:
-                    return -1, -1
-                i += 1
-            if digits == 0 or digits > 9 or brackets > 1:
-                return -1, -1
-        out[size] = c + _SMALL if _A <= c <= _Z else c
-        size += 1
-    return (size, index) if assigned else (-1, -1)
+def _read_shape(
+    data: bytes, start: int, opened: int, closed: int, end: int, is_axis: bool
+) -> Shape | None:
+    """Returns what the point of a line is called; None if it is more, or part of a structure."""
+    name = _NAME.fullmatch(data, start, opened)
+    if name is None or data[closed + 1 : end].lstrip(b" \t")[:1] not in (b"", b",", b"}"):
+        return None
+    head, digits, tail = name.groups()
+    letters = (head + tail if digits is None else head + b"[]" + tail).lower()
+    if digits is None:
+        return Shape(letters, is_axis, -1) if b"=" in letters else None
+    digits = digits.translate(None, b" \t")
+    if b"=" not in letters or not 1 <= len(digits) <= _MOST_DIGITS:
+        return None
+    return Shape(letters, is_axis, int(digits))

@@ -6,11 +6,11 @@ from abc import abstractmethod
 
 import numpy as np
 
-from robotrue.core.arrays import Array, BoolArray, Bytes, IntArray, Ints
-from robotrue.core.compiled import PLAIN, compile_kernel
+from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.errors import FormatError
 from robotrue.program.formats.file_survey import Survey, WindowLines
-from robotrue.program.formats.krl_scan import EXTERNAL, STATUS, Scan, scan
+from robotrue.program.formats.krl_columns import target_numbers
+from robotrue.program.formats.krl_scan import Scan, scan
 from robotrue.program.program_chunk import Whole
 
 
@@ -48,40 +48,17 @@ class ExternalAxes:
     """Whether the external axes are away from zero, and the same at all targets so far."""
 
     def __init__(self) -> None:
-        self._first = np.full(6, np.nan)
+        self._first: Array = np.empty((0, 6))
         self.away, self.steady = False, True
 
     def add(self, found: Scan, plain: BoolArray) -> None:
         """Looks at the targets of plain lines (l,)."""
-        away, steady = _external_axes(
-            found.agg_line, found.agg_token, found.tok_component, found.tok_value, plain,
-            self._first,
-        )  # fmt: skip
-        self.away |= away
-        self.steady &= steady
-
-
-@compile_kernel(PLAIN)
-def _external_axes(
-    agg_line: Ints, agg_token: Ints, component: Bytes, value: Array, plain: BoolArray, first: Array
-) -> tuple[bool, bool]:
-    """Returns whether external axes of plain lines are away from zero, and stand still.
-
-    ``first`` (6,) are the values of the first target of the file, infinite where it has none; NaN
-    before it, and written then.
-    """
-    here = np.empty(6)
-    away, steady = False, True
-    for agg in range(agg_line.size):
-        if not plain[agg_line[agg]]:
-            continue
-        here[:] = np.inf
-        for t in range(agg_token[agg], agg_token[agg + 1]):
-            if EXTERNAL <= component[t] < STATUS:
-                here[component[t] - EXTERNAL] = value[t]
-                away |= value[t] != 0.0
-        for k in range(6):
-            if np.isnan(first[k]):
-                first[k] = here[k]
-            steady &= first[k] == here[k]
-    return away, steady
+        aggregates = np.flatnonzero(plain[found.agg_line])
+        if not len(aggregates):
+            return
+        numbers, _, _ = target_numbers(found, aggregates)
+        values = numbers.value[:, 8:] if numbers.value.shape[1] > 8 else np.full((1, 6), np.nan)
+        self.away |= bool(np.nan_to_num(values).any())
+        values = np.where(np.isnan(values), np.inf, values)
+        self._first = self._first if len(self._first) else values[:1]
+        self.steady &= bool((values == self._first).all())
