@@ -9,8 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from importlib import import_module
-from typing import TYPE_CHECKING, Any, Final, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Final, Protocol, TypeAlias
 
 import numpy as np
 
@@ -212,15 +211,3 @@ def read_each(
         return tuple(read(data, name, frames) for name, data in files)
 
     return read_files
-
-
-def on_first_use(file: str, name: str) -> Callable[[], Any]:
-    """Returns what imports an object of :mod:`robotrue.program.formats` when it is called.
-
-    All leaves are imported to detect a language; its large parts are not.
-    """
-
-    def load() -> Any:
-        return getattr(import_module(f"robotrue.program.formats.{file}"), name)
-
-    return load

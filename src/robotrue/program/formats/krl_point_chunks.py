@@ -40,7 +40,7 @@ class Shape(NamedTuple):
 
     letters: bytes
     is_axis: bool
-    index: int
+    number: int
 
 
 class PointSurvey(KrlSurvey):
@@ -144,7 +144,7 @@ def _point_lines(found: Scan, last: Shape | None) -> tuple[BoolArray, BoolArray,
                found.line_end[lines], axis[agg] > 0)  # fmt: skip
     for line, one, *place in zip(lines.tolist(), *(each.tolist() for each in columns), strict=True):
         shape = _read_shape(found.data, *place) if one else None
-        goes_on = shape and last and shape[:2] == last[:2] and shape.index > max(last.index, -1)
+        goes_on = shape and last and shape[:2] == last[:2] and shape.number > max(last.number, -1)
         if shape is not None and not goes_on and _NO_POINT.search(shape.letters.partition(b"=")[0]):
             shape = None
         plain[line], begins[line] = shape is not None, shape is not None and not goes_on

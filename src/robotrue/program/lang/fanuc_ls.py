@@ -21,13 +21,13 @@ from robotrue.program.controller_files import (
 )
 from robotrue.program.formats.stated_feeds import PLAIN, feeds_of_points
 from robotrue.program.frame_text import print_abc, print_mm
+from robotrue.program.insertion import Inserter
 from robotrue.program.language import (
     FrameFiles,
     FrameForm,
     Language,
     NamedBytes,
     TableForm,
-    on_first_use,
 )
 from robotrue.program.program import FrameTable, Program, Replacement
 
@@ -118,6 +118,12 @@ def _print_pose(xyz: Array, R: Array) -> str:
     return f"mm; R = Rz(R) Ry(P) Rx(W), deg\nX: {x}  Y: {y}  Z: {z}\nW: {w}  P: {p}  R: {r}\n"
 
 
+def _inserter() -> Inserter:
+    from robotrue.program.formats.fanuc_insert import INSERTER
+
+    return INSERTER
+
+
 LANGUAGE: Final = Language(
     name="fanuc_ls",
     suffixes=(".ls",),
@@ -126,7 +132,7 @@ LANGUAGE: Final = Language(
     writer=_write,
     called="a Fanuc LS program",
     sign=re.compile(rb"(?m)^[^\S\n]*+/PROG\b"),
-    inserter=on_first_use("fanuc_insert", "INSERTER"),
+    inserter=_inserter,
     feeds=_feeds,
     frame_files=FrameFiles(
         names=("SYSFRAME.VA", "FRAMEVAR.VA", "POSREG.VA"),

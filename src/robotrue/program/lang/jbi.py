@@ -23,13 +23,13 @@ from robotrue.program.controller_files import (
 )
 from robotrue.program.formats.stated_feeds import PLAIN, feeds_of_points
 from robotrue.program.frame_text import print_abc, print_mm, print_values
+from robotrue.program.insertion import Inserter
 from robotrue.program.language import (
     FrameFiles,
     FrameForm,
     Language,
     NamedBytes,
     TableForm,
-    on_first_use,
 )
 from robotrue.program.program import FrameTable, Program, Replacement
 
@@ -136,6 +136,12 @@ def _print_tool(xyz: Array, R: Array, name: str, number: int) -> str:
     )
 
 
+def _inserter() -> Inserter:
+    from robotrue.program.formats.jbi_insert import INSERTER
+
+    return INSERTER
+
+
 LANGUAGE: Final = Language(
     name="jbi",
     suffixes=(".jbi",),
@@ -144,7 +150,7 @@ LANGUAGE: Final = Language(
     writer=_write,
     called="a Yaskawa JBI job",
     sign=re.compile(rb"(?m)^/JOB\b"),
-    inserter=on_first_use("jbi_insert", "INSERTER"),
+    inserter=_inserter,
     feeds=_feeds,
     frame_files=FrameFiles(
         names=("TOOL.CND", "UFRAME.CND", "ALL.PRM", "RC.PRM"),

@@ -29,13 +29,14 @@ from robotrue.program.formats.stated_feeds import FLAGS, PLAIN, last_stated, tar
 from robotrue.program.formats.text_lines import line_starts
 from robotrue.program.frame_text import print_abc, print_mm
 from robotrue.program.held import as_printed
+from robotrue.program.insertion import Inserter
 from robotrue.program.language import (
+    Cutter,
     FrameFiles,
     FrameForm,
     Language,
     NamedBytes,
     TableForm,
-    on_first_use,
 )
 from robotrue.program.program import FrameTable, Program, Replacement
 
@@ -205,6 +206,18 @@ def _print_move(T: Array) -> str:
     return f"LIN {{X {x:.4f},Y {y:.4f},Z {z:.4f},A {a:.5f},B {b:.5f},C {c:.5f}}}\n"
 
 
+def _inserter() -> Inserter:
+    from robotrue.program.formats.krl_insert import INSERTER
+
+    return INSERTER
+
+
+def _cutter() -> Cutter:
+    from robotrue.program.formats.krl_chunks import CUTTER
+
+    return CUTTER
+
+
 LANGUAGE: Final = Language(
     name="krl",
     suffixes=(".src", ".dat", ".sub"),
@@ -214,8 +227,8 @@ LANGUAGE: Final = Language(
     writer=_write,
     name_companions=_name_companions,
     name_files=_name_files,
-    inserter=on_first_use("krl_insert", "INSERTER"),
-    cutter=on_first_use("krl_chunks", "CUTTER"),
+    inserter=_inserter,
+    cutter=_cutter,
     feeds=_feeds,
     frame_files=FrameFiles(
         names=("$config.dat", "$machine.dat"),

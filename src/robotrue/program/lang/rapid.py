@@ -21,7 +21,8 @@ from robotrue.program.formats.stated_feeds import PLAIN
 from robotrue.program.formats.text_lines import line_starts
 from robotrue.program.frame_text import print_mm, print_values
 from robotrue.program.held import as_printed
-from robotrue.program.language import FrameForm, Language, NamedBytes, TableForm, on_first_use
+from robotrue.program.insertion import Inserter
+from robotrue.program.language import Cutter, FrameForm, Language, NamedBytes, TableForm
 from robotrue.program.program import FrameTable, Program, Replacement
 
 _HEAD: Final = re.compile(
@@ -109,6 +110,18 @@ def _print_move(T: Array) -> str:
     )
 
 
+def _inserter() -> Inserter:
+    from robotrue.program.formats.rapid_insert import INSERTER
+
+    return INSERTER
+
+
+def _cutter() -> Cutter:
+    from robotrue.program.formats.rapid_chunks import CUTTER
+
+    return CUTTER
+
+
 LANGUAGE: Final = Language(
     name="rapid",
     suffixes=(".mod", ".modx", ".prg"),
@@ -119,8 +132,8 @@ LANGUAGE: Final = Language(
     called="an ABB RAPID module",
     sign=re.compile(rb"(?im)^[^\S\n]*+MODULE\s+\w|\bMove[LJC]\s"),
     name_companions=_name_companions,
-    inserter=on_first_use("rapid_insert", "INSERTER"),
-    cutter=on_first_use("rapid_chunks", "CUTTER"),
+    inserter=_inserter,
+    cutter=_cutter,
     feeds=_feeds,
     frame_form=FrameForm(
         name="rapid",

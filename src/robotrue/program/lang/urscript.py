@@ -19,7 +19,8 @@ from robotrue.core.units import MM
 from robotrue.errors import FormatError
 from robotrue.program.formats.stated_feeds import PLAIN, target_lines
 from robotrue.program.frame_text import print_values
-from robotrue.program.language import FrameForm, Language, TableForm, on_first_use, read_each
+from robotrue.program.insertion import Inserter
+from robotrue.program.language import Cutter, FrameForm, Language, TableForm, read_each
 from robotrue.program.program import FrameTable, Program, Replacement
 
 _MOTION: Final = re.compile(
@@ -98,6 +99,18 @@ def _print_move(T: Array) -> str:
     return f"movel(p[{','.join(f'{v:.7f}' for v in values)}],a=0.2,v=0.02)\n"
 
 
+def _inserter() -> Inserter:
+    from robotrue.program.formats.urscript_insert import INSERTER
+
+    return INSERTER
+
+
+def _cutter() -> Cutter:
+    from robotrue.program.formats.urscript_chunks import CUTTER
+
+    return CUTTER
+
+
 LANGUAGE: Final = Language(
     name="urscript",
     suffixes=(".script", ".urscript"),
@@ -107,8 +120,8 @@ LANGUAGE: Final = Language(
     writer=_write,
     called="a UR script",
     sign=re.compile(rb"(?m)^[^\S\n]*+(def\s+\w+\(\):|movel\()"),
-    inserter=on_first_use("urscript_insert", "INSERTER"),
-    cutter=on_first_use("urscript_chunks", "CUTTER"),
+    inserter=_inserter,
+    cutter=_cutter,
     feeds=_feeds,
     frame_form=FrameForm(
         name="ur",

@@ -12,7 +12,7 @@ from robotrue.core.arrays import Array
 from robotrue.core.units import MM
 from robotrue.errors import RobotrueError
 from robotrue.program.formats.stated_feeds import FLAGS, RAPID, last_stated
-from robotrue.program.language import on_first_use
+from robotrue.program.insertion import Inserter
 from robotrue.program.program import Program, Replacement
 
 if TYPE_CHECKING:
@@ -31,8 +31,8 @@ _FEED_WORDS: Final = (
 _FEEDS: Final = re.compile(rb"\((?P<inside>[^)\r\n]*+)(?P<closed>\))?|" + _FEED_WORDS, FLAGS)
 _FEEDS_OPEN: Final = re.compile(_FEED_WORDS, FLAGS)
 """Words behind a bracket that its line does not close, which is no comment."""
-path_inserter: Final = on_first_use("path_insert", "INSERTER")
-"""Returns what puts points into such programs."""
+
+
 G_CODE: Final = "ISO G-code"
 """Family of the languages that go by each other's suffixes."""
 
@@ -40,6 +40,13 @@ G_CODE: Final = "ISO G-code"
 def is_other_language(data: bytes) -> bool:
     """Returns whether bytes have what no G-code has: heads of robot programs, APT, tables."""
     return bool(_OTHERS.search(data))
+
+
+def path_inserter() -> Inserter:
+    """Returns what puts targets into programs of words."""
+    from robotrue.program.formats.path_insert import INSERTER
+
+    return INSERTER
 
 
 def write_words(program: Program, replacement: Replacement) -> bytes:
