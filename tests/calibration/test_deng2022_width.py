@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from robotrue.calibration.archive import open_model
-from robotrue.calibration.deng2022.committee import single
+from robotrue.calibration.deng2022.committee import single, solve_inflation
 from robotrue.calibration.deng2022.domains import attitude_reference, label_poses
-from robotrue.calibration.deng2022.held_out_width import solve_inflation
 from robotrue.calibration.deng2022.readings import DengReadings
 from robotrue.calibration.deng2022.transfer_gpr import fit_deng2022
 from robotrue.calibration.model import Query

@@ -22,8 +22,7 @@ from robotrue.calibration.settings import FitSettings, SolverSettings
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, fit_rigid, pose
 from robotrue.errors import FormatError
-from robotrue.measurement.formats.lengths_csv import read_lengths
-from robotrue.measurement.length_set import NO_ANCHOR, LengthSet
+from robotrue.measurement.length_set import NO_ANCHOR, LengthSet, read_lengths
 from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel
 from robotrue.robot.statics import deflect_arm

@@ -11,7 +11,7 @@ from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, pose
 from robotrue.errors import ReachError
 from robotrue.measurement.formats.part_points import Features
-from robotrue.planning.next_measurement import next_touch
+from robotrue.planning.expectation import next_touch
 from robotrue.planning.probing import Machining, ProbingTask, plan_touches
 from robotrue.planning.probing_candidates import find_facing_posture, touch_candidates
 from robotrue.robot.forward import forward

@@ -18,9 +18,8 @@ from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.planning import candidates
 from robotrue.planning.arm_scene import scene_of
 from robotrue.planning.criteria import greedy
-from robotrue.planning.expectation import predict_accuracy
+from robotrue.planning.expectation import next_visit, predict_accuracy
 from robotrue.planning.information import Postures, before_measuring, settings_of
-from robotrue.planning.next_measurement import next_visit
 from robotrue.planning.order import short_order, travel
 from robotrue.planning.plan_sheets import plan_sheet
 from robotrue.planning.pose_plan import PlanSettings, PosePlan, plan_poses

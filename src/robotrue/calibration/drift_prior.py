@@ -206,10 +206,10 @@ class SourceDrift:
         return float(np.exp(self.log_scale[1]))
 
 
-def prior_of(drift: SourceDrift, log_scale: Array | None = None) -> Belief:
+def prior_of(drift: SourceDrift) -> Belief:
     """Returns the target's prior: the source carried over with the drift's scales."""
     belief = drift.belief
-    scale = np.exp(drift.log_scale if log_scale is None else log_scale)
+    scale = np.exp(drift.log_scale)
     keep, variance = carry_over(drift, scale)
     if len(drift.field):
         belief = with_amplitude(belief, float(scale[4]))

@@ -94,7 +94,7 @@ def run(request: CalibrateLengthsRequest, context: Context) -> LengthCalibration
     from robotrue.app.measured_rows import read_together
     from robotrue.calibration.length_estimate import estimate_lengths, model_of_lengths
     from robotrue.calibration.lineage import provenance_of
-    from robotrue.measurement.formats.lengths_csv import read_lengths
+    from robotrue.measurement.length_set import read_lengths
     from robotrue.planning.information import settings_of
     from robotrue.store.model_file import write_model
 

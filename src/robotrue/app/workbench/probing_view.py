@@ -27,7 +27,7 @@ from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, RobotrueError
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.measurement.touch_session import TouchReading
-from robotrue.planning.next_measurement import NextTouch, next_touch
+from robotrue.planning.expectation import NextTouch, next_touch
 from robotrue.planning.probing import Machining, ProbingTask
 from robotrue.robot.forward import forward
 from robotrue.robot.inverse_numeric import solve

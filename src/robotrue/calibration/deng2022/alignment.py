@@ -242,20 +242,19 @@ def carry_source(
     return moved, design(moved, errors, readings.inputs) @ alignment.labels * MM
 
 
-def measurement_weights(errors: Array, covariance: Array, *, threshold: float = 0.0) -> Array:
+def measurement_weights(errors: Array, covariance: Array) -> Array:
     """Returns omega_m (n, 3): robot error over tracker deviation, for each pose and axis.
 
-    Section 2.1: zero where the tracker's deviation exceeds the robot's error, or comes nearer to it
-    than a threshold (its value is not in the paper).
+    Section 2.1: zero where the tracker's deviation exceeds the robot's error; the threshold by
+    which it may come near to it is not in the paper, and zero here.
 
     Args:
         errors: (n, 3) m.
         covariance: (n, 3, 3) m^2 of the measurement.
-        threshold: m.
     """
     deviation = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
     size = np.abs(errors)
-    out: Array = np.where(size - deviation > threshold, size / deviation, 0.0)
+    out: Array = np.where(size > deviation, size / deviation, 0.0)
     return out
 
 

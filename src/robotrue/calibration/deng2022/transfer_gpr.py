@@ -24,7 +24,13 @@ from robotrue.calibration.deng2022.alignment import (
     carry_source,
     measurement_weights,
 )
-from robotrue.calibration.deng2022.committee import Committee, boost, single
+from robotrue.calibration.deng2022.committee import (
+    Committee,
+    boost,
+    held_out_inflation,
+    left_out_inflation,
+    single,
+)
 from robotrue.calibration.deng2022.domains import (
     LEVER,
     Domains,
@@ -34,10 +40,6 @@ from robotrue.calibration.deng2022.domains import (
     label_poses,
     mapped_pairs,
     overlap_members,
-)
-from robotrue.calibration.deng2022.held_out_width import (
-    held_out_inflation,
-    left_out_inflation,
 )
 from robotrue.calibration.deng2022.joined import Expert, PoseModel, expert_of, pose_summary
 from robotrue.calibration.deng2022.readings import AttitudeReading, DengReadings

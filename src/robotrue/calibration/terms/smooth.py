@@ -37,6 +37,8 @@ from robotrue.robot.model import RobotModel
 
 NUGGET: Final = 1e-8
 """Added to k(c, c), relative to its diagonal: part of the model, not of the arithmetic alone."""
+STEPS: Final = 60
+"""Most steps of L-BFGS-B."""
 SHORTEST: Final = 0.1
 LONGEST: Final = 30.0
 """Range of lengths, in units of sin and cos."""
@@ -102,13 +104,12 @@ def unit_kernel(a: Array, b: Array) -> Array:
     return kernel
 
 
-def learn_smooth(joints: Array, residual: Array, *, steps: int = 60) -> SmoothScales:
+def learn_smooth(joints: Array, residual: Array) -> SmoothScales:
     """Returns lengths, amplitude and noise of greatest marginal likelihood.
 
     Args:
         joints: (n, dof) rad; n of some hundred (the cost is n^3 per step).
         residual: (n, 3) m, base frame.
-        steps: Most steps of L-BFGS-B.
 
     Fails when: the residual is exactly zero.
     """
@@ -118,7 +119,7 @@ def learn_smooth(joints: Array, residual: Array, *, steps: int = 60) -> SmoothSc
     data = centre_rows(x, y, np.ones(len(x)), isotropic=False, mean="zero", prior=False)
     start = np.log([*np.full(x.shape[1], 1.5), 0.5, 0.7])
     bounds = np.log([*[[SHORTEST, LONGEST]] * x.shape[1], [1e-3, 10.0], [1e-3, 10.0]])
-    theta = search_theta(partial(log_evidence, data), start, bounds, steps=steps)
+    theta = search_theta(partial(log_evidence, data), start, bounds, steps=STEPS)
     white = -0.5 * (y.size * np.log(2.0 * np.pi * (y**2).mean()) + y.size)
     length, (amplitude, noise) = np.exp(theta[:-2]), (unit * np.exp(theta[-2:])).tolist()
     gain = float(log_evidence(data, theta)[0] - white)

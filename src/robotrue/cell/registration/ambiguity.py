@@ -137,6 +137,8 @@ def _complete_order(
 
 
 TURNS: Final = (90.0 * DEG, 180.0 * DEG, 270.0 * DEG)
+LEFT: Final = 1.5
+"""An alternative may leave this many times the larger of sigma and the fit's own rms."""
 _SAME_SIDE: Final = 0.5
 """Cosine: a touch comes from outside, so a surface it lies on faces the way it came from."""
 _APART: Final = 5.0 * DEG
@@ -174,7 +176,6 @@ def symmetric_alternatives(
     *,
     sigma: float,
     believed: BoolArray | None = None,
-    factor: float = 1.5,
 ) -> tuple[Alternative, ...]:
     """Returns other poses the touches fit as well, each once; empty where none was found.
 
@@ -188,8 +189,6 @@ def symmetric_alternatives(
         T_base_part: (4, 4), the fit.
         sigma: m, noise of one touch along its normal.
         believed: (n,) True where a touch was fitted; all if not given.
-        factor: An alternative may leave this many times the larger of sigma and the fit's own
-            rms.
 
     Fails when: the symmetry is another one, of 60 deg for a hexagon say. Planes have no edges here:
     three touched faces of a block look alike whatever its sides; a mesh knows how long they are.
@@ -197,7 +196,7 @@ def symmetric_alternatives(
     T, parts = T_base_part, list_distances(touches, np.asarray(in_base))
     distance, normal, _ = linearise_distances(parts, T)
     used = np.ones(len(touches), dtype=bool) if believed is None else believed
-    limit = factor * max(sigma, float(np.sqrt(np.mean(distance[used] ** 2))))
+    limit = LEFT * max(sigma, float(np.sqrt(np.mean(distance[used] ** 2))))
     out: list[Alternative] = []
     pivot = _middle(parts, T)
     for axis in _axes(parts, normal @ T[:3, :3]):

@@ -267,13 +267,12 @@ def check_points(
     return part, base, name_touches(names, len(part))
 
 
-def check_pattern(points: Array, names: tuple[str, ...], *, floor: float = 0.0) -> None:
+def check_pattern(points: Array, names: tuple[str, ...]) -> None:
     """Passes if the points fix all six directions.
 
     Args:
         points: (n, 3) m.
         names: Of the points.
-        floor: m; points nearer to one line than this, rms, count as on it.
 
     Raises:
         ObservabilityError: Fewer than three different points, or all on one line; says which.
@@ -287,12 +286,12 @@ def check_pattern(points: Array, names: tuple[str, ...], *, floor: float = 0.0) 
     centred = points - points.mean(axis=0)
     _, size, axes = np.linalg.svd(centred, full_matrices=False)
     size = size / np.sqrt(len(points))
-    if size[0] <= max(floor, np.finfo(float).eps * np.abs(points).max()):
+    if size[0] <= np.finfo(float).eps * np.abs(points).max():
         raise ObservabilityError(
             f"points {listed} coincide: they spread by {size[0] / MM:.3g} mm.",
             hint="touch points that are far apart.",
         )
-    if size[1] <= max(FLAT * size[0], floor):
+    if size[1] <= FLAT * size[0]:
         axis = ", ".join(f"{v:+.2f}" for v in axes[0])
         raise ObservabilityError(
             f"points {listed} lie on one line along ({axis}): {size[1] / MM:.3g} mm off it, rms, "
