@@ -175,7 +175,7 @@ def _write_axes_and_words(
     """Writes the axes and the configuration words of new targets; returns notes on them."""
     changed = outcome.status == Status.COMPENSATED
     moved = np.flatnonzero(changed & (plan.route == Route.AXES))
-    if len(moved) and robot.controller is not None:
+    if len(moved):
         axes[moved] = robot.controller.to_controller(outcome.joints[moved])
     worded = plan.worded[changed[plan.worded]]
     if not len(worded):

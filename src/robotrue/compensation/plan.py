@@ -23,7 +23,7 @@ from robotrue.robot.configuration import (
 )
 from robotrue.robot.inverse import inverse_batch, inverse_branches
 from robotrue.robot.model import RobotModel
-from robotrue.robot.opw import OpwGeometry, opw_geometry
+from robotrue.robot.opw import opw_geometry
 
 CALLED = {"kuka": "S and T", "abb": "confdata", "fanuc": "CONFIG", "yaskawa": "RCONF"}
 MISCOUNTED, ASTRAY, UNUSED, CROSSED = 0, 1, 2, 3
@@ -117,8 +117,7 @@ def _note_miscounted(robot: RobotModel, program: Program, rows: IntArray) -> tup
     """
     if program.words_of != "fanuc" or not len(rows):
         return ()
-    told = robot.controller is not None and robot.controller.coupling.size > 0
-    if told or not np.array_equal(robot.joint_map, np.eye(robot.dof)):
+    if robot.controller.coupling.size or not np.array_equal(robot.joint_map, np.eye(robot.dof)):
         return ()
     text = (
         f"Fanuc counts J3 from the horizontal, {robot.name} counts it from the arm before it; "
@@ -154,7 +153,7 @@ def _write_axis_joints(robot: RobotModel, program: Program, rows: IntArray, join
     if not len(rows):
         return
     axes = program.axes[rows]
-    if axes.shape[1] != robot.dof or robot.controller is None:
+    if axes.shape[1] != robot.dof:
         raise ModelMismatchError(
             f"axis targets with {axes.shape[1]} axes for {robot.name}, which has {robot.dof}.",
             source=program.name,
@@ -222,16 +221,15 @@ def _by_words(
     rows = np.flatnonzero(asked)
     if not len(rows):
         return _WordChoice(last=last)
-    geometry = opw_geometry(robot) if robot.maker == maker else None
     told = np.concatenate([last[None], branch_words(maker, program.words[rows])])
-    if geometry is None:
+    if robot.maker != maker or opw_geometry(robot) is None:
         other = np.asarray((told[1:] != told[:-1]).any(axis=1))
         first = np.asarray((told[:-1] == NO_WORD).all(axis=1))
         note = row_note(program, rows, _note_unused(robot, maker), rank=UNUSED)
         return _WordChoice(
             astray=rows[other & first], changed=rows[other & ~first], last=told[-1], notes=(note,)
         )
-    joints, reached, fits = _fitting(robot, program, rows, geometry)
+    joints, reached, fits = _fitting(robot, program, rows)
     # Words that leave the branch open choose nothing: the nearest to the target before does.
     good = fits == 1
     astray = rows[reached & (fits == 0)]
@@ -248,11 +246,11 @@ def _by_words(
 
 
 def _fitting(
-    robot: RobotModel, program: Program, rows: IntArray, geometry: OpwGeometry
+    robot: RobotModel, program: Program, rows: IntArray
 ) -> tuple[Array, BoolArray, IntArray]:
     """Returns joints (k, 6) rad that fit the words, whether any are, and how many branches fit."""
     maker, wanted = program.words_of, program.words[rows]
-    options = inverse_branches(robot, flange_poses(program, rows), geometry=geometry)
+    options = inverse_branches(robot, flange_poses(program, rows))
     reached = np.asarray(np.isfinite(options).all(axis=2))
     have = np.full((*options.shape[:2], program.words.shape[1]), NO_WORD)
     have[reached] = configuration_words(robot, maker, options[reached])

@@ -230,9 +230,7 @@ class _Scene:
         place = self.dense.position[at].reshape(len(at), *(1,) * len(shape), 3)
         T = pose(attitude, np.broadcast_to(place, (len(at), *shape, 3)))
         T_base_flange = (T @ inverse_pose(self.robot.T_flange_tool)).reshape(-1, 4, 4)
-        found = inverse_branches(
-            self.robot, T_base_flange, reference=reference, geometry=self.task.geometry
-        )
+        found = inverse_branches(self.robot, T_base_flange, reference=reference)
         return np.asarray(found[:, self.branch].reshape(len(at), *shape, 6))
 
     def push_cost(self, at: IntArray, joints: Array) -> Array:
@@ -249,7 +247,7 @@ class _Scene:
 def _spin_run(task: _Task, run: SpinRun) -> _Found | str:
     """The run with new spins, or why it stays."""
     program, spin = task.program, task.free.spin
-    branch = branches_of(task.robot, task.joints[run.rows], geometry=task.geometry)
+    branch = branches_of(task.robot, task.joints[run.rows])
     posed = run.rows[1:] if run.fixed else run.rows
     if (branch != branch[-1]).any():
         return "the arm changes its branch among them"

@@ -159,6 +159,8 @@ def compensation_setup(
         ConfigurationError: The arm has not six joints.
     """
     robot = model.robot.nominal()
+    if len(start) == robot.dof:
+        settings = replace(settings, home=robot.controller.to_model(start[None])[0])
     measured = np.array(
         [np.allclose(t, robot.T_flange_tool, rtol=0.0, atol=SAME_TOOL) for t in T_flange_tool]
     )
@@ -167,16 +169,7 @@ def compensation_setup(
         robot=robot,
         arm=calibrated_arm(tables or rigid_tables(robot), T_flange_tool, measured),
         measured=measured,
-        settings=_with_start(robot, start, settings),
+        settings=settings,
         model=model,
         has_tables=tables is not None,
     )
-
-
-def _with_start(
-    robot: RobotModel, start: Array, settings: CompensationSettings
-) -> CompensationSettings:
-    """Returns the settings with the arm at home where its program says it starts, if it does."""
-    if len(start) != robot.dof or robot.controller is None:
-        return settings
-    return replace(settings, home=robot.controller.to_model(start[None])[0])

@@ -137,9 +137,9 @@ def other_configurations(robot: RobotModel, T_base_flange: Array, joints: Array)
         T_base_flange: (m, 4, 4).
         joints: (m, 6) rad of the configuration that is not another one.
     """
-    bare, geometry = robot.with_tool(np.eye(4)), opw_geometry(robot)
-    if geometry is not None:
-        branches = inverse_branches(bare, T_base_flange, reference=joints, geometry=geometry)
+    bare = robot.with_tool(np.eye(4))
+    if opw_geometry(robot) is not None:
+        branches = inverse_branches(bare, T_base_flange, reference=joints)
     else:
         branches = _search_branches(bare, T_base_flange, joints)
     lower, upper = robot.limits[:, 0] - _SLACK, robot.limits[:, 1] + _SLACK
@@ -200,7 +200,9 @@ def solve_targets(
     known = configuration_known(plan.known, state.get("configuration"))
     mark_guesses_that_matter(
         known, plan.known, targets, chunk.nominal, chunk.approach,
-        partial(_other_joints, setup.robot, program),
+        lambda some, joints: other_configurations(
+            setup.robot, flange_poses(program, some), joints
+        ),
         partial(_error_at, setup, program, load, chunk, work), settings.alike,
     )  # fmt: skip
     state.set("configuration", known[-1])
@@ -296,11 +298,6 @@ def _search(robot: RobotModel, program: Program, row: int, near: Array) -> Array
     T_base_tool = program.T_base_frame[program.frame[row]] @ T_frame_tool
     solution = solve_global(tool, T_base_tool[None], near=near)
     return solution.joints[0] if solution.converged[0] else None
-
-
-def _other_joints(robot: RobotModel, program: Program, rows: IntArray, joints: Array) -> Array:
-    """Returns the other configurations (m, k, 6) rad of some targets."""
-    return other_configurations(robot, flange_poses(program, rows), joints)
 
 
 def _error_at(

@@ -25,7 +25,6 @@ from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.rotations import matrix_from_rotation_vector, rotation_vector_from_matrix
 from robotrue.core.units import UM
 from robotrue.program.program import Motion, Program, Reason
-from robotrue.robot.model import Configuration, RobotModel
 
 STEPS: Final = 14
 """Steps of a part: a line is furthest off in the middle, an arc 0.211 from either end (3 / 14)."""
@@ -160,7 +159,7 @@ def _sample(job: JobMoves, rows: IntArray, parts: IntArray, steps: int) -> Sampl
     arrival = base[fresh] - 1
     axes = np.full((n, 6), np.nan)
     begin = job.joints[moves.start[rows[fresh]]]
-    axes[arrival] = _controller(job.model.robot).to_controller(begin)
+    axes[arrival] = job.model.robot.controller.to_controller(begin)
     reason = np.zeros(n, dtype=np.int64)
     reason[arrival] = Reason.JOINT_TARGET
     program = Program(
@@ -197,11 +196,6 @@ def _settings(settings: CompensationSettings, wrench: Array) -> CompensationSett
         turn_tolerance=min(settings.turn_tolerance, _EXACT),
     )
     return replace(exact, wrench=wrench) if len(wrench) else exact
-
-
-def _controller(robot: RobotModel) -> Configuration:
-    own = Configuration(sign=np.ones(robot.dof), offset=np.zeros(robot.dof))
-    return robot.controller or own
 
 
 def _deviations(samples: Samples) -> MoveDeviations:

@@ -83,7 +83,7 @@ def first_stance(
         nominal: (n, 6) rad, their nominal joints.
     """
     reached = np.isfinite(nominal[:, 0]) & (plan.route != Route.SKIP)
-    if not reached.any() or robot.controller is None:
+    if not reached.any():
         return None
     row = int(np.argmax(reached))
     by: ChosenBy = "start posture" if len(settings.home) else "middle of the limits"
@@ -107,7 +107,7 @@ def start_joints(robot: RobotModel, cell: Array, text: str | None = None) -> Arr
     axes = cell if text is None else _read(text, robot.dof)
     if not len(axes):
         return np.empty(0)
-    if len(axes) != robot.dof or robot.controller is None:
+    if len(axes) != robot.dof:
         raise ConfigurationError(
             f"the start posture has {len(axes)} axes, {robot.name} has {robot.dof}.",
             hint="one number for each axis, as the pendant shows them.",

@@ -112,7 +112,7 @@ def _reach(robot: RobotModel, point: Array, lean: float, seed: int) -> Array:
     turn = matrix_from_rotation_vector(spin[:, None] * np.array([0.0, 0.0, 1.0]))
     wanted = pose(tilt @ down @ turn, np.tile(point, (n, 1)))
     if closed is not None:
-        found = inverse_branches(robot, wanted @ inverse(robot.T_flange_tool), geometry=closed)
+        found = inverse_branches(robot, wanted @ inverse(robot.T_flange_tool))
         joints = found.reshape(-1, robot.dof)
     else:
         joints = np.concatenate(all_solutions(robot, wanted))

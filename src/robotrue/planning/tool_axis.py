@@ -215,7 +215,7 @@ def resolve_spin(
         settings=settings,
     )
     spacing = settings.spacing
-    shape = None if near is None else branch_of(side.robot, near, geometry=side.geometry)
+    shape = None if near is None else branch_of(side.robot, near)
     for _ in range(_TRIES):
         stations = stations_of(side.dense, spacing)
         way = _find_way(side, stations, shape)
@@ -270,7 +270,6 @@ def _all_joints(side: _SideTask, stations: IntArray, spin: Array) -> Array:
         side.robot,
         side.flange_poses(T_part_tool).reshape(-1, 4, 4),
         reference=side.robot.limits.mean(axis=1),
-        geometry=side.geometry,
     )
     return np.moveaxis(joints.reshape(m, k, BRANCHES, 6), 2, 1)
 
@@ -283,9 +282,7 @@ def _pose_targets(side: _SideTask, stations: IntArray, way: SpinPath) -> Posed:
     rotation = side.rotations(dense.at, spin)
     T_base_flange = side.flange_poses(as_driven(dense, pose(rotation, side.path.position)))
     guess = np.stack([np.interp(dense.along, at, q) for q in way.joints.T], axis=1)
-    joints = inverse_branches(robot, T_base_flange, reference=guess, geometry=geometry)[
-        :, way.branch
-    ]
+    joints = inverse_branches(robot, T_base_flange, reference=guess)[:, way.branch]
     half = 0.5 * np.diff(robot.limits, axis=1)[:, 0]
     room = half - np.abs(joints - robot.limits.mean(axis=1))
     bad = ~np.isfinite(joints).all(axis=1)

@@ -19,9 +19,8 @@ import numpy as np
 from robotrue.core.arm_words import NO_WORD, WORDS, Maker
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.rotations import wrap
-from robotrue.errors import ConfigurationError
 from robotrue.robot.inverse import require_opw
-from robotrue.robot.model import Configuration, RobotModel
+from robotrue.robot.model import RobotModel
 
 EDGE: Final = 1e-6
 """rad; an angle nearer than this to the edge of two words satisfies both."""
@@ -48,18 +47,12 @@ _LIMIT_SLACK: Final = 1e-9
 
 def controller_axes(robot: RobotModel, joints: Array) -> Array:
     """Returns the axis values the controller displays (..., 6) rad from q (..., 6) rad."""
-    return _counting(robot).to_controller(np.asarray(joints, dtype=np.float64))
+    return robot.controller.to_controller(np.asarray(joints, dtype=np.float64))
 
 
 def axis_relation(robot: RobotModel) -> Callable[[Array], Array]:
     """Returns what takes the controller's axes (..., n) rad to joints q (..., n) rad."""
-    return _counting(robot).to_model
-
-
-def _counting(robot: RobotModel) -> Configuration:
-    if robot.controller is None:  # RobotModel always fills it in
-        raise ConfigurationError(f"{robot.name} has no controller axes.")
-    return robot.controller
+    return robot.controller.to_model
 
 
 def kuka_status_turn(robot: RobotModel, joints: Array) -> tuple[IntArray, IntArray]:
@@ -192,8 +185,6 @@ def on_turn(
         near: (6,) rad; zero of the controller's axes if not given.
     """
     out, good = np.array(joints), np.ones(len(joints), dtype=np.bool_)
-    if robot.controller is None:
-        return out, good
     turns = _TURNS.get(maker, {})
     for i in range(6):
         best = np.full(len(joints), np.inf)

@@ -60,18 +60,13 @@ def require_opw(robot: RobotModel) -> OpwGeometry:
     return geometry
 
 
-def closed_geometry(robot: RobotModel) -> ClosedArm | None:
-    """Returns the geometry whose inverse has closed branches; None for other arms."""
-    return opw_geometry(robot) or parallel_geometry(robot)
-
-
 def require_closed(robot: RobotModel) -> ClosedArm:
     """Returns the geometry whose inverse has closed branches.
 
     Raises:
         ConfigurationError: Neither a spherical wrist nor axes 2 to 4 parallel.
     """
-    geometry = closed_geometry(robot)
+    geometry = opw_geometry(robot) or parallel_geometry(robot)
     if geometry is None:
         raise ConfigurationError(
             f"{robot.name} has neither a spherical wrist nor parallel axes 2 to 4; its inverse has "
@@ -86,7 +81,6 @@ def inverse_branches(
     T_base_flange: Array,
     *,
     reference: Array | None = None,
-    geometry: ClosedArm | None = None,
 ) -> Array:
     """Returns the joints of all eight branches (n, 8, 6) rad, NaN where a branch does not exist.
 
@@ -97,12 +91,11 @@ def inverse_branches(
         T_base_flange: (n, 4, 4).
         reference: (n, 6) or (6,) rad; supplies A4 where the wrist is straight, A1 where the
             wrist point is on axis 1, and the turn of every joint.
-        geometry: From :func:`require_closed`, to spare reading it again.
 
     Raises:
         ConfigurationError: An arm without closed branches.
     """
-    arm = require_closed(robot) if geometry is None else geometry
+    arm = require_closed(robot)
     T = np.asarray(T_base_flange, dtype=np.float64)
     near = np.zeros((1, 6)) if reference is None else np.atleast_2d(reference)
     near = np.broadcast_to(near, (len(T), 6))
@@ -238,7 +231,6 @@ def inverse_batch(
     *,
     near: Array | None = None,
     branch: int | IntArray | None = None,
-    geometry: ClosedArm | None = None,
 ) -> Array:
     """Returns joints (n, 6) rad inside the limits, each pose by itself; NaN where there are none.
 
@@ -248,12 +240,11 @@ def inverse_batch(
         near: (n, 6) or (6,) rad. Of the branches (or of the turns of the given one) the nearest
             to it in the Euclidean sense is taken; the middle of the limits if not given.
         branch: Branch number for all or (n,) per pose; any branch if not given.
-        geometry: From :func:`require_closed`, to spare reading it again.
 
     Raises:
         ConfigurationError: An arm without closed branches.
     """
-    arm = require_closed(robot) if geometry is None else geometry
+    arm = require_closed(robot)
     n = len(T_base_tool)
     seed = np.broadcast_to(_seed(robot, near), (n, 6))
     fixed = None if branch is None else np.broadcast_to(np.asarray(branch, dtype=np.int64), (n,))
@@ -304,20 +295,18 @@ def inverse_path(
     arm = require_closed(robot)
     seed = _seed(robot, near)
     T_base_flange = T_base_tool @ inverse_pose(robot.T_flange_tool)
-    chosen, start, first = _first_reached(robot, T_base_tool, seed, branch, arm)
+    chosen, start, first = _first_reached(robot, T_base_tool, seed, branch)
     path = np.full((len(T_base_tool), 6), np.nan)
     if start < 0:
         return path
-    path[start:] = inverse_branches(robot, T_base_flange[start:], reference=first, geometry=arm)[
-        :, chosen
-    ]
+    path[start:] = inverse_branches(robot, T_base_flange[start:], reference=first)[:, chosen]
     path[start] = first
     reached = np.flatnonzero(~np.isnan(path[:, 0]))
     for k in _straight(arm, path):
         earlier = reached[reached < k]
         if len(earlier):
             previous = path[earlier[-1]]
-            again = inverse_branches(robot, T_base_flange[[k]], reference=previous, geometry=arm)
+            again = inverse_branches(robot, T_base_flange[[k]], reference=previous)
             path[k] = again[0, chosen]
     path[reached] = np.unwrap(path[reached], axis=0)
     lower, upper = robot.limits[:, 0] - _LIMIT_SLACK, robot.limits[:, 1] + _LIMIT_SLACK
@@ -326,16 +315,16 @@ def inverse_path(
 
 
 def _first_reached(
-    robot: RobotModel, T_base_tool: Array, seed: Array, branch: int | None, arm: ClosedArm
+    robot: RobotModel, T_base_tool: Array, seed: Array, branch: int | None
 ) -> tuple[int, int, Array]:
     """Branch, index and joints of the first pose inside the limits; index -1 if there is none."""
     for start in range(0, len(T_base_tool), _FIRST):
         part = T_base_tool[start : start + _FIRST]
-        found = inverse_batch(robot, part, near=seed, branch=branch, geometry=arm)
+        found = inverse_batch(robot, part, near=seed, branch=branch)
         good = np.flatnonzero(~np.isnan(found[:, 0]))
         if len(good):
             joints = found[good[0]]
-            chosen = branch_of(robot, joints, geometry=arm) if branch is None else branch
+            chosen = branch_of(robot, joints) if branch is None else branch
             return chosen, start + int(good[0]), joints
     return 0, -1, seed
 
@@ -345,15 +334,14 @@ def _straight(geometry: ClosedArm, joints: Array) -> IntArray:
     return np.flatnonzero(bend < STRAIGHT_WRIST).astype(np.int64)
 
 
-def branch_of(robot: RobotModel, joints: Array, *, geometry: ClosedArm | None = None) -> int:
+def branch_of(robot: RobotModel, joints: Array) -> int:
     """Returns the branch number of joints (6,) rad, see the head of this module."""
-    return int(branches_of(robot, np.asarray(joints)[None], geometry=geometry)[0])
+    return int(branches_of(robot, np.asarray(joints)[None])[0])
 
 
-def branches_of(robot: RobotModel, joints: Array, *, geometry: ClosedArm | None = None) -> IntArray:
+def branches_of(robot: RobotModel, joints: Array) -> IntArray:
     """Returns the branch numbers (n,) of joints (n, 6) rad, see the head of this module."""
-    arm = require_closed(robot) if geometry is None else geometry
-    return arm.branches(joints)
+    return require_closed(robot).branches(joints)
 
 
 def inverse(
@@ -377,16 +365,14 @@ def inverse(
         ConfigurationError: An arm without closed branches.
     """
     T = frozen(T_base_tool, (4, 4), "T_base_tool")[None]
-    geometry = require_closed(robot)
-    found: Array = inverse_batch(robot, T, near=near, branch=branch, geometry=geometry)[0]
+    found: Array = inverse_batch(robot, T, near=near, branch=branch)[0]
     if not np.isnan(found[0]):
         return found
-    raise _unreachable(robot, geometry, T, near, branch)
+    raise _unreachable(robot, T, near, branch)
 
 
 def _unreachable(
     robot: RobotModel,
-    geometry: ClosedArm,
     T: Array,
     near: Array | None,
     branch: int | None,
@@ -394,11 +380,12 @@ def _unreachable(
     """Says why: too far, too near, or which limit of the branch that comes closest."""
     seed = _seed(robot, near)
     T_base_flange = T @ inverse_pose(robot.T_flange_tool)
-    options = inverse_branches(robot, T_base_flange, reference=seed, geometry=geometry)[0]
+    options = inverse_branches(robot, T_base_flange, reference=seed)[0]
     kept = options if branch is None else options[[branch]]
     alive = kept[~np.isnan(kept).any(axis=1)]
     which = robot.name if branch is None else f"branch {branch} of {robot.name}"
     if not len(alive):
+        geometry = require_closed(robot)
         span, longest = float(geometry.span(T_base_flange)[0]), geometry.stretch
         folded = " (the arm cannot fold to it)" if span <= longest else ""
         return ReachError(

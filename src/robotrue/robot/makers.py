@@ -91,7 +91,7 @@ def joints_of_posture(robot: RobotModel, kuka_axes: Array) -> Array:
     """
     geometry = None if robot.maker == "kuka" else opw_geometry(robot)
     if geometry is None:
-        return kuka_axes if robot.controller is None else robot.controller.to_model(kuka_axes)
+        return robot.controller.to_model(kuka_axes)
     sense, zero = _COUNTING["kuka"]
     return geometry.joints(np.array(sense) * (kuka_axes - np.array([*zero, 0.0]) * DEG))
 

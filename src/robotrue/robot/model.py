@@ -139,7 +139,7 @@ class RobotModel(Columns):
         T_flange_tool: (4, 4), the tool the controller uses (or the reflector).
         gravity: (3,) m/s^2 in the base frame.
         errors: (9 n + 12,) SI, layout of :func:`parameter_names`; zero is nominal.
-        controller: How the controller counts the axes.
+        controller: How the controller counts the axes; as q where nothing says it.
         maker: Brand, chooses the configuration bits (``"kuka"``, ``"abb"``, ...).
         dof: Number of joints n.
     """
@@ -159,7 +159,7 @@ class RobotModel(Columns):
         default_factory=lambda: np.array([0.0, 0.0, -STANDARD_GRAVITY])
     )
     errors: Annotated[Array, Column("errors", fill=0.0)] = EMPTY
-    controller: Configuration | None = None
+    controller: Configuration = EMPTY
     maker: str = "generic"
     total_mass: float = 0.0
     dof: int = field(init=False, repr=False)
@@ -171,10 +171,9 @@ class RobotModel(Columns):
         self._check_columns(n=n, errors=len(PER_JOINT) * n + 12)
         if self.convention not in ("dh", "mdh"):
             raise ConfigurationError(f"convention {self.convention!r}, expected 'dh' or 'mdh'.")
-        if self.controller is None:
-            object.__setattr__(
-                self, "controller", Configuration(sign=np.ones(n), offset=np.zeros(n))
-            )
+        if not self.controller:
+            as_joints = Configuration(sign=np.ones(n), offset=np.zeros(n))
+            object.__setattr__(self, "controller", as_joints)
         if (self.limits[:, 0] >= self.limits[:, 1]).any():
             raise ShapeError("limits: every lower joint limit must be below its upper one.")
 
