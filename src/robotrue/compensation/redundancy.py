@@ -30,22 +30,29 @@ from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
 from robotrue.core.poses import inverse as inverse_pose
 from robotrue.core.poses import pose
 from robotrue.core.rotations import matrix_from_rotation_vector, wrap
-from robotrue.core.units import DEG, UM
+from robotrue.core.units import UM
 from robotrue.errors import ConfigurationError
 from robotrue.program.cut_path import CutPath, cut_path
 from robotrue.program.lang import languages
 from robotrue.program.program import Program
 from robotrue.robot.configuration import configuration_words, renew_words
-from robotrue.robot.forward import forward, walk
+from robotrue.robot.forward import drive_jacobian, forward, walk
 from robotrue.robot.inverse import ClosedArm, branches_of, inverse_branches, require_closed
 from robotrue.robot.model import RobotModel
-from robotrue.robot.spin import SpinPath, SpinSettings, limit_cost, refined_way, singular_cost
+from robotrue.robot.spin import (
+    TRIES,
+    SpinPath,
+    SpinSettings,
+    cannot_follow,
+    limit_cost,
+    limit_room,
+    refined_way,
+    singular_cost,
+    stations_of,
+)
 
 GAIN: Final = 0.05
 """Share of the cost that must be won, else a run stays as it is written."""
-_STEP: Final = 45.0 * DEG
-"""rad a joint may turn between two points of a straight move."""
-_TRIES: Final = 3
 _BENT: Final = 8192
 """Targets looked at together."""
 
@@ -265,8 +272,8 @@ def _spin_run(task: _Task, run: SpinRun) -> _Found | str:
     )
     spacing = spin.spacing
     why = ""
-    for _ in range(_TRIES):
-        stations = scene.dense.stations(spacing)
+    for _ in range(TRIES):
+        stations = stations_of(scene.dense.along, spacing)
         way = _way(scene, stations)
         if way.branch < 0:
             return why or "a joint limit or a singularity is in the way of every spin"
@@ -305,11 +312,7 @@ def _as_driven(scene: _Scene, stations: IntArray, way: SpinPath) -> _Found | Non
     turned = scene.rotation @ matrix_from_rotation_vector(spin[:, None] * settings.cutter)
     guess = np.stack([np.interp(dense.along, at, q) for q in way.joints.T], axis=1)
     joints = scene.joints(np.arange(len(dense.along)), dense.attitudes(turned), guess)
-    room = _room(scene.robot, joints)
-    bad = ~np.isfinite(joints).all(axis=1)
-    bad |= ~np.isfinite(singular_cost(scene.task.geometry, joints, settings))
-    bad |= ~(room >= 0.5 * settings.limit_margin)
-    bad[1:] |= ~(np.abs(np.diff(joints, axis=0)).max(axis=1) <= _STEP)
+    bad = cannot_follow(scene.robot, scene.task.geometry, joints, settings)
     return None if bad.any() else _Found(spin=spin, joints=joints[dense.at])
 
 
@@ -331,13 +334,6 @@ def _gains(scene: _Scene, found: _Found) -> bool:
     return bool(cost[1] < (1.0 - GAIN) * cost[0])
 
 
-def _room(robot: RobotModel, joints: Array) -> Array:
-    """Distance (n,) rad to the nearest limit; below zero beyond it."""
-    return np.asarray(
-        np.minimum(joints - robot.limits[:, 0], robot.limits[:, 1] - joints).min(axis=1)
-    )
-
-
 def _posture_quality(task: _Task, joints: Array) -> PostureQuality:
     """How the arm stands at every target, tool by tool."""
     program, n = task.program, len(joints)
@@ -350,7 +346,7 @@ def _posture_quality(task: _Task, joints: Array) -> PostureQuality:
             moved[rows] = bending(robot, task.compliance, joints[rows], task.wrench[rows])
     return PostureQuality(
         joints=frozen(joints, (n, 6), "joints", allow_nan=True),
-        room=_room(task.robot, joints),
+        room=limit_room(task.robot, joints),
         wrist=np.arcsin(np.minimum(task.geometry.singular_measures(joints)[:, 0], 1.0)),
         across=np.linalg.norm(across(moved, task.path.feed_direction), axis=1),
         stiffness=stiffness(task.wrench, moved),
@@ -387,13 +383,9 @@ def bending(robot: RobotModel, compliance: Array, joints: Array, wrench: Array) 
     out = np.empty((len(joints), 3))
     for start in range(0, len(joints), _BENT):
         part = slice(start, start + _BENT)
-        state = walk(robot, joints[part])
-        axis = state.joint_axis
-        move = np.cross(axis, state.position[:, None] - state.joint_origin)
-        torque = np.einsum("nij,nj->ni", move, wrench[part, :3])
-        torque += np.einsum("nij,nj->ni", axis, wrench[part, 3:])
-        drives = (torque @ robot.joint_map) * compliance
-        out[part] = np.einsum("ni,nij->nj", drives @ robot.joint_map.T, move)
+        lever = drive_jacobian(robot, walk(robot, joints[part]))
+        torque = np.einsum("nij,ni->nj", lever, wrench[part])
+        out[part] = np.einsum("nij,nj->ni", lever[:, :3], compliance * torque)
     return out
 
 

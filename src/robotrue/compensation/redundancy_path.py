@@ -18,7 +18,6 @@ from robotrue.core.rotations import matrix_from_rotation_vector, rotation_vector
 from robotrue.core.units import DEG, MM
 from robotrue.program.program import Motion, Program, Reason
 
-MOST_STATIONS: Final = 2000
 _TURN_LENGTH: Final = 0.2
 """m of path that a radian of attitude counts as."""
 _TURN: Final = 5.0 * DEG
@@ -70,14 +69,6 @@ class DenseRun:
         whole = self.share[self.at] == 1.0  # an arc does not take the attitude of its via point
         out[self.at[whole]] = rotation[whole]
         return np.asarray(out)
-
-    def stations(self, spacing: float) -> IntArray:
-        """Returns points (m,) about every ``spacing`` m, first and last among them."""
-        step = max(spacing, float(self.along[-1]) / MOST_STATIONS)
-        cell = np.floor(self.along / step)
-        chosen = np.concatenate([[True], cell[1:] > cell[:-1]])
-        chosen[-1] = True
-        return np.flatnonzero(chosen)
 
 
 def runs_of(program: Program, known: BoolArray) -> tuple[SpinRun, ...]:

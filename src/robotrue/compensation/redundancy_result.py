@@ -16,11 +16,12 @@ from robotrue.core.units import DEG, UM
 from robotrue.program.program import Program
 
 _SHOWN = (
-    ("stiffness_N_per_um", "stiffness along the force", "N/um"),
-    ("deflection_across_feed_um", "deflection across the feed", "um"),
-    ("limit_distance_deg", "distance from joint limits", "deg"),
-    ("wrist_angle_deg", "angle of axes 4 and 6", "deg"),
+    ("stiffness_N_per_um", "stiffness", 1.0 / UM, np.min, "stiffness along the force", "N/um"),
+    ("deflection_across_feed_um", "across", UM, np.max, "deflection across the feed", "um"),
+    ("limit_distance_deg", "room", DEG, np.min, "distance from joint limits", "deg"),
+    ("wrist_angle_deg", "wrist", DEG, np.min, "angle of axes 4 and 6", "deg"),
 )
+"""Key, attribute of :class:`PostureQuality`, size and worst of it, name, unit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,12 +74,7 @@ class SpinChoice:
             "targets_turned": int(at.sum()),
             "largest_spin_deg": float(np.abs(self.spin).max(initial=0.0) / DEG),
         }
-        for name, of, unit, worst in (
-            ("stiffness_N_per_um", "stiffness", 1.0 / UM, np.min),
-            ("deflection_across_feed_um", "across", UM, np.max),
-            ("limit_distance_deg", "room", DEG, np.min),
-            ("wrist_angle_deg", "wrist", DEG, np.min),
-        ):
+        for name, of, unit, worst, *_ in _SHOWN:
             pair = [np.asarray(getattr(each, of))[at] for each in (self.before, self.after)]
             both = np.isfinite(pair[0]) & np.isfinite(pair[1])
             if both.any():
@@ -136,7 +132,7 @@ def spin_sentences(won: Mapping[str, Any]) -> list[str]:
         f"tool axis: {won['targets_turned']} targets turned in {won['runs_turned']} of "
         f"{won['runs']} runs, at most by {won['largest_spin_deg']:.1f} deg"
     ]
-    for key, what, unit in _SHOWN:
+    for key, *_, what, unit in _SHOWN:
         if key in won:
             old, new = won[key]["before"], won[key]["after"]
             out.append(

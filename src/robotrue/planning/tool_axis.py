@@ -45,14 +45,16 @@ from robotrue.robot.inverse import (
 )
 from robotrue.robot.model import RobotModel
 from robotrue.robot.spin import (
+    TRIES,
     SpinPath,
     SpinSettings,
     can_be_taken,
+    cannot_follow,
+    limit_room,
     refined_way,
-    singular_cost,
+    stations_of,
 )
 
-MOST_STATIONS: Final = 2000
 _TURN_LENGTH: Final = 0.2
 """m of path that a radian of tool axis counts as."""
 _TILT: Final = 5.0 * DEG
@@ -141,20 +143,6 @@ def _perpendicular(axis: Array) -> Array:
     return np.asarray(aside / np.linalg.norm(aside))
 
 
-def stations_of(dense: DensePath, spacing: float) -> IntArray:
-    """Returns dense points (m,) about every ``spacing`` m, first and last among them."""
-    step = max(spacing, float(dense.along[-1]) / MOST_STATIONS)
-    cell = np.floor(dense.along / step)
-    chosen = np.concatenate([[True], cell[1:] > cell[:-1]])
-    chosen[-1] = True
-    return np.flatnonzero(chosen)
-
-
-_STEP: Final = 45.0 * DEG
-"""rad a joint may turn between two stations of a straight move."""
-_TRIES: Final = 3
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Posed(Columns):
     """A tool path with the arm that follows it.
@@ -216,8 +204,8 @@ def resolve_spin(
     )
     spacing = settings.spacing
     shape = None if near is None else branch_of(side.robot, near)
-    for _ in range(_TRIES):
-        stations = stations_of(side.dense, spacing)
+    for _ in range(TRIES):
+        stations = stations_of(side.dense.along, spacing)
         way = _find_way(side, stations, shape)
         if way.branch < 0:
             raise _no_way(side, stations, way)
@@ -283,12 +271,7 @@ def _pose_targets(side: _SideTask, stations: IntArray, way: SpinPath) -> Posed:
     T_base_flange = side.flange_poses(as_driven(dense, pose(rotation, side.path.position)))
     guess = np.stack([np.interp(dense.along, at, q) for q in way.joints.T], axis=1)
     joints = inverse_branches(robot, T_base_flange, reference=guess)[:, way.branch]
-    half = 0.5 * np.diff(robot.limits, axis=1)[:, 0]
-    room = half - np.abs(joints - robot.limits.mean(axis=1))
-    bad = ~np.isfinite(joints).all(axis=1)
-    bad |= ~np.isfinite(singular_cost(geometry, joints, settings))
-    bad |= ~(room.min(axis=1) >= 0.5 * settings.limit_margin)
-    bad[1:] |= ~(np.abs(np.diff(joints, axis=0)).max(axis=1) <= _STEP)
+    bad = cannot_follow(robot, geometry, joints, settings)
     if bad.any():
         raise _narrow(side.path, int(dense.target[int(np.argmax(bad))]))
     wrist = np.arcsin(np.clip(geometry.singular_measures(joints)[:, 0].min(), 0.0, 1.0))
@@ -299,7 +282,7 @@ def _pose_targets(side: _SideTask, stations: IntArray, way: SpinPath) -> Posed:
         joints=joints[dense.at],
         spin=spin,
         branch=way.branch,
-        limit_margin=float(room.min()),
+        limit_margin=float(limit_room(robot, joints).min()),
         wrist_angle=float(wrist),
     )
 

@@ -41,6 +41,11 @@ Stand: TypeAlias = Callable[[Array], tuple[Array, Array | None]]
 per metre of path, or None."""
 _WINDOW: Final = np.arange(-5.0, 6.0)
 _FINER: Final = 5.0
+MOST_STATIONS: Final = 2000
+_STEP: Final = 45.0 * DEG
+"""rad a joint may turn between two points of a straight move."""
+TRIES: Final = 3
+"""How often stations are laid, half as far apart each time, where a way cannot be followed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -284,3 +289,34 @@ def singular_cost(geometry: ClosedArm, joints: Array, settings: SpinSettings) ->
     return np.asarray(
         np.where(near, np.inf, ((scale / np.maximum(measure, 1e-9)) ** 2).sum(axis=-1))
     )
+
+
+def stations_of(along: Array, spacing: float) -> IntArray:
+    """Returns points (m,) about every ``spacing`` m, of those at ``along`` (d,) m of a path.
+
+    First and last are among them.
+    """
+    cell = np.floor(along / max(spacing, float(along[-1]) / MOST_STATIONS))
+    chosen = np.concatenate([[True], cell[1:] > cell[:-1]])
+    chosen[-1] = True
+    return np.flatnonzero(chosen)
+
+
+def limit_room(robot: RobotModel, joints: Array) -> Array:
+    """Returns the distance (n,) rad to the nearest limit; below zero beyond it."""
+    below, above = joints - robot.limits[:, 0], robot.limits[:, 1] - joints
+    return np.asarray(np.minimum(below, above).min(axis=1))
+
+
+def cannot_follow(
+    robot: RobotModel, geometry: ClosedArm, joints: Array, settings: SpinSettings
+) -> BoolArray:
+    """Returns at which points (n,) of a path an arm cannot go on with joints (n, 6) rad.
+
+    Half the margin from limits is enough here: between stations, where spins are interpolated.
+    """
+    bad = ~np.isfinite(joints).all(axis=1)
+    bad |= ~np.isfinite(singular_cost(geometry, joints, settings))
+    bad |= ~(limit_room(robot, joints) >= 0.5 * settings.limit_margin)
+    bad[1:] |= ~(np.abs(np.diff(joints, axis=0)).max(axis=1) <= _STEP)
+    return bad
