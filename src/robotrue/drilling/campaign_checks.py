@@ -9,7 +9,6 @@ compared with the residuals of the regression without one.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import permutations
 from typing import Annotated, Final
 
 import numpy as np
@@ -19,7 +18,7 @@ from robotrue.core.columns import Column, Columns
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.campaign import Campaign, conditions, tilt_seen
 from robotrue.drilling.correction_trials import usable_positions
-from robotrue.drilling.foot import Foot, readings
+from robotrue.drilling.foot import Foot, exchanged_columns, readings, sensor_orders
 from robotrue.drilling.head import Head, normal_from_tilt, rotation
 from robotrue.drilling.regression import columns
 from robotrue.errors import ImplausibleDataError, ObservabilityError
@@ -44,8 +43,6 @@ BETTER_SENSE: Final = 0.3
 """Share of that spread another sense must leave to be the likely one."""
 NEIGHBOUR: Final = 4
 """Planes of a campaign with as many clamps more are told apart."""
-SHUFFLED: Final = 6
-"""Most sensors whose orders are all tried."""
 ONE_FORCE: Final = 1.0
 """N of spread below which all clamps are at one force."""
 ONE_HEIGHT: Final = 0.1 * MM
@@ -260,13 +257,12 @@ def _check_order(foot: Foot, campaign: Campaign, measured: Array, expected: Arra
 
 def _best_order(measured: Array, expected: Array) -> tuple[float, str, str]:
     """Error (m) left by the best order of the sensors, what it says, and what to try."""
-    sensors = measured.shape[1]
-    if sensors > SHUFFLED:
-        return np.inf, "", ""
+    trials = sensor_orders(measured.shape[1])
     left, best = min(
-        (_offset_free_rms(measured[:, list(p)], expected), p) for p in permutations(range(sensors))
+        ((_offset_free_rms(measured[:, list(p)], expected), p) for p in trials),
+        default=(np.inf, ()),
     )
-    said = ", ".join(f"column {p + 1} is sensor {k + 1}" for k, p in enumerate(best) if p != k)
+    said = exchanged_columns(best)
     return (
         left,
         f"{said}: sensors are exchanged, or their angles run the other way round",

@@ -195,15 +195,24 @@ def readings_less_zero(raw: Array, form: str, setup: FootSetup) -> Array:
             hint="put the readings on the mandrel or calibration plane into zero_mm or "
             "zero_counts; a zero that is guessed is a tilt of every hole.",
         )
-    counts = form.endswith("_counts")
-    if counts and setup.count is None:
+    return np.asarray(raw * unit_of_readings(form, setup) - setup.zero)
+
+
+def unit_of_readings(form: str, setup: FootSetup) -> float:
+    """Returns m per unit of readings in one of :data:`FORMS`.
+
+    Raises:
+        ConfigurationError: Counts, and the foot file does not say how long one is.
+    """
+    if not form.endswith("_counts"):
+        return MM
+    if setup.count is None:
         raise ConfigurationError(
             "readings in counts, and the foot does not say how long a count is.",
             source=setup.source,
             hint="count_um = 1.0",
         )
-    size = (setup.count or 0.0) if counts else MM
-    return np.asarray(raw * size - setup.zero)
+    return setup.count
 
 
 def setup_of(model: NormalModel, path: Path, foot: Path | None) -> FootSetup:

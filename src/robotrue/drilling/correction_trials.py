@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, TypeAlias, get_args
+from typing import Final, get_args
 
 import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray
+from robotrue.core.progress import Progress, unheard
 from robotrue.drilling.campaign import Campaign, conditions
 from robotrue.drilling.correction import correct_readings, fit_correction, residual_tilt
 from robotrue.drilling.drill_defaults import CORRECTS, Corrects, Inputs, Kind, Position
@@ -17,7 +17,6 @@ from robotrue.errors import ObservabilityError
 
 KINDS: Final[tuple[Kind, ...]] = get_args(Kind)
 """From the simplest to the richest."""
-Step: TypeAlias = Callable[[str, int, int], None]
 LEVELS: Final = 5
 """Blocks of force where the campaign does not keep to fewer levels."""
 SECTORS: Final = 4
@@ -258,7 +257,7 @@ def try_all(
     *,
     inputs: tuple[Position, ...] = (),
     corrects: Corrects = CORRECTS,
-    step: Step = lambda what, done, of: None,
+    step: Progress = unheard,
 ) -> tuple[Trial, ...]:
     """Returns the trial of every kind, the simplest first.
 

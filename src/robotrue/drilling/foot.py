@@ -11,7 +11,9 @@ with three it is the exact inverse.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import permutations
 from typing import Annotated, Final, Literal, TypeAlias
 
 import numpy as np
@@ -27,6 +29,8 @@ MAX_TILT_DEG: Final = 8.0
 """Of a foot that does not state them."""
 FLATTEST: Final = 1e-6
 """Smallest over largest singular value at which sensors still span a plane."""
+SHUFFLED: Final = 6
+"""Most sensors whose orders are all tried."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -198,6 +202,17 @@ def readings(foot: Foot, normal: Array, height: Array) -> Array:
     fall = 0.0 if foot.skin.fitted else foot.skin.fall(foot.seat)
     out: Array = np.reshape(height, (-1, 1)) - slope @ foot.seat.T + fall
     return out
+
+
+def sensor_orders(count: int) -> Iterator[tuple[int, ...]]:
+    """Yields the orders in which sensors may stand, as stated first; none of many sensors."""
+    yield from permutations(range(count)) if count <= SHUFFLED else ()
+
+
+def exchanged_columns(order: Sequence[int]) -> str:
+    """Returns which column is which sensor where an order differs from that of the sensors."""
+    moved = [(p, k) for k, p in enumerate(order) if p != k]
+    return ", ".join(f"column {p + 1} is sensor {k + 1}" for p, k in moved)
 
 
 def plane_under(foot: Foot, reading: Array) -> FootPlane:

@@ -9,6 +9,7 @@ import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.core.columns import EMPTY, Column, Columns
+from robotrue.core.progress import Progress, unheard
 from robotrue.core.provenance import MEASURED, Provenance
 from robotrue.core.units import DEG
 from robotrue.drilling.campaign import Campaign, Clamps, conditions
@@ -19,7 +20,6 @@ from robotrue.drilling.correction import (
     fit_correction,
 )
 from robotrue.drilling.correction_trials import (
-    Step,
     Trial,
     choose_trial,
     cross_validate,
@@ -190,7 +190,7 @@ def fit_model(
     corrects: Corrects = CORRECTS,
     digest: str = "",
     zero: TakenZero | None = None,
-    step: Step = lambda what, done, of: None,
+    step: Progress = unheard,
 ) -> tuple[NormalModel, tuple[Trial, ...]]:
     """Returns the model learned from a campaign, and how every correction did where it was chosen.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import permutations
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -15,10 +14,10 @@ from robotrue.core.arrays import Array, IntArray
 from robotrue.core.columns import Column, Columns
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, MM, UM
-from robotrue.drilling.campaign_csv import FORMS
-from robotrue.drilling.foot import plane_under
+from robotrue.drilling.campaign_csv import FORMS, unit_of_readings
+from robotrue.drilling.foot import exchanged_columns, plane_under, sensor_orders
 from robotrue.drilling.foot_file import FootSetup
-from robotrue.errors import ConfigurationError, ImplausibleDataError, ObservabilityError
+from robotrue.errors import ImplausibleDataError, ObservabilityError
 from robotrue.measurement.formats.sheet import Sheet
 from robotrue.measurement.formats.sheet_file import read_sheet
 
@@ -30,8 +29,6 @@ OUTLYING: Final = 6.0
 """Robust deviations off its seat beyond which a row is no reading of the tool at rest."""
 EXCHANGED: Final = 0.1
 """Share of the move from the old zero that another order of the columns leaves if it is right."""
-SHUFFLED: Final = 6
-"""Most sensors whose orders are all tried."""
 FALSE_ALARM: Final = 1e-3
 """Share of sound files of which a seat is refused; few seats do not know their deviation."""
 
@@ -81,16 +78,9 @@ def read_zero(path: str | Path, setup: FootSetup) -> FootZero:
             f"{'two forms of' if forms else 'no'} raw readings among {', '.join(sheet.header)}.",
             "raw1_mm, raw2_mm, ... or raw1_counts, raw2_counts, ... as the sensors show them.",
         )
-    counts = forms[0].endswith("_counts")
-    if counts and setup.count is None:
-        raise ConfigurationError(
-            "readings in counts, and the foot does not say how long a count is.",
-            source=setup.source,
-            hint="count_um = 1.0",
-        )
     names = tuple(forms[0].format(k + 1) for k in range(len(setup.foot.radius)))
     sheet.refuse_others((*names, SEAT))
-    raw = sheet.numbers(names) * ((setup.count or MM) if counts else MM)
+    raw = sheet.numbers(names) * unit_of_readings(forms[0], setup)
     seat = np.array(sheet.column(SEAT)) if sheet.has(SEAT) else None
     groups = np.arange(len(raw)) if seat is None else np.unique(seat, return_inverse=True)[1]
     seats = int(groups.max(initial=-1)) + 1
@@ -111,7 +101,7 @@ def read_zero(path: str | Path, setup: FootSetup) -> FootZero:
         sigma=sigma,
         scatter=np.sqrt(np.sum(within**2, axis=0) / freedom),
         tilt_sigma=_tilt_sigma(setup, means),
-        counts=counts,
+        counts=forms[0].endswith("_counts"),
         rows=len(raw),
         seats=0 if seat is None else seats,
         provenance=sheet.provenance,
@@ -177,20 +167,22 @@ def check_exchange(found: FootZero, setup: FootSetup) -> None:
     Raises:
         ImplausibleDataError: Another order of the columns brings it back to the old one.
     """
-    if setup.zero is None or len(found.zero) > SHUFFLED:
+    if setup.zero is None:
         return
     off, order = min(
-        (float(np.abs(found.zero[list(p)] - setup.zero).max()), p)
-        for p in permutations(range(len(found.zero)))
+        (
+            (float(np.abs(found.zero[list(p)] - setup.zero).max()), p)
+            for p in sensor_orders(len(found.zero))
+        ),
+        default=(np.inf, ()),
     )
     stated = float(np.abs(found.zero - setup.zero).max())
     repeats = float(np.maximum(found.scatter, setup.foot.reading_sigma).max())
     if off > EXCHANGED * stated or stated < OUTLYING * repeats:
         return
-    moved = ", ".join(f"column {p + 1} is sensor {k + 1}" for k, p in enumerate(order) if p != k)
     raise ImplausibleDataError(
-        f"the zero moved by {stated / MM:.4f} mm, by {off / MM:.4f} mm if {moved}: sensors are "
-        "exchanged.",
+        f"the zero moved by {stated / MM:.4f} mm, by {off / MM:.4f} mm if "
+        f"{exchanged_columns(order)}: sensors are exchanged.",
         source=setup.source,
         hint="exchange the columns, or the cables; without the old zero in the foot file the new "
         "one is taken as it is.",

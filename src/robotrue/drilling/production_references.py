@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import permutations
 from typing import Final
 
 import numpy as np
@@ -23,6 +22,7 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG
 from robotrue.drilling.campaign_csv import ProductionRecord
+from robotrue.drilling.foot import exchanged_columns, sensor_orders
 from robotrue.drilling.foot_model import NormalModel, estimate_tilt
 from robotrue.drilling.refinement import Refinement, terms_of_cause
 from robotrue.errors import ImplausibleDataError
@@ -31,8 +31,6 @@ FEWEST_FOR_CAUSE: Final = 4
 """References below which no cause is named: a few agree by chance."""
 CLEAR: Final = 0.2
 """Share of the residual tilts that a cause must leave to be named."""
-SHUFFLED: Final = 6
-"""Most sensors whose orders are all tried."""
 FORGETTINGS: Final = (1.0, 0.99, 0.98, 0.95)
 """Tried; the effective memory is 1 / (1 - forgetting) references."""
 FEWEST: Final = 8
@@ -114,14 +112,11 @@ def _sensor_causes(model: NormalModel, holes: ProductionRecord) -> Iterator[Refe
             hint="turn the sign of its column, or its wiring.",
             rms=_rms(truth - _tilt_of(model, holes, holes.clamps.readings * sign)),
         )
-    for order in permutations(stated) if sensors <= SHUFFLED else ():
+    for order in sensor_orders(sensors):
         if order == stated:
             continue
-        moved = ", ".join(
-            f"column {p + 1} is sensor {k + 1}" for k, p in enumerate(order) if p != k
-        )
         yield ReferenceCause(
-            said=f"sensors are exchanged: {moved}",
+            said=f"sensors are exchanged: {exchanged_columns(order)}",
             hint="exchange the columns, or the cables.",
             rms=_rms(truth - _tilt_of(model, holes, holes.clamps.readings[:, list(order)])),
         )
