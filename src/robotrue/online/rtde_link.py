@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import time
+from collections import deque
 from collections.abc import AsyncIterator
 from dataclasses import dataclass, replace
 from typing import Final, Generic, TypeVar
@@ -103,12 +104,11 @@ class _RtdeLink(Generic[B]):
         try:
             while not self._closed:
                 try:
-                    reader, recipe, rest = await self._connect()
-                    while (block := await self._next(reader, recipe, rest)) is not None:
+                    talk, recipe = await self._connect()
+                    while (packets := await self._next(talk)) is not None:
                         wait = _RETRY[0]
-                        rest, samples = block
-                        if samples is not None:
-                            yield samples
+                        if packets:
+                            yield self._take(packets, recipe)
                 except (OSError, EOFError, TimeoutError) as cause:
                     self._health.last_fault = f"connection lost: {cause or type(cause).__name__}"
                 except FormatError as cause:
@@ -121,8 +121,8 @@ class _RtdeLink(Generic[B]):
         finally:
             await self.close()
 
-    async def _connect(self) -> tuple[asyncio.StreamReader, rtde.Recipe, bytes]:
-        """A started stream, its recipe, and bytes that have come after the start."""
+    async def _connect(self) -> tuple[_Talk, rtde.Recipe]:
+        """A started stream and its recipe."""
         settings = self._settings
         async with asyncio.timeout(_ANSWER):
             reader, self._writer = await asyncio.open_connection(settings.host, settings.port)
@@ -142,46 +142,37 @@ class _RtdeLink(Generic[B]):
                     hint="another client may hold all its connections.",
                 )
         self._fresh = self._came
-        return reader, recipe, talk.rest
+        return talk, recipe
 
-    async def _next(
-        self, reader: asyncio.StreamReader, recipe: rtde.Recipe, rest: bytes
-    ) -> tuple[bytes, B | None] | None:
-        """Bytes left over and the block of what has come; None when closed."""
+    async def _next(self, talk: _Talk) -> list[rtde.RtdePacket] | None:
+        """The data packets that have come; None when closed.
+
+        What the controller says in words is kept as the latest fault.
+        """
         until = time.monotonic() + self._settings.silence
-        frames, rest = rtde.split_frames(rest)
-        while not frames:
+        while not talk.packets:
             if self._closed:
                 return None
             if time.monotonic() >= until:
                 raise TimeoutError(f"silent for {self._settings.silence:g} s")
-            try:
+            with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(_LOOK):
-                    data = await reader.read(_CHUNK)
-            except TimeoutError:
-                continue
-            if not data:
-                raise EOFError("the controller closed it")
-            frames, rest = rtde.split_frames(rest + data)
-        now = time.monotonic()
-        packets = self._data(frames)
-        if not packets or self._closed:
-            return (rest, None) if not self._closed else None
-        rows = rtde.read_data(packets, recipe)
-        block = self._watch_clock(self._block(rows, now, rate=self._settings.rate))
-        self._health.connected = True
-        self._health.received += len(block)
-        self._came = True
-        return rest, block
-
-    def _data(self, frames: tuple[rtde.RtdePacket, ...]) -> list[rtde.RtdePacket]:
-        """The data packets; what the controller says in words is kept as the latest fault."""
-        for frame in frames:
-            if frame.kind == "M":
-                message, source, level = rtde.read_text(frame)
+                    await talk.read()
+        packets, talk.packets = list(talk.packets), deque()
+        for packet in packets:
+            if packet.kind == "M":
+                message, source, level = rtde.read_text(packet)
                 if level <= 1:  # exception or error; warnings and remarks are the pendant's
                     self._health.last_fault = f"{source}: {message}"
-        return [frame for frame in frames if frame.kind != "M"]
+        return None if self._closed else [packet for packet in packets if packet.kind != "M"]
+
+    def _take(self, packets: list[rtde.RtdePacket], recipe: rtde.Recipe) -> B:
+        """The block of data packets."""
+        rows = rtde.read_data(packets, recipe)
+        block = self._watch_clock(self._block(rows, time.monotonic(), rate=self._settings.rate))
+        self._health.connected = self._came = True
+        self._health.received += len(block)
+        return block
 
     def _block(self, rows: rtde.Rows, host_time: float, *, rate: float) -> B:
         raise NotImplementedError
@@ -240,30 +231,37 @@ class RtdeForce(_RtdeLink[ForceBlock]):
 
 
 class _Talk:
-    """Requests and their answers, one at a time."""
+    """A connection: requests and their answers, one at a time, and the packets after them.
+
+    Attributes:
+        packets: Whole packets that have come.
+    """
 
     def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._reader, self._writer = reader, writer
-        self.rest = b""
+        self._rest = b""
+        self.packets: deque[rtde.RtdePacket] = deque()
 
     async def ask(self, request: bytes, kind: str) -> rtde.RtdePacket:
         """Returns the answer; text packets in between are left out, later ones kept."""
         self._writer.write(request)
         await self._writer.drain()
         while True:
-            frames, rest = rtde.split_frames(self.rest)
-            for k, frame in enumerate(frames):
-                if frame.kind == kind:
-                    after = (rtde.write_frame(f.kind, f.payload) for f in frames[k + 1 :])
-                    self.rest = b"".join(after) + rest
-                    return frame
-                if frame.kind != "M":
-                    raise FormatError(f"RTDE packet {frame.kind!r}, expected {kind!r}.")
-            self.rest = rest
-            data = await self._reader.read(_CHUNK)
-            if not data:
-                raise EOFError("the controller closed it")
-            self.rest += data
+            while not self.packets:
+                await self.read()
+            packet = self.packets.popleft()
+            if packet.kind == kind:
+                return packet
+            if packet.kind != "M":
+                raise FormatError(f"RTDE packet {packet.kind!r}, expected {kind!r}.")
+
+    async def read(self) -> None:
+        """Reads what has come; waits for something."""
+        data = await self._reader.read(_CHUNK)
+        if not data:
+            raise EOFError("the controller closed it")
+        packets, self._rest = rtde.split_frames(self._rest + data)
+        self.packets.extend(packets)
 
 
 OPTIONS: Final = {"rate": "packets per second in Hz, up to 500", "silence": "s"}
