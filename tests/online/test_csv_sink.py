@@ -14,7 +14,7 @@ import pytest
 from estimate_cases import estimates
 
 from robotrue.errors import ConfigurationError, FormatError
-from robotrue.online import csv_sink
+from robotrue.online import csv_streams
 from robotrue.online.estimates import Doubt
 from robotrue.online.sinks import SinkSettings, open_sink
 
@@ -105,7 +105,7 @@ def test_a_full_disk_costs_whole_blocks(tmp_path, monkeypatch):
                 raise OSError(28, "No space left on device")
             return super().write(data[:left])
 
-    monkeypatch.setattr(csv_sink, "FileIO", Full)
+    monkeypatch.setattr(csv_streams, "FileIO", Full)
     path = tmp_path / "out.csv"
     sink = _written(f"csv:{path}", *(estimates(5 * k, 5) for k in range(8)))
     data = path.read_bytes()

@@ -8,8 +8,7 @@ import pytest
 from estimate_cases import estimates
 
 from robotrue.errors import ConfigurationError, ShapeError
-from robotrue.online.envelopes import Envelopes
-from robotrue.online.estimates import Doubt, doubt_words, number_columns, numbers
+from robotrue.online.estimates import Doubt, Envelopes, doubt_words, number_columns, numbers
 from robotrue.online.live_page import estimates_frame
 
 

@@ -13,8 +13,7 @@ import pytest
 from estimate_cases import estimates
 
 from robotrue.errors import ConfigurationError
-from robotrue.online.envelopes import Envelopes
-from robotrue.online.estimates import Doubt
+from robotrue.online.estimates import Doubt, Envelopes
 from robotrue.online.link import Health
 from robotrue.online.opcua_nodes import nodeset_files, readings, status_name
 from robotrue.online.sinks import SinkSettings, open_sink

@@ -15,8 +15,8 @@ from robotrue.app.operations.record_info import RecordInfoRequest
 from robotrue.app.operations.sense_run import SenseRunRequest
 from robotrue.cli.terminal import run_operation
 from robotrue.errors import ConfigurationError, FormatError, ModelMismatchError
+from robotrue.online.corrections import end_note, note_path
 from robotrue.online.guard import GuardState
-from robotrue.online.held_note import end_note, note_path
 from robotrue.online.record import StreamRecord
 from robotrue.online.record_frames import Kind
 from robotrue.online.sense_settings import correction_limits

@@ -21,8 +21,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array
-from robotrue.online.envelopes import EstimateBin
-from robotrue.online.estimates import Doubt, doubt_names
+from robotrue.online.estimates import Doubt, EstimateBin, doubt_names
 from robotrue.online.link import Health, health_document
 from robotrue.online.sinks import SinkSettings
 

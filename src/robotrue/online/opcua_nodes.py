@@ -22,8 +22,7 @@ from asyncua import Node, Server, ua
 
 from robotrue.core.files import read_bytes
 from robotrue.errors import ConfigurationError, FormatError
-from robotrue.online.envelopes import EstimateBin
-from robotrue.online.estimates import Doubt
+from robotrue.online.estimates import Doubt, EstimateBin
 
 URI: Final = "urn:robotrue:online"
 _UNITS: Final = {

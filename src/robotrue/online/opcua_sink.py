@@ -22,8 +22,7 @@ from asyncua.crypto.permission_rules import User, UserRole
 
 from robotrue.errors import ConfigurationError
 from robotrue.online import opcua_nodes as nodes
-from robotrue.online.envelopes import Envelopes, EstimateBin
-from robotrue.online.estimates import EstimateBlock, doubt_words
+from robotrue.online.estimates import Envelopes, EstimateBin, EstimateBlock, doubt_words
 from robotrue.online.link import Health, health_document
 from robotrue.online.net_address import NetAddress
 from robotrue.online.queues import LatestQueue

@@ -22,9 +22,8 @@ from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.online.addresses import SourceSettings, open_stream, protocol_of
 from robotrue.online.blocks import ForceBlock, JointBlock
 from robotrue.online.clock_alignment import read_clock
-from robotrue.online.corrections import Corrections
+from robotrue.online.corrections import Corrections, begin_note, end_note
 from robotrue.online.estimates import EstimateBlock
-from robotrue.online.held_note import begin_note, end_note
 from robotrue.online.link import Health, StreamSource
 from robotrue.online.record import RecordHeader, StreamRecord, segments
 from robotrue.online.record_frames import Kind

@@ -188,4 +188,4 @@ def _open_csv(path: str, settings: SinkSettings) -> Sink:
     path = path.removeprefix("//")
     if not path:
         raise ConfigurationError("a csv address without a path.", hint=EXAMPLES[0])
-    return cast(Sink, import_module("robotrue.online.csv_sink").CsvSink(path, settings))
+    return cast(Sink, import_module("robotrue.online.csv_streams").CsvSink(path, settings))

@@ -21,8 +21,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
 from robotrue.errors import ConfigurationError
-from robotrue.online.envelopes import MOST_PER_SECOND, Envelopes, EstimateBin
-from robotrue.online.estimates import EstimateBlock
+from robotrue.online.estimates import MOST_PER_SECOND, Envelopes, EstimateBin, EstimateBlock
 from robotrue.online.link import Health
 from robotrue.online.live_page import (
     HEADERS,

@@ -35,8 +35,8 @@ def run(request: RecordExportRequest, context: Context) -> PlainResult:
     from robotrue.app.record_fields import damage_document, note_damage
     from robotrue.core.files import atomic_stream
     from robotrue.errors import ConfigurationError
+    from robotrue.online.csv_streams import STREAMS, export_lines, stream_provenance
     from robotrue.online.record import StreamRecord
-    from robotrue.online.record_export import STREAMS, export_lines, stream_provenance
 
     stream = next((name for name in STREAMS if name == request.stream), None)
     if stream is None:

@@ -28,8 +28,8 @@ def run(request: RecordInfoRequest, context: Context) -> PlainResult:
     from collections import Counter
 
     from robotrue.app.record_fields import damage_document, note_damage
+    from robotrue.online.csv_streams import stream_provenance
     from robotrue.online.record import StreamRecord
-    from robotrue.online.record_export import stream_provenance
     from robotrue.online.record_frames import Kind
 
     record = StreamRecord(request.folder)
