@@ -14,9 +14,8 @@ from typing import Final
 import numpy as np
 
 from robotrue.errors import ShapeError
-from robotrue.program.formats.fanuc_copies import MOST, behind_records, copy_record
 from robotrue.program.formats.fanuc_scan import STATEMENT, FanucScan, list_statements, scan
-from robotrue.program.formats.fanuc_write import config_edits
+from robotrue.program.formats.fanuc_write import MOST, behind_records, config_edits, copy_record
 from robotrue.program.formats.move_trail import (
     UNKNOWN,
     MoveGroup,
@@ -28,13 +27,13 @@ from robotrue.program.formats.move_trail import (
 )
 from robotrue.program.formats.number_text import Stretch
 from robotrue.program.formats.numbered_insert import (
+    OneFileInserter,
     Run,
     Step,
     copy_statements,
     new_numbers,
     next_number,
 )
-from robotrue.program.formats.one_file_insert import OneFileInserter
 from robotrue.program.formats.text_lines import line_starts
 from robotrue.program.insertion import Insertion, Moves, Obstacle
 from robotrue.program.program import Program

@@ -17,19 +17,17 @@ import numpy as np
 
 from robotrue.core.arrays import IntArray
 from robotrue.errors import FormatError
-from robotrue.program.formats.fanuc_foreign import (
-    cut_timed,
-    in_another_language,
-    odd_word,
-    words_behind,
-)
 from robotrue.program.formats.fanuc_offsets import (
     NO_OFFSET,
     MoveTarget,
     TargetOffset,
+    cut_timed,
+    in_another_language,
     join_targets,
+    odd_word,
     read_offset,
     target_of,
+    words_behind,
 )
 from robotrue.program.formats.fanuc_scan import FanucScan, find_program, list_statements
 from robotrue.program.formats.fanuc_values import State

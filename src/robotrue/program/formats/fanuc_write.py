@@ -18,14 +18,8 @@ from robotrue.core.arrays import Array, IntArray
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ShapeError
-from robotrue.program.formats.fanuc_copies import (
-    MOST,
-    behind_records,
-    copy_record,
-    print_record,
-)
 from robotrue.program.formats.fanuc_offsets import MoveTarget
-from robotrue.program.formats.move_trail import line_end
+from robotrue.program.formats.move_trail import line_end, line_start
 from robotrue.program.formats.number_text import Stretch, restyle, splice_texts
 from robotrue.program.formats.path_kernels import decimals_of
 from robotrue.program.formats.pose_write import (
@@ -48,6 +42,10 @@ _LETTERS: Final = ("NF", "DU", "BT")
 
 _MOST_DECIMALS: Final = 9
 """Of a number in a new record, which has as many as the others."""
+_NAME: Final = re.compile(rb"\s*P\s*\[[^\]]*\]")
+_CLOSE: Final = re.compile(rb"\}\s*;[ \t]*(?:\r\n|\n|\r)?")
+MOST: Final = 32_766
+"""Highest number of a position."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -187,3 +185,62 @@ def _record(
 def _spell_word(column: int, value: int) -> bytes:
     """Returns a word of CONFIG as it is printed: a letter, or a turn."""
     return (_LETTERS[column][value] if column < 3 else str(value)).encode()
+
+
+def copy_record(data: bytes, place: int, last: int, number: int, edits: Sequence[Stretch]) -> bytes:
+    """Returns a copy of a record with another number.
+
+    Args:
+        data: The file.
+        place: A byte of the first line of the record.
+        last: First byte of its last number.
+        number: Of the copy.
+        edits: What else differs, by its place in the record.
+    """
+    begin = line_start(data, place)
+    close = _CLOSE.search(data, last)
+    end = close.end() if close else len(data)
+    head = _NAME.match(data, begin)
+    name = (begin, head.end() - begin if head else 0, b"P[%d]" % number)
+    inside = [(first - begin, size, text) for first, size, text in (name, *edits)]
+    return splice_texts(data[begin:end], inside)
+
+
+def print_record(
+    number: int,
+    values: Sequence[float],
+    decimals: Sequence[int],
+    frames: tuple[int, int],
+    config: bytes,
+    end: bytes,
+) -> bytes:
+    """Returns a record of a pose.
+
+    Args:
+        number: Its number.
+        values: X Y Z in mm, W P R in deg.
+        decimals: Of each.
+        frames: Numbers of its user frame and tool.
+        config: Text in the quotes of CONFIG.
+        end: How lines end.
+    """
+    x, y, z, w, p, r = (
+        f"{value + 0.0:9.{most}f}".encode() for value, most in zip(values, decimals, strict=True)
+    )
+    return end.join(
+        [
+            b"P[%d]{" % number,
+            b"   GP1:",
+            b"\tUF : %d, UT : %d,\t\tCONFIG : '%s'," % (*frames, config),
+            b"\tX = %s  mm,\tY = %s  mm,\tZ = %s  mm," % (x, y, z),
+            b"\tW = %s deg,\tP = %s deg,\tR = %s deg" % (w, p, r),
+            b"};",
+            b"",
+        ]
+    )
+
+
+def behind_records(data: bytes, last: int) -> int:
+    """Returns the byte behind the record that has a number, or its head, at a place."""
+    close = _CLOSE.search(data, last)
+    return close.end() if close else last

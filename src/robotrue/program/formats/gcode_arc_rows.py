@@ -12,7 +12,7 @@ from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.rotations import matrix_from_rotation_vector, rotation_vector_from_matrix
 from robotrue.program.formats.apt_arcs import MISS
 from robotrue.program.formats.gcode_arcs import ACROSS, Centre, PlaneArcs, middles, no_arcs
-from robotrue.program.formats.gcode_rows import Rows, Words
+from robotrue.program.formats.gcode_state import Rows, Words
 from robotrue.program.formats.gcode_vocabulary import Drive, Modal, WordColumn
 from robotrue.program.formats.number_table import Numbers
 from robotrue.program.formats.path_words import Turn

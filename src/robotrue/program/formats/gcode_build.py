@@ -15,8 +15,14 @@ from robotrue.program.formats.gcode_arcs import ACROSS
 from robotrue.program.formats.gcode_blocks import Blocks
 from robotrue.program.formats.gcode_frames import GcodeFrames
 from robotrue.program.formats.gcode_kernels import NO_STATE
-from robotrue.program.formats.gcode_rows import Rows, Words, choose_rows
-from robotrue.program.formats.gcode_state import Epochs, fill_left_out, in_force
+from robotrue.program.formats.gcode_state import (
+    Epochs,
+    Rows,
+    Words,
+    choose_rows,
+    fill_left_out,
+    in_force,
+)
 from robotrue.program.formats.gcode_vocabulary import (
     UNCERTAIN,
     Drive,

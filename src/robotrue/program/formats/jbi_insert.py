@@ -26,13 +26,13 @@ from robotrue.program.formats.move_trail import (
     put_in,
 )
 from robotrue.program.formats.numbered_insert import (
+    OneFileInserter,
     Run,
     Step,
     copy_statements,
     new_numbers,
     next_number,
 )
-from robotrue.program.formats.one_file_insert import OneFileInserter
 from robotrue.program.formats.text_lines import line_starts
 from robotrue.program.insertion import Insertion, Moves, Obstacle
 from robotrue.program.program import Program

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from typing import Final
 
@@ -13,7 +14,6 @@ from robotrue.core.units import DEG
 from robotrue.errors import ShapeError
 from robotrue.program.external_axes import COUNT, Carried
 from robotrue.program.formats.jbi_moves import JbiMoves, moves
-from robotrue.program.formats.jbi_ratios import propose_ratios
 from robotrue.program.formats.jbi_scan import UNITS, Header, JbiScan, scan
 from robotrue.program.formats.jbi_write import JbiSpans
 from robotrue.program.formats.numbered_frames import NumberedFrames
@@ -28,6 +28,13 @@ _PULSES_HINT: Final = (
     "state the pulses per degree of axes S, L, U, R, B, T in the cell (pulses_per_degree in "
     "[controller])"
 )
+_GROUP: Final = re.compile(rb"^///RC1G[^\r\n]*\r?\n((?:(?!//)[^\n]*\n?)*)", re.MULTILINE)
+_LONG: Final = 200
+"""Lines from which the group is that of a controller with the longer list."""
+_PLACES: Final = ((97, 2, 98), (109, 0, 110))
+"""Line of the denominators, how many entries it begins late, and line of the numerators."""
+_TURN: Final = 4096.0
+"""Pulses of a turn of a motor."""
 
 
 def read_jbi(data: bytes, name: str, frames: FrameTable) -> Program:
@@ -282,3 +289,35 @@ def _words(found: JbiScan, rconf: IntArray) -> IntArray:
     for index, values in enumerate(found.rconf):
         fields[index] = values[: WORDS["yaskawa"]]
     return fields[rconf]  # -1 is the last row, without words
+
+
+def propose_ratios(frames: FrameTable) -> tuple[str, list[float]] | None:
+    """Returns the file beside the job and pulses per degree of six axes; None without any.
+
+    The group ``RC1G`` of ``ALL.PRM`` or ``RC.PRM`` holds the gear ratios of the first robot, ten
+    parameters a line. They are only a proposal, to be compared with one position on the pendant:
+    which way an axis counts, and the pulses of a turn of its motor, do not stand there.
+    """
+    for name, data in frames.declarations:
+        match = _GROUP.search(data)
+        ratios = _read(match[1]) if match else None
+        if ratios is not None:
+            return name, ratios
+    return None
+
+
+def _read(text: bytes) -> list[float] | None:
+    lines = [line.strip() for line in text.split(b"\n") if line.strip()]
+    first, late, second = _PLACES[len(lines) >= _LONG]
+    if len(lines) <= second:
+        return None
+    cells = [
+        [cell.strip() for cell in lines[row].split(b",")][skip : skip + 6]
+        for row, skip in ((first, late), (second, 0))
+    ]
+    if any(len(row) != 6 or not all(re.fullmatch(rb"-?\d{1,9}", c) for c in row) for row in cells):
+        return None
+    below, above = ([abs(float(cell)) for cell in row] for row in cells)
+    if not (all(below) and all(above)):
+        return None
+    return [round(_TURN * a / b / 360.0, 4) for a, b in zip(above, below, strict=True)]

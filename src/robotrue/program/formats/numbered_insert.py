@@ -1,18 +1,19 @@
 """What Yaskawa jobs and Fanuc programs have in common when targets are put into them.
 
 Both keep positions by number apart from the moves. An arc is either one statement with two
-positions, or two statements of a run (MOVC, A) with one each.
+positions, or two statements of a run (MOVC, A) with one each. Their jobs are one file.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
+from robotrue.errors import ShapeError
 from robotrue.program.formats.move_trail import (
     UNKNOWN,
     Trail,
@@ -20,7 +21,7 @@ from robotrue.program.formats.move_trail import (
     repeat_statement,
 )
 from robotrue.program.formats.number_text import restyle
-from robotrue.program.insertion import Obstacle
+from robotrue.program.insertion import Insertion, Moves, Obstacle
 from robotrue.program.program import Program
 
 _LEAST: Final = 4
@@ -129,3 +130,45 @@ def new_numbers(program: Program, row: int, position: Array, rotation: Array) ->
 def next_number(numbers: IntArray) -> int:
     """Returns the number behind the largest."""
     return int(numbers.max(initial=-1)) + 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OneFileInserter:
+    """An :class:`~robotrue.program.insertion.Inserter` of a dialect whose jobs are one file.
+
+    Attributes:
+        called: What such a file is called in messages.
+        read: Adds the moves of a program to a trail.
+        written: Bytes of a program with the targets of an insertion put into its moves; raises
+            ShapeError for a move with an obstacle, a value that cannot be written, or no number
+            left.
+    """
+
+    called: str
+    read: Callable[[Trail, Program], None]
+    written: Callable[[Program, Moves, Insertion], bytes]
+
+    def moves(self, job: Sequence[Program]) -> Moves:
+        """Returns the moves of a job.
+
+        Raises:
+            ShapeError: Several files.
+        """
+        trail = Trail()
+        self.read(trail, self._only(job))
+        return trail.moves()
+
+    def insert(
+        self, job: Sequence[Program], moves: Moves, insertion: Insertion
+    ) -> tuple[bytes, ...]:
+        """Returns the bytes of the job with the targets put in.
+
+        Raises:
+            ShapeError: Several files, or what ``written`` cannot do.
+        """
+        return (self.written(self._only(job), moves, insertion),)
+
+    def _only(self, job: Sequence[Program]) -> Program:
+        if len(job) != 1:
+            raise ShapeError(f"{self.called} is one file, {len(job)} are given.")
+        return job[0]

@@ -31,7 +31,7 @@ def _score(data: bytes) -> float:
 
 
 def _read(data: bytes, name: str, frames: FrameTable) -> Program:
-    from robotrue.program.formats.heidenhain_read import read_heidenhain
+    from robotrue.program.formats.gcode_read import read_heidenhain
 
     return read_heidenhain(data, name, frames)
 
