@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import re
+from array import array
+from itertools import chain
+from math import nan
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -20,10 +23,8 @@ from robotrue.program.formats.apt_statements import (
     to_number,
 )
 from robotrue.program.formats.gcode_arcs import no_arcs
-from robotrue.program.formats.number_kernels import literal_numbers
 from robotrue.program.formats.number_table import Numbers
 from robotrue.program.formats.number_text import WHOLE_NUMBER
-from robotrue.program.formats.path_lines import blank_lines, plain_gotos
 from robotrue.program.formats.path_words import PathWords, Turn, poses, tool_axes
 from robotrue.program.formats.shared_fate import share_fate
 from robotrue.program.formats.target_notes import TargetNotes
@@ -31,6 +32,16 @@ from robotrue.program.formats.text_lines import line_starts, require_text
 from robotrue.program.program import FrameTable, Motion, Program, Reason
 
 _NUMBER: Final = re.compile(WHOLE_NUMBER)
+_CELL: Final = rb"[ \t]*+([+-]?(?:\d++(?:\.\d*+)?|\.\d++))[ \t]*+"
+_PLAIN: Final = re.compile(
+    rb"^[ \t]*+GOTO[ \t]*+/"
+    + b",".join([_CELL] * 3)
+    + rb"(?:,"
+    + b",".join([_CELL] * 3)
+    + rb")?(?=\r?$)",
+    re.IGNORECASE | re.MULTILINE,
+)
+"""A line that is nothing but a point of three or six numbers."""
 _ONE: Final = (b"", b"", b"", b",", b",", b",")
 _UP: Final = (0.0, 0.0, 1.0)
 _MODES: Final = {"CYCLE": "a cycle moves at every point", "CUTCOM": "moved sideways by CUTCOM/"}
@@ -67,21 +78,22 @@ class _Points(NamedTuple):
 
 
 def _plain_points(data: bytes) -> _Points:
-    text, first = np.frombuffer(data, np.uint8), line_starts(data)
-    last = np.append(first[1:], len(data))
-    start, length = np.full((len(first), 6), -1), np.zeros((len(first), 6), np.int64)
-    count = plain_gotos(text, first, last, start, length)
-    rows = np.flatnonzero(count)
-    value = np.full((len(rows), 6), np.nan)
-    layout, kind = np.arange(6)[None], np.zeros(len(rows), np.int64)
-    begin, end = start[rows, 0], (start + length)[rows].max(axis=1)
-    found, size = np.full(value.shape, -1), np.zeros(value.shape, np.int64)
-    literal_numbers(text, begin, end, kind, layout, 0, found, size, value)
-    kept = np.array(text)
-    large = (np.abs(value) > LARGEST).any(axis=1)
-    rows, found, size, value = rows[~large], found[~large], size[~large], value[~large]
-    blank_lines(kept, first[rows], last[rows])
-    return _Points(rows + 1, found, size, value, kept.tobytes())
+    """Reads the lines that are nothing but a point and neither continue one nor are continued."""
+    rest, first = bytearray(data), line_starts(data)
+    begins, spans, values = array("q"), array("q"), array("d")
+    for match in _PLAIN.finditer(data):
+        begin = match.start()
+        numbers = [nan if text is None else float(text) for text in match.groups()]
+        before = data[data.rfind(b"\n", 0, max(begin - 1, 0)) + 1 : begin]
+        if before.rstrip().endswith(b"$") or any(abs(number) > LARGEST for number in numbers):
+            continue
+        begins.append(begin)
+        spans.extend(chain.from_iterable(match.regs[1:]))
+        values.extend(numbers)
+        rest[begin : match.end()] = b" " * (match.end() - begin)
+    start, end = np.array(spans, np.int64).reshape(-1, 6, 2).transpose(2, 0, 1)
+    line = np.searchsorted(first, np.array(begins, np.int64), side="right")
+    return _Points(line, start, end - start, np.array(values).reshape(-1, 6), bytes(rest))
 
 
 class _Part(NamedTuple):

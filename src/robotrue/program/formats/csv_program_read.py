@@ -3,27 +3,26 @@
 from __future__ import annotations
 
 import re
+from array import array
+from itertools import chain
 from typing import Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array, IntArray
 from robotrue.core.units import MM
 from robotrue.errors import FormatError, ImplausibleDataError
 from robotrue.program.formats.gcode_arcs import no_arcs
-from robotrue.program.formats.number_kernels import literal_numbers
 from robotrue.program.formats.number_table import Numbers
 from robotrue.program.formats.number_text import WHOLE_NUMBER
-from robotrue.program.formats.path_lines import cell_spans
 from robotrue.program.formats.path_words import PathWords, Turn, poses
 from robotrue.program.formats.target_notes import TargetNotes
 from robotrue.program.formats.text_lines import line_starts, require_text
-from robotrue.program.formats.toolpath_csv import AXIS, POSITION, columns_of, read_toolpath_csv
+from robotrue.program.formats.toolpath_csv import AXIS, POSITION, ToolpathTable, toolpath_of
 from robotrue.program.program import FrameTable, Motion, Program, Reason
 
-_NUMBER: Final = re.compile(WHOLE_NUMBER)
-_LONGEST: Final = 64
-"""Bytes of a cell that is read compiled."""
+_NUMBER: Final = rb"(?:[ \t\"]*+(" + WHOLE_NUMBER + rb")[ \t\"]*+(?=MARK|[\r\n]|\Z)|"
+"""A cell with a number of a form that can be rewritten, or another one."""
+_OTHER: Final = rb"(?:\"(?:[^\"\r\n]|\"\")*+\")?+[^MARK\r\n]*+"
 _NAMES: Final = (b"",) * 6
 
 
@@ -35,10 +34,11 @@ def read_csv_program(data: bytes, name: str, frames: FrameTable) -> Program:
     """
     require_text(data, name)
     try:
-        path = read_toolpath_csv(data, source=name)
+        table = ToolpathTable(data, name)
+        path = toolpath_of(table)
     except ImplausibleDataError as error:
         raise FormatError(error.message, source=name, line=1, hint=error.hint) from None
-    numbers, by_axis = _numbers(data, *columns_of(data, name), path.line)
+    numbers, by_axis = _find_numbers(data, table)
     n = len(path)
     value = numbers.value.copy()
     if not by_axis:
@@ -68,33 +68,23 @@ def read_csv_program(data: bytes, name: str, frames: FrameTable) -> Program:
     )  # fmt: skip
 
 
-def _numbers(data: bytes, mark: str, names: list[str], line: IntArray) -> tuple[Numbers, bool]:
+def _find_numbers(data: bytes, table: ToolpathTable) -> tuple[Numbers, bool]:
     """Returns the words (n, 6), and whether the table has tool axes."""
-    by_axis = AXIS[0] in names
-    columns = [names.index(each) for each in (*POSITION, *(AXIS if by_axis else ()))]
+    by_axis = AXIS[0] in table.names
+    wanted = (*POSITION, *AXIS) if by_axis else POSITION
+    number, other = (form.replace(b"MARK", table.mark.encode()) for form in (_NUMBER, _OTHER))
+    cells = [number + other + b")" if name in wanted else other for name in table.names]
+    row = re.compile(table.mark.encode().join(cells))
     starts = line_starts(data)
-    text = np.frombuffer(data, np.uint8)
-    shape = (len(line), len(columns))
-    begin, end = np.zeros(shape, np.int64), np.zeros(shape, np.int64)
-    last = np.append(starts[1:], len(data))
-    cell_spans(text, starts[line - 1], last[line - 1], ord(mark), np.array(columns), begin, end)
-    start, length = np.full(shape, -1), np.zeros(shape, np.int64)
-    value: Array = np.full(shape, np.nan)
-    one = np.zeros((begin.size, 1), np.int64)
-    found, size, read = one - 1, one.copy(), np.full(one.shape, np.nan)
-    literal_numbers(
-        text, begin.ravel(), np.minimum(end, begin + _LONGEST).ravel(), one[:, 0],
-        np.zeros((1, _LONGEST + 1), np.int64), 0, found,
-        size, read,
-    )  # fmt: skip
-    whole = (found.ravel() == begin.ravel()) & (size.ravel() == (end - begin).ravel())
-    for k in np.flatnonzero(~whole | np.isnan(read[:, 0])).tolist():
-        token = data[int(begin.flat[k]) : int(end.flat[k])]
-        whole[k] = bool(_NUMBER.fullmatch(token))
-        read[k] = float(token) if whole[k] else np.nan
-    good = whole.reshape(shape)
-    start[good], length[good] = begin[good], (end - begin)[good]
-    value[good] = read.reshape(shape)[good]
+    spans, values = array("q"), array("d")
+    for begin in starts[np.array(table.lines) - 1].tolist():
+        match = row.match(data, begin)
+        spans.extend(chain.from_iterable(match.regs[1:]) if match else (-1,) * 2 * len(wanted))
+        texts = match.groups() if match else (None,) * len(wanted)
+        values.extend([np.nan if text is None else float(text) for text in texts])
+    order = [[name for name in table.names if name in wanted].index(name) for name in wanted]
+    start, end = np.array(spans, np.int64).reshape(-1, len(wanted), 2)[:, order].transpose(2, 0, 1)
+    value, length = np.array(values).reshape(-1, len(wanted))[:, order], end - start
     if not by_axis:
         start = np.pad(start, ((0, 0), (0, 3)), constant_values=-1)
         length = np.pad(length, ((0, 0), (0, 3)))

@@ -60,10 +60,12 @@ def read_toolpath_csv(data: bytes, *, source: str) -> Toolpath:
         FormatError: A column that is missing or not known, a cell that cannot be read; with line.
         ImplausibleDataError: No point, or a path larger than any part.
     """
-    rows = _rows(data, source)
-    header_line, header = rows[0]
-    names = _header(header, source, header_line)
-    table = _Table(names, rows[1:], source)
+    return toolpath_of(ToolpathTable(data, source))
+
+
+def toolpath_of(table: ToolpathTable) -> Toolpath:
+    """Returns the tool path of a table; raises as :func:`read_toolpath_csv`."""
+    source = table.source
     position = table.block(POSITION) * MM
     axis = _axes(table)
     rapid = table.flags("rapid")
@@ -84,17 +86,6 @@ def read_toolpath_csv(data: bytes, *, source: str) -> Toolpath:
     )
 
 
-def columns_of(data: bytes, source: str) -> tuple[str, list[str]]:
-    """Returns the mark between cells and the names of the columns of a tool path's header.
-
-    Raises:
-        FormatError: As :func:`read_toolpath_csv`.
-    """
-    number, line = next(_lines(data, source), (1, ""))
-    mark = ";" if ";" in line else ","
-    return mark, _header(_split(line, mark, source, number), source, number)
-
-
 def _lines(data: bytes, source: str) -> Iterator[tuple[int, str]]:
     text = io.StringIO(utf8_text(data, source), newline=None)
     for number, line in enumerate(text, start=1):
@@ -103,6 +94,8 @@ def _lines(data: bytes, source: str) -> Iterator[tuple[int, str]]:
 
 
 def _split(line: str, mark: str, source: str, number: int) -> list[str]:
+    if '"' not in line and len(line) < csv.field_size_limit():
+        return [cell.strip() for cell in line.split(mark)]
     try:
         return [cell.strip() for cell in next(csv.reader([line], delimiter=mark))]
     except csv.Error as cause:
@@ -114,14 +107,14 @@ def _split(line: str, mark: str, source: str, number: int) -> list[str]:
         ) from None
 
 
-def _rows(data: bytes, source: str) -> list[tuple[int, list[str]]]:
+def _rows(data: bytes, source: str) -> tuple[str, list[tuple[int, list[str]]]]:
     lines = list(_lines(data, source))
     if len(lines) < 2:
         raise FormatError(
             "no row with a point.", source=source, line=1, hint="export the path again."
         )
     mark = ";" if ";" in lines[0][1] else ","
-    return [(number, _split(line, mark, source, number)) for number, line in lines]
+    return mark, [(number, _split(line, mark, source, number)) for number, line in lines]
 
 
 def _header(header: list[str], source: str, line: int) -> list[str]:
@@ -150,7 +143,7 @@ def _header(header: list[str], source: str, line: int) -> list[str]:
     return names
 
 
-def _axes(table: _Table) -> Array:
+def _axes(table: ToolpathTable) -> Array:
     if AXIS[0] not in table.names:
         return np.tile([0.0, 0.0, 1.0], (len(table.lines), 1))
     axis = table.block(AXIS)
@@ -166,16 +159,26 @@ def _axes(table: _Table) -> Array:
     return np.asarray(axis / length[:, None])
 
 
-class _Table:
-    """Cells by column name."""
+class ToolpathTable:
+    """Cells of a CSV file by column name.
 
-    def __init__(self, names: list[str], rows: list[tuple[int, list[str]]], source: str) -> None:
-        self.names, self.source = names, source
+    Attributes:
+        source: Path of the file.
+        mark: Between cells.
+        names: Of the columns, in order.
+        lines: One-based line of each row.
+        rows: Cells of each row, without blanks and quotes around them.
+    """
+
+    def __init__(self, data: bytes, source: str) -> None:
+        """Reads the cells; raises as :func:`read_toolpath_csv`."""
+        self.mark, ((line, header), *rows) = _rows(data, source)
+        self.source, self.names = source, _header(header, source, line)
         self.lines = [line for line, _ in rows]
         for line, row in rows:
-            if len(row) != len(names):
+            if len(row) != len(self.names):
                 raise FormatError(
-                    f"{len(row)} cells, expected {len(names)}.",
+                    f"{len(row)} cells, expected {len(self.names)}.",
                     source=source,
                     line=line,
                     hint="look for a missing or a stray delimiter.",
