@@ -8,15 +8,16 @@ arc the tangent of the arc. Targets are taken in file order, points that no moti
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import Annotated, Final, Protocol
 
 import numpy as np
 
-from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
-from robotrue.core.poses import pose
+from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.columns import Column, Columns
 from robotrue.core.units import DEG
 from robotrue.errors import ConfigurationError, ShapeError
 from robotrue.program.program import Motion, Program
+from robotrue.program.target_poses import target_poses
 
 CORNER: Final = 30.0 * DEG
 """Between two straight moves that turn by less the path is taken as round."""
@@ -25,7 +26,7 @@ STILL: Final = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CutPath:
+class CutPath(Columns):
     """n targets as a tool path in base. NaN where a pose or a direction is not known.
 
     Attributes:
@@ -40,34 +41,15 @@ class CutPath:
         name: Of the file.
     """
 
-    T_base_tool: Array
-    tool_axis: Array
-    feed_direction: Array
-    feeding: BoolArray
-    feed: Array
-    along: Array
-    motion: IntArray
-    line: IntArray
+    T_base_tool: Annotated[Array, Column("n 4 4", unit="m", nan=True)]
+    tool_axis: Annotated[Array, Column("n 3", nan=True)]
+    feed_direction: Annotated[Array, Column("n 3", nan=True)]
+    feeding: Annotated[BoolArray, Column("n")]
+    feed: Annotated[Array, Column("n", unit="m/s", nan=True, inf=True)]
+    along: Annotated[Array, Column("n", unit="m", nan=True)]
+    motion: Annotated[IntArray, Column("n")]
+    line: Annotated[IntArray, Column("n")]
     name: str = ""
-
-    def __post_init__(self) -> None:
-        """Checks shapes and freezes."""
-        n = len(self.T_base_tool)
-        for name, shape in (
-            ("T_base_tool", (n, 4, 4)),
-            ("tool_axis", (n, 3)),
-            ("feed_direction", (n, 3)),
-            ("along", (n,)),
-        ):
-            value = frozen(getattr(self, name), shape, name, allow_nan=True)
-            object.__setattr__(self, name, value)
-        feed = np.array(self.feed, dtype=np.float64)  # rapids are infinite
-        if feed.shape != (n,):
-            raise ShapeError(f"feed has shape {feed.shape}, expected ({n},).")
-        feed.flags.writeable = False
-        object.__setattr__(self, "feed", feed)
-        for name, kind in (("feeding", np.bool_), ("motion", np.int64), ("line", np.int64)):
-            object.__setattr__(self, name, frozen(getattr(self, name), (n,), name, dtype=kind))
 
     def __len__(self) -> int:
         return len(self.T_base_tool)
@@ -132,7 +114,8 @@ def cut_path(program: Program, *, cutter: Array, feed: Array | None = None) -> C
     length = float(np.linalg.norm(cutter))
     if not length > 0.0:
         raise ShapeError("cutter has length 0, expected a direction in the tool frame.")
-    T = _poses(program)
+    T = target_poses(program)
+    T[~np.isfinite(T).all(axis=(1, 2))] = np.nan
     used = np.flatnonzero(program.motion != Motion.UNUSED)
     motion = np.asarray(program.motion[used])
     feeding = np.isin(motion, (Motion.LIN, Motion.ARC_VIA, Motion.ARC_END, Motion.SPLINE))
@@ -153,16 +136,6 @@ def cut_path(program: Program, *, cutter: Array, feed: Array | None = None) -> C
         line=program.line,
         name=program.name,
     )
-
-
-def _poses(program: Program) -> Array:
-    """T_base_tool (n, 4, 4); NaN where the pose, or its work frame, is not known."""
-    inside = (program.frame >= 0) & (program.frame < len(program.T_base_frame))
-    out = np.full((len(program), 4, 4), np.nan)
-    T_frame_tool = pose(program.rotation[inside], program.position[inside])
-    out[inside] = program.T_base_frame[program.frame[inside]] @ T_frame_tool
-    out[~np.isfinite(out).all(axis=(1, 2))] = np.nan
-    return out
 
 
 def _feed(position: Array, motion: IntArray, feeding: BoolArray) -> tuple[Array, Array]:

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
+from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.columns import Column, Columns
 from robotrue.core.units import MM
 from robotrue.errors import ImplausibleDataError, ShapeError
 
@@ -43,7 +44,7 @@ class Remark:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Toolpath:
+class Toolpath(Columns):
     """n points in the order they are cut, in the part frame.
 
     Attributes:
@@ -63,32 +64,20 @@ class Toolpath:
 
     name: str
     source: str
-    position: Array
-    axis: Array
-    feed: Array
-    rapid: BoolArray
-    line: IntArray
-    operation: IntArray
+    position: Annotated[Array, Column("n 3", unit="m")]
+    axis: Annotated[Array, Column("n 3")]
+    feed: Annotated[Array, Column("n", unit="m/s", nan=True)]
+    rapid: Annotated[BoolArray, Column("n")]
+    line: Annotated[IntArray, Column("n")]
+    operation: Annotated[IntArray, Column("n")]
     operations: tuple[str, ...]
     tools: tuple[tuple[str, int], ...] = ()
     remarks: tuple[Remark, ...] = ()
     notes: tuple[str, ...] = ()
 
-    def __post_init__(self) -> None:
-        """Checks shapes, axes and feeds, and freezes.
-
-        Raises:
-            ShapeError: Wrong shapes, an axis that is not a unit vector, an index out of range.
-            ImplausibleDataError: No point, or a path larger than any part.
-        """
-        n = len(self.position)
-        for name in ("position", "axis"):
-            object.__setattr__(self, name, frozen(getattr(self, name), (n, 3), name))
-        object.__setattr__(self, "feed", frozen(self.feed, (n,), "feed", allow_nan=True))
-        object.__setattr__(self, "rapid", frozen(self.rapid, (n,), "rapid", dtype=np.bool_))
-        for name in ("line", "operation"):
-            object.__setattr__(self, name, frozen(getattr(self, name), (n,), name, dtype=np.int64))
-        if not n:
+    def _check_rules(self) -> None:
+        """Points there are, unit axes, names of all operations, and a size that parts have."""
+        if not len(self):
             raise ImplausibleDataError("the tool path has no point.", source=self.source)
         bad = np.flatnonzero(np.abs(np.linalg.norm(self.axis, axis=1) - 1.0) > _UNIT)
         if len(bad):

@@ -38,29 +38,6 @@ BLOCKS: Final = ("moves", "points", "joints", "frames")
 _NAMES: Final = ("program", "PROGRAM", "output")
 _TEXT: Final = re.compile(r"[\t\n -~]*")
 _TARGET: Final = (*FRAME, *PLACE, *ROTATION, *AXIS, *COUNTS)
-_EVENTS: Final[Mapping[str, tuple[str, ...]]] = {
-    "head": (),
-    "comment": (),
-    "start": (),
-    "new_frame": FRAME,
-    "side": FRAME,
-    "joint": (*_TARGET, *AXES),
-    "frame": FRAME,
-    "feed": (*FRAME, *FEED),
-    "configuration": (),
-    "linear": (*_TARGET, *FEED),
-    "blended": (*_TARGET, *FEED),
-    "stop": (),
-    "wait": ("seconds",),
-    "spindle_right": ("rpm",),
-    "spindle_left": ("rpm",),
-    "spindle_off": (),
-    "coolant_on": (),
-    "coolant_off": (),
-    "tool_call": (),
-    "foot": (),
-}
-"""Fields of each event besides those of the whole program."""
 _TEXTS: Final = {"comment": ("text",), "tool_call": ("tool",)}
 _WITH_WORDS: Final = ("joint", "configuration", "linear", "blended")
 
@@ -70,30 +47,30 @@ class _Table(BaseModel):
 
 
 class BlockTable(_Table):
-    """``[moves]`` and its like: the lines of each event."""
+    """``[moves]`` and its like: the lines of each event, with its fields besides those of all."""
 
     line_number: str | None = None
     first_line: int = 1
-    head: str | None = None
-    comment: str | None = None
-    start: str | None = None
-    new_frame: str | None = None
-    side: str | None = None
-    joint: str | None = None
-    frame: str | None = None
-    feed: str | None = None
-    configuration: str | None = None
-    linear: str | None = None
-    blended: str | None = None
-    stop: str | None = None
-    wait: str | None = None
-    spindle_right: str | None = None
-    spindle_left: str | None = None
-    spindle_off: str | None = None
-    coolant_on: str | None = None
-    coolant_off: str | None = None
-    tool_call: str | None = None
-    foot: str | None = None
+    head: Annotated[str | None, ()] = None
+    comment: Annotated[str | None, ()] = None
+    start: Annotated[str | None, ()] = None
+    new_frame: Annotated[str | None, FRAME] = None
+    side: Annotated[str | None, FRAME] = None
+    joint: Annotated[str | None, (*_TARGET, *AXES)] = None
+    frame: Annotated[str | None, FRAME] = None
+    feed: Annotated[str | None, (*FRAME, *FEED)] = None
+    configuration: Annotated[str | None, ()] = None
+    linear: Annotated[str | None, (*_TARGET, *FEED)] = None
+    blended: Annotated[str | None, (*_TARGET, *FEED)] = None
+    stop: Annotated[str | None, ()] = None
+    wait: Annotated[str | None, ("seconds",)] = None
+    spindle_right: Annotated[str | None, ("rpm",)] = None
+    spindle_left: Annotated[str | None, ("rpm",)] = None
+    spindle_off: Annotated[str | None, ()] = None
+    coolant_on: Annotated[str | None, ()] = None
+    coolant_off: Annotated[str | None, ()] = None
+    tool_call: Annotated[str | None, ()] = None
+    foot: Annotated[str | None, ()] = None
 
 
 class FileTable(_Table):
@@ -256,10 +233,11 @@ class _PostBuilder:
 
     def _block(self, name: str, table: BlockTable) -> Block:
         events: dict[str, LineTemplate] = {}
-        for event, own in _EVENTS.items():
+        for event, field in BlockTable.model_fields.items():
             text = getattr(table, event)
-            if text is None:
+            if text is None or not field.metadata:
                 continue
+            (own,) = field.metadata
             words = WORDS_OF[self._stated.configuration] if event in _WITH_WORDS else ()
             spelled = [word for word in words if word in self._stated.words]
             numbers = {*JOB, *TOOL, *own, *words} - set(spelled)
