@@ -81,7 +81,7 @@ def program_postures(cell: Cell, path: Path) -> Postures:
         ReachError: The arm reaches none of them.
     """
     programs = read_job(path, frame_table(cell))
-    joints = np.concatenate([_joints_of(cell, program) for program in programs])
+    joints = np.concatenate([_program_joints(cell, program, MOST_TARGETS) for program in programs])
     if not len(joints):
         raise ReachError(
             "no target of this program gives a posture of the arm.",
@@ -91,14 +91,14 @@ def program_postures(cell: Cell, path: Path) -> Postures:
     return Postures(joints=joints, load=cell.payload)
 
 
-def _joints_of(cell: Cell, program: Program) -> Array:
+def _program_joints(cell: Cell, program: Program, most: int | None = None) -> Array:
+    """Joints (k, dof) rad of the targets of a program, with its tools; of ``most`` of them."""
     usable = np.flatnonzero((program.reason == Reason.NONE) & np.isfinite(program.position[:, 0]))
-    some = usable[np.unique(np.linspace(0, max(len(usable) - 1, 0), MOST_TARGETS).astype(int))][
-        : len(usable)
-    ]
+    if most is not None:
+        usable = usable[_choose_evenly(len(usable), most)]
     reached = [np.empty((0, cell.robot.dof))]
-    for tool in np.unique(program.tool[some]):
-        with_tool = some[program.tool[some] == tool]
+    for tool in np.unique(program.tool[usable]):
+        with_tool = usable[program.tool[usable] == tool]
         targets = program.T_base_frame[program.frame[with_tool]] @ pose(
             program.rotation[with_tool], program.position[with_tool]
         )
@@ -312,15 +312,6 @@ def _program(cell: Cell, path: Path, T_base_part: Array, tip_axis: Array) -> Mac
     )
 
 
-def _program_joints(cell: Cell, program: Program) -> Array:
-    usable = np.flatnonzero((program.reason == Reason.NONE) & np.isfinite(program.position[:, 0]))
-    targets = program.T_base_frame[program.frame[usable]] @ pose(
-        program.rotation[usable], program.position[usable]
-    )
-    joints = inverse_batch(cell.robot.nominal(), targets)
-    return joints[np.isfinite(joints).all(axis=1)]
-
-
 def _name_groups(cell: Cell, name: str, joints: Array, tip_axis: Array) -> tuple[str, ...]:
     """The name alone where the tool keeps its attitude; else one group for each attitude."""
     group, first = attitude_groups(cell.robot, joints, tip_axis=tip_axis)
@@ -329,5 +320,5 @@ def _name_groups(cell: Cell, name: str, joints: Array, tip_axis: Array) -> tuple
     return tuple(f"{name}, attitude {int(k) + 1}" for k in group)
 
 
-def _choose_evenly(n: int) -> IntArray:
-    return np.unique(np.linspace(0, n - 1, min(n, MOST_POSTURES)).round().astype(np.int64))
+def _choose_evenly(n: int, most: int = MOST_POSTURES) -> IntArray:
+    return np.unique(np.linspace(0, n - 1, min(n, most)).round().astype(np.int64))
