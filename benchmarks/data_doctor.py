@@ -6,7 +6,10 @@
 Each draw takes 60 to 120 rows of a measured UR5 or UR10 (in the order of the file) or of a
 simulated arm, corrupts them in one way, and asks the doctor; ``--clean`` draws are not corrupted.
 With ``--cure`` the elastic calibration of the clean, the corrupted and the cured rows is judged on
-rows that were held out and never corrupted. Sets named "simulated" are simulated.
+rows that were held out and never corrupted. Rows of a joint with an offset show the file's offset
+and the arm's own zero error as one angle: there the cured calibration is judged on held-out rows
+with the same offset, cured by the same angle; ``at_controller`` of ``--json`` is its error at the
+controller's joints. Sets named "simulated" are simulated.
 """
 
 from __future__ import annotations
@@ -280,11 +283,12 @@ KINDS: dict[str, tuple[Corrupt, tuple[str, ...]]] = {
 }
 
 
-def judge(rows: MeasurementSet, case: Draw) -> float:
+def judge(rows: MeasurementSet, case: Draw, test: MeasurementSet | None = None) -> float:
     """Returns the mean held-out error in mm of an elastic calibration; NaN where it is refused."""
     try:
         model = fit(case.robot, rows, method="elastic", settings=case.settings)
-        return float(np.linalg.norm(evaluate(model, case.test).after, axis=1).mean()) / MM
+        after = evaluate(model, case.test if test is None else test).after
+        return float(np.linalg.norm(after, axis=1).mean()) / MM
     except RobotrueError:
         return float("nan")
 
@@ -314,6 +318,11 @@ def examine(kind: str, seed: int, options: argparse.Namespace) -> dict[str, obje
         cured = diagnosis.findings[0].hypothesis.cured
         row["clean"], row["wrong"] = judge(case.rows, case), judge(rows, case)
         row["cured"] = float("nan") if cured is None else judge(cured, case)
+        if kind == "joint-offset" and cured is not None:
+            row["at_controller"] = row["cured"]
+            left = cured.joints[0] - case.rows.joints[0]
+            alike = replace(case.test, joints=case.test.joints + left)
+            row["cured"] = judge(cured, case, alike)
     return row
 
 
@@ -409,7 +418,9 @@ def _tell_cure(rows: list[dict]) -> str:
         return ""
     mean = [np.nanmean([row[name] for row in cured]) for name in ("clean", "wrong", "cured")]
     near = sum(row["cured"] <= 1.15 * row["clean"] for row in cured)
-    return "; " + " ".join(f"{size:.3f}" for size in mean) + f"; {near} of {len(cured)}"
+    own = [row["at_controller"] for row in cured if "at_controller" in row]
+    more = f"; {np.nanmean(own):.3f} at the controller's joints" if own else ""
+    return "; " + " ".join(f"{size:.3f}" for size in mean) + f"; {near} of {len(cured)}{more}"
 
 
 if __name__ == "__main__":

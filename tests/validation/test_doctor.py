@@ -25,6 +25,7 @@ from robotrue.validation.doctor_report import (
     diagnosis_document,
     with_cure,
 )
+from robotrue.validation.evaluation import evaluate
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 
@@ -145,6 +146,25 @@ def test_shifted_rows_lose_the_row_without_joints(clean, step, word):
     whole = clean.subset(np.searchsorted(clean.source_row, cured.source_row))
     assert len(cured) == COUNT - 2
     np.testing.assert_array_equal(cured.joints, whole.joints)
+
+
+def test_a_cured_joint_offset_takes_the_zero_error_of_the_arm_along(clean):
+    """Rows read and cured alike are predicted as well as by clean rows: all that they can tell."""
+    fitted, held_out = clean.subset(np.arange(0, COUNT, 2)), clean.subset(np.arange(1, COUNT, 2))
+    offset = np.array([0.0, 0.0, 4.0 * DEG, 0.0, 0.0, 0.0])
+    file = replace(fitted, joints=fitted.joints + offset)
+    cured, finding = cure_rows(ROBOT, file, None, "joint-offset")
+    removed = file.joints[0] - cured.joints[0]
+    own = fit(ROBOT, fitted, method="elastic").errors[parameter_slice(6, "theta")]
+    np.testing.assert_allclose(removed - offset, [0.0, 0.0, -own[2], 0.0, 0.0, 0.0], atol=2e-4)
+    assert "the arm's own zero error included (sd 0.057 deg, " in finding.hypothesis.text
+
+    def error(rows, judged):
+        after = evaluate(fit(ROBOT, rows, method="elastic"), judged).after
+        return float(np.linalg.norm(after, axis=1).mean())
+
+    alike = replace(held_out, joints=held_out.joints + offset - removed)
+    assert error(cured, alike) < 1.15 * error(fitted, held_out)
 
 
 def test_exchanged_columns_beyond_limits_are_no_full_turn(clean):

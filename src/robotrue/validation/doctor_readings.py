@@ -12,7 +12,7 @@ import numpy as np
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.poses import apply
 from robotrue.core.rotations import skew
-from robotrue.core.units import DEG
+from robotrue.core.units import DEG, MM
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel
@@ -194,7 +194,12 @@ def _aligned_squares(points: Array, flange: Array, seen: Array) -> Array:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JointOffset:
-    """A joint whose zero is elsewhere by more than mastering leaves."""
+    """A joint whose zero is elsewhere by more than mastering leaves.
+
+    Rows show the offset of the file and the zero error of the arm as one angle. A model of the
+    cured rows predicts rows that are read and cured alike as well as one of clean rows does; at the
+    controller's joints it lacks the arm's own zero error of that joint.
+    """
 
     def look(self, rows: MeasurementSet, residuals: Evidence, arm: Case) -> Sequence[Hypothesis]:
         """Returns the joint that explains most, its offset found by three fits."""
@@ -214,10 +219,15 @@ class JointOffset:
             evidence = learn(case, 0.01 * case.drive[:, :, [j]], residuals.scales)
             joints[:, j] += float(0.01 * evidence.coefficients()[0])
         value = float(joints[0, j] - rows.joints[0, j])
+        # Only the sum of both is in the rows: the cure removes the arm's own zero error as well.
+        own = arm.settings.scales.theta
+        effect = own * float(np.sqrt((arm.drive[:, :, j] ** 2).sum(axis=1).mean()))
         reading = ColumnReading(
             cause="joint-offset",
-            text=f"joint {j + 1} is off by {-value / DEG:+.3f} deg",
-            advice="check the zero of that column, and the mastering of the joint",
+            text=f"joint {j + 1} is off by {-value / DEG:+.3f} deg, the arm's own zero error "
+            f"included (sd {own / DEG:.3f} deg, {effect / MM:.3f} mm)",
+            advice="check the zero of that column, and the mastering of the joint; subtract the "
+            "offset itself where it is known, for the cure removes the arm's own zero error, too",
             rows=replace(arm.rows, joints=joints),
             robot=arm.robot,
         )
