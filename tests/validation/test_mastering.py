@@ -95,6 +95,19 @@ def test_an_offset_that_geometry_explains_is_not_called_lost() -> None:
     assert found.least[2] > 0.05 * DEG
 
 
+def test_a_lost_zero_is_known_no_better_than_the_zero_the_arm_had() -> None:
+    own = np.zeros(len(ROBOT.errors))
+    own[parameter_slice(6, "theta")][1] = 1.5e-4  # of sd 1e-4: the touches cannot tell it apart
+    offset = np.array([0.0, 0.1, 0.0, 0.0, 0.0, 0.0]) * DEG
+    touches = touch(ROBOT.with_errors(own), offset, 5)
+    settings = replace(SETTINGS, priors=FitSettings(scales=replace(SMALL, theta=1e-4)))
+    found = check_mastering(NominalModel(robot=ROBOT), touches, settings)
+    assert found.lost.joints == (1,)
+    sd = np.sqrt(found.lost.covariance[0, 0])
+    assert 1e-4 < sd < 1.2e-4
+    assert abs(found.lost.offset[0] - offset[1]) < 2.0 * sd
+
+
 def test_touches_of_two_points_are_refused_and_a_slipped_one_is_named() -> None:
     arm, touches = NominalModel(robot=ROBOT), touch(ROBOT, np.zeros(6), 8)
     longer = ROBOT.with_tool(pose(np.eye(3), np.array([140.0, 8.0, 300.0]) * MM))

@@ -21,7 +21,7 @@ from typing import Annotated, Final, Literal, TypeAlias
 import numpy as np
 from scipy.special import logsumexp
 
-from robotrue.calibration.belief import Belief, with_nuisances
+from robotrue.calibration.belief import Belief
 from robotrue.calibration.drift_scales import Stack, stack_rows
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.new_rows import NUISANCE_SD, NewRows
@@ -41,7 +41,6 @@ from robotrue.validation.mastering_defaults import POINT_SIGMA_MM
 from robotrue.validation.mastering_evidence import (
     SolvedTouches,
     loosen_zeros,
-    read_offsets,
     solve_beside,
     solve_touches,
 )
@@ -153,14 +152,9 @@ def check_mastering(
     more = (factor - 1.0) * (settings.touch_sigma**2 + before.repeatability**2 + before.white**2)
     before = replace(before, white=float(np.sqrt(before.white**2 + more)))
     robot = before.robot
-    single = [
-        solve_touches(loosen_zeros(before, (j,), TRIED), rows, keep, loose)
-        for j in range(robot.dof)
-    ]
+    single = [solve_touches(before, (j,), TRIED, rows, keep, loose) for j in range(robot.dof)]
     solved: dict[tuple[int, ...], SolvedTouches] = {(j,): each for j, each in enumerate(single)}
-    sd = np.array(
-        [read_offsets(before, each, (j,))[1][0, 0] ** 0.5 for j, each in enumerate(single)]
-    )
+    sd = np.sqrt([each.covariance[0, 0] for each in single])
     seen = np.flatnonzero(sd < SEEN * TRIED)
     if not len(seen):
         raise ObservabilityError(
@@ -222,11 +216,11 @@ def _find_noise(
 ) -> tuple[BoolArray, float]:
     """Which touches agree with some offsets of all axes, and by how much noisier they are."""
     everyone = np.ones(len(touches), dtype=bool)
-    wide = loosen_zeros(before, tuple(range(before.robot.dof)), SIZES[-1])
+    every = tuple(range(before.robot.dof))
+    prior = loosen_zeros(before, every, SIZES[-1], rows.nuisances, loose)
     keep, factor = everyone, 1.0
     for _ in range(2):
-        solved = solve_touches(wide, rows, keep, loose)
-        prior = with_nuisances(wide, np.full(rows.nuisances, loose))
+        solved = solve_touches(before, every, SIZES[-1], rows, keep, loose)
         stack = stack_rows(solved.rows.pieces(solved.after))  # of all, believed or not
         keep = find_agreeing_touches(stack, prior, prior.noise, len(touches))
         if 2 * int(keep.sum()) <= len(touches):
@@ -275,12 +269,11 @@ def _weigh(
     for joints, chance in _list_hypotheses(seen):
         sizes = SIZES if joints else SIZES[:1]
         if joints not in solved:
-            loosened = loosen_zeros(before, joints, TRIED)
-            solved[joints] = solve_touches(loosened, rows, keep, loose)
+            solved[joints] = solve_touches(before, joints, TRIED, rows, keep, loose)
         first = solved[joints]
-        tried = [solve_beside(loosen_zeros(before, joints, size), first, loose) for size in sizes]
+        tried = [solve_beside(before, joints, size, first, loose) for size in sizes]
         logs[joints] = [each.evidence + chance - float(np.log(len(sizes))) for each in tried]
-        parts[joints] = [read_offsets(before, each, joints) for each in tried]
+        parts[joints] = [(each.offset, each.covariance) for each in tried]
     total = float(logsumexp(np.concatenate(list(logs.values()))))
     return tuple(sorted(_mix(logs, parts, total), key=lambda h: -h.probability))
 

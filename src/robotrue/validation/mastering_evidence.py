@@ -32,6 +32,8 @@ class SolvedTouches:
         evidence: Log marginal likelihood, up to a constant of the touches.
         surprise: Touches over what was expected of them.
         residuals: (n, 3) m.
+        offset: (k,) rad, by which the zeros of the hypothesis moved.
+        covariance: (k, k) rad^2 of it.
     """
 
     after: Belief
@@ -41,6 +43,8 @@ class SolvedTouches:
     evidence: float
     surprise: float
     residuals: Array
+    offset: Array
+    covariance: Array
 
 
 def offset_columns(robot: RobotModel) -> Array:
@@ -50,23 +54,25 @@ def offset_columns(robot: RobotModel) -> Array:
     return out
 
 
-def loosen_zeros(belief: Belief, joints: tuple[int, ...], size: float) -> Belief:
-    """Returns the belief with the zeros of some joints unknown by ``size`` rad."""
-    extra = np.zeros((len(joints), len(belief.mean)))
-    extra[:, : len(belief.errors)] = size * offset_columns(belief.robot)[:, list(joints)].T
-    return replace(belief, root=np.vstack([belief.root, extra]))
-
-
-def solve_touches(belief: Belief, rows: NewRows, keep: BoolArray, loose: float) -> SolvedTouches:
-    """Returns the touches under a belief, linearised where its posterior stands.
+def solve_touches(
+    belief: Belief,
+    joints: tuple[int, ...],
+    size: float,
+    rows: NewRows,
+    keep: BoolArray,
+    loose: float,
+) -> SolvedTouches:
+    """Returns the touches under a hypothesis, linearised where its posterior is.
 
     Args:
-        belief: Of the arm, with the zeros of the hypothesis unknown.
+        belief: Of the arm before any zero was lost.
+        joints: Whose zeros are unknown.
+        size: rad, by how much.
         rows: The touches.
         keep: (n,) which are believed.
         loose: m per axis, how well the point is known before.
     """
-    prior = with_nuisances(belief, np.full(rows.nuisances, loose))
+    prior = loosen_zeros(belief, joints, size, rows.nuisances, loose)
     at, moved = prior, np.zeros(rows.nuisances)
     pieces = rows.pieces(at, keep)
     for _ in range(STEPS):
@@ -77,13 +83,25 @@ def solve_touches(belief: Belief, rows: NewRows, keep: BoolArray, loose: float) 
         pieces = rows.pieces(at, keep)
         if max(np.abs(at.mean - last).max(), np.abs(step).max()) < STILL:
             break
-    return _judge(prior, rows, pieces, moved)
+    return _judge(prior, (joints, size), rows, pieces, moved)
 
 
-def solve_beside(belief: Belief, solved: SolvedTouches, loose: float) -> SolvedTouches:
-    """Returns the same touches under another belief, linearised where they stand already."""
-    prior = with_nuisances(belief, np.full(solved.rows.nuisances, loose))
-    return _judge(prior, solved.rows, solved.pieces, solved.moved)
+def solve_beside(
+    belief: Belief, joints: tuple[int, ...], size: float, solved: SolvedTouches, loose: float
+) -> SolvedTouches:
+    """Returns the same touches under another hypothesis, linearised where they are already."""
+    prior = loosen_zeros(belief, joints, size, solved.rows.nuisances, loose)
+    return _judge(prior, (joints, size), solved.rows, solved.pieces, solved.moved)
+
+
+def loosen_zeros(
+    belief: Belief, joints: tuple[int, ...], size: float, nuisances: int, loose: float
+) -> Belief:
+    """The belief with nuisances of the rows, and zeros unknown: those are the root's last rows."""
+    prior = with_nuisances(belief, np.full(nuisances, loose))
+    extra = np.zeros((len(joints), len(prior.mean)))
+    extra[:, : len(belief.errors)] = size * offset_columns(belief.robot)[:, list(joints)].T
+    return replace(prior, root=np.vstack([prior.root, extra]))
 
 
 def _shift(prior: Belief, moved: Array) -> Belief:
@@ -96,7 +114,13 @@ def _condition(prior: Belief, pieces: list[LinearRows], moved: Array) -> Belief:
     return condition(_shift(prior, moved), *whiten(pieces, prior.noise, np.ones(count)))
 
 
-def _judge(prior: Belief, rows: NewRows, pieces: list[LinearRows], moved: Array) -> SolvedTouches:
+def _judge(
+    prior: Belief,
+    hypothesis: tuple[tuple[int, ...], float],
+    rows: NewRows,
+    pieces: list[LinearRows],
+    moved: Array,
+) -> SolvedTouches:
     """Posterior and marginal likelihood of rows that are linearised where they end."""
     at, stack = _condition(prior, pieces, moved), stack_rows(pieces)
     off = stack.values - stack.columns @ _shift(prior, moved).mean
@@ -105,6 +129,9 @@ def _judge(prior: Belief, rows: NewRows, pieces: list[LinearRows], moved: Array)
     factor = cho_factor(total, lower=True)
     square = float(off @ cho_solve(factor, off))
     freedom = max(len(off) - rows.nuisances, 1)
+    joints, size = hypothesis
+    # What a zero lost is not where it stands now: the arm's own zero was never known exactly.
+    lost = size * half[:, half.shape[1] - len(joints) :]
     return SolvedTouches(
         after=at,
         rows=rows,
@@ -113,16 +140,6 @@ def _judge(prior: Belief, rows: NewRows, pieces: list[LinearRows], moved: Array)
         evidence=-0.5 * square - float(np.log(np.diagonal(factor[0])).sum()),
         surprise=float(np.sqrt(square / freedom)),
         residuals=(stack.values - stack.columns @ at.mean).reshape(-1, 3),
+        offset=lost.T @ cho_solve(factor, off),
+        covariance=size**2 * np.eye(len(joints)) - lost.T @ cho_solve(factor, lost),
     )
-
-
-def read_offsets(
-    before: Belief, solved: SolvedTouches, joints: tuple[int, ...]
-) -> tuple[Array, Array]:
-    """Returns mean (k,) rad and covariance (k, k) of what is to be added to some joints."""
-    robot = before.robot
-    theta = parameter_slice(robot.dof, "theta")
-    back = np.linalg.inv(robot.joint_map)[list(joints)]
-    half = solved.after.root[:, theta] @ back.T
-    mean = back @ (solved.after.mean[theta] - before.mean[theta])
-    return mean, solved.after.inflation * (half.T @ half)
