@@ -35,9 +35,9 @@ from robotrue.errors import ConfigurationError, ObservabilityError, ShapeError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import POSE_TERMS, parameter_slice
 from robotrue.robot.statics import Load
-from robotrue.validation.drift_defaults import FEWEST, LEVEL
 from robotrue.validation.evaluation import Evaluation, evaluate, row_loads
 from robotrue.validation.metrics import squared_distance
+from robotrue.validation.validation_defaults import DRIFT_LEVEL, FEWEST_DRIFT_POSES
 
 Verdict: TypeAlias = Literal["keep", "update", "recalibrate", "measure again"]
 Kind: TypeAlias = Literal["base", "tool", "joint", "reading"]
@@ -133,7 +133,7 @@ def drift_check(
     measurements: MeasurementSet,
     *,
     payload: Load | None = None,
-    level: float = LEVEL,
+    level: float = DRIFT_LEVEL,
 ) -> DriftCheck:
     """Returns whether the poses are those of the robot the model was made of.
 
@@ -151,9 +151,9 @@ def drift_check(
     """
     if not 0.0 < level <= 0.5:
         raise ConfigurationError(f"level {level:g}, expected above 0 and up to 0.5.")
-    if len(measurements) < FEWEST:
+    if len(measurements) < FEWEST_DRIFT_POSES:
         raise ObservabilityError(
-            f"{len(measurements)} poses; a drift check needs {FEWEST} or more.",
+            f"{len(measurements)} poses; a drift check needs {FEWEST_DRIFT_POSES} or more.",
             hint="measure 5 to 10 poses that are far apart.",
         )
     others = measurements.source_row[measurements.target != 0]

@@ -34,7 +34,7 @@ from robotrue.robot.inverse_numeric import solve, solve_global
 from robotrue.robot.model import RobotModel, moment_slice, parameter_slice
 from robotrue.robot.opw import opw_geometry
 from robotrue.robot.statics import NO_LOAD, Load
-from robotrue.validation.map_defaults import ATTITUDE, SECTORS
+from robotrue.validation.validation_defaults import MAP_ATTITUDE, MAP_SECTORS
 
 Attitude: TypeAlias = Literal["turning", "fixed"]
 """``turning``: with the angle about joint 1. ``fixed``: in base."""
@@ -124,9 +124,9 @@ def error_map(
     counts: tuple[int, int, int],
     *,
     tool_abc: Array,
-    attitude: Attitude = ATTITUDE,
+    attitude: Attitude = MAP_ATTITUDE,
     along: int | None = None,
-    sectors: int = SECTORS,
+    sectors: int = MAP_SECTORS,
     near: Array | None = None,
     load: Load = NO_LOAD,
     T_flange_tool: Array | None = None,

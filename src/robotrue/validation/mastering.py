@@ -37,7 +37,6 @@ from robotrue.core.poses import pose
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ImplausibleDataError, ObservabilityError
 from robotrue.measurement.probing_set import ProbingSet
-from robotrue.validation.mastering_defaults import POINT_SIGMA_MM
 from robotrue.validation.mastering_evidence import (
     SolvedTouches,
     loosen_zeros,
@@ -45,6 +44,7 @@ from robotrue.validation.mastering_evidence import (
     solve_touches,
 )
 from robotrue.validation.touch_checks import file_of, list_names
+from robotrue.validation.validation_defaults import POINT_SIGMA_MM
 
 SIZES: Final = (0.03 * DEG, 0.1 * DEG, 0.3 * DEG, 1.0 * DEG)
 """Standard deviations s of a lost zero that are tried, equally likely."""

@@ -22,7 +22,6 @@ from robotrue.errors import ModelMismatchError, ShapeError
 from robotrue.measurement.formats.part_points import ONE_PART
 from robotrue.measurement.probing_set import NO_SURFACE, ProbingSet
 from robotrue.validation.registered_part import FoundFrame, RegisteredPart
-from robotrue.validation.registration_defaults import METHOD
 from robotrue.validation.registration_frame import (
     GOOD,
     CheckedTouches,
@@ -45,6 +44,7 @@ from robotrue.validation.touch_checks import (
     file_of,
     naming,
 )
+from robotrue.validation.validation_defaults import REGISTRATION_METHOD
 
 __all__ = ["RegisteredPart", "RegistrationSettings", "register"]
 
@@ -94,7 +94,7 @@ def register(
             checked.append(check_touches(arm, name, mine, settings))
     joint = settings.fit == "joint" or (
         settings.fit == "auto"
-        and settings.method == METHOD
+        and settings.method == REGISTRATION_METHOD
         and enough_for_joint(arm, touches, settings)
     )
     if joint:

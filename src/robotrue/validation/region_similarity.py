@@ -31,7 +31,7 @@ from robotrue.core.regions import (
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError, ObservabilityError
 from robotrue.measurement.measurement_set import MeasurementSet
-from robotrue.validation.similarity_defaults import FEWEST_PAIRS
+from robotrue.validation.validation_defaults import FEWEST_PAIRS
 
 SLACK: Final = 1e-3
 """m or rad by which a point may lie outside a region, and two regions may overlap."""

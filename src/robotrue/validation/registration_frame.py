@@ -23,9 +23,9 @@ from robotrue.measurement.probing_set import NO_SURFACE, ProbingSet
 from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel, parameter_slice
 from robotrue.validation.registered_part import FoundFrame, check_frame
-from robotrue.validation.registration_defaults import FIT, METHOD, TOUCH_MM
 from robotrue.validation.registration_methods import Method, fit_by_method
 from robotrue.validation.touch_checks import check_exchanged, list_names
+from robotrue.validation.validation_defaults import REGISTRATION_FIT, REGISTRATION_METHOD, TOUCH_MM
 
 TOUCH: Final = TOUCH_MM * MM
 """One touch, per axis: a tip or ball by hand or by a trigger."""
@@ -58,8 +58,8 @@ class RegistrationSettings:
     robot: float | None = None
     tool_sigma: float | None = None
     tolerance: float | None = None
-    fit: Literal["auto", "frame", "joint"] = FIT
-    method: Method = METHOD
+    fit: Literal["auto", "frame", "joint"] = REGISTRATION_FIT
+    method: Method = REGISTRATION_METHOD
     T_flange_tool: Array | None = None
     mesh: TriangleMesh | None = None
     on_mesh: float = 0.2 * MM
@@ -90,7 +90,7 @@ class RegistrationSettings:
             raise ConfigurationError(
                 f"fit {self.fit!r}, expected auto, frame or joint.", hint="--fit auto"
             )
-        if self.fit == "joint" and self.method != METHOD:
+        if self.fit == "joint" and self.method != REGISTRATION_METHOD:
             raise ConfigurationError(
                 f"method {self.method} makes the frame alone, fit joint estimates the arm as well.",
                 hint="--fit frame, or leave the method out.",

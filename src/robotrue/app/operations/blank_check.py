@@ -13,7 +13,7 @@ from robotrue.app.request import InputFile, Item, Option, Reference, Request
 from robotrue.app.request_fields import TouchSigma, cell_output
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
-from robotrue.validation.registration_defaults import (
+from robotrue.validation.validation_defaults import (
     LEFT_OVER_MM,
     MESH_UNIT,
     PROBE_RADIUS_MM,

@@ -13,7 +13,7 @@ from robotrue.app.request import InputFile, Item, Option, Reference, Request
 from robotrue.app.request_fields import TouchSigma
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError
-from robotrue.validation.registration_defaults import TOUCH_MM
+from robotrue.validation.validation_defaults import TOUCH_MM
 
 if TYPE_CHECKING:
     from robotrue.validation.slot_test import DatumCheck

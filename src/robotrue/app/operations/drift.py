@@ -14,7 +14,7 @@ from robotrue.app.request import Item, Option, Reference, Request
 from robotrue.app.request_fields import CalibratedModel, Columns
 from robotrue.core.provenance import Provenance, marked_document, merge
 from robotrue.core.units import DEG, MM
-from robotrue.validation.drift_defaults import FEWEST, LEVEL
+from robotrue.validation.validation_defaults import DRIFT_LEVEL, FEWEST_DRIFT_POSES
 
 if TYPE_CHECKING:
     from robotrue.app.workspace_context import WorkspaceContext
@@ -47,7 +47,7 @@ class DriftRequest(Request):
     level: Annotated[
         float,
         Option(advanced=True, help="Share of checks that may call an unchanged robot changed."),
-    ] = LEVEL
+    ] = DRIFT_LEVEL
     mapping: Columns = None
 
 
@@ -121,7 +121,7 @@ def run(request: DriftRequest, context: Context) -> DriftChecked:
     context.step("reading", 0, 3)
     stored = context.model(request.model)
     rows = context.measurements(
-        stored.cell, [request.measurements], request.mapping, minimum=FEWEST
+        stored.cell, [request.measurements], request.mapping, minimum=FEWEST_DRIFT_POSES
     )
     context.step("predicting", 1, 3)
     check = drift_check(stored.model, rows, payload=stored.cell.payload, level=request.level)

@@ -15,7 +15,7 @@ from robotrue.app.request_fields import CalibratedModel, table_output
 from robotrue.core.provenance import Provenance, marked_document
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
-from robotrue.validation.drift_defaults import FEWEST, POSES
+from robotrue.validation.validation_defaults import DRIFT_POSES, FEWEST_DRIFT_POSES
 
 if TYPE_CHECKING:
     from robotrue.app.workspace_context import WorkspaceContext
@@ -29,7 +29,9 @@ class DriftPlanRequest(Request):
 
     model: CalibratedModel
     output: Annotated[Path, table_output(saved_as="check_poses.csv", help="Sheet (CSV) to write.")]
-    poses: Annotated[int, Option(offered=(FEWEST, 20), help="How many; 4 at least.")] = POSES
+    poses: Annotated[
+        int, Option(offered=(FEWEST_DRIFT_POSES, 20), help="How many; 4 at least.")
+    ] = DRIFT_POSES
     seed: Annotated[int, Option(advanced=True, help="Of the draw of candidates.")] = 0
 
 
@@ -89,10 +91,10 @@ def run(request: DriftPlanRequest, context: Context) -> DriftPlan:
     from robotrue.robot.forward import forward
     from robotrue.validation.drift_check import cause_columns
 
-    if request.poses < FEWEST:
+    if request.poses < FEWEST_DRIFT_POSES:
         raise ConfigurationError(
-            f"{request.poses} poses; a drift check needs {FEWEST} or more.",
-            hint=f"--poses {POSES}",
+            f"{request.poses} poses; a drift check needs {FEWEST_DRIFT_POSES} or more.",
+            hint=f"--poses {DRIFT_POSES}",
         )
     context.step("reading", 0, 2)
     stored = context.model(request.model)

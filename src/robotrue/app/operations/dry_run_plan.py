@@ -11,7 +11,7 @@ from robotrue.app.plain_result import PlainResult
 from robotrue.app.presentation import Note
 from robotrue.app.request import Item, Option, Output, Reference, Request
 from robotrue.core.units import DEG, MM
-from robotrue.validation.dry_run_defaults import POINTS
+from robotrue.validation.validation_defaults import DRY_RUN_POINTS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -43,7 +43,7 @@ class DryRunPlanRequest(Request):
             help="Sheet (CSV) to write.",
         ),
     ]
-    points: Annotated[int, Option(help="How many; 2 at least.")] = POINTS
+    points: Annotated[int, Option(help="How many; 2 at least.")] = DRY_RUN_POINTS
     after: Annotated[
         Reference | None, Item(noun="program", help="Its compensated copy: commands of both.")
     ] = None

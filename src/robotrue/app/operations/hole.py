@@ -14,7 +14,7 @@ from robotrue.app.presentation import Note, Table
 from robotrue.app.request import InputFile, Option, Request
 from robotrue.core.provenance import merge
 from robotrue.core.units import MM, UM
-from robotrue.validation.hole_defaults import CENTRE_MM, PROBE_SIGMA_UM, WALL_MM
+from robotrue.validation.validation_defaults import HOLE_CENTRE_MM, PROBE_SIGMA_UM, WALL_MM
 
 if TYPE_CHECKING:
     from robotrue.core.arrays import Array
@@ -37,7 +37,7 @@ class HoleRequest(Request):
         InputFile(argument="[AFTER]", help="The same hole of the compensated program."),
     ] = None
     diameter_mm: Annotated[float, Field(gt=0.0), Option(help="Nominal.")]
-    centre_mm: Annotated[str, Option(help="X,Y of the nominal axis in part axes.")] = CENTRE_MM
+    centre_mm: Annotated[str, Option(help="X,Y of the nominal axis in part axes.")] = HOLE_CENTRE_MM
     probe_sigma_um: Annotated[
         float,
         Field(gt=0.0),

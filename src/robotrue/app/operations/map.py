@@ -17,7 +17,7 @@ from robotrue.core.provenance import Provenance, mark_line, mark_title
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 from robotrue.planning.plan_defaults import TOOL_ABC_DEG
-from robotrue.validation.map_defaults import ATTITUDE, SECTORS
+from robotrue.validation.validation_defaults import MAP_ATTITUDE, MAP_SECTORS
 
 if TYPE_CHECKING:
     from robotrue.calibration.model import ErrorModel
@@ -53,11 +53,13 @@ class MapRequest(Request):
     y_mm: Annotated[str | None, Option(help="LOW,HIGH of a cube.")] = None
     z_mm: Annotated[str | None, Option(help="LOW,HIGH of a cube.")] = None
     grid: Annotated[str, Option(help="Grid values along each coordinate.")] = "8,8,8"
-    sectors: Annotated[int, Option(help="Parts compared, along the angle or along y.")] = SECTORS
+    sectors: Annotated[int, Option(help="Parts compared, along the angle or along y.")] = (
+        MAP_SECTORS
+    )
     attitude: Annotated[
         Literal["turning", "fixed"],
         Option(help="turning (with the angle about joint 1) or fixed (in base)."),
-    ] = ATTITUDE
+    ] = MAP_ATTITUDE
     tool_abc_deg: Annotated[
         str, Option(help="KUKA A,B,C of the point in base; for turning at angle 0.")
     ] = TOOL_ABC_DEG

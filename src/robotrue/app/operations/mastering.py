@@ -12,8 +12,7 @@ from robotrue.app.plain_result import PlainResult
 from robotrue.app.request import InputFile, Option, Request
 from robotrue.app.request_fields import CellOrModel, ToolSigma, TouchSigma
 from robotrue.core.units import MM
-from robotrue.validation.mastering_defaults import POINT_SIGMA_MM
-from robotrue.validation.registration_defaults import TOUCH_MM
+from robotrue.validation.validation_defaults import POINT_SIGMA_MM, TOUCH_MM
 
 
 class MasteringRequest(Request):

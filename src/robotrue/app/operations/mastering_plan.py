@@ -13,8 +13,7 @@ from robotrue.app.request import Option, Request
 from robotrue.app.request_fields import CellOrModel, ToolSigma, TouchSigma, table_output
 from robotrue.core.units import DEG, MM
 from robotrue.planning.plan_defaults import SEED
-from robotrue.validation.mastering_defaults import POSTURES, TOOL_LEAN_DEG
-from robotrue.validation.registration_defaults import TOUCH_MM
+from robotrue.validation.validation_defaults import MASTERING_TOUCHES, TOOL_LEAN_DEG, TOUCH_MM
 
 
 class MasteringPlanRequest(Request):
@@ -23,7 +22,9 @@ class MasteringPlanRequest(Request):
     cell: CellOrModel
     point_mm: Annotated[str, Option(help="X,Y,Z: roughly where the point is, in base.")]
     output: Annotated[Path, table_output(help="CSV of the touches to write.")]
-    postures: Annotated[int, Option(names=("--postures", "-n"), help="How many.")] = POSTURES
+    postures: Annotated[int, Option(names=("--postures", "-n"), help="How many.")] = (
+        MASTERING_TOUCHES
+    )
     tool_lean_deg: Annotated[float, Option(help="Largest lean of the tool off straight down.")] = (
         TOOL_LEAN_DEG
     )

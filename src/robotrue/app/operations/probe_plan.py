@@ -16,7 +16,7 @@ from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 from robotrue.planning.plan_defaults import GOAL, LEAN_DEG, TIP_AXIS
-from robotrue.validation.registration_defaults import TOUCH_MM
+from robotrue.validation.validation_defaults import TOUCH_MM
 
 if TYPE_CHECKING:
     from robotrue.calibration.model import ErrorModel

@@ -23,12 +23,12 @@ from robotrue.app.request_fields import (
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError
-from robotrue.validation.registration_defaults import (
-    FIT,
+from robotrue.validation.validation_defaults import (
     FRAME_NUMBER,
     MESH_UNIT,
-    METHOD,
     PROBE_RADIUS_MM,
+    REGISTRATION_FIT,
+    REGISTRATION_METHOD,
     TOUCH_MM,
 )
 
@@ -58,14 +58,14 @@ class RegisterRequest(Request):
     fit: Annotated[
         Literal["auto", "frame", "joint"],
         Option(help="auto; frame: leave the arm as it is; joint: arm, tool and frame."),
-    ] = FIT
+    ] = REGISTRATION_FIT
     method: Annotated[
         Literal["touches", "feng2018", "three-two-one"],
         Option(
             help="touches: all count; feng2018: three points, right angle at the first; "
             "three-two-one: six touches of three faces."
         ),
-    ] = METHOD
+    ] = REGISTRATION_METHOD
     mesh: Annotated[
         Path | None, InputFile(help="The part (STL): touches with a normal lie on it.")
     ] = None

@@ -23,7 +23,7 @@ from robotrue.app.request_fields import (
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError
-from robotrue.validation.registration_defaults import FRAME_NUMBER, METHOD, TOUCH_MM
+from robotrue.validation.validation_defaults import FRAME_NUMBER, REGISTRATION_METHOD, TOUCH_MM
 
 if TYPE_CHECKING:
     from robotrue.cell.cell import Cell
@@ -51,7 +51,7 @@ class RegisterRoundsRequest(Request):
     method: Annotated[
         Literal["touches", "feng2018"],
         Option(help="touches: all count; feng2018: three points, right angle at the first."),
-    ] = METHOD
+    ] = REGISTRATION_METHOD
     touch_sigma_mm: TouchSigma = TOUCH_MM
     tool_sigma_mm: ToolSigma = None
     tolerance_mm: PartTolerance = None

@@ -17,7 +17,7 @@ from robotrue.calibration.deng2022.readings import SIMILARITY_READING, Similarit
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError
-from robotrue.validation.similarity_defaults import APART_MM, DIVIDE, FEWEST_PAIRS
+from robotrue.validation.validation_defaults import APART_MM, FEWEST_PAIRS, SIMILARITY_REGIONS
 
 if TYPE_CHECKING:
     from robotrue.core.arrays import Array
@@ -58,7 +58,7 @@ class SimilarityRequest(Request):
             least=2,
             help="Without --region and --by-set: sectors and boxes the points are divided into.",
         ),
-    ] = DIVIDE
+    ] = SIMILARITY_REGIONS
     reading: Annotated[
         SimilarityReading,
         Option(help="How eq. 9-10 are read where one number is shown; the table has all."),

@@ -19,7 +19,7 @@ from robotrue.app.request_fields import (
 )
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
-from robotrue.validation.registration_defaults import SQUARE_DEG, TOOL_NUMBER, TOUCH_MM
+from robotrue.validation.validation_defaults import SQUARE_DEG, TOOL_NUMBER, TOUCH_MM
 
 if TYPE_CHECKING:
     from robotrue.calibration.model import ErrorModel

@@ -19,7 +19,7 @@ from robotrue.app.request_fields import (
     cell_output,
 )
 from robotrue.core.units import MM
-from robotrue.validation.registration_defaults import TOOL_NUMBER, TOUCH_MM
+from robotrue.validation.validation_defaults import TOOL_NUMBER, TOUCH_MM
 
 if TYPE_CHECKING:
     from robotrue.validation.tool_calibration import CalibratedTool

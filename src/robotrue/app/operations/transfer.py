@@ -30,7 +30,7 @@ from robotrue.calibration.deng2022.readings import (
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError, ModelMismatchError, ObservabilityError
-from robotrue.validation.drift_defaults import FEWEST
+from robotrue.validation.validation_defaults import FEWEST_DRIFT_POSES
 
 if TYPE_CHECKING:
     from robotrue.app.transfer_sources import KnownSource
@@ -262,7 +262,9 @@ def run(request: TransferRequest, context: Context) -> Transferred:
     target = (
         read_target(cell, request.measurements, request.mapping, context)
         if request.model is None
-        else context.measurements(cell, request.measurements, request.mapping, minimum=FEWEST)
+        else context.measurements(
+            cell, request.measurements, request.mapping, minimum=FEWEST_DRIFT_POSES
+        )
     )
     robot, settings = cell.measured_robot, settings_of(cell)
     if request.method == AUTO:

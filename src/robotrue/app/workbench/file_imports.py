@@ -20,7 +20,7 @@ from robotrue.measurement.plausibility import FEWEST_POSES
 from robotrue.store import cells, items, measurements, models
 from robotrue.store.nouns import CELL, MODEL, CellRecord, MeasurementRecord
 from robotrue.store.workspace import Workspace
-from robotrue.validation.drift_defaults import FEWEST
+from robotrue.validation.validation_defaults import FEWEST_DRIFT_POSES
 
 
 def import_cell(workspace: Workspace, paths: Sequence[Path], name: str) -> CellRecord:
@@ -83,7 +83,7 @@ def import_check_poses(
     """
     record = items.get(workspace, MODEL, model_id)
     cell = models.model_of(workspace, record).cell
-    rows, remarks = read_sets(cell, paths, None, minimum=FEWEST)
+    rows, remarks = read_sets(cell, paths, None, minimum=FEWEST_DRIFT_POSES)
     cells = record.refs("cell")
     return measurements.add(
         workspace,

@@ -34,9 +34,9 @@ from robotrue.store.registrations import session_in
 from robotrue.store.workspace import Workspace
 from robotrue.validation.part_registration import register
 from robotrue.validation.registered_part import RegisteredPart
-from robotrue.validation.registration_defaults import FIT
 from robotrue.validation.registration_frame import RegistrationSettings
 from robotrue.validation.touch_expectation import TouchBelief, update_belief
+from robotrue.validation.validation_defaults import REGISTRATION_FIT
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,7 +65,7 @@ class TouchWords:
     lean_deg: float
     tip_axis: tuple[float, float, float]
     axes: Literal["controller", "model"]
-    fit: Literal["auto", "frame", "joint"] = FIT
+    fit: Literal["auto", "frame", "joint"] = REGISTRATION_FIT
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,7 +14,7 @@ from robotrue.app.workbench import workbench_calls as calls
 from robotrue.planning.plan_defaults import LEAN_DEG, ROUGH_MM, TIP_AXIS
 from robotrue.store.nouns import DOCUMENT, REGISTRATION, DocumentRecord
 from robotrue.store.records import ItemRecord
-from robotrue.validation.registration_defaults import FIT
+from robotrue.validation.validation_defaults import REGISTRATION_FIT
 from robotrue.web.api.items_routes import CSV, JSON, Id, csv_file, get_item, record_document
 from robotrue.web.api.upload_routes import Files, UploadId, use_uploads
 from robotrue.web.page_context import ServerContext
@@ -56,7 +56,7 @@ class Begin(BaseModel):
     tool_sigma_mm: Length | None = None
     tolerance_mm: Length | None = None
     probe_radius_mm: Length = 0.0
-    fit: Literal["auto", "frame", "joint"] = FIT
+    fit: Literal["auto", "frame", "joint"] = REGISTRATION_FIT
 
 
 class Entered(BaseModel):
