@@ -14,10 +14,10 @@ from robotrue.calibration.settings import FitSettings
 from robotrue.errors import ArchiveError, ConvergenceError, ObservabilityError, ShapeError
 from robotrue.robot.forward import forward
 from robotrue.robot.model import parameter_slice
-from robotrue.validation.contest import paired_gain, selection_from_summary
+from robotrue.validation.contest import paired_gain, selection_from_summary, stack_weights
+from robotrue.validation.metrics import student_scores
 from robotrue.validation.selection import default_splits, fit_auto, select
 from robotrue.validation.splits import contiguous_blocks
-from robotrue.validation.stacking import stack_weights, student_scores
 
 
 def features(joints):

@@ -15,11 +15,14 @@ from robotrue.core.json_values import json_values
 from robotrue.core.units import MM
 from robotrue.errors import ArchiveError, ConvergenceError, ObservabilityError, RobotrueError
 from robotrue.validation.splits import Split
-from robotrue.validation.stacking import stack_weights
 
 BASELINE: Final = "nominal"
 """The method that assumes an arm without errors. No arm is: it gives way to any gain."""
 UNKNOWN: Final = float("nan")
+PRIOR_ROWS: Final = 1.0
+"""Rows spread evenly: every candidate keeps the share that so few rows cannot deny it."""
+WEIGHT_STEPS: Final = 300
+"""Of expectation and maximisation; each raises the score."""
 _RARE: Final = ("unsettled", "stopped")
 """Stated in documents only where they are true."""
 
@@ -246,6 +249,27 @@ def weigh(trials: Trials, selection: Selection, names: Sequence[str]) -> Selecti
         f"density ({said})."
     )
     return replace(selection, reason=reason, weights=shares)
+
+
+def stack_weights(scores: Sequence[Array]) -> Array:
+    """Returns the weight (k,) of each candidate by what it said of rows it had not seen; sum one.
+
+    The weights a maximise sum_i log sum_k a_k p_ik, p_ik the density that candidate k gave row i
+    (Yao, Vehtari, Simpson and Gelman 2018): a candidate that is right where the others are wrong
+    keeps a share, one that adds nothing loses it.
+
+    Args:
+        scores: (n,) log densities of the same held-out rows, one array for each candidate.
+    """
+    logs = np.stack(scores, axis=1)
+    density = np.exp(logs - logs.max(axis=1, keepdims=True))
+    rows, count = density.shape
+    weights = np.full(count, 1.0 / count)
+    for _ in range(WEIGHT_STEPS):
+        share = density * weights
+        share /= share.sum(axis=1, keepdims=True)
+        weights = (share.sum(axis=0) + PRIOR_ROWS / count) / (rows + PRIOR_ROWS)
+    return weights
 
 
 def _find_twin(name: str, trials: Trials) -> str:

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from typing import Final
 
 import numpy as np
-from scipy.special import chdtr, chdtri, ndtri
+from scipy.special import chdtr, chdtri, gammaln, ndtri
 
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.json_values import json_values
 from robotrue.core.units import MM
 from robotrue.errors import ShapeError
+
+FREEDOM: Final = 8.0
+"""Degrees of Student's law by which candidates are scored."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -173,6 +177,26 @@ def log_density(residuals: Array, covariances: Array) -> Array:
     log_det = np.linalg.slogdet(covariances)[1]
     out: Array = -0.5 * (distance + log_det + 3.0 * np.log(2.0 * np.pi))
     return out
+
+
+def student_scores(residuals: Array, covariances: Array) -> Array:
+    """Returns the log density (n,) of residuals (n, 3) m under Student's law, in log(1/m^3).
+
+    On :data:`FREEDOM` degrees, so that no single row decides.
+
+    Args:
+        residuals: Measured minus predicted.
+        covariances: (n, 3, 3) m^2, scale of the law.
+
+    Raises:
+        ShapeError: A covariance that is not positive definite.
+    """
+    distance = squared_distance(residuals, covariances)
+    size = np.linalg.slogdet(covariances)[1]
+    constant = gammaln((FREEDOM + 3.0) / 2.0) - gammaln(FREEDOM / 2.0)
+    constant -= 1.5 * np.log(np.pi * FREEDOM)
+    tail = -0.5 * (FREEDOM + 3.0) * np.log1p(distance / FREEDOM)
+    return np.asarray(constant - 0.5 * size + tail)
 
 
 def chi2_quantile(level: float, degrees: int) -> float:

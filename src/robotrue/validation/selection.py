@@ -52,7 +52,7 @@ from robotrue.validation.contest import (
     paired_gain,
 )
 from robotrue.validation.evaluation import Evaluation, evaluate
-from robotrue.validation.metrics import coverage, log_density
+from robotrue.validation.metrics import coverage, log_density, student_scores
 from robotrue.validation.splits import (
     Split,
     contiguous_blocks,
@@ -60,7 +60,6 @@ from robotrue.validation.splits import (
     random_folds,
     spatial_regions,
 )
-from robotrue.validation.stacking import student_scores
 from robotrue.validation.summary_notes import with_summary
 
 FitFunction: TypeAlias = Callable[[MeasurementSet], ErrorModel]
