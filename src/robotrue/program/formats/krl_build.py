@@ -19,8 +19,13 @@ from robotrue.program.formats.krl_flow import (
     TOOL,
 )
 from robotrue.program.formats.krl_frames import UNSURE
-from robotrue.program.formats.krl_modal import Visits, inherit, inherit_external, visits
-from robotrue.program.formats.krl_notes import conflict_notes, incomplete_notes
+from robotrue.program.formats.krl_modal import (
+    Visits,
+    incomplete_notes,
+    inherit,
+    inherit_external,
+    visits,
+)
 from robotrue.program.formats.krl_scan import INLINE_ARC, NOT_CONSTANT, STATEMENT
 from robotrue.program.formats.krl_walk import MOTION_OF, KrlWalk
 from robotrue.program.formats.krl_write import KrlSpans, column_of
@@ -150,7 +155,11 @@ class Builder:
         line = found.agg_line[agg].astype(np.int64) + 1
         reason, notes = self._frame_reasons(state, is_axis)
         reason[conflicts] = Reason.UNKNOWN_FRAME
-        notes += conflict_notes(name, line[conflicts])
+        notes += [
+            f"{name}:{one}: this point is used with more than one base or tool; it is not "
+            "compensated."
+            for one in line[conflicts][:5].tolist()
+        ]
         if external is not None and file == self.main and _some(np.isnan(external)):
             inherit_external(external, self._path(file, agg, motion, np.zeros(len(agg), np.bool_)))
         frame, bases, said = self._external(external, state[:, BASE], reason, name, is_axis)

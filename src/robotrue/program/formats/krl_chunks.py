@@ -17,7 +17,6 @@ from robotrue.program.formats.file_survey import Survey, WindowLines
 from robotrue.program.formats.krl_build import Builder
 from robotrue.program.formats.krl_columns import count_parts
 from robotrue.program.formats.krl_frames import Frames
-from robotrue.program.formats.krl_point_chunks import PointSurvey, as_motions
 from robotrue.program.formats.krl_scan import (
     INLINE_ARC,
     INLINE_LIN,
@@ -28,7 +27,7 @@ from robotrue.program.formats.krl_scan import (
     Scan,
     scan,
 )
-from robotrue.program.formats.krl_survey import KrlSurvey, line_edges
+from robotrue.program.formats.krl_surveys import KrlSurvey, PointSurvey, as_motions, line_edges
 from robotrue.program.formats.krl_walk import KrlWalk
 from robotrue.program.program import FrameTable
 from robotrue.program.program_chunk import ChunkRules, ReadChunk, Whole

@@ -94,3 +94,15 @@ def inherit(
             last = np.where(written[row] | (kept.get(row, nothing) >= 0), row, -1)
     rows = np.array(list(kept), dtype=np.int64)
     return rows, np.array(list(kept.values()), dtype=np.int64).reshape(-1, 6)
+
+
+def incomplete_notes(name: str, line: IntArray, rows: BoolArray) -> list[str]:
+    """Returns the sentence on targets that leave components out, if there are any."""
+    at = np.flatnonzero(rows)
+    if not len(at):
+        return []
+    return [
+        f"{name}:{line[at[0]]}: {len(at)} targets from this line on leave components out, and what "
+        "they inherit is not known; they are not compensated, but follow the target before them "
+        "where it is. Write all six components."
+    ]

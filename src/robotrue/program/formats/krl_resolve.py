@@ -15,7 +15,6 @@ from typing import Final
 import numpy as np
 
 from robotrue.program.formats.expression import NotConstantError
-from robotrue.program.formats.krl_builtin import PURE
 from robotrue.program.formats.krl_expression import (
     AXIS_PARTS,
     POSE_PARTS,
@@ -23,6 +22,7 @@ from robotrue.program.formats.krl_expression import (
     KrlValue,
     matrix_of,
 )
+from robotrue.program.formats.krl_flow import PURE
 from robotrue.program.formats.krl_frames import DeferredFrame
 from robotrue.program.formats.krl_operands import REFERENCE, MotionStatement, Operand
 from robotrue.program.formats.krl_scan import COMPONENTS

@@ -15,6 +15,8 @@ from robotrue.program.formats.camrob import CALL
 from robotrue.program.formats.krl_flow import BASE, ON_ROBOT, TOOL
 from robotrue.program.formats.krl_frames import DeferredFrame, Frames, read_fdat, with_settings
 from robotrue.program.formats.krl_operands import (
+    Called,
+    Definition,
     KrlPoints,
     MotionStatement,
     members,
@@ -29,7 +31,6 @@ from robotrue.program.formats.krl_scan import (
     STATEMENT,
     Scan,
 )
-from robotrue.program.formats.krl_story import Called, Definition
 from robotrue.program.formats.krl_values import KrlCall, VariableChange, split_calls
 from robotrue.program.program import Motion, Reason
 

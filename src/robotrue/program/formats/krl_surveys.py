@@ -1,14 +1,15 @@
-"""The survey of stored points: the elements of arrays in a ``.dat``.
+"""What surveys of KRL files share, and that of stored points: elements of arrays in a ``.dat``.
 
-A stretch is assignments to elements of one array, ``name[k]={X ..}`` with nothing left out, by
-growing ``k``. In the skeleton its first and last line stand for it; whatever the program does with
-an element it chose by a computed number it does with all of them. An array with an element that a
-file names by a written number is not surveyed.
+A stretch of points is assignments to elements of one array, ``name[k]={X ..}`` with nothing left
+out, by growing ``k``. In the skeleton its first and last line stand for it; whatever the program
+does with an element it chose by a computed number it does with all of them. An array with an
+element that a file names by a written number is not surveyed.
 """
 
 from __future__ import annotations
 
 import re
+from abc import abstractmethod
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import replace
@@ -17,12 +18,12 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from robotrue.core.arrays import BoolArray, IntArray
-from robotrue.program.formats.file_survey import WindowLines, reason_column
-from robotrue.program.formats.krl_columns import count_parts
+from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.errors import FormatError
+from robotrue.program.formats.file_survey import Survey, WindowLines, reason_column
+from robotrue.program.formats.krl_columns import count_parts, target_numbers
 from robotrue.program.formats.krl_operands import first_aggregates
-from robotrue.program.formats.krl_scan import EMPTY, INLINE_LIN, STATEMENT, Scan
-from robotrue.program.formats.krl_survey import KrlSurvey, line_edges
+from robotrue.program.formats.krl_scan import EMPTY, INLINE_LIN, STATEMENT, Scan, scan
 from robotrue.program.program import Motion, Program
 from robotrue.program.program_chunk import Whole
 
@@ -33,6 +34,56 @@ _NO_POINT: Final = re.compile(
     rb"\$|\b(?:BASE_DATA|TOOL_DATA|LOAD_DATA|FDAT_ACT|PDAT_ACT|LDAT_ACT|FDAT|PDAT|LDAT|LOAD)\b",
     re.IGNORECASE,
 )
+
+
+def line_edges(found: Scan) -> tuple[IntArray, IntArray]:
+    """Returns the first byte of every line (l,), and the byte after its code (l,)."""
+    return found.line_start.astype(np.int64), found.line_end.astype(np.int64)
+
+
+class KrlSurvey(Survey):
+    """One pass over a KRL file."""
+
+    def __init__(self, name: str, targets: int, *, axes_at_rest: bool) -> None:
+        super().__init__(name, targets)
+        self._axes_at_rest = axes_at_rest
+        self._external = ExternalAxes()
+
+    @abstractmethod
+    def _sort_scan(self, found: Scan) -> WindowLines | Whole:
+        """Returns the lines of a window, or why they cannot be cut."""
+
+    def _sort_lines(self, data: bytes) -> WindowLines | Whole:
+        try:
+            return self._sort_scan(scan(data, name=self.name))
+        except FormatError as cause:
+            line = None if cause.line is None else cause.line + self.lines
+            raise FormatError(cause.message, source=self.name, line=line, hint=cause.hint) from None
+
+    def _check_end(self) -> Whole | None:
+        moves = self._external.away and not (self._axes_at_rest and self._external.steady)
+        why = Whole(why="external axes are away from zero") if moves else None
+        return super()._check_end() or why
+
+
+class ExternalAxes:
+    """Whether the external axes are away from zero, and the same at all targets so far."""
+
+    def __init__(self) -> None:
+        self._first: Array = np.empty((0, 6))
+        self.away, self.steady = False, True
+
+    def add(self, found: Scan, plain: BoolArray) -> None:
+        """Looks at the targets of plain lines (l,)."""
+        aggregates = np.flatnonzero(plain[found.agg_line])
+        if not len(aggregates):
+            return
+        numbers, _, _ = target_numbers(found, aggregates)
+        values = numbers.value[:, 8:] if numbers.value.shape[1] > 8 else np.full((1, 6), np.nan)
+        self.away |= bool(np.nan_to_num(values).any())
+        values = np.where(np.isnan(values), np.inf, values)
+        self._first = self._first if len(self._first) else values[:1]
+        self.steady &= bool((values == self._first).all())
 
 
 class Shape(NamedTuple):
