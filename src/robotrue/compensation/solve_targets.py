@@ -10,9 +10,8 @@ are left alone.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
-from typing import Final, TypeAlias
+from typing import Final
 
 import numpy as np
 
@@ -43,10 +42,6 @@ from robotrue.robot.model import RobotModel
 from robotrue.robot.opw import opw_geometry
 from robotrue.robot.statics import Load
 
-Others: TypeAlias = Callable[[IntArray, Array], Array]
-"""Other configurations (m, k, 6) rad of rows (m,) with joints (m, 6) rad; NaN where none is."""
-ErrorAt: TypeAlias = Callable[[IntArray, Array, Array], Array]
-"""Predicted error (m, 3) m at rows (m,), joints (m, 6) rad and signs of the last motion (m, 6)."""
 _TURN: Final = 2.0 * np.pi
 _SLACK: Final = 1e-9  # rad; rounding of a joint that stands at its limit
 _ALIKE: Final = 1e-6  # rad between joints that are one solution
@@ -68,61 +63,6 @@ def configuration_known(known: IntArray, before: int) -> IntArray:
     last = np.maximum.accumulate(np.where(known != 0, np.arange(len(known)), -1))
     here = np.where(known[last] > 0, KNOWN, GUESSED)
     return np.where(last < 0, before, here).astype(np.int64)
-
-
-def mark_guesses_that_matter(
-    configuration: IntArray,
-    known: IntArray,
-    rows: IntArray,
-    nominal: Array,
-    approach: Array,
-    others: Others,
-    error_at: ErrorAt,
-    alike: float,
-) -> None:
-    """Marks, in place, where guessed configurations begin to matter, up to the next that is known.
-
-    Args:
-        configuration: (n,) of :func:`configuration_known`, changed.
-        known: (n,) likewise.
-        rows: (m,) targets that are to be compensated.
-        nominal: (n, 6) rad, joints of the guess.
-        approach: (n, 6) sign of the last motion.
-        others: The other configurations.
-        error_at: Predicted errors.
-        alike: m by which errors may differ.
-    """
-    if not alike < np.inf:
-        return
-    run = np.cumsum(known != 0)
-    asked = rows[configuration[rows] == GUESSED]
-    for number in np.unique(run[asked]):
-        mine = asked[run[asked] == number]
-        at = 0
-        while at < len(mine):
-            size = _BATCHES[min(int(np.searchsorted((1, 64), at, side="right")), 2)]
-            some = mine[at : at + size]
-            far = _differ(some, nominal[some], approach[some], others, error_at, alike)
-            if far.any():
-                first = int(some[np.argmax(far)])
-                configuration[first:][run[first:] == number] = PARTED
-                break
-            at += size
-
-
-def _differ(
-    rows: IntArray, nominal: Array, approach: Array, others: Others, error_at: ErrorAt, alike: float
-) -> BoolArray:
-    """Returns at which rows (m,) another configuration has another error."""
-    own = error_at(rows, nominal, approach)
-    options = others(rows, nominal)
-    far = np.zeros(len(rows), dtype=np.bool_)
-    for k in range(options.shape[1]):
-        left = np.flatnonzero(~far & np.isfinite(options[:, k, 0]))
-        if len(left):
-            error = error_at(rows[left], options[left, k], approach[left])
-            far[left] = np.linalg.norm(error - own[left], axis=1) > alike
-    return far
 
 
 def other_configurations(robot: RobotModel, T_base_flange: Array, joints: Array) -> Array:
@@ -198,13 +138,7 @@ def solve_targets(
     wanted = (chunk.route != Route.SKIP) & (chunk.route != Route.PASS)
     targets = np.flatnonzero(wanted & np.isfinite(chunk.nominal[:, 0]))
     known = configuration_known(plan.known, state.get("configuration"))
-    mark_guesses_that_matter(
-        known, plan.known, targets, chunk.nominal, chunk.approach,
-        lambda some, joints: other_configurations(
-            setup.robot, flange_poses(program, some), joints
-        ),
-        partial(_error_at, setup, program, load, chunk, work), settings.alike,
-    )  # fmt: skip
+    _mark_guesses_that_matter(setup, program, load, chunk, work, plan.known, targets, known)
     state.set("configuration", known[-1])
     parted = known[targets] == PARTED
     outcome.status[targets[parted]] = Status.UNCHANGED_CONFIGURATION
@@ -298,6 +232,61 @@ def _search(robot: RobotModel, program: Program, row: int, near: Array) -> Array
     T_base_tool = program.T_base_frame[program.frame[row]] @ T_frame_tool
     solution = solve_global(tool, T_base_tool[None], near=near)
     return solution.joints[0] if solution.converged[0] else None
+
+
+def _mark_guesses_that_matter(
+    setup: CompensationSetup,
+    program: Program,
+    load: Load,
+    chunk: Chunk,
+    work: WorkArray,
+    known: IntArray,
+    rows: IntArray,
+    configuration: IntArray,
+) -> None:
+    """Marks, in place, where guessed configurations begin to matter, up to the next that is known.
+
+    Args:
+        setup: Model, and m by which errors may differ.
+        program: The n targets.
+        load: Of them.
+        chunk: With the joints of the guess.
+        work: (1,) of ``WORK_DTYPE``.
+        known: (n,) of the plan.
+        rows: (m,) targets that are to be compensated.
+        configuration: (n,) of :func:`configuration_known`, changed.
+    """
+    alike = setup.settings.alike
+    if not alike < np.inf:
+        return
+    error_at = partial(_error_at, setup, program, load, chunk, work)
+
+    def differ(some: IntArray) -> BoolArray:
+        """Returns at which of some targets another configuration has another error."""
+        nominal, approach = chunk.nominal[some], chunk.approach[some]
+        own = error_at(some, nominal, approach)
+        options = other_configurations(setup.robot, flange_poses(program, some), nominal)
+        far = np.zeros(len(some), dtype=np.bool_)
+        for k in range(options.shape[1]):
+            left = np.flatnonzero(~far & np.isfinite(options[:, k, 0]))
+            if len(left):
+                error = error_at(some[left], options[left, k], approach[left])
+                far[left] = np.linalg.norm(error - own[left], axis=1) > alike
+        return far
+
+    run = np.cumsum(known != 0)
+    asked = rows[configuration[rows] == GUESSED]
+    for number in np.unique(run[asked]):
+        guessed, at = asked[run[asked] == number], 0
+        while at < len(guessed):
+            size = _BATCHES[min(int(np.searchsorted((1, 64), at, side="right")), 2)]
+            some = guessed[at : at + size]
+            far = differ(some)
+            if far.any():
+                first = int(some[np.argmax(far)])
+                configuration[first:][run[first:] == number] = PARTED
+                break
+            at += size
 
 
 def _error_at(
