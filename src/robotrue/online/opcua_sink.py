@@ -12,7 +12,7 @@ import logging
 import math
 import socket
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
@@ -34,23 +34,6 @@ CERTIFICATE_VARIABLE: Final = "ROBOTRUE_OPCUA_CERTIFICATE"
 KEY_VARIABLE: Final = "ROBOTRUE_OPCUA_KEY"  # (PEM or DER, as the certificate)
 _PER_SECOND: Final = 10.0
 _STALE_BEATS: Final = 10
-_KINDS: Final = {
-    bool: ua.VariantType.Boolean,
-    int: ua.VariantType.Int64,
-    float: ua.VariantType.Double,
-    str: ua.VariantType.String,
-}
-
-
-@dataclass(slots=True)
-class _Tree:
-    """Nodes of a running server."""
-
-    numbers: list[tuple[nodes.Reading, Node]] = field(default_factory=list)
-    positions: list[Node] = field(default_factory=list)
-    marks: dict[str, Node] = field(default_factory=dict)
-    health: Node = None
-    links: dict[str, dict[str, Node]] = field(default_factory=dict)
 
 
 class OpcUaSink(DisplaySink):
@@ -82,7 +65,11 @@ class OpcUaSink(DisplaySink):
         self._envelopes = Envelopes(per_second=rate, joints=settings.joints)
         self._waiting: LatestQueue[EstimateBin | None] = LatestQueue(8)
         self._server: Server | None = None
-        self._tree = _Tree()
+        self._numbers: list[tuple[nodes.Reading, Node]] = []
+        self._positions: list[Node] = []
+        self._marks: dict[str, Node] = {}
+        self._links: dict[str, dict[str, Node]] = {}
+        self._health_folder: Node = None
         self._tasks: list[asyncio.Task[None]] = []
 
     async def open(self) -> None:
@@ -123,7 +110,7 @@ class OpcUaSink(DisplaySink):
         if self._settings.nodesets is not None:
             await nodes.import_models(server, Path(self._settings.nodesets))
             index = await server.register_namespace(nodes.URI)
-            self._tree.positions = await nodes.add_robot(
+            self._positions = await nodes.add_robot(
                 server, index, self._settings.cell, self._settings.joints
             )
         index = await server.register_namespace(nodes.URI)
@@ -149,15 +136,15 @@ class OpcUaSink(DisplaySink):
 
     async def _grow(self, objects: Node, index: int) -> None:
         cell = await objects.add_object(index, self._settings.cell)
-        kinds = {
-            "Note": (self._settings.note, ua.VariantType.String),
-            "Valid": (False, ua.VariantType.Boolean),
-            "Doubt": (0, ua.VariantType.UInt32),
-            "DoubtText": ("", ua.VariantType.String),
-            "Sequence": (0, ua.VariantType.Int64),
+        marks = {
+            "Note": self._settings.note,
+            "Valid": False,
+            "Doubt": ua.Variant(0, ua.VariantType.UInt32),
+            "DoubtText": "",
+            "Sequence": 0,
         }
-        for name, (value, kind) in kinds.items():
-            self._tree.marks[name] = await cell.add_variable(index, name, value, kind)
+        for name, value in marks.items():
+            self._marks[name] = await cell.add_variable(index, name, value)
         folders: dict[str, Node] = {}
         for reading in nodes.readings(self._settings.joints):
             if reading.folder not in folders:
@@ -165,8 +152,8 @@ class OpcUaSink(DisplaySink):
             node = await nodes.add_reading(
                 folders[reading.folder], index, reading.name, reading.unit
             )
-            self._tree.numbers.append((reading, node))
-        self._tree.health = await cell.add_object(index, "Health")
+            self._numbers.append((reading, node))
+        self._health_folder = await cell.add_object(index, "Health")
         await self._show_health()
 
     def _take(self, estimates: EstimateBlock) -> None:
@@ -191,39 +178,32 @@ class OpcUaSink(DisplaySink):
 
     async def _show_bin(self, b: EstimateBin) -> None:
         at = datetime.fromtimestamp(utc_seconds(b.host_time), UTC)
-        for reading, node in self._tree.numbers:
+        for reading, node in self._numbers:
             value = nodes.reading_value(reading, b)
             known = math.isfinite(value)
             whole = b.invalid == 0 or reading.folder == "Joints"
             await self._put(node, value, nodes.status_name(b.doubt, known=known, whole=whole), at)
-            if reading.folder == "Joints" and self._tree.positions:
-                position = self._tree.positions[reading.column - 15]
+            if reading.folder == "Joints" and self._positions:
+                position = self._positions[reading.column - 15]
                 await self._put(position, value, "Good" if known else "BadNoData", at)
-        marks = self._tree.marks
+        marks = self._marks
         await self._put(marks["Valid"], bool(math.isfinite(b.last[0])), "Good", at)
-        await self._put(marks["Doubt"], b.doubt, "Good", at, ua.VariantType.UInt32)
+        await self._put(marks["Doubt"], ua.Variant(b.doubt, ua.VariantType.UInt32), "Good", at)
         await self._put(marks["DoubtText"], doubt_words(b.doubt), "Good", at)
         await self._put(marks["Sequence"], b.sequence, "Good", at)
 
     async def _show_nothing(self) -> None:
         now = datetime.now(UTC)
-        numbers = [node for _, node in self._tree.numbers] + self._tree.positions
+        numbers = [node for _, node in self._numbers] + self._positions
         for node in numbers:
             await self._put(node, float("nan"), "BadNoCommunication", now)
-        await self._put(self._tree.marks["Valid"], False, "Good", now)
-        await self._put(self._tree.marks["DoubtText"], "no estimates come", "Good", now)
+        await self._put(self._marks["Valid"], False, "Good", now)
+        await self._put(self._marks["DoubtText"], "no estimates come", "Good", now)
 
-    async def _put(
-        self,
-        node: Node,
-        value: float | bool | str,
-        status: str,
-        at: datetime,
-        kind: ua.VariantType | None = None,
-    ) -> None:
+    async def _put(self, node: Node, value: object, status: str, at: datetime) -> None:
         await node.write_value(
             ua.DataValue(
-                ua.Variant(value, kind or _KINDS[type(value)]),
+                value if isinstance(value, ua.Variant) else ua.Variant(value),
                 ua.StatusCode(ua.UInt32(getattr(ua.StatusCodes, status))),
                 SourceTimestamp=at,
             )
@@ -233,30 +213,27 @@ class OpcUaSink(DisplaySink):
         now = datetime.now(UTC)
         for health in self._settings.healths():
             values = health_document(health)
-            found = self._tree.links.get(health.name)
-            if found is None:
-                found = await self._new_link(health.name)
-                self._tree.links[health.name] = found
-            for key, node in found.items():
+            if health.name not in self._links:
+                self._links[health.name] = await self._new_link(health.name)
+            for key, node in self._links[health.name].items():
                 value = values[key]
                 status = "BadNoData" if value is None else "Good"
                 await self._put(node, math.nan if value is None else value, status, now)
 
     async def _new_link(self, name: str) -> dict[str, Node]:
-        folder = self._tree.health
+        folder = self._health_folder
         index = folder.nodeid.NamespaceIndex
         link = await folder.add_object(index, name)
-        found = {"connected": await link.add_variable(index, "Connected", False)}
+        counters = {"connected": await link.add_variable(index, "Connected", False)}
         for key in nodes.COUNTERS:
-            name = key.capitalize()
-            found[key] = await link.add_variable(index, name, 0, ua.VariantType.Int64)
+            counters[key] = await link.add_variable(index, key.capitalize(), 0)
         for key, name in (
             ("turnaround_p50_ms", "TurnaroundP50"),
             ("turnaround_p99_ms", "TurnaroundP99"),
         ):
-            found[key] = await nodes.add_reading(link, index, name, "ms")
-        found["last_fault"] = await link.add_variable(index, "LastFault", "")
-        return found
+            counters[key] = await nodes.add_reading(link, index, name, "ms")
+        counters["last_fault"] = await link.add_variable(index, "LastFault", "")
+        return counters
 
     async def close(self) -> None:
         """Lets the clients go and frees the port."""

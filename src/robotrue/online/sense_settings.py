@@ -91,11 +91,11 @@ def force_rate(settings: SenseSettings) -> float:
     Raises:
         ConfigurationError: Nothing states it.
     """
-    stated = parse_qs(settings.force.partition("?")[2]).get("rate", [])
     if settings.rate is not None:
         return settings.rate
-    if stated and stated[0].lower().removesuffix("hz").replace(".", "", 1).isdigit():
-        return float(stated[0].lower().removesuffix("hz"))
+    stated = _query_value(settings.force, "rate").lower().removesuffix("hz")
+    if stated.replace(".", "", 1).isdigit():
+        return float(stated)
     usual = protocol_of(settings.force, "force").force_rate
     if usual is not None:
         return usual
