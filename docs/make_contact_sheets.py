@@ -1,10 +1,10 @@
-"""Draws docs/_static/contact_*.jpg: every page of the workbench at four widths, both themes.
+"""Draws docs/_static/contact_*.jpg: every page of the workbench at four widths.
 
     python docs/make_contact_sheets.py [--keep FOLDER] [--axe axe.min.js] [--widths 390,820]
 
 Serves a new workspace with the sample project, does its jobs (calibration, plan, compensation,
-drift check, certificate), and takes each page with Chromium: English in light colours, Chinese in
-dark ones. It says which pages are wider than their window, which texts are cut off, and, with the
+drift check, certificate), and takes each page with Chromium, each width in another language and
+theme. It says which pages are wider than their window, which texts are cut off, and, with the
 script of axe-core (https://github.com/dequelabs/axe-core), which rules of WCAG A and AA they break.
 """
 
@@ -35,8 +35,11 @@ FLAGS: Final = (
     "--no-sandbox",
 )
 WIDTHS: Final = (1440, 1180, 820, 390)
-HEIGHTS: Final = {1440: 900, 1180: 820, 820: 1180, 390: 844}
-LOOKS: Final = (("en", "light"), ("zh", "dark"))
+HEIGHTS: Final = {1440: 1500, 1180: 1300, 820: 1700, 390: 1300}
+LOOKS: Final = {
+    1440: ("en", "light"), 1180: ("zh", "dark"), 820: ("zh", "light"), 390: ("en", "dark"),
+}  # fmt: skip
+"""Language and theme of the sheet of each width."""
 THUMB: Final = {1440: 460, 1180: 400, 820: 260, 390: 170}
 """Pixels a picture is wide on a sheet."""
 SHEET: Final = 1900
@@ -45,10 +48,13 @@ TALLEST: Final = 2.2
 SETTLED_MS: Final = 700
 WAIT: Final = 600.0
 """s that a job may take."""
+DRAWN: Final = """() => [...document.querySelectorAll('[data-component=scene]')].every(
+  (e) => ['ready', 'fault'].includes(e.querySelector('[data-state]')?.dataset.state))"""
 CUT: Final = """() => [...document.querySelectorAll('body *')].filter((e) => {
   const style = getComputedStyle(e);
   if (!['hidden', 'clip'].includes(style.overflowX)) return false;
   if (style.textOverflow === 'ellipsis') return false;
+  if (e.closest('[data-testid=scene]')) return false;
   return e.clientWidth > 4 && e.scrollWidth > e.clientWidth + 1 && e.innerText?.trim();
 }).map((e) => e.tagName + '.' + e.className + ': ' + e.innerText.trim().slice(0, 40))"""
 
@@ -67,9 +73,9 @@ def main() -> None:
         folder = asked.keep or Path(scratch)
         folder.mkdir(exist_ok=True)
         for width in map(int, asked.widths.split(",")):
-            taken = [_take(address, pages, width, look, folder, script) for look in LOOKS]
+            taken = _take(address, pages, width, folder, script)
             if not asked.only:
-                draw_sheet([path for part in taken for path in part], width)
+                draw_sheet(taken, width)
 
 
 def fill(address: str) -> list[str]:
@@ -108,11 +114,9 @@ def fill(address: str) -> list[str]:
     ]  # fmt: skip
 
 
-def _take(
-    address: str, pages: list[str], width: int, look: tuple[str, str], folder: Path, axe: str
-) -> list[Path]:
-    """The pictures of all pages at one width, in one language and theme."""
-    language, theme = look
+def _take(address: str, pages: list[str], width: int, folder: Path, axe: str) -> list[Path]:
+    """The pictures of all pages at one width, in its language and theme."""
+    language, theme = LOOKS[width]
     size = {"width": width, "height": HEIGHTS[width]}
     taken = []
     with sync_playwright() as playwright:
@@ -137,18 +141,21 @@ def _settle(page: Page) -> None:
     """Waits until parts that come later, and the 3-D view, are there."""
     page.wait_for_load_state("load")
     with contextlib.suppress(Exception):  # a page without such a place
+        page.wait_for_load_state("networkidle", timeout=60_000)
         page.wait_for_function("!document.querySelector('[data-part]')", timeout=60_000)
-        page.wait_for_function(
-            "[...document.querySelectorAll('[data-testid=scene]')]"
-            ".every((e) => e.dataset.state !== 'loading')", timeout=60_000,
-        )  # fmt: skip
+        page.wait_for_function(DRAWN, timeout=60_000)
     page.wait_for_timeout(SETTLED_MS)
 
 
 def _find_faults(page: Page, width: int, axe: str) -> Iterator[str]:
-    wide = page.evaluate("document.documentElement.scrollWidth")
-    if wide > width:
-        yield f"{wide} px wide"
+    for name in ("html", "#sheet"):
+        over = page.evaluate(
+            "(name) => { const e = document.querySelector(name);"
+            " return e ? e.scrollWidth - e.clientWidth : 0 }",
+            name,
+        )
+        if over > 0:
+            yield f"{name} is {over} px too wide for {width}"
     for text in page.evaluate(CUT)[:5]:
         yield f"cut off: {text}"
     if axe:
@@ -160,7 +167,7 @@ def _find_faults(page: Page, width: int, axe: str) -> Iterator[str]:
 
 
 def draw_sheet(pictures: list[Path], width: int) -> None:
-    """Writes the sheet of one width: English above, Chinese below."""
+    """Writes the sheet of one width."""
     thumb, gap = THUMB[width], 14
     per_row = (SHEET - gap) // (thumb + gap)
     tall = int(thumb * TALLEST if width <= 820 else thumb * 1.25)

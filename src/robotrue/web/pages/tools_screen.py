@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Final
 
 from robotrue.app.job_files import BLOCKS, INPUT, job_fields, takes_files
@@ -27,27 +26,6 @@ FILES: Final = ("cell", "model", "measurement", "program", "registration")
 TONES: Final[Mapping[str, str]] = {"done": "good", "failed": "bad", "cancelled": "caution"}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ToolRow:
-    """An operation in the list.
-
-    Attributes:
-        name: Of the operation.
-        words: Its command.
-        help: What it does.
-        address: Of its generated page; empty: it has none.
-        pages: That have forms of their own for it.
-        reason: Why it has no page.
-    """
-
-    name: str
-    words: str
-    help: str
-    address: str
-    pages: tuple[Screen, ...]
-    reason: str
-
-
 async def _build(context: PageContext) -> str:
     name = context.query.get("operation")
     if name is None:
@@ -60,25 +38,19 @@ async def _build(context: PageContext) -> str:
     return await _show_form(context, listing)
 
 
-def _groups(context: PageContext) -> Iterator[tuple[str, str, list[ToolRow]]]:
-    """Heading, help and operations of each group that has some."""
+def _groups(
+    context: PageContext,
+) -> Iterator[tuple[str, str, list[tuple[Listing, str, tuple[Screen, ...]]]]]:
+    """Heading and help of each group, and of its operations why they have no page, and others."""
     for group in ("", *GROUPS):
-        rows = [_row(context, each) for each in listings() if each.group == group]
+        rows = [
+            (each, why_no_job(each), _own_pages(context, each.name))
+            for each in listings()
+            if each.group == group
+        ]
         if rows:
             title = context.say(f"tools.group_{group}" if group else "tools.general")
             yield title, GROUPS.get(group, ""), rows
-
-
-def _row(context: PageContext, listing: Listing) -> ToolRow:
-    reason = why_no_job(listing)
-    return ToolRow(
-        name=listing.name,
-        words=listing.words,
-        help=listing.help,
-        address="" if reason else f"/tools/{listing.name}",
-        pages=_own_pages(context, listing.name),
-        reason=reason,
-    )
 
 
 def _own_pages(context: PageContext, name: str) -> tuple[Screen, ...]:

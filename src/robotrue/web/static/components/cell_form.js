@@ -37,7 +37,7 @@ export default {
       </details>
     </div>
     <div class="card"><h2>cell.toml</h2><p class="note">{{ text.preview_text }}</p>
-      <pre class="toml" data-testid="cell-preview">{{ shown }}</pre>
+      <pre class="toml" tabindex="0" data-testid="cell-preview">{{ shown }}</pre>
       <div class="card fault" v-if="fault" role="alert" data-testid="cell-fault" v-html="said(fault)"></div>
       <button class="act" :disabled="busy || !ready" data-testid="cell-keep">{{ text.keep }}</button></div>
   </form>`,

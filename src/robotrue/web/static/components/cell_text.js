@@ -3,7 +3,7 @@ export default {
   template: `
   <form class="card" @submit.prevent="keep" data-testid="cell-text">
     <div class="toml-edit"><pre class="toml-lines" aria-hidden="true" ref="lines"><span v-for="n in count" :key="n" :class="{wrong: fault?.line === n}">{{ n }}</span></pre>
-      <textarea ref="area" v-model="content" spellcheck="false" autocapitalize="off" wrap="off" :readonly="old" data-testid="cell-text-area" @scroll="$refs.lines.scrollTop = $event.target.scrollTop"></textarea></div>
+      <textarea ref="area" v-model="content" spellcheck="false" autocapitalize="off" wrap="off" :aria-label="text.text_title" :readonly="old" data-testid="cell-text-area" @scroll="$refs.lines.scrollTop = $event.target.scrollTop"></textarea></div>
     <div class="card fault" v-if="fault" role="alert" data-testid="cell-text-fault" style="margin:12px 0 0" v-html="said(fault)"></div>
     <div style="display:flex;gap:10px;margin-top:12px"><button class="act" :disabled="busy || (!old && content === start)" data-testid="cell-text-keep">{{ old ? text.keep_old : text.keep_text }}</button></div>
   </form>`,
