@@ -7,9 +7,6 @@ import pytest
 
 from robotrue.program.formats.krl_tokens import read_number
 from robotrue.program.formats.number_kernels import (
-    SLACK,
-    copy_bytes,
-    copy_short,
     put_number,
     put_whole,
 )
@@ -18,7 +15,7 @@ from robotrue.program.formats.number_kernels import (
 def printed(value: float, decimals: int, *, plus: bool = False, bare: bool = False) -> str:
     out = np.full(64, 35, np.uint8)
     size = put_number(out, 0, value, decimals, plus, bare)
-    assert (out[size + SLACK :] == 35).all()
+    assert (out[size:] == 35).all()
     return out[:size].tobytes().decode()
 
 
@@ -63,13 +60,3 @@ def test_plain_numbers_are_read() -> None:
         value, end = read_number(np.frombuffer(text.encode() + b",", np.uint8), 0, len(text) + 1)
         assert (value, end) == (float(text), len(text))
         assert np.signbit(value) == text.startswith("-")
-
-
-def test_copies_a_word_at_a_time() -> None:
-    text = np.arange(100, dtype=np.uint8)
-    for start, size in ((0, 0), (3, 1), (5, 7), (5, 8), (5, 9), (2, 64)):
-        plain, short = np.zeros(120, np.uint8), np.zeros(120, np.uint8)
-        end = copy_bytes(plain, 4, text, start, start + size)
-        assert copy_short(short, 4, text, start, start + size) == end == 4 + size
-        assert (short[:end] == plain[:end]).all()
-        assert not short[end + SLACK :].any()

@@ -16,8 +16,6 @@ _TEN: Final = np.uint64(10)
 _HUNDRED: Final = np.uint64(100)
 _ROUND: Final = 2.0**52
 """Adding and taking it off again leaves the nearest integer, the even one of two."""
-SLACK: Final = 8
-"""Bytes behind a number or a copy that its writing may touch."""
 _POWER: Final = np.array([10.0**k for k in range(23)])
 _QUICK: Final = 1e8
 """Values below this are printed by the compiled way."""
@@ -49,28 +47,8 @@ def _put_digits(out: Bytes, k: int, rest: np.uint64, size: int) -> None:
 
 
 @compile_kernel(PLAIN, inline=True)
-def _four(value: int) -> int:
-    """Returns the four digits of 0 to 9999 as bytes, the first one lowest."""
-    high = (value * 5243) >> 19
-    low = value - 100 * high
-    a, c = (high * 103) >> 10, (low * 103) >> 10
-    return (a | (high - 10 * a) << 8 | c << 16 | (low - 10 * c) << 24) + 0x30303030
-
-
-@compile_kernel(PLAIN, inline=True)
-def _put_four(out: Bytes, k: int, digits: int) -> None:
-    out[np.uint64(k)] = digits & 255
-    out[np.uint64(k + 1)] = digits >> 8 & 255
-    out[np.uint64(k + 2)] = digits >> 16 & 255
-    out[np.uint64(k + 3)] = digits >> 24 & 255
-
-
-@compile_kernel(PLAIN, inline=True)
 def put_number(out: Bytes, k: int, value: float, decimals: int, plus: bool, bare: bool) -> int:
-    """Writes ``value`` with ``decimals`` at ``k``; returns its end.
-
-    Up to ``SLACK`` bytes behind that may be written, too: whole groups of digits need no branches.
-    """
+    """Writes ``value`` with ``decimals`` at ``k``; returns its end."""
     scale = _TENS[decimals]
     magnitude = abs(value)
     whole = int(magnitude)
@@ -78,47 +56,14 @@ def put_number(out: Bytes, k: int, value: float, decimals: int, plus: bool, bare
     if fraction >= scale:
         whole, fraction = whole + 1, fraction - scale
     negative = value < 0 and (whole > 0 or fraction > 0)
-    out[np.uint64(k)] = 45 if negative else 43
-    k += negative or plus
-    if whole >= 10000:
+    if negative or plus:
+        out[k] = 45 if negative else 43
+        k += 1
+    if not bare or whole > 0:
         k = put_whole(out, k, whole)
-    else:
-        size = 1 + (whole > 9) + (whole > 99) + (whole > 999) - (bare and whole == 0)
-        _put_four(out, k, _four(whole) >> 8 * (4 - size))
-        k += size
-    out[np.uint64(k)] = 46
-    k += 1
-    if decimals <= 4:
-        _put_four(out, k, _four(fraction * _TENS[4 - decimals]))
-    elif decimals <= 8:
-        fraction *= _TENS[8 - decimals]
-        above = fraction // 10000
-        _put_four(out, k, _four(above))
-        _put_four(out, k + 4, _four(fraction - 10000 * above))
-    else:
-        _put_digits(out, k, np.uint64(fraction), decimals)
-    return k + decimals
-
-
-@compile_kernel(PLAIN, inline=True)
-def copy_short(out: Bytes, k: int, buf: Bytes, start: int, end: int) -> int:
-    """Copies ``buf[start:end]`` to ``k``, eight bytes at a time; returns its end.
-
-    Up to seven bytes behind either end are read and written, too.
-    """
-    i = start
-    while i < end:
-        a, b = buf[np.uint64(i)], buf[np.uint64(i + 1)]
-        c, d = buf[np.uint64(i + 2)], buf[np.uint64(i + 3)]
-        e, f = buf[np.uint64(i + 4)], buf[np.uint64(i + 5)]
-        g, h = buf[np.uint64(i + 6)], buf[np.uint64(i + 7)]
-        out[np.uint64(k)], out[np.uint64(k + 1)] = a, b
-        out[np.uint64(k + 2)], out[np.uint64(k + 3)] = c, d
-        out[np.uint64(k + 4)], out[np.uint64(k + 5)] = e, f
-        out[np.uint64(k + 6)], out[np.uint64(k + 7)] = g, h
-        i += 8
-        k += 8
-    return k - (i - end)
+    out[k] = 46
+    _put_digits(out, k + 1, np.uint64(fraction), decimals)
+    return k + 1 + decimals
 
 
 @compile_kernel(PLAIN)
@@ -180,11 +125,9 @@ def respell(
     ``index`` (t,) are the tokens in the order of the bytes, places in the tables behind it. A plain
     token keeps its decimals, or gets ``least`` where it has fewer than ``enough``; it stays
     where it says the value already. Of others ``texts[slow[t] : slow[t + 1]]`` is what to write.
-    When ``aligned``, a token keeps its column where the blanks before it allow. ``out`` needs
-    ``SLACK`` bytes more than what is written.
+    When ``aligned``, a token keeps its column where the blanks before it allow.
     """
     scratch, cursor, k = np.empty(64 + texts.size, np.uint8), 0, 0
-    swift = buf.size - SLACK  # up to here whole words may be copied
     for t in range(index.size):
         i = np.uint64(index[t])
         first, last = start[i], start[i] + length[i]
@@ -208,10 +151,7 @@ def respell(
                 size = put_number(scratch, 0, value[i], decimals, plus, bare)
             k = place(out, k, buf, cursor, first, last, scratch, size)
         else:
-            if first <= swift:
-                k = copy_short(out, k, buf, cursor, first)
-            else:
-                k = copy_bytes(out, k, buf, cursor, first)
+            k = copy_bytes(out, k, buf, cursor, first)
             if odd:
                 k = copy_bytes(out, k, texts, slow[t], slow[t + 1])
             else:

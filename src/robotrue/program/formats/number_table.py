@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray, IntArray
-from robotrue.program.formats.number_kernels import SLACK, literal_numbers, pick_tokens, respell
+from robotrue.program.formats.number_kernels import literal_numbers, pick_tokens, respell
 from robotrue.program.formats.number_text import Stretch, restyle, splice_texts
 
 _WIDEST: Final = 28
@@ -166,7 +166,7 @@ def respell_tokens(
             spelled.append(b" " + new if joined[t] and new[:1].isdigit() else new)
             slow[t + 1] = len(spelled[-1])
         slow, texts = np.cumsum(slow), b"".join(spelled)
-    out = np.empty(len(data) + _WIDEST * count + len(texts) + SLACK, np.uint8)
+    out = np.empty(len(data) + _WIDEST * count + len(texts), np.uint8)
     end = respell(
         text, index, start, length, old, value, limit, more, slow,
         np.frombuffer(texts, np.uint8), aligned, out,
