@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.errors import ShapeError
-from robotrue.program.formats.fanuc_scan import STATEMENT, FanucScan, list_statements, scan
+from robotrue.program.formats.fanuc_scan import STATEMENT, FanucScan, list_statements
 from robotrue.program.formats.fanuc_write import MOST, behind_records, config_edits, copy_record
 from robotrue.program.formats.move_trail import (
     UNKNOWN,
@@ -32,7 +32,6 @@ from robotrue.program.formats.numbered_insert import (
     Step,
     copy_statements,
     new_numbers,
-    next_number,
 )
 from robotrue.program.formats.text_lines import line_starts
 from robotrue.program.insertion import Insertion, Moves, Obstacle
@@ -59,7 +58,7 @@ class _Reader:
 
     def __init__(self, trail: Trail, program: Program) -> None:
         self.trail, self.data, self.run = trail, program.data, Run(trail)
-        self.found = scan(program.data, name=program.name)
+        self.found: FanucScan = program.spans.scan
         self.row = {number: row for row, number in enumerate(self.found.number.tolist())}
         self.lines = line_starts(program.data)
         self.written = {first for each in program.spans.written for first, _ in each.spans}
@@ -135,9 +134,8 @@ class _Writer:
     def __init__(self, program: Program, moves: Moves, insertion: Insertion) -> None:
         self.program, self.moves, self.insertion = program, moves, insertion
         self.data = program.data
-        self.found: FanucScan = scan(program.data, name=program.name)
-        others = np.array(list(self.found.others), np.int64)
-        self.next = next_number(np.concatenate([self.found.number, others]))
+        self.found: FanucScan = program.spans.scan
+        self.next = self.found.highest + 1
         self.records: list[bytes] = []
 
     def write(self) -> bytes:
@@ -151,7 +149,8 @@ class _Writer:
             edits.append((group.statement.begin, 0, b"".join(copies)))
             places.append((group.statement.begin, len(copies)))
         edits += self._renumber_lines(places)
-        edits.append((self._behind(), 0, b"".join(self.records)))
+        behind = behind_records(self.data, self.found.last_record)
+        edits.append((behind, 0, b"".join(self.records)))
         count = _COUNT.search(self.data, 0, self.found.statements[0])
         if count:
             total = str(int(count[2]) + sum(n for _, n in places)).encode()
@@ -206,14 +205,6 @@ class _Writer:
                     first, size, blanks = first - 1, size + 1, blanks + 1
                 out.append((first, size, text))
         return out
-
-    def _behind(self) -> int:
-        """Returns the first byte behind the last record."""
-        place = max(
-            int(self.program.spans.tokens.start[:, 5].max(initial=0)),
-            max(self.found.others.values(), default=0),
-        )
-        return behind_records(self.data, place)
 
 
 def _label(number: int, width: int) -> bytes:

@@ -86,7 +86,6 @@ class _Builder:
         reason[list(self.walk.flags)] = list(self.walk.flags.values())
         share_fate(reason, self.walk.arcs)
         self._axis_note(reason)
-        config = np.full((n - len(found.number), 2), -1)
         program = Program(
             name=self.name,
             dialect="fanuc_ls",
@@ -107,11 +106,8 @@ class _Builder:
             path=np.array(self.walk.path, np.int64).reshape(-1, 3),
             spans=FanucSpans(
                 tokens=tokens,
-                config=np.concatenate([found.config, config]),
-                place=found.place,
+                scan=found,
                 written=tuple(self.walk.written),
-                taken=max([0, *found.number.tolist(), *found.others]),
-                end=max([int(found.start[:, 5].max(initial=0)), *found.others.values()]),
             ),
         )
         return self._put_open_first(program)

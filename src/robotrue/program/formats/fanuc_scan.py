@@ -95,6 +95,16 @@ class FanucScan:
     others: dict[int, int]
     statements: tuple[int, int]
 
+    @property
+    def highest(self) -> int:
+        """Highest number of a position, 0 without any."""
+        return max([0, *self.number.tolist(), *self.others])
+
+    @property
+    def last_record(self) -> int:
+        """A byte of the last record."""
+        return max([int(self.start[:, 5].max(initial=0)), *self.others.values()])
+
 
 def find_program(data: bytes) -> tuple[str, int, int] | None:
     """Returns the name in ``/PROG``, in lower case, the place behind it, and that of ``/POS``."""

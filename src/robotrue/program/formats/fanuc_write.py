@@ -19,6 +19,7 @@ from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ShapeError
 from robotrue.program.formats.fanuc_offsets import MoveTarget
+from robotrue.program.formats.fanuc_scan import FanucScan
 from robotrue.program.formats.move_trail import line_end, line_start
 from robotrue.program.formats.number_text import Stretch, restyle, splice_texts
 from robotrue.program.formats.path_kernels import decimals_of
@@ -54,19 +55,13 @@ class FanucSpans:
 
     Attributes:
         tokens: The six numbers of each position.
-        config: (n, 2) first byte and length of the text of CONFIG, -1 where there is none.
-        place: (k,) a byte of the first line of each record; the rows behind have none.
+        scan: The records, the first rows of the program.
         written: Targets of the rows behind, which get records of their own.
-        taken: Highest number of a position.
-        end: A byte of the last record.
     """
 
     tokens: TargetTokens
-    config: IntArray
-    place: IntArray
+    scan: FanucScan
     written: tuple[MoveTarget, ...] = ()
-    taken: int = 0
-    end: int = 0
 
 
 def read_config(text: bytes) -> tuple[list[int], list[tuple[int, int]]] | None:
@@ -88,8 +83,8 @@ def write_fanuc(program: Program, replacement: Replacement) -> bytes:
     spans = spans_of(program, FanucSpans, "fanuc_ls")
     words = np.where(new_words(program, replacement), replacement.words, NO_WORD)
     others = _write_out(program, replacement, spans, words)
-    for row in np.flatnonzero((words[: len(spans.place)] != NO_WORD).any(axis=1)).tolist():
-        others += config_edits(program.data, spans.config[row].tolist(), words[row].tolist())
+    for row in np.flatnonzero((words[: len(spans.scan.place)] != NO_WORD).any(axis=1)).tolist():
+        others += config_edits(program.data, spans.scan.config[row].tolist(), words[row].tolist())
     return rewritten(program, replacement, spans.tokens, others, aligned=True)
 
 
@@ -130,17 +125,17 @@ def _write_out(
     moved |= (words != NO_WORD).any(axis=1)
     out: list[Stretch] = []
     records: list[bytes] = []
-    for row, target in enumerate(spans.written, len(spans.place)):
+    for row, target in enumerate(spans.written, len(spans.scan.place)):
         if not (moved[row] or (target.row >= 0 and moved[target.row])):
             continue
-        number = spans.taken + len(records) + 1
+        number = spans.scan.highest + len(records) + 1
         if number > MOST:
             raise ShapeError(f"P[{number}] is no position: numbers end at {MOST}.")
         values = _values_of(program, replacement, spans, row, changed=bool(moved[row]))
         records.append(_record(program, spans, row, number, values, words[row].tolist()))
         out += [(first, end - first, b"P[%d]" % number) for first, end in target.spans]
     if records:
-        out.append((behind_records(program.data, spans.end), 0, b"".join(records)))
+        out.append((behind_records(program.data, spans.scan.last_record), 0, b"".join(records)))
     return out
 
 
@@ -164,7 +159,7 @@ def _record(
     program: Program, spans: FanucSpans, row: int, number: int, values: Array, words: list[int]
 ) -> bytes:
     """Returns the record of a target: a copy of the one its moves name, or of a register."""
-    target, data, tokens = spans.written[row - len(spans.place)], program.data, spans.tokens
+    target, data, tokens = spans.written[row - len(spans.scan.place)], program.data, spans.tokens
     if target.pose is not None:
         config = target.pose.config
         config = splice_texts(config, config_edits(config, (0, len(config)), words))
@@ -174,12 +169,12 @@ def _record(
             number, values.tolist(), decimals, target.in_force, config, line_end(data)
         )
     model = target.row
-    edits = config_edits(data, spans.config[model].tolist(), words)
+    edits = config_edits(data, spans.scan.config[model].tolist(), words)
     starts, sizes = tokens.start[model].tolist(), tokens.length[model].tolist()
     for start, length, value in zip(starts, sizes, values.tolist(), strict=True):
         token = data[start : start + length]
         edits.append((start, length, restyle(token, value, least=LEAST_DECIMALS)))
-    return copy_record(data, int(spans.place[model]), starts[5], number, edits)
+    return copy_record(data, int(spans.scan.place[model]), starts[5], number, edits)
 
 
 def _spell_word(column: int, value: int) -> bytes:

@@ -15,7 +15,7 @@ import numpy as np
 
 from robotrue.core.arm_words import NO_WORD, WORDS
 from robotrue.errors import ShapeError
-from robotrue.program.formats.jbi_scan import P_POINTS, UNITS, Header, JbiScan, scan
+from robotrue.program.formats.jbi_scan import P_POINTS, UNITS, Header, JbiScan
 from robotrue.program.formats.move_trail import (
     UNKNOWN,
     MoveGroup,
@@ -31,7 +31,6 @@ from robotrue.program.formats.numbered_insert import (
     Step,
     copy_statements,
     new_numbers,
-    next_number,
 )
 from robotrue.program.formats.text_lines import line_starts
 from robotrue.program.insertion import Insertion, Moves, Obstacle
@@ -57,7 +56,7 @@ class _Reader:
 
     def __init__(self, trail: Trail, program: Program) -> None:
         self.trail, self.data, self.run = trail, program.data, Run(trail)
-        self.found = scan(program.data, name=program.name)
+        self.found: JbiScan = program.spans.scan
         self.row = {number: row for row, number in enumerate(self.found.names.tolist())}
         self.starts = line_starts(program.data)
         self.numbered = bool((self.found.names < P_POINTS).any())
@@ -126,10 +125,10 @@ class _Writer:
     def __init__(self, program: Program, moves: Moves, insertion: Insertion) -> None:
         self.program, self.moves, self.insertion = program, moves, insertion
         self.data = program.data
-        self.found: JbiScan = scan(program.data, name=program.name)
+        self.found: JbiScan = program.spans.scan
         self.eol = line_end(program.data)
         own = np.flatnonzero(self.found.names < P_POINTS)
-        self.next = next_number(self.found.names[own])
+        self.next = int(self.found.names[own].max(initial=-1)) + 1
         self.last = int(own[-1]) if len(own) else UNKNOWN
         self.points: list[bytes] = []
         if len(own):

@@ -106,7 +106,7 @@ class _Builder:
             T_flange_tool=self.frames.stack_matrices("tool"),
             notes=tuple(dict.fromkeys(self.notes + self.walk.notes)),
             path=np.array(self.walk.path, np.int64).reshape(-1, 3),
-            spans=JbiSpans(tokens=tokens, rconf=rconf, fields=tuple(found.rconf)),
+            spans=JbiSpans(tokens=tokens, rconf=rconf, scan=found),
         )
 
     def _header_frames(self) -> tuple[IntArray, IntArray, dict[int, Reason]]:

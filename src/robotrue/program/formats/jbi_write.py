@@ -13,6 +13,7 @@ import numpy as np
 
 from robotrue.core.arm_words import WORDS
 from robotrue.core.arrays import IntArray
+from robotrue.program.formats.jbi_scan import JbiScan
 from robotrue.program.formats.move_trail import line_start
 from robotrue.program.formats.pose_write import new_words, spans_of
 from robotrue.program.formats.target_tokens import TargetTokens, rewritten
@@ -25,13 +26,13 @@ class JbiSpans:
 
     Attributes:
         tokens: The six numbers of each point.
-        rconf: (n,) index into ``fields``, -1 where none holds.
-        fields: Every ``///RCONF`` line of the job.
+        rconf: (n,) index into ``scan.rconf``, -1 where none holds.
+        scan: The points, rows of the program.
     """
 
     tokens: TargetTokens
     rconf: IntArray
-    fields: tuple[tuple[int, ...], ...]
+    scan: JbiScan
 
 
 def write_jbi(program: Program, replacement: Replacement) -> bytes:
@@ -59,7 +60,7 @@ def _headers(
     held[follows] = wanted[rows[follows - 1]]
     out = []
     for row in rows[(held != wanted[rows]).any(axis=1)].tolist():
-        fields = spans.fields[int(spans.rconf[row])][WORDS["yaskawa"] :]
+        fields = spans.scan.rconf[int(spans.rconf[row])][WORDS["yaskawa"] :]
         text = ",".join(map(str, (*wanted[row].tolist(), *fields)))
         place = line_start(program.data, int(spans.tokens.start[row, 0]))
         out.append((place, 0, b"///RCONF " + text.encode() + _line_end(program.data, place)))

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-from robotrue.core.arrays import Array, IntArray
+from robotrue.core.arrays import Array
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ShapeError
@@ -125,11 +125,6 @@ def new_numbers(program: Program, row: int, position: Array, rotation: Array) ->
         token = program.data[int(start) : int(start + size)]
         out.append(restyle(token, value, least=_LEAST))
     return out
-
-
-def next_number(numbers: IntArray) -> int:
-    """Returns the number behind the largest."""
-    return int(numbers.max(initial=-1)) + 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
