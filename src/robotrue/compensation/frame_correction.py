@@ -22,7 +22,7 @@ from robotrue.core.rotations import (
     rotation_vector_from_matrix,
 )
 from robotrue.core.units import DEG, MM, UM
-from robotrue.program.frame_text import print_abc, print_mm
+from robotrue.program.controller_files import print_abc, print_mm
 from robotrue.program.program import FrameTable, Program, Reason
 from robotrue.program.target_poses import target_poses
 

@@ -1,4 +1,7 @@
-"""What a file that a controller saves holds of frames and tools, and how its numbers are read."""
+"""What a file that a controller saves holds of frames and tools, and how its numbers are written.
+
+They are printed to 1e-4 mm and 1e-6 deg, and never as a minus zero.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,7 @@ import numpy as np
 
 from robotrue.core.arrays import Array
 from robotrue.core.poses import pose_from_xyz_abc
+from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.errors import FormatError
 
@@ -59,3 +63,20 @@ def unreadable_frame(name: str, text: str, place: int, what: str) -> FormatError
         line=text.count("\n", 0, place) + 1,
         hint="save the file from the controller again.",
     )
+
+
+def print_mm(xyz_mm: Array) -> tuple[str, str, str]:
+    """Returns a position (3,) mm with four decimals."""
+    x, y, z = (f"{np.round(value, 4) + 0.0:.4f}" for value in xyz_mm)
+    return x, y, z
+
+
+def print_abc(rotation: Array) -> tuple[str, str, str]:
+    """Returns A, B, C in deg of R = Rz(A) Ry(B) Rx(C) (3, 3) with six decimals."""
+    a, b, c = (f"{np.round(value, 6) + 0.0:.6f}" for value in abc_from_matrix(rotation) / DEG)
+    return a, b, c
+
+
+def print_values(values: Array, decimals: int, separator: str) -> str:
+    """Returns values (k,) with fixed decimals."""
+    return separator.join(f"{value:.{decimals}f}" for value in values + 0.0)

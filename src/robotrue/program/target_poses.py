@@ -1,12 +1,19 @@
-"""Where the targets of a program are in the robot's base."""
+"""Where the targets of a program are in the robot's base, also of a part that the robot holds.
+
+The target of a part that the robot carries to a tool that stands in the cell is printed as the tool
+in the part frame; the robot moves the part. Inside, it is the part frame in that tool: the frame
+the robot moves, in one that stands. Nothing between reader and writer needs to know.
+"""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
-from robotrue.core.arrays import Array
+from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.poses import pose
-from robotrue.program.program import Program
+from robotrue.program.program import Program, Replacement
 
 
 def target_poses(program: Program) -> Array:
@@ -17,3 +24,30 @@ def target_poses(program: Program) -> Array:
     T_frame_tool = pose(program.rotation[known], program.position[known])
     out[known] = program.T_base_frame[frame[known]] @ T_frame_tool
     return out
+
+
+def turned_round(position: Array, rotation: Array, held: BoolArray) -> tuple[Array, Array]:
+    """Returns position (n, 3) and rotation (n, 3, 3) with the poses of held rows inverted."""
+    if not held.any():
+        return position, rotation
+    position, rotation = np.array(position), np.array(rotation)
+    back = np.swapaxes(rotation[held], 1, 2)
+    position[held] = -np.einsum("nij,nj->ni", back, position[held])
+    rotation[held] = back
+    return position, rotation
+
+
+def as_printed(program: Program, replacement: Replacement) -> tuple[Program, Replacement]:
+    """Returns both with every target as the file prints it: what a writer compares and writes."""
+    if not program.held.any():
+        return program, replacement
+    old = turned_round(program.position, program.rotation, program.held)
+    new = turned_round(
+        np.asarray(replacement.position, dtype=np.float64),
+        np.asarray(replacement.rotation, dtype=np.float64),
+        program.held,
+    )
+    return (
+        replace(program, position=old[0], rotation=old[1], held=np.empty(0, np.bool_)),
+        replace(replacement, position=new[0], rotation=new[1]),
+    )

@@ -25,8 +25,7 @@ from robotrue.core.arrays import Array
 from robotrue.core.units import MM
 from robotrue.errors import FormatError
 from robotrue.program.formats.apt_arcs import Circle, arc_points, circle_of, directed_circle
-from robotrue.program.formats.apt_feeds import AptSpeeds
-from robotrue.program.formats.apt_frames import AxisSystems
+from robotrue.program.formats.apt_modal import AptSpeeds, AxisSystems
 from robotrue.program.formats.apt_statements import AptStatement, numbers, statements
 from robotrue.program.toolpath import Remark, Toolpath
 

@@ -14,7 +14,7 @@ from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.units import MM
 from robotrue.errors import FormatError
 from robotrue.program.formats.apt import LENGTHS, UNREAD_MOTIONS
-from robotrue.program.formats.apt_frames import AxisSystems
+from robotrue.program.formats.apt_modal import AxisSystems
 from robotrue.program.formats.apt_statements import (
     LARGEST,
     AptStatement,

@@ -32,8 +32,8 @@ from robotrue.program.formats.krl_write import KrlSpans, column_of
 from robotrue.program.formats.shared_fate import flag_lost_frames
 from robotrue.program.formats.target_notes import absent_routine
 from robotrue.program.formats.written_out import NONE_WRITTEN, WrittenOut
-from robotrue.program.held import turned_round
 from robotrue.program.program import FrameTable, Motion, Program, Reason
+from robotrue.program.target_poses import turned_round
 
 _MOTION_OF_KIND: Final = np.array([int(MOTION_OF.get(kind, -1)) for kind in range(INLINE_ARC + 1)])
 _SIDES: Final = (("base", BASE), ("tool", TOOL))

@@ -22,8 +22,8 @@ from robotrue.program.formats.stored_points import firsts, motions_of, moves_to
 from robotrue.program.formats.target_notes import TargetNotes, absent_routine
 from robotrue.program.formats.text_lines import line_starts
 from robotrue.program.formats.written_out import NONE_WRITTEN, TableSpans, WrittenOut
-from robotrue.program.held import turned_round
 from robotrue.program.program import FrameTable, Program, Reason
+from robotrue.program.target_poses import turned_round
 
 _NOT_CONNECTED: Final = 8.9e9
 """9E9 and beyond: the external axis is not there."""

@@ -16,8 +16,17 @@ from robotrue.errors import FormatError
 from robotrue.program.formats.shared_fate import share_fate
 from robotrue.program.formats.target_notes import TargetNotes, absent_routine
 from robotrue.program.formats.target_tokens import POSE, TargetTokens, values_of
-from robotrue.program.formats.val3_files import JOINTS, POINT, DataValue, Val3File, read_val3_file
-from robotrue.program.formats.val3_moves import CodeUse, Reference, Val3Move, read_code
+from robotrue.program.formats.val3_files import (
+    JOINTS,
+    POINT,
+    CodeUse,
+    DataValue,
+    Reference,
+    Val3File,
+    Val3Move,
+    read_code,
+    read_val3_file,
+)
 from robotrue.program.program import FrameTable, Motion, Program, Reason
 
 _NUMBER: Final = re.compile(r"[-+]?(?:\d++\.?+\d*+|\.\d++)(?:[eE][-+]?\d+)?+", re.ASCII)

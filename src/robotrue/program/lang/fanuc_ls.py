@@ -17,10 +17,11 @@ from robotrue.program.controller_files import (
     ControllerFile,
     all_finite,
     frame_of,
+    print_abc,
+    print_mm,
     unreadable_frame,
 )
 from robotrue.program.formats.stated_feeds import PLAIN, feeds_of_points
-from robotrue.program.frame_text import print_abc, print_mm
 from robotrue.program.insertion import Inserter
 from robotrue.program.language import (
     FrameFiles,

@@ -19,10 +19,12 @@ from robotrue.program.controller_files import (
     ControllerFile,
     all_finite,
     frame_of,
+    print_abc,
+    print_mm,
+    print_values,
     unreadable_frame,
 )
 from robotrue.program.formats.stated_feeds import PLAIN, feeds_of_points
-from robotrue.program.frame_text import print_abc, print_mm, print_values
 from robotrue.program.insertion import Inserter
 from robotrue.program.language import (
     FrameFiles,

@@ -23,12 +23,12 @@ from robotrue.program.controller_files import (
     NUMBER,
     ControllerFile,
     frame_of,
+    print_abc,
+    print_mm,
     unreadable_frame,
 )
 from robotrue.program.formats.stated_feeds import FLAGS, PLAIN, last_stated, target_lines
 from robotrue.program.formats.text_lines import line_starts
-from robotrue.program.frame_text import print_abc, print_mm
-from robotrue.program.held import as_printed
 from robotrue.program.insertion import Inserter
 from robotrue.program.language import (
     Cutter,
@@ -39,6 +39,7 @@ from robotrue.program.language import (
     TableForm,
 )
 from robotrue.program.program import FrameTable, Program, Replacement
+from robotrue.program.target_poses import as_printed
 
 _HEAD: Final = re.compile(
     rb"^(?:\xef\xbb\xbf)?[^\S\n]*+&ACCESS|^[^\S\n]*+(?:GLOBAL\s+)?DEF(?:DAT|FCT)?\s+\w",

@@ -17,13 +17,13 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.core.rotations import quat_wxyz_from_matrix
 from robotrue.core.units import MM
+from robotrue.program.controller_files import print_mm, print_values
 from robotrue.program.formats.stated_feeds import PLAIN
 from robotrue.program.formats.text_lines import line_starts
-from robotrue.program.frame_text import print_mm, print_values
-from robotrue.program.held import as_printed
 from robotrue.program.insertion import Inserter
 from robotrue.program.language import Cutter, FrameForm, Language, NamedBytes, TableForm
 from robotrue.program.program import FrameTable, Program, Replacement
+from robotrue.program.target_poses import as_printed
 
 _HEAD: Final = re.compile(
     rb"^(?:\xef\xbb\xbf)?[^\S\n]*+(?:%%%|MODULE\s+[\w\x80-\xff])", re.IGNORECASE | re.MULTILINE

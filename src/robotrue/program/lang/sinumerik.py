@@ -10,7 +10,7 @@ import re
 from typing import Final
 
 from robotrue.core.arrays import Array
-from robotrue.program.frame_text import print_abc, print_mm
+from robotrue.program.controller_files import print_abc, print_mm
 from robotrue.program.lang.word_languages import (
     G_CODE,
     g_code_feeds,

@@ -17,8 +17,8 @@ from robotrue.core.arrays import Array
 from robotrue.core.rotations import rotation_vector_from_matrix
 from robotrue.core.units import MM
 from robotrue.errors import FormatError
+from robotrue.program.controller_files import print_values
 from robotrue.program.formats.stated_feeds import PLAIN, target_lines
-from robotrue.program.frame_text import print_values
 from robotrue.program.insertion import Inserter
 from robotrue.program.language import Cutter, FrameForm, Language, TableForm, read_each
 from robotrue.program.program import FrameTable, Program, Replacement

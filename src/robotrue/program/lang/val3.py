@@ -16,7 +16,7 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG
-from robotrue.program.frame_text import print_mm
+from robotrue.program.controller_files import print_mm
 from robotrue.program.language import FrameForm, Language, NamedBytes, TableForm
 from robotrue.program.program import FrameTable, Program, Replacement
 
