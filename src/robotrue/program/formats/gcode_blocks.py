@@ -23,7 +23,6 @@ from robotrue.program.program import Reason
 
 ALL: Final = tuple(range(WordColumn.R))
 POINT: Final = (0, 1, 2)
-ROTARY: Final = (3, 4, 5, 6, 7, 8)
 _LARGEST: Final = 1e8
 """Of any number in a block; 100 km."""
 Take = Callable[[int, int, bytes], None]
