@@ -15,8 +15,7 @@ import numpy as np
 from robotrue.calibration.evidence import PriorGroup, Sums, SumsBuilder
 from robotrue.calibration.observations import (
     CHANNELS,
-    PoseObservation,
-    PositionObservation,
+    PointObservation,
     linear_rows,
 )
 from robotrue.calibration.parameters import ParameterLayout, State, difference
@@ -65,7 +64,7 @@ class Design:
         few: The rows are too few to say the scale of each band of ripple.
     """
 
-    observations: tuple[PositionObservation | PoseObservation, ...]
+    observations: tuple[PointObservation, ...]
     layout: ParameterLayout
     prior: Prior
     state: State
@@ -165,7 +164,7 @@ class Design:
     def sums(self, chosen: BoolArray | None = None) -> list[Sums]:
         """Returns the sums of lengths and, where orientations were measured, of angles."""
         size = int(self.active.sum())
-        posed = any(isinstance(o, PoseObservation) for o in self.observations)
+        posed = any(o.rotation is not None for o in self.observations)
         builders = [SumsBuilder(size) for _ in range(CHANNELS if posed else 1)]
         for item in self.rows(chosen):
             numbers = item.values.shape[1]

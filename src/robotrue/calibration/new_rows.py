@@ -22,7 +22,7 @@ import numpy as np
 from robotrue.calibration.belief import Belief, condition, with_nuisances
 from robotrue.calibration.observations import (
     LinearRows,
-    Visited,
+    Observation,
     linear_rows,
     observations_of,
     take_to_base,
@@ -55,7 +55,7 @@ class NewRows:
     """
 
     robot: RobotModel
-    observations: tuple[Visited, ...]
+    observations: tuple[Observation, ...]
     layout: ParameterLayout
     T_tracker_base: Mapping[int, Array]
     T_flange_target: Mapping[int, Array]
@@ -123,7 +123,7 @@ def new_rows(
     targets: dict[int, Array] = {}
     sizes: dict[int, int] = {}
     places: set[int] = set()
-    observations: list[Visited] = []
+    observations: list[Observation] = []
     for mine in (known, ~known):
         rows = np.flatnonzero(mine)
         if not len(rows):

@@ -55,8 +55,26 @@ class Linearisation:
     white: Array
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ArmVisits(ArmPostures):
+    """n visits of the arm: what decides where a reflector on the flange is.
+
+    Attributes:
+        target: (n,) reflector.
+        station: (n,) tracker set-up, or ``IN_BASE``.
+    """
+
+    target: Annotated[IntArray, Column("n")]
+    station: Annotated[IntArray, Column("n")]
+
+
 class Observation(Protocol):
-    """Anything that can be linearised: tracker points, poses, touches."""
+    """Anything that can be linearised and has a posture in every row: points, lengths, touches."""
+
+    @property
+    def visits(self) -> ArmVisits:
+        """Postures of the rows."""
+        ...
 
     @property
     def rows(self) -> IntArray:
@@ -71,86 +89,40 @@ class Observation(Protocol):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ArmVisits(ArmPostures):
-    """n visits of the arm: what decides where a reflector on the flange is.
-
-    Attributes:
-        target: (n,) reflector.
-        station: (n,) tracker set-up, or ``IN_BASE``.
-    """
-
-    target: Annotated[IntArray, Column("n")]
-    station: Annotated[IntArray, Column("n")]
-
-
-class Visited(Observation, Protocol):
-    """An observation of which every row has one posture: points, poses, touches."""
-
-    @property
-    def visits(self) -> ArmVisits:
-        """Postures of the rows."""
-        ...
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PositionObservation:
-    """Points seen by a tracker.
+class PointObservation:
+    """Points that an instrument has seen, or full poses of a target: point and orientation.
 
     Attributes:
         visits: Postures and loads.
         position: (n, 3) m in the frame of the visit's station.
-        covariance: (n, 3, 3) m^2, instrument and repeatability, same frame.
+        rotation: (n, 3, 3) in that frame; None: points alone.
+        covariance: (n, 3, 3) m^2, of poses (n, 6, 6) m^2 and rad^2 (left rotation vector):
+            instrument and repeatability, same frame.
         rows: (n,) rows of the measurement set.
     """
 
     visits: ArmVisits
     position: Array
+    rotation: Array | None = None
     covariance: Array
     rows: IntArray
 
     def linearise(
         self, layout: ParameterLayout, state: State, part: Entries = slice(None)
     ) -> Linearisation:
-        """Returns the linearised rows; residual (n, 3) m."""
-        point, _, jacobian = seen_points(layout, state, self.visits, part, rotations=False)
+        """Returns the linearised rows; residual (n, 3) m, or (n, 6): m, then rad."""
+        posed = self.rotation is not None
+        point, rotation, jacobian = seen_points(layout, state, self.visits, part, rotations=posed)
+        residual = self.position[part] - point
+        if self.rotation is not None:
+            angle = rotation_vector_from_matrix(self.rotation[part] @ np.swapaxes(rotation, 1, 2))
+            jacobian[:, 3:] = _right_inverse(angle) @ jacobian[:, 3:]
+            residual = np.concatenate([residual, angle], axis=1)
         return Linearisation(
-            residual=self.position[part] - point,
+            residual=residual,
             jacobian=jacobian,
             covariance=self.covariance[part],
-            white=np.array([[1.0, 1.0, 1.0], [0.0, 0.0, 0.0]]),
-        )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PoseObservation:
-    """Full poses of a target: point and orientation.
-
-    Attributes:
-        visits: Postures and loads.
-        position: (n, 3) m.
-        rotation: (n, 3, 3).
-        covariance: (n, 6, 6) m^2, rad^2 (left rotation vector), instrument and repeatability.
-        rows: (n,) rows of the measurement set.
-    """
-
-    visits: ArmVisits
-    position: Array
-    rotation: Array
-    covariance: Array
-    rows: IntArray
-
-    def linearise(
-        self, layout: ParameterLayout, state: State, part: Entries = slice(None)
-    ) -> Linearisation:
-        """Returns the linearised rows; residual (n, 6): m, then rad (left rotation vector)."""
-        point, rotation, jacobian = seen_points(layout, state, self.visits, part, rotations=True)
-        angle = rotation_vector_from_matrix(self.rotation[part] @ np.swapaxes(rotation, 1, 2))
-        jacobian[:, 3:] = _right_inverse(angle) @ jacobian[:, 3:]
-        return Linearisation(
-            residual=np.concatenate([self.position[part] - point, angle], axis=1),
-            jacobian=jacobian,
-            covariance=self.covariance[part],
-            white=np.repeat(np.eye(2), 3, axis=1),
+            white=np.repeat(np.eye(2), 3, axis=1)[:, : residual.shape[1]],
         )
 
 
@@ -190,7 +162,7 @@ class LinearRows:
 
 
 def linear_rows(
-    observations: Sequence[Visited],
+    observations: Sequence[Observation],
     layout: ParameterLayout,
     state: State,
     about: Array,
@@ -244,7 +216,7 @@ def observations_of(
     *,
     repeatability: float,
     rotation_sd: float,
-) -> tuple[PositionObservation | PoseObservation, ...]:
+) -> tuple[PointObservation, ...]:
     """Returns the set as observations: rows with a full pose and rows with a point.
 
     Args:
@@ -271,10 +243,10 @@ def observations_of(
         station=measurements.station if measurements.frame == "tracker" else in_base,
     )
     points, poses = np.flatnonzero(~posed), np.flatnonzero(posed)
-    out: list[PositionObservation | PoseObservation] = []
+    out: list[PointObservation] = []
     if len(points):
         out.append(
-            PositionObservation(
+            PointObservation(
                 visits=visits.take(points),
                 position=measurements.position[points],
                 covariance=covariance[points],
@@ -288,7 +260,7 @@ def observations_of(
         full[:, :3, :3] = covariance[poses]
         full[:, 3:, 3:] = np.where(known, angular, rotation_sd**2 * np.eye(3))
         out.append(
-            PoseObservation(
+            PointObservation(
                 visits=visits.take(poses),
                 position=measurements.position[poses],
                 rotation=measurements.rotation[poses],

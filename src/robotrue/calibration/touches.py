@@ -20,8 +20,8 @@ from robotrue.calibration.observations import (
     ArmVisits,
     Entries,
     Linearisation,
-    PositionObservation,
-    Visited,
+    Observation,
+    PointObservation,
     seen_points,
 )
 from robotrue.calibration.parameters import ParameterLayout, State
@@ -176,11 +176,11 @@ def touch_rows(
         station=touches.part,
     )
     variance = touch_sigma**2 + belief.repeatability**2
-    observations: list[Visited] = []
+    observations: list[Observation] = []
     full, along = np.flatnonzero(touches.full), np.flatnonzero(~touches.full)
     if len(full):
         observations.append(
-            PositionObservation(
+            PointObservation(
                 visits=visits.take(full),
                 position=touches.point[full],
                 covariance=np.broadcast_to(variance * np.eye(3), (len(full), 3, 3)),
