@@ -98,7 +98,7 @@ class FanucScan:
     @property
     def highest(self) -> int:
         """Highest number of a position, 0 without any."""
-        return max([0, *self.number.tolist(), *self.others])
+        return max(int(self.number.max(initial=0)), *self.others, 0)
 
     @property
     def last_record(self) -> int:
