@@ -9,11 +9,12 @@ import numpy as np
 
 from robotrue.calibration.lineage import data_hash, history
 from robotrue.calibration.model import ErrorModel
+from robotrue.core.json_values import json_values
 from robotrue.core.units import MM
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.validation.doctor import Diagnosis, NamedCause
 from robotrue.validation.doctor_suspicion import CauseName
-from robotrue.validation.summary_notes import with_summary
+from robotrue.validation.summary_notes import with_summary, with_warnings
 
 SIX_WORDS: Final[Mapping[CauseName, str]] = {
     "instrument-moved": "Tracker moved while poses were measured",
@@ -78,42 +79,41 @@ def describe_diagnosis(diagnosis: Diagnosis, rows: MeasurementSet) -> list[str]:
 
 def diagnosis_document(diagnosis: Diagnosis, rows: MeasurementSet) -> dict[str, object]:
     """Returns JSON values: causes with odds, lines, gain in mm and cure."""
-    return {
-        "rows": diagnosis.rows,
-        "examined": diagnosis.examined,
-        "error_mm": _finite(diagnosis.error / MM),
-        "findings": [_finding_document(each, rows) for each in diagnosis.findings],
-        "considered": [
-            {"cause": cause, "log_odds": float(odds)} for cause, odds in diagnosis.considered
-        ],
-    }
+    return json_values(
+        {
+            "rows": diagnosis.rows,
+            "examined": diagnosis.examined,
+            "error_mm": diagnosis.error / MM,
+            "findings": [_finding_document(each, rows) for each in diagnosis.findings],
+            "considered": [
+                {"cause": cause, "log_odds": float(odds)} for cause, odds in diagnosis.considered
+            ],
+        }
+    )
 
 
 def _finding_document(finding: NamedCause, rows: MeasurementSet) -> dict[str, object]:
     found = finding.hypothesis
-    return {
-        "cause": found.cause,
-        "summary": SIX_WORDS[found.cause],
-        "text": found.text,
-        "odds": finding.odds,
-        "lines": rows.source_row[np.unique(found.rows)].tolist(),
-        "before_mm": _finite(finding.before / MM),
-        "after_mm": _finite(finding.after / MM),
-        "cure": found.cause if found.cured is not None else None,
-        "advice": found.advice,
-    }
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
+    return json_values(
+        {
+            "cause": found.cause,
+            "summary": SIX_WORDS[found.cause],
+            "text": found.text,
+            "odds": finding.odds,
+            "lines": rows.source_row[np.unique(found.rows)],
+            "before_mm": finding.before / MM,
+            "after_mm": finding.after / MM,
+            "cure": found.cause if found.cured is not None else None,
+            "advice": found.advice,
+        }
+    )
 
 
 def with_findings(model: ErrorModel, lines: list[str]) -> ErrorModel:
     """Returns the model with what the doctor found among its warnings; then it is conditional."""
     if not lines:
         return model
-    warnings = [*lines, *model.training_summary().warnings]
-    return with_summary(model, {"verdict": "conditional", "doubts": warnings})
+    return with_warnings(with_summary(model, {"verdict": "conditional"}), lines)
 
 
 def with_cure(model: ErrorModel, finding: NamedCause, raw: MeasurementSet) -> ErrorModel:
@@ -130,13 +130,5 @@ def with_cure(model: ErrorModel, finding: NamedCause, raw: MeasurementSet) -> Er
         f"{name_lines(finding, raw)} put right before the fit (--cure {finding.hypothesis.cause}): "
         f"{finding.hypothesis.text}."
     )
-    warnings = [told, *model.training_summary().warnings]
-    return with_summary(
-        model,
-        {
-            "verdict": "conditional",
-            "doubts": warnings,
-            "cure": document,
-            "lineage": [step, *history(model)],
-        },
-    )
+    more = {"verdict": "conditional", "cure": document, "lineage": [step, *history(model)]}
+    return with_warnings(with_summary(model, more), [told])

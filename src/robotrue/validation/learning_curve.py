@@ -15,6 +15,7 @@ import numpy as np
 from robotrue.calibration.model import ErrorModel
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.columns import Column, Columns
+from robotrue.core.json_values import json_values
 from robotrue.core.progress import Progress
 from robotrue.core.units import MM
 from robotrue.errors import RobotrueError, ShapeError
@@ -68,22 +69,24 @@ class LearningCurve(Columns):
     def to_json(self) -> dict[str, object]:
         """Returns JSON values, lengths in mm, one entry per candidate and count."""
         error, inside = self.quartiles() / MM, _quartiles(self.coverage)
-        return {
-            "counts": self.counts.tolist(),
-            "held_out": self.held,
-            "repeats": self.repeats,
-            "floor_mm": None if self.floor is None else self.floor / MM,
-            "failures": list(self.failures),
-            "candidates": {
-                name: {
-                    "median_mm": _json(error[1, c]),
-                    "lower_quartile_mm": _json(error[0, c]),
-                    "upper_quartile_mm": _json(error[2, c]),
-                    "coverage_95": _json(inside[1, c]),
-                }
-                for c, name in enumerate(self.names)
-            },
-        }
+        return json_values(
+            {
+                "counts": self.counts,
+                "held_out": self.held,
+                "repeats": self.repeats,
+                "floor_mm": None if self.floor is None else self.floor / MM,
+                "failures": self.failures,
+                "candidates": {
+                    name: {
+                        "median_mm": error[1, c],
+                        "lower_quartile_mm": error[0, c],
+                        "upper_quartile_mm": error[2, c],
+                        "coverage_95": inside[1, c],
+                    }
+                    for c, name in enumerate(self.names)
+                },
+            }
+        )
 
 
 def learning_curve(
@@ -166,7 +169,3 @@ def _quartiles(values: Array) -> Array:
     enough = np.isfinite(values).mean(axis=2) >= 0.5
     out[:, enough] = np.nanpercentile(values[enough], (25.0, 50.0, 75.0), axis=1)
     return out
-
-
-def _json(values: Array) -> list[float | None]:
-    return [float(v) if np.isfinite(v) else None for v in values]
