@@ -19,10 +19,9 @@ from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel
 from robotrue.validation.doctor_case import open_case
 from robotrue.validation.doctor_evidence import Evidence, fit_rows, learn, weigh_noise
-from robotrue.validation.doctor_groups import SCATTERED
+from robotrue.validation.doctor_groups import SCATTERED, RepeatedRows
 from robotrue.validation.doctor_joints import Clock, JointsEarly
 from robotrue.validation.doctor_readings import JointOffset, JointTurn, Misread
-from robotrue.validation.doctor_repeats import RepeatedRows
 from robotrue.validation.doctor_segments import SEGMENTS, Drift
 from robotrue.validation.doctor_suspicion import HOPELESS, DataSuspicion, Hypothesis
 

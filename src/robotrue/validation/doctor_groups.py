@@ -1,4 +1,4 @@
-"""Scattered rows that are off alike: outliers in one direction, rows of another reflector."""
+"""Single rows that are off alike, are of another reflector, or repeat others to the last digit."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.units import MM
 from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.measurement.screening import duplicate_rows
 from robotrue.validation.doctor_case import Case, open_case
 from robotrue.validation.doctor_evidence import Evidence, columns_fit, learn, log_choices
 from robotrue.validation.doctor_segments import SEGMENTS, Picked, Segment, estimate_columns
@@ -23,6 +24,10 @@ SEEDS: Final = 8
 LEAST: Final = 3
 MOST_PARTS: Final = 20
 """Parts of a long set whose rows are named one by one."""
+REPEATED_ODDS: Final = 30.0
+"""Log odds of repeated rows, which need no statistics."""
+MOVED: Final = 1e-3
+"""rad: joints that moved by more cannot leave the point where it was, to the last digit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -139,3 +144,44 @@ SCATTERED: Final = (
     Scattered(segment=ONE_DIRECTION),
     *(Scattered(segment=each) for each in SEGMENTS if each.cause in ("reflector", "scale")),
 )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RepeatedRows:
+    """Duplicated rows, and points that were not measured anew."""
+
+    def look(self, rows: MeasurementSet, residuals: Evidence, arm: Case) -> Sequence[Hypothesis]:
+        """Returns duplicates and stale points, where there are any."""
+        out = []
+        later = np.array([row for _, row in duplicate_rows(rows)], dtype=np.int64)
+        if len(later):
+            out.append(
+                Hypothesis(
+                    cause="duplicates",
+                    text="rows repeat earlier ones to the last digit",
+                    log_odds=REPEATED_ODDS,
+                    rows=later,
+                    cured=rows.subset(np.setdiff1d(np.arange(len(rows)), later)),
+                    advice="export the measurements again",
+                )
+            )
+        stale = _stale_rows(rows)
+        if len(stale):
+            out.append(
+                Hypothesis(
+                    cause="stale-points",
+                    text="the point is that of another row to the last digit, the joints are not",
+                    log_odds=REPEATED_ODDS,
+                    rows=stale,
+                    cured=rows.subset(np.setdiff1d(np.arange(len(rows)), stale)),
+                    advice="wait for a new reading of the instrument at each pose",
+                )
+            )
+        return out
+
+
+def _stale_rows(rows: MeasurementSet) -> IntArray:
+    _, first, inverse = np.unique(rows.position, axis=0, return_index=True, return_inverse=True)
+    origin = first[inverse.reshape(-1)]
+    moved = np.abs(rows.joints - rows.joints[origin]).max(axis=1) > MOVED
+    return np.flatnonzero(moved & (origin != np.arange(len(rows))))
