@@ -82,7 +82,7 @@ class ProgramFile:
     def __post_init__(self) -> None:
         """Says whether the program is held."""
         held = self.content if isinstance(self.content, Program) else None
-        object.__setattr__(self, "target_poses", held)
+        object.__setattr__(self, "held", held)
 
     @property
     def frames_in_use(self) -> Array:
