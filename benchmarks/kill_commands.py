@@ -36,8 +36,9 @@ from unittest import mock
 HERE = Path(__file__).resolve().parent
 RUN = "from robotrue.cli.main import run; run()"
 QUICK_JOBS = (
-    "import robotrue.app.operations.jobs_run as jobs_run, robotrue.cli.main as main\n"
-    "jobs_run.job_kinds = lambda: {'write': 'kill_store:write'}\n"
+    "from robotrue.app.operations import workspace_jobs\n"
+    "import robotrue.cli.main as main\n"
+    "workspace_jobs.job_kinds = lambda: {'write': 'kill_store:write'}\n"
     "main.run()"
 )
 """The command, but for jobs that take a moment instead of minutes."""

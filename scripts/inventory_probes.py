@@ -170,8 +170,8 @@ def texts() -> Iterator[str]:
 
 def jobs() -> Iterator[str]:
     """Yields the kinds of jobs, and each parameter with its type and default."""
-    from robotrue.app.job_naming import NAMED
     from robotrue.app.registry import job_operations
+    from robotrue.app.request import NAMED
 
     for kind, operation in job_operations().items():
         yield kind
@@ -297,7 +297,7 @@ def presets() -> Iterator[str]:
 
 def store() -> Iterator[str]:
     """Yields nouns of the workspace, and what exports say they cannot."""
-    from robotrue.app.exported_arm import ExportRequest
+    from robotrue.app.operations.exports import ExportRequest
     from robotrue.app.outputs import FORMATS
     from robotrue.app.request import fields_of
     from robotrue.report import export_controller, export_description

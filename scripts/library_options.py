@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 from typing import Final
 
-from robotrue.app.operations.plan import OF_HIERARCHY
+from robotrue.app.plan_request import OF_HIERARCHY
 from robotrue.app.request import InputFile, Item, Output, RequestField
 from robotrue.library.operation_call import command_fields
 

@@ -10,11 +10,10 @@ from typing import Any, get_args
 import pytest
 
 from robotrue.app.job_files import is_result_folder, job_fields
-from robotrue.app.job_naming import NAMED
 from robotrue.app.job_parameters import parameters_model, stated_parameters
 from robotrue.app.operations.calibrate import CalibrateRequest
-from robotrue.app.registry import job_operations, listings, operation_of
-from robotrue.app.request import JOB, InputFile, ItemVersion, Output, fields_of
+from robotrue.app.registry import FOLDER, job_operations, listings, operation_of
+from robotrue.app.request import JOB, NAMED, InputFile, ItemVersion, Output, fields_of
 from robotrue.calibration.methods import METHODS
 from robotrue.errors import ConfigurationError
 
@@ -50,6 +49,11 @@ def test_the_list_of_commands_imports_no_operation() -> None:
         "print([name for name in ('pydantic', 'numpy') if name in sys.modules])"
     )
     assert in_new_process(code) == "[]"
+
+
+def test_every_operation_is_listed() -> None:
+    texts = [path.read_text("utf-8") for path in FOLDER.glob("*.py")]
+    assert len(NAMES) == len(set(NAMES)) == sum(text.count("Final = Operation(") for text in texts)
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -9,7 +9,7 @@ import sys
 def test_services_start_without_scikit_learn() -> None:
     """Fails when a service beside a machine imports it again: it takes longer than all the rest."""
     code = (
-        "import robotrue.app.drilling_service, robotrue.app.sense_view\n"
+        "import robotrue.app.drilling_desk, robotrue.app.operations.sense_run\n"
         "import robotrue.online.service_run\n"
         "from robotrue.simulation import egm_controller, rdt_sensor, rsi_controller\n"
         "from robotrue.simulation import rtde_controller\n"

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 import shop
 
-from robotrue.app.operations.transfer import TransferRequest
+from robotrue.app.transfer_request import TransferRequest
 from robotrue.app.transfer_sources import known_sources, parse_source
 from robotrue.errors import ConfigurationError
 from robotrue.store.model_file import read_model

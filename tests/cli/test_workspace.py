@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from robotrue.app.job_kinds import job_kinds
-from robotrue.app.operations.jobs_submit import parse_parameters
+from robotrue.app.operations.workspace_jobs import parse_parameters
 from robotrue.core.files import sha256
 from robotrue.errors import ConfigurationError
 from robotrue.store import items, jobs

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robotrue.app.operations import record_export, record_info, sense_run
-from robotrue.app.operations.record_export import RecordExportRequest
-from robotrue.app.operations.record_info import RecordInfoRequest
+from robotrue.app.operations import sense_run, stream_records
 from robotrue.app.operations.sense_run import SenseRunRequest
+from robotrue.app.operations.stream_records import RecordExportRequest, RecordInfoRequest
 from robotrue.cli.terminal import run_operation
 from robotrue.errors import ConfigurationError, FormatError, ModelMismatchError
 from robotrue.online.corrections import end_note, note_path
@@ -58,11 +57,11 @@ def run_sense(request: SenseRunRequest) -> None:
 
 def run_export(record: Path, output: Path, *, stream: str) -> None:
     request = RecordExportRequest(folder=record, output=output, stream=stream)
-    run_operation(record_export.OPERATION, request, as_json=True)
+    run_operation(stream_records.RECORD_EXPORT, request, as_json=True)
 
 
 def run_info(record: Path) -> None:
-    run_operation(record_info.OPERATION, RecordInfoRequest(folder=record), as_json=True)
+    run_operation(stream_records.RECORD_INFO, RecordInfoRequest(folder=record), as_json=True)
 
 
 def said(capsys: pytest.CaptureFixture[str]) -> dict[str, object]:

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import shop
 
-from robotrue.app.workbench.file_imports import import_measurements
-from robotrue.app.workbench.import_preview import preview_file
+from robotrue.app.workbench.file_imports import import_measurements, preview_file
 from robotrue.core.units import DEG, MM
 from robotrue.robot.configuration import controller_axes
 from robotrue.store import cells

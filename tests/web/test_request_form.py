@@ -9,10 +9,9 @@ from typing import Any
 import pytest
 
 from robotrue.app.operations.calibrate import CalibrateRequest
-from robotrue.app.operations.drift import DriftRequest
-from robotrue.app.operations.drift_plan import DriftPlanRequest
-from robotrue.app.operations.plan import PlanRequest
+from robotrue.app.operations.drift_checks import DriftPlanRequest, DriftRequest
 from robotrue.app.operations.report import SUBJECTS, ReportRequest
+from robotrue.app.plan_request import PlanRequest
 from robotrue.app.request import FORM, Request, fields_of
 from robotrue.web.language import LANGUAGES, Wording
 from robotrue.web.parts.request_form import RequestForm

@@ -14,7 +14,7 @@ from touch_shop import CELL, Bench, touch_bench, write_touch_files
 from typer.testing import CliRunner
 from web_shop import Client, Shop
 
-from robotrue.app.workbench.calibration_view import from_simulation
+from robotrue.app.workbench.model_views import from_simulation
 from robotrue.cell.config import parse_cell
 from robotrue.cli.main import app
 from robotrue.store import items, models

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -9,7 +10,7 @@ from pathlib import Path
 from robotrue.app.compensation_request import CompensateRequest
 from robotrue.app.context import Context
 from robotrue.app.force_options import read_force_options
-from robotrue.app.job_outputs import job_outputs
+from robotrue.app.outputs import check_output, require_suffix
 from robotrue.app.registered import open_model, provenance_used
 from robotrue.app.reporting import place_in_file
 from robotrue.calibration.lineage import identity_of
@@ -26,6 +27,7 @@ from robotrue.core.model_identity import ModelIdentity
 from robotrue.core.provenance import Provenance
 from robotrue.errors import ConfigurationError
 from robotrue.program.identity import require_compensable
+from robotrue.program.lang import find_language, languages
 from robotrue.program.program import FrameTable
 from robotrue.program.program_file import ProgramFile, open_job
 
@@ -173,3 +175,65 @@ def open_programs(
             "A copy of a compensated program would be corrected twice."
         )
     return files, outputs
+
+
+def job_outputs(names: Sequence[str], folder: Path, output: Path, language: str) -> list[Path]:
+    """Returns the file that each file of a job is written to.
+
+    A folder takes all of them under their own names. A file is the first; a companion that belongs
+    to it by its name takes its new name, others keep theirs beside it, since programs name them.
+
+    Args:
+        names: Of the files of the job, the program first.
+        folder: Where they were read.
+        output: A file, or a folder that exists.
+        language: Name of their dialect.
+
+    Raises:
+        ConfigurationError: A file that is read, no folder, or one name for two files.
+    """
+    if output.is_dir():
+        paths = [output / name for name in names]
+        for folder in dict.fromkeys(path.parent for path in paths):
+            folder.mkdir(parents=True, exist_ok=True)
+    else:
+        _require_language(output, names[0], language)
+        paths = [output]
+        beside = {each.lower() for each in find_language(language).name_companions(names[0])}
+        for name in map(Path, names[1:]):
+            alike = name.stem.lower() == Path(names[0]).stem.lower() and name.name.lower() in beside
+            paths.append(output.with_name(output.stem + name.suffix if alike else name.name))
+    originals = [folder / name for name in names]
+    for path in paths:
+        _require_other(path, originals, several=len(names) > 1)
+    twice = [path for k, path in enumerate(paths) if path in paths[:k]]
+    if twice:
+        raise ConfigurationError(
+            f"two files of the job, {', '.join(names)}, would be written to {twice[0].name}.",
+            source=output,
+            hint="a folder after -o: every file keeps its name there.",
+        )
+    return paths
+
+
+def _require_language(output: Path, source: str, language: str) -> None:
+    """Refuses a name that says another language than that of the program, or no program at all."""
+    own = find_language(language)
+    kin = [each for each in languages().values() if own.family and each.family == own.family]
+    suffixes = [suffix for each in kin or [own] for suffix in each.suffixes]
+    usual = Path(source).suffix.lower()
+    what = f"a program in {own.name}, as {source} is,"
+    require_suffix(output, what, tuple(dict.fromkeys([usual, *own.table_suffixes, *suffixes])))
+
+
+def _require_other(path: Path, originals: Sequence[Path], *, several: bool) -> None:
+    try:
+        check_output(path, originals)
+    except ConfigurationError as cause:
+        if not several or not path.exists() or path.is_dir():
+            raise
+        raise ConfigurationError(
+            cause.message,
+            source=path,
+            hint="another folder after -o: every file of the job keeps its name there.",
+        ) from cause

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
+from robotrue.app.presentation import LiveView
 from robotrue.app.reporting import Message
 from robotrue.app.request import Reference
-from robotrue.app.shell import Shell
 
 if TYPE_CHECKING:
     from robotrue.cell.cell import Cell
@@ -17,7 +18,24 @@ if TYPE_CHECKING:
     from robotrue.store.model_file import ModelFile
 
 
-class Context(Protocol):
+class Shell:
+    """A shell nobody sits at: it shows no service while it runs, and answers no question."""
+
+    def live(self) -> AbstractContextManager[Callable[[LiveView], None]]:
+        """Yields what shows a service while it runs; each view replaces the one before."""
+        return _drop_views()
+
+    def confirm(self, question: str, word: str) -> bool | None:
+        """Returns whether the answer to a question is a word; None: nobody can be asked."""
+        return None
+
+
+@contextmanager
+def _drop_views() -> Iterator[Callable[[LiveView], None]]:
+    yield lambda view: None
+
+
+class Context(ABC):
     """Inputs and outputs of one run; references are paths, or items of a workspace.
 
     Attributes:
@@ -26,25 +44,25 @@ class Context(Protocol):
 
     shell: Shell
 
+    @abstractmethod
     def step(self, text: str, done: int, of: int) -> None:
         """Reports what is done next, how much is done, and of how much; may raise to cancel."""
-        ...
 
+    @abstractmethod
     def report(self, message: Message) -> None:
         """Reports one line."""
-        ...
 
     def note(self, text: str) -> None:
         """Reports what deserves attention."""
-        ...
+        self.report(Message(text, label="note"))
 
     def inform(self, text: str) -> None:
         """Reports plain information."""
-        ...
+        self.report(Message(text))
 
+    @abstractmethod
     def name(self, reference: Reference) -> str:
         """Returns what messages call an input."""
-        ...
 
     def cell(self, reference: Reference) -> Cell:
         """Returns a cell; its warnings are noted.
@@ -52,16 +70,19 @@ class Context(Protocol):
         Raises:
             ConfigurationError: It cannot be used.
         """
-        ...
+        from robotrue.cell.config import read_cell
 
+        return read_cell(self.cell_file(reference))
+
+    @abstractmethod
     def model(self, reference: Reference) -> ModelFile:
         """Returns a model with the cell it was measured in.
 
         Raises:
             ArchiveError: Not a model.
         """
-        ...
 
+    @abstractmethod
     def measurements(
         self,
         cell: Cell,
@@ -82,26 +103,26 @@ class Context(Protocol):
             ImplausibleDataError: Numbers that cannot be this robot's.
             ModelMismatchError: Another number of joints, or sets in different frames.
         """
-        ...
 
+    @abstractmethod
     def unchecked_rows(
         self, cell: Cell, reference: Reference, mapping: Path | None = None
     ) -> MeasurementSet:
         """Returns one set of measured poses as it stands, in the cell's frame, not yet checked."""
-        ...
 
+    @abstractmethod
     def cell_file(self, reference: Reference) -> Path:
         """Returns a cell.toml, the files it names beside it."""
-        ...
 
+    @abstractmethod
     def model_file(self, reference: Reference) -> Path:
         """Returns a model file."""
-        ...
 
+    @abstractmethod
     def registration_file(self, reference: Reference) -> Path:
         """Returns the registered cell.toml, its model beside it."""
-        ...
 
+    @abstractmethod
     def program_files(
         self, references: Sequence[Reference], folder: str = "before"
     ) -> tuple[Path, ...]:
@@ -111,50 +132,23 @@ class Context(Protocol):
             references: The files, or the one program of a workspace.
             folder: Where those of a workspace lie: another one for each program.
         """
-        ...
 
+    @abstractmethod
     def document_files(self, reference: Reference, kind: str) -> tuple[Path, ...]:
         """Returns the files of a document, as those of a campaign with its foot.
 
         Raises:
             ConfigurationError: A document of another kind.
         """
-        ...
 
+    @abstractmethod
     def output(self, path: Path) -> Path:
         """Returns where an output is written."""
-        ...
 
+    @abstractmethod
     def program_output(self, path: Path) -> Path:
         """Returns the file or the folder that the files of a program are written to."""
-        ...
 
+    @abstractmethod
     def wrote(self, what: str, path: Path, remark: str = "") -> None:
         """Reports a file that was written; ``remark`` follows its name, with its punctuation."""
-        ...
-
-
-class OpenedInputs(ABC):
-    """What contexts share: messages by their label, and a cell from its file."""
-
-    @abstractmethod
-    def report(self, message: Message) -> None:
-        """Takes one line."""
-
-    @abstractmethod
-    def cell_file(self, reference: Reference) -> Path:
-        """Returns a cell.toml, the files it names beside it."""
-
-    def note(self, text: str) -> None:
-        """Reports what deserves attention."""
-        self.report(Message(text, label="note"))
-
-    def inform(self, text: str) -> None:
-        """Reports plain information."""
-        self.report(Message(text))
-
-    def cell(self, reference: Reference) -> Cell:
-        """Returns the cell of a cell.toml."""
-        from robotrue.cell.config import read_cell
-
-        return read_cell(self.cell_file(reference))

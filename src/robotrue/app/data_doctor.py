@@ -10,8 +10,7 @@ import numpy as np
 
 from robotrue.app.context import Context
 from robotrue.app.file_contents import measurement_document
-from robotrue.app.plain_result import PlainResult
-from robotrue.app.presentation import Facts, Note
+from robotrue.app.presentation import Facts, Note, PlainResult
 from robotrue.app.request import Reference
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell

@@ -1,8 +1,10 @@
-"""What operations of dynamics make of their options: load tests, arms, rows at rest."""
+"""What operations of dynamics make of their options and files: arms, load tests, a milling pass."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
@@ -11,13 +13,22 @@ from robotrue.app.number_options import parse_numbers
 from robotrue.cell.config import read_cell
 from robotrue.core.arrays import Array
 from robotrue.core.provenance import Provenance, merge
-from robotrue.core.units import UM
+from robotrue.core.units import DEG, MM, UM
 from robotrue.dynamics.deviation_physics import CompliantArm, StaticCompliance, compliance_of
+from robotrue.dynamics.dry_run import DryRun, LaserRecord
+from robotrue.dynamics.dynamometer import Dynamometer, force_in_base, unwrap_angle
+from robotrue.dynamics.force import ForceRecord
+from robotrue.dynamics.formats.column_table import even_rate
 from robotrue.dynamics.formats.frf_table import read_frf
+from robotrue.dynamics.formats.signal_table import read_force, read_signals
 from robotrue.dynamics.frf import AXES
 from robotrue.dynamics.interpolation import fit_curve
-from robotrue.dynamics.windows import WindowSet
-from robotrue.errors import ConfigurationError
+from robotrue.dynamics.pass_stages import PassStages, find_stages, zero_at_both_ends
+from robotrue.dynamics.pass_windows import PassJoints
+from robotrue.dynamics.windows import SMALLEST_PEAK, SMALLEST_TURN, WindowSet
+from robotrue.errors import ConfigurationError, ImplausibleDataError, ModelMismatchError
+from robotrue.robot.forward import forward
+from robotrue.robot.model import RobotModel
 
 
 def parse_static(text: str | None) -> dict[str, float]:
@@ -94,3 +105,158 @@ def read_static_row(
 def windows_origin(windows: WindowSet, frf: Path | None) -> Provenance:
     """Returns where windows come from, and the response they were predicted with."""
     return merge([windows.provenance, *([] if frf is None else [read_frf(frf).provenance])])
+
+
+LASER: Final = {"d_um": UM, "d_mm": MM}
+_SLACK: Final = 0.1 * DEG
+"""A joint may be read so far beyond its limit."""
+_RADIANS: Final = 2.0 * np.pi
+"""A column in deg that holds no more than this, of an arm that moves, looks like rad."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReadForce:
+    """The force of a pass as it is to be cut into windows.
+
+    Attributes:
+        force: On the tool, base axes, its zero taken off.
+        stages: Of the pass.
+        zeros: (2, 3) N, sensor axes, before and behind the cut; zero where they were kept.
+        remarks: What is odd but harmless.
+    """
+
+    force: ForceRecord
+    stages: PassStages
+    zeros: Array
+    remarks: tuple[str, ...]
+
+
+def read_pass_joints(path: Path, robot: RobotModel, shift: float) -> tuple[PassJoints, Provenance]:
+    """Returns the joints of a record and where it comes from.
+
+    Args:
+        path: CSV, TDMS, MAT or UFF with ``j1_deg..`` (as the model counts) or ``a1_deg..``
+            (displayed).
+        robot: The arm with its tool.
+        shift: s, added to its times.
+
+    Raises:
+        FormatError: It cannot be read.
+        ModelMismatchError: Joints beyond the limits of the arm.
+        ImplausibleDataError: Joints that stand still, or in radians.
+    """
+    own = [f"j{k + 1}_deg" for k in range(robot.dof)]
+    shown = [f"a{k + 1}_deg" for k in range(robot.dof)]
+    signals = read_signals(path, [own, shown])
+    joints = signals.values * DEG
+    largest = float(np.abs(signals.values).max())
+    if largest <= _RADIANS:
+        raise ImplausibleDataError(
+            f"joints of no more than {largest:.3f} deg, all of them.",
+            source=path,
+            hint="joints in degrees; these look like radians.",
+        )
+    if list(signals.names) == shown and robot.controller is not None:
+        joints = np.asarray(robot.controller.to_model(joints))
+    low, high = robot.limits.T
+    beyond = np.flatnonzero(((joints < low - _SLACK) | (joints > high + _SLACK)).any(axis=1))
+    if beyond.size:
+        k = int(beyond[0])
+        text = ", ".join(f"{v:.1f}" for v in joints[k] / DEG)
+        raise ModelMismatchError(
+            f"sample {k}: joints {text} deg, beyond the limits of {robot.name}.",
+            source=path,
+            hint="a1_deg.. are joints as the controller displays them, j1_deg.. as the model does.",
+        )
+    if np.ptp(joints, axis=0).max() < SMALLEST_TURN:
+        raise ImplausibleDataError("no joint moves by 0.01 deg: the arm stood still.", source=path)
+    found = PassJoints(
+        time=signals.time + shift,
+        joints=joints,
+        T_base_tool=forward(robot.nominal(), joints),
+        source=str(path),
+    )
+    return found, signals.provenance
+
+
+def read_pass_force(
+    path: Path,
+    sensor: Dynamometer,
+    joints: PassJoints,
+    spindle: float,
+    *,
+    angle_file: Path | None,
+    keep_zero: bool,
+) -> ReadForce:
+    """Returns the force on the tool in base axes, its zero taken off, and the stages of the pass.
+
+    Args:
+        path: CSV, TDMS, MAT or UFF.
+        sensor: How the dynamometer is mounted.
+        joints: Of the pass.
+        spindle: Turns per second.
+        angle_file: ``t_s,angle_deg`` of the spindle, clock of the force.
+        keep_zero: The zero has been taken off before.
+
+    Raises:
+        FormatError: It cannot be read.
+        ImplausibleDataError: A sensor that cannot be right, or no single cut in the record.
+    """
+    record, remarks = read_force(path)
+    turn = record.rate / spindle
+    stages = find_stages(record.time, record.force, turn, record.source)
+    if stages.level < SMALLEST_PEAK:
+        raise ImplausibleDataError(
+            f"a force of {stages.level:.3g} N rms in the cut, expected {SMALLEST_PEAK:g} or more.",
+            source=path,
+            hint="forces in N; these look like kN.",
+        )
+    zeros = np.zeros((2, 3))
+    if not keep_zero:
+        record, zeros = zero_at_both_ends(record, stages, turn)
+    angle = None if angle_file is None else _angle_at(angle_file, record)
+    turned = force_in_base(record.force, sensor, angle, joints.attitude(record.time))
+    return ReadForce(
+        force=replace(record, force=turned), stages=stages, zeros=zeros, remarks=remarks
+    )
+
+
+def read_laser(path: Path, shift: float) -> tuple[LaserRecord, Provenance]:
+    """Returns the displacement of a record ``t_s,d_um`` or ``t_s,d_mm``, and where it comes from.
+
+    Raises:
+        FormatError: It cannot be read.
+        ImplausibleDataError: An uneven clock.
+    """
+    signals = read_signals(path, [[name] for name in LASER])
+    start, rate = even_rate(signals.time, path)
+    record = LaserRecord(
+        time=start + shift + np.arange(len(signals)) / rate,
+        displacement=signals.values[:, 0] * LASER[signals.names[0]],
+        source=str(path),
+    )
+    return record, signals.provenance
+
+
+def read_dry_run(laser: Path, joints: Path, robot: RobotModel) -> tuple[DryRun, Provenance]:
+    """Returns the dry run of two records on one clock, and where they come from."""
+    read, one = read_laser(laser, 0.0)
+    moved, two = read_pass_joints(joints, robot, 0.0)
+    return DryRun(time=moved.time, place=moved.place, laser=read), merge([one, two])
+
+
+def _angle_at(path: Path, record: ForceRecord) -> Array:
+    """Angle (n,) rad of the spindle at the samples of the force."""
+    signals = read_signals(path, [["angle_deg"]])
+    angle = unwrap_angle(signals.values[:, 0] * DEG, str(path))
+    time = record.time
+    if signals.time[0] > time[0] + 1.0 / record.rate or (
+        signals.time[-1] < time[-1] - 1.0 / record.rate
+    ):
+        raise ImplausibleDataError(
+            f"the angle of the spindle is known from {signals.time[0]:.3f} to "
+            f"{signals.time[-1]:.3f} s, the force from {time[0]:.3f} to {time[-1]:.3f} s.",
+            source=path,
+            hint="record both in one task.",
+        )
+    return np.asarray(np.interp(time, signals.time, angle))

@@ -5,21 +5,22 @@ from __future__ import annotations
 import tomllib
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
 
-from robotrue.app.plain_result import PlainResult
-from robotrue.app.presentation import Block, Facts, Note, Table
+from robotrue.app.presentation import Block, Facts, Note, PlainResult, Table
 from robotrue.calibration.lineage import provenance_of
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
 from robotrue.cell.part import PartTable
+from robotrue.core.arrays import Array
 from robotrue.core.document_decoder import decode
 from robotrue.core.files import read_bytes
+from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import FormatError
 from robotrue.measurement.formats.mapping import read_mapping
@@ -61,23 +62,25 @@ def describe_file(path: Path, mapping: Path | None) -> PlainResult:
     if data.startswith(b"PK") and path.suffix.lower() not in WORKBOOKS:
         return _model_result(path, read_model(path))
     origin = None
+    words: dict[str, str] = {}
     untold = mapping is None and path.suffix.lower() not in WORKBOOKS
     if untold and _is_cell(path, data):
         cell = read_cell(path)
         document = cell_document(cell)
-        origin = None if cell.part is None else cell.part.provenance
+        if cell.part is not None:
+            origin, words = cell.part.provenance, {"part": _tell_part(cell.part)}
     elif untold and _is_toolpath(data):
         document = toolpath_document(read_toolpath(path))
     elif untold and _is_program(path, data):
         document = program_document(read_job(path, FrameTable()))
-        known = read_identity(path, data)
-        document |= {} if known is None else _program_identity(known)
-        origin = None if known is None else known.provenance
+        if (known := read_identity(path, data)) is not None:
+            document |= _program_identity(known)
+            origin, words = known.provenance, {"identity": _tell_identity(known)}
     else:
         rows, remarks = _measurements(path, mapping)
         document, origin = measurement_document(rows), rows.provenance
         document |= {"notes": remarks} if remarks else {}
-    shown = document_blocks(path.name, document)
+    shown = document_blocks(path.name, document, words)
     return PlainResult(values=document, shown=shown, provenance=origin)
 
 
@@ -326,39 +329,26 @@ def _measurements(path: Path, mapping: Path | None) -> tuple[MeasurementSet, lis
     return run.rows, remarks
 
 
-@dataclass(frozen=True, slots=True)
-class _ShownFrame:
-    """A part frame of a cell, as it is shown."""
-
-    name: str
-    xyz_mm: list[float]
-    abc_deg: list[float]
-    verdict: str
+def cell_blocks(name: str, cell: Cell) -> tuple[Block, ...]:
+    """Returns what was understood of a cell, under a name."""
+    words = {} if cell.part is None else {"part": _tell_part(cell.part)}
+    return document_blocks(name, cell_document(cell), words)
 
 
-@dataclass(frozen=True, slots=True)
-class _ShownPart:
-    """The part table of a cell, as it is shown."""
+def document_blocks(
+    name: str, document: Mapping[str, object], words: Mapping[str, str] = MappingProxyType({})
+) -> tuple[Block, ...]:
+    """Returns a document of this file as facts, its remarks as notes, under a name.
 
-    frames: list[_ShownFrame]
-    model: dict[str, str | None]
-
-
-@dataclass(frozen=True, slots=True)
-class _ShownIdentity:
-    """What the file beside a program says, as it is shown."""
-
-    compensated: bool
-    part: str
-    model: dict[str, str | None]
-
-
-def document_blocks(name: str, document: Mapping[str, object]) -> tuple[Block, ...]:
-    """Returns a document of this file as facts, its remarks as notes, under a name."""
+    Args:
+        name: Of the file.
+        document: JSON values.
+        words: Facts by key, where the values alone do not say enough.
+    """
     told = Facts(
         title=f"{name}: {document['holds']}",
         rows=tuple(
-            (key.replace("_", " "), _tell_value(key, value))
+            (key.replace("_", " "), words[key] if key in words else _words(value))
             for key, value in document.items()
             if key not in (*REMARKS, "holds")
         ),
@@ -371,29 +361,23 @@ def document_blocks(name: str, document: Mapping[str, object]) -> tuple[Block, .
     return (told, *map(Note, lines))
 
 
-def _tell_value(key: str, value: object) -> str:
-    if key == "part":
-        part = decode(_ShownPart, value, key=key)
-        frames = "; ".join(
-            f"{frame.name} at {_three(frame.xyz_mm)} mm, {_three(frame.abc_deg)} deg, "
-            f"{frame.verdict}"
-            for frame in part.frames
-        )
-        return f"{frames}; with {_whose(part.model)}"
-    if key == "identity":
-        program = decode(_ShownIdentity, value, key=key)
-        done = "compensated" if program.compensated else "not compensated"
-        where = f", part {program.part}" if program.part else ""
-        return f"{done}, {_whose(program.model)}{where}"
-    return _words(value)
+def _tell_part(part: PartTable) -> str:
+    frames = "; ".join(
+        f"{frame.name} at {_three(frame.T_base_part[:3, 3] / MM + 0.0)} mm, "
+        f"{_three(abc_from_matrix(frame.T_base_part[:3, :3]) / DEG + 0.0)} deg, {frame.verdict}"
+        for frame in part.frames
+    )
+    return f"{frames}; with {part.identity}"
 
 
-def _three(values: Sequence[float]) -> str:
+def _tell_identity(program: ProgramIdentity) -> str:
+    done = "compensated" if program.compensated else "not compensated"
+    where = f", part {program.part}" if program.part else ""
+    return f"{done}, {program.model}{where}"
+
+
+def _three(values: Array) -> str:
     return ", ".join(f"{value:.3f}" for value in values)
-
-
-def _whose(model: Mapping[str, str | None]) -> str:
-    return f"the {model['kind']} {model['robot']} ({str(model['sha256'])[:12]})"
 
 
 def _words(value: object) -> str:

@@ -6,11 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from robotrue.app.context import OpenedInputs
+from robotrue.app.context import Context, Shell
 from robotrue.app.outputs import check_output
 from robotrue.app.reporting import Message, Reporter
 from robotrue.app.request import Output, Reference, Request, fields_of, input_paths, paths_in
-from robotrue.app.shell import Shell
 from robotrue.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -19,7 +18,7 @@ if TYPE_CHECKING:
     from robotrue.store.model_file import ModelFile
 
 
-class FilesContext(OpenedInputs):
+class FilesContext(Context):
     """The :class:`robotrue.app.context.Context` of the command line and of scripts.
 
     Attributes:

@@ -5,17 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
 from robotrue.app.context import Context
-from robotrue.app.map_options import parse_grid
-from robotrue.app.number_options import parse_numbers
+from robotrue.app.number_options import parse_grid, parse_numbers
+from robotrue.app.plan_request import PlanRequest
 from robotrue.app.presentation import Block, Note, Table
 from robotrue.app.transfer_method import parse_cylinder
 from robotrue.calibration.deng2022.domains import divide_target
-from robotrue.calibration.deng2022.readings import AttitudeReading, TargetRule
 from robotrue.cell.cell import Cell
 from robotrue.core.arrays import Array
 from robotrue.core.files import write_atomic
@@ -32,62 +30,6 @@ from robotrue.planning.plan_sheets import pose_sheet
 from robotrue.robot.model import RobotModel
 
 EXAMPLE = "-15..15/15,-10..10/5,-10..10/2.5"
-
-
-class HierarchyOptions(Protocol):
-    """What of a request a hierarchical plan needs; attributes as in ``PlanRequest``."""
-
-    @property
-    def output(self) -> Path:
-        """Table of the source poses."""
-
-    @property
-    def source_region(self) -> str | None:
-        """As written."""
-
-    @property
-    def target_region(self) -> str | None:
-        """As written."""
-
-    @property
-    def sub_spaces(self) -> int:
-        """How many."""
-
-    @property
-    def grid(self) -> str:
-        """Values of angle, radius, height."""
-
-    @property
-    def turns_deg(self) -> str:
-        """Of rx, ry, rz."""
-
-    @property
-    def target_poses(self) -> int:
-        """In all sub-spaces together."""
-
-    @property
-    def further(self) -> float:
-        """Share of rule 2."""
-
-    @property
-    def target_rule(self) -> TargetRule:
-        """Of rule 3."""
-
-    @property
-    def attitude(self) -> AttitudeReading:
-        """Convention of attitude."""
-
-    @property
-    def tool_abc_deg(self) -> str:
-        """Of the measured point at angle 0."""
-
-    @property
-    def posture_deg(self) -> str | None:
-        """Of the branch."""
-
-    @property
-    def seed(self) -> int:
-        """Of everything drawn."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,7 +83,7 @@ class PlannedHierarchy:
         yield Note(f"every region sampled like the source would take {plan.complete} poses")
 
 
-def write_hierarchy(request: HierarchyOptions, cell: Cell, context: Context) -> PlannedHierarchy:
+def write_hierarchy(request: PlanRequest, cell: Cell, context: Context) -> PlannedHierarchy:
     """Returns the plan, its poses written to the table of the source and one beside it.
 
     Raises:

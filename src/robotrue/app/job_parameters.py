@@ -20,14 +20,15 @@ from robotrue.app.job_files import (
     require_result_name,
     result_name,
 )
-from robotrue.app.job_naming import NAMED, Naming
 from robotrue.app.operation import AnyOperation
 from robotrue.app.registry import job_operations
 from robotrue.app.request import (
     JOB,
+    NAMED,
     InputFile,
     Item,
     ItemVersion,
+    Naming,
     Option,
     Output,
     Request,

@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 
-from robotrue.app.job_files import BLOCKS
+from robotrue.app.job_files import BLOCKS, VALUES
 from robotrue.app.job_parameters import stated_parameters
-from robotrue.app.job_places import JobInputs, JobPlaces, hide_folder, plain_block
-from robotrue.app.kept_context import KeptContext
-from robotrue.app.kept_result import keep_result
-from robotrue.app.operation import AnyOperation
+from robotrue.app.job_places import (
+    JobInputs,
+    JobPlaces,
+    KeptContext,
+    hide_folder,
+    hide_in_values,
+    plain_block,
+    without_folder,
+)
+from robotrue.app.operation import AnyOperation, Result
 from robotrue.app.presentation import Note
 from robotrue.app.registry import job_operation
 from robotrue.app.workspace_context import WorkspaceContext
+from robotrue.core.json_values import json_values
+from robotrue.core.provenance import marked_document
 from robotrue.store.jobs_work import Publish, Work
 from robotrue.store.workspace import Transaction
 
@@ -37,7 +47,7 @@ def _run(operation: AnyOperation, work: Work) -> Publish:
         request = stated_parameters(operation, work.parameters, places).request
         places.link_items(request)
         found = operation.run(request, kept)
-        return lambda into: keep_result(found, into, kept, places)
+        return lambda into: _keep_result(found, into, kept, places)
     context = WorkspaceContext(work, naming)
     stated = stated_parameters(operation, work.parameters, JobInputs(context))
     result = operation.run(stated.request, context)
@@ -52,3 +62,47 @@ def _run(operation: AnyOperation, work: Work) -> Publish:
         return {**saved, BLOCKS: tables} if tables else saved
 
     return publish
+
+
+def _keep_result(
+    result: Result, into: Transaction, context: WorkspaceContext, places: JobPlaces
+) -> Mapping[str, object]:
+    """Leaves a document of the kind of the job; returns the result of the job.
+
+    Its files are those that were written and the JSON values of the result; what a terminal would
+    show is in its detail, for the page of the result.
+    """
+    job, folder = context.work.job, context.work.folder
+    values, origin = result.document() or {}, result.provenance
+    marked = dict(values) if "simulated" in values else marked_document(values, origin)
+    files = places.results()
+    written = _write_values(marked, job.kind, folder, files)
+    detail = {
+        "simulated": bool(marked.get("simulated", False)),
+        "provenance": None if origin is None else origin.to_document(),
+        VALUES: written.name,
+        BLOCKS: [plain_block(each, folder) for each in result.blocks()],
+        "remarks": [without_folder(each, folder) for each in context.work.remarks],
+    }
+    return context.leave_document(
+        into,
+        job.kind.replace("_", " "),
+        next(iter(places.subjects), "no input"),
+        [*files, written],
+        list(dict.fromkeys(places.links)),
+        json_values(detail),
+    )
+
+
+def _write_values(
+    values: Mapping[str, object], kind: str, folder: Path, beside: Sequence[Path]
+) -> Path:
+    """The file of the JSON values, by a name that none beside it has."""
+    taken = {path.name for path in beside}
+    name = f"{kind}.json"
+    while name in taken:
+        name = f"_{name}"
+    path = folder / name
+    plain = hide_in_values(json_values(values), folder)
+    path.write_text(json.dumps(plain, indent=1, allow_nan=False) + "\n")
+    return path

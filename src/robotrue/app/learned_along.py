@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robotrue.app.pass_inputs import read_pass_joints
+from robotrue.app.dynamics_inputs import read_pass_joints
 from robotrue.app.presentation import Facts, count
 from robotrue.core.arrays import Array
 from robotrue.core.provenance import Provenance, merge

@@ -46,16 +46,18 @@ class Operation(Generic[Q, R]):
 
     Attributes:
         request: Type of what is asked.
+        help: One line; empty where the first line of its file says it.
         run: Does it; the same on files and in a workspace.
         save: Writes its result into a workspace, with the transaction that ends the job, and
             returns the job's result; None: the result is kept as a document with the files it
-            wrote, see :func:`robotrue.app.kept_result.keep_result`.
+            wrote, as :mod:`robotrue.app.job_runner` does.
         has_document: Whether the command has ``--json``: a run without a result has none.
         is_service: Whether a run goes on until it is stopped; no job does.
     """
 
     request: type[Q]
     run: Callable[[Q, Context], R]
+    help: str = ""
     save: Callable[[Q, R, Transaction, WorkspaceContext], Mapping[str, object]] | None = None
     has_document: bool = True
     is_service: bool = False

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
-from typing import Final, TypeVar
+from typing import Final
 
 from robotrue.errors import ConfigurationError
 
@@ -39,7 +39,6 @@ FORMATS: Final[Mapping[str, str]] = MappingProxyType(
     {suffix: named for named, suffixes in _NAMED.items() for suffix in suffixes.split()}
 )
 """What a file of each suffix holds."""
-_Given = TypeVar("_Given", Path, list[Path], Path | None)
 
 
 def require_suffix(output: Path, what: str, suffixes: Sequence[str], *, only: bool = False) -> None:
@@ -96,28 +95,3 @@ def check_output(output: Path, sources: Sequence[Path], *, folder: bool = False)
                 source=output,
                 hint="another name after -o.",
             )
-
-
-def writes(what: str, *suffixes: str, only: bool = False) -> Callable[[_Given], _Given]:
-    """Returns the callback of an option that names files to write: :func:`require_suffix`."""
-
-    def check_given(given: _Given) -> _Given:
-        for output in _each(given):
-            require_suffix(output, what, suffixes, only=only)
-        return given
-
-    return check_given
-
-
-def _each(given: Path | list[Path] | None) -> Iterable[Path]:
-    return given if isinstance(given, list) else [] if given is None else [given]
-
-
-CSV: Final = writes("a CSV table", ".csv")
-PAGE: Final = writes("a page", ".html", ".htm")
-MODEL: Final = writes("a robotrue file", ".robotrue")
-KRL: Final = writes("a KRL program", ".src", only=True)
-PNG: Final = writes("a picture", ".png")
-CELL: Final = writes("a cell", ".toml")
-URDF: Final = writes("a robot description", ".urdf", ".xml")
-FORCE: Final = writes("a force table", ".csv", ".toml")

@@ -1,9 +1,13 @@
-"""What a result shows: facts, tables and notes, as values that every shell sets in its own way."""
+"""Results of an operation, and what they show: facts, tables and notes as values."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from datetime import datetime
 from typing import TypeAlias
+
+from robotrue.core.provenance import Provenance
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,3 +77,31 @@ class LiveView:
 def count(number: int, noun: str) -> str:
     """Returns e.g. ``"1 file"`` or ``"2 files"``."""
     return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def time_text(time: datetime | None) -> str:
+    """Returns a time in the zone of this computer; empty for none."""
+    return "" if time is None else f"{time.astimezone():%Y-%m-%d %H:%M:%S}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlainResult:
+    """JSON values and the blocks that show them.
+
+    Attributes:
+        values: Of ``--json``, units in the names.
+        shown: What a terminal or a page shows instead.
+        provenance: Of the data it rests on; None if it rests on none.
+    """
+
+    values: Mapping[str, object] = field(default_factory=dict)
+    shown: tuple[Block, ...] = ()
+    provenance: Provenance | None = None
+
+    def document(self) -> Mapping[str, object]:
+        """Returns JSON values."""
+        return self.values
+
+    def blocks(self) -> Iterable[Block]:
+        """Returns what is shown instead of the document."""
+        return self.shown

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import os
+from functools import partial
 from pathlib import Path
 
 from robotrue.calibration.lineage import identity_of, provenance_of
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.nominal import NominalModel
 from robotrue.cell.cell import Cell, overlay_cell
-from robotrue.cell.config import read_cell
-from robotrue.cell.part import PartTable
-from robotrue.core.files import read_bytes
+from robotrue.cell.cell_text import cell_text
+from robotrue.cell.config import parse_cell, read_cell
+from robotrue.cell.part import PartTable, part_tables
+from robotrue.cell.toml_edit import rename_files, with_part, with_table, without_part
+from robotrue.core.arrays import Array
+from robotrue.core.files import read_bytes, write_atomic
 from robotrue.core.model_identity import require_same_model
 from robotrue.core.provenance import Provenance, merge
+from robotrue.core.rotations import abc_from_matrix
+from robotrue.core.units import DEG, MM
 from robotrue.errors import ArchiveError, ConfigurationError, ModelMismatchError
 from robotrue.store.model_file import ZIP, read_model
 
@@ -111,3 +118,56 @@ def _cell_and_model(path: Path) -> tuple[Cell, ErrorModel | None]:
             line=cause.line,
             hint="a model file is what `robotrue calibrate ... -o` writes.",
         ) from cause
+
+
+def model_file_of(cell: Cell, source: Path) -> Path | None:
+    """Returns the model file that was given, itself or by a registered cell; None: nominal."""
+    if read_bytes(source).startswith(ZIP):
+        return source
+    if cell.part is None or cell.part.identity.kind == "nominal":
+        return None
+    return source.parent / cell.part.model_file
+
+
+def relative_name(path: Path, output: Path) -> str:
+    """Returns a path as the file that is written names it."""
+    return Path(os.path.relpath(path.resolve(), output.parent.resolve())).as_posix()
+
+
+def registered_cell(cell: Cell, source: Path, table: PartTable, output: Path) -> bytes:
+    """Returns the registered cell, read back before anything is written."""
+    if not read_bytes(source).startswith(ZIP):
+        text = rename_files(cell.text, partial(_move_path, source=source, output=output))
+    elif cell.text and not cell.files:
+        text = cell.text
+    else:  # the files that it names are in the model file, not beside the output
+        text = cell_text(cell)
+    data = with_part(text, part_tables(table)).encode()
+    parse_cell(data, output)
+    return data
+
+
+def _move_path(name: str, source: Path, output: Path) -> str:
+    """A path that one cell file names, as another names it."""
+    path = (source.parent / name).resolve()
+    if Path(name).is_absolute() or source.parent.resolve() == output.parent.resolve():
+        return str(name)
+    return Path(os.path.relpath(path, output.parent.resolve())).as_posix()
+
+
+def write_tool(cell: Cell, source: Path, T_flange_tool: Array, output: Path) -> None:
+    """Writes the cell with another ``[tool]``, read back before anything is written.
+
+    Part frames go: they were touched with another tip.
+
+    Raises:
+        ConfigurationError: The text that would be written is no cell.
+    """
+    text = cell.text if cell.text and not read_bytes(source).startswith(ZIP) else cell_text(cell)
+    table = {
+        "xyz_mm": [round(float(v), 6) for v in T_flange_tool[:3, 3] / MM],
+        "abc_deg": [round(float(v), 8) for v in abc_from_matrix(T_flange_tool[:3, :3]) / DEG],
+    }
+    data = with_table(without_part(text), "tool", table).encode()
+    parse_cell(data, output)
+    write_atomic(output, data)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Final, Literal, TypedDict
+from typing import Final, Literal
 
 import numpy as np
 
@@ -16,26 +16,6 @@ from robotrue.validation.registered_part import FoundFrame, RegisteredPart
 
 SHOWN: Final = 40
 """Touches in the printed table."""
-
-
-class PartDocument(TypedDict):
-    """A registered part as JSON values."""
-
-    part: str
-    xyz_mm: list[float]
-    abc_deg: list[float]
-    residual_mm: dict[str, float]
-    rms_mm: float
-    outliers: list[str]
-    covariance: list[list[float]]
-    verdict: str
-    reasons: list[str]
-    doubts: list[str]
-    touches: int
-    sigma_mm: float
-    misfit: float
-    with_arm: bool
-    machined_95_mm: dict[str, float]
 
 
 def registration_document(found: RegisteredPart) -> dict[str, object]:
@@ -52,7 +32,9 @@ def registration_document(found: RegisteredPart) -> dict[str, object]:
 
     def list_lines(key: Literal["reasons", "doubts"]) -> list[str]:
         return [
-            f"{part['part']}: {line}" if several else line for part in parts for line in part[key]
+            f"{frame.name}: {line}" if several else line
+            for frame in found.frames
+            for line in getattr(frame, key)
         ]
 
     return {
@@ -105,7 +87,7 @@ def _names(found: RegisteredPart) -> list[str]:
     return [name if alone else f"{part}/{name}" for part, name in pairs]
 
 
-def _part_document(frame: FoundFrame) -> PartDocument:
+def _part_document(frame: FoundFrame) -> dict[str, object]:
     fit = frame.registration
     T = fit.T_base_part
     return {

@@ -1,11 +1,13 @@
-"""The operations there are: the files of ``operations``, known by name and first line.
+"""The operations there are: those of the files of ``operations``, known by name and help.
 
 Listing them imports none, so that ``robotrue --help`` answers at once.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from ast import literal_eval
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
@@ -34,11 +36,15 @@ GROUPS: Final[Mapping[str, str]] = {
 }
 """Commands of commands in their order, with their help; a ``*_commands`` file makes those without.
 
-The file of ``report calibration`` is ``report_calibration.py``. A file named as its group has no
-command: ``report.py`` is the kind of job.
+``report calibration`` is the operation ``report_calibration``. One that is named as its group has
+no command: ``report`` is a kind of job.
 """
 OF_THE_WORKSPACE: Final = ("workspace", "jobs")
 """Groups of what is done to a workspace itself."""
+_ALONE: Final = "OPERATION"
+"""The constant of an operation whose file has its name, and its help as first line."""
+_DECLARED: Final = re.compile(r'\n([A-Z_]+): Final = Operation\(\s*help=((?:"[^"]*"\s*)+),')
+"""The constant of an operation, named as it in capitals, and its help, in a file of several."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,12 +52,16 @@ class Listing:
     """An operation that is not imported yet.
 
     Attributes:
-        name: Of its file; also of its kind of job.
-        help: First line of its file.
+        name: Of its command with the group; also of its kind of job.
+        help: One line.
+        module: File that declares it.
+        constant: Its name there.
     """
 
     name: str
     help: str
+    module: str = ""
+    constant: str = _ALONE
 
     @property
     def group(self) -> str:
@@ -73,13 +83,19 @@ class Listing:
 @cache
 def listings() -> tuple[Listing, ...]:
     """Returns all operations by name."""
-    files = sorted(path for path in FOLDER.glob("*.py") if path.stem != "__init__")
-    return tuple(Listing(name=path.stem, help=_first_line(path)) for path in files)
+    files = [path for path in FOLDER.glob("*.py") if path.stem != "__init__"]
+    found = (listing for path in files for listing in _read_declarations(path))
+    return tuple(sorted(found, key=lambda each: each.name))
 
 
-def _first_line(path: Path) -> str:
-    with path.open(encoding="utf-8") as lines:
-        return lines.readline().strip().strip('"')
+def _read_declarations(path: Path) -> Iterator[Listing]:
+    """The operations that a file declares."""
+    text = path.read_text(encoding="utf-8")
+    if f"\n{_ALONE}: " in text:
+        yield Listing(name=path.stem, help=text.partition("\n")[0].strip('"'), module=path.stem)
+    for name, help in _DECLARED.findall(text):
+        words = literal_eval(f"({help})")
+        yield Listing(name=name.lower(), help=words, module=path.stem, constant=name)
 
 
 @cache
@@ -89,10 +105,12 @@ def operation_of(name: str) -> AnyOperation:
     Raises:
         ConfigurationError: There is none of that name.
     """
-    if name not in {each.name for each in listings()}:
+    listing = next((each for each in listings() if each.name == name), None)
+    if listing is None:
         known = ", ".join(each.name for each in listings())
         raise ConfigurationError(f"no operation is {name!r}; there are {known}.")
-    operation: AnyOperation = import_module(f"{PACKAGE}.{name}").OPERATION
+    module = import_module(f"{PACKAGE}.{listing.module}")
+    operation: AnyOperation = getattr(module, listing.constant)
     return operation
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 from robotrue.app.context import Context
 from robotrue.app.outputs import check_output
-from robotrue.app.plain_result import WrittenFiles
+from robotrue.app.presentation import PlainResult
 from robotrue.app.request import Option, Output, Request, input_paths
 from robotrue.core.provenance import Provenance
 from robotrue.errors import ConfigurationError
@@ -85,14 +85,15 @@ def check_report_request(
     return language(lang)
 
 
-def write_draft(draft: ReportDraft, outputs: Sequence[Path], context: Context) -> WrittenFiles:
+def write_draft(draft: ReportDraft, outputs: Sequence[Path], context: Context) -> PlainResult:
     """Writes a report and says so."""
     from robotrue.report.report_files import write_reports
 
     files = [context.output(path) for path in outputs]
     written = write_reports(files, draft.content, draft.xml)
     context.inform(f"report written to {', '.join(str(path) for path in written)}")
-    return WrittenFiles(written=tuple(written), numbers=draft.numbers, provenance=draft.provenance)
+    values = {"written": [str(path) for path in written], **draft.numbers}
+    return PlainResult(values=values, provenance=draft.provenance)
 
 
 def draft_verdict(content: ReportContent, **numbers: object) -> ReportDraft:

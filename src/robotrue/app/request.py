@@ -17,7 +17,7 @@ from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Final, Literal, TypeAlias, Union, get_args, get_origin
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 from pydantic.fields import FieldInfo
 
 from robotrue.errors import ConfigurationError
@@ -58,6 +58,19 @@ class Request(BaseModel):
     """What is asked of one operation; its fields are described in the module's docstring."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+
+class Naming(BaseModel):
+    """What every job may be given for what it leaves."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+    name: Annotated[str | None, Field(description="Name of what the job leaves.")] = None
+    note: Annotated[str, Field(description="Note on what the job leaves.")] = ""
+
+
+NAMED: Final = tuple(Naming.model_fields)
+"""Parameters of every job."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

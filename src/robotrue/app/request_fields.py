@@ -103,3 +103,62 @@ PartTolerance: TypeAlias = Annotated[
 ]
 AT_TARGET: Final = "target"
 """The measured point, not the tool of programs."""
+HERE: Final = Path()
+WorkspaceFolder: TypeAlias = Annotated[
+    Path,
+    Option(
+        names=("--workspace", "-w"),
+        variable="ROBOTRUE_WORKSPACE",
+        help="Folder of the workspace; its database is in it, or where ROBOTRUE_DB says.",
+    ),
+]
+
+
+DrillModel: TypeAlias = Annotated[
+    Reference, Item(noun="document", argument="MODEL", help="Model file of `drill fit`.")
+]
+FootModelOutput: TypeAlias = Annotated[
+    Path, model_output(saved_as="drill.robotrue", help="Model file to write.")
+]
+ZeroFoot: TypeAlias = Annotated[
+    Path | None,
+    InputFile(shells=NOT_IN_FORMS, help="Foot file, where the readings are not less their zero."),
+]
+ReferenceSigma: TypeAlias = Annotated[
+    float, Option(help="Standard deviation of that reference in deg.")
+]
+CarryingRobot: TypeAlias = Annotated[
+    Path | None, InputFile(help="A robot carries the foot: its calibrated model.")
+]
+FootAngles: TypeAlias = Annotated[
+    str, Option(help="With --robot: A,B,C of the foot in the tool; default z against z.")
+]
+
+
+DIRECTION: Final = "0,-1,0"
+
+BETWEEN: Final = "auto"
+WAYS_BETWEEN: Final = (BETWEEN, "lines", "modes")
+
+Between: TypeAlias = Annotated[
+    str,
+    Option(help="Between the lines: auto (what rebuilds them best), lines or modes."),
+]
+StaticTest: TypeAlias = Annotated[
+    str | None,
+    Option(
+        names=("--static-um-per-n",),
+        help="Static load test: xx=1.1,yy=0.9,yx=0.1 (response first).",
+    ),
+]
+WindowsFile: TypeAlias = Annotated[
+    Path, InputFile(argument="WINDOWS", help="Measured windows (CSV).")
+]
+Direction: TypeAlias = Annotated[
+    str,
+    Option(help="Base direction in which the error counts positive; write --direction=X,Y,Z."),
+]
+PredictedWith: TypeAlias = Annotated[
+    Path | None,
+    InputFile(help="Response the windows were predicted with, axes of base."),
+]

@@ -13,8 +13,7 @@ from collections.abc import Awaitable, Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Final, TypeAlias, TypeVar, cast
 
 from robotrue.app.context import Context
-from robotrue.app.plain_result import PlainResult
-from robotrue.app.presentation import Facts
+from robotrue.app.presentation import Facts, PlainResult
 from robotrue.app.request import Option
 from robotrue.errors import ConfigurationError
 from robotrue.simulation.device_defaults import LOCAL_HOST

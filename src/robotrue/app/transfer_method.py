@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 from robotrue.app.context import Context
 from robotrue.app.presentation import Block, Facts, Table
+from robotrue.app.transfer_request import TransferRequest
 from robotrue.calibration.deng2022.data_domains import domains_of_rows
 from robotrue.calibration.deng2022.readings import (
     BOOSTING,
     LITERAL_BOOSTING,
-    AttitudeReading,
-    Boosting,
     DengReadings,
     changed_readings,
     parse_readings,
@@ -33,40 +31,8 @@ from robotrue.validation.requested_transfer import METHOD, deng2022_contestants
 from robotrue.validation.source_check import check_rows
 
 
-class PaperOptions(Protocol):
-    """What of a request the paper's method needs; attributes as in ``TransferRequest``."""
-
-    @property
-    def sub_spaces(self) -> int | None:
-        """How many; None: all that fit."""
-
-    @property
-    def source_region(self) -> str | None:
-        """As written."""
-
-    @property
-    def target_region(self) -> str | None:
-        """As written."""
-
-    @property
-    def attitude(self) -> AttitudeReading:
-        """Convention of attitude."""
-
-    @property
-    def rounds(self) -> int:
-        """Of boosting, at most."""
-
-    @property
-    def boosting(self) -> Boosting:
-        """Of eq. 19, 22 and 24."""
-
-    @property
-    def reading(self) -> tuple[str, ...]:
-        """NAME=VALUE each."""
-
-
 def paper_contestants(
-    request: PaperOptions,
+    request: TransferRequest,
     robot: RobotModel,
     target: MeasurementSet | None,
     sources: Sequence[TransferSource],
@@ -113,7 +79,7 @@ def paper_contestants(
     )
 
 
-def stated_readings(request: PaperOptions) -> DengReadings:
+def stated_readings(request: TransferRequest) -> DengReadings:
     """Returns how the equations are to be read; ``--reading`` goes over the other options."""
     printed = {} if request.boosting == BOOSTING else LITERAL_BOOSTING
     return parse_readings(

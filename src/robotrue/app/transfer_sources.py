@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Protocol
+from typing import TYPE_CHECKING, Final
 
 from robotrue.app.context import Context
+from robotrue.app.presentation import count
 from robotrue.app.request import Reference
+from robotrue.app.transfer_request import TransferRequest
 from robotrue.calibration.drift_prior import RELATIONS, Relation
 from robotrue.calibration.sources import TransferSource
 from robotrue.cell.cell import Cell
@@ -28,34 +30,6 @@ MODEL: Final = "model"
 
 UPDATE: Final[Relation] = "campaign"
 """How a model stands to poses that bring it up to date: the same arm, another time."""
-
-
-class KnownFields(Protocol):
-    """What of a request says what is known; attributes as in ``TransferRequest``."""
-
-    @property
-    def source(self) -> tuple[str, ...]:
-        """``NAME=FILE[,relation]`` of a command."""
-
-    @property
-    def fleet(self) -> tuple[Path, ...]:
-        """Models of other arms of the type, or folders of them."""
-
-    @property
-    def model(self) -> Reference | None:
-        """To bring up to date."""
-
-    @property
-    def from_region(self) -> tuple[Reference, ...]:
-        """Known of another region."""
-
-    @property
-    def from_campaign(self) -> tuple[Reference, ...]:
-        """Known of another time."""
-
-    @property
-    def from_unit(self) -> tuple[Reference, ...]:
-        """Known of another arm."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,7 +62,7 @@ class KnownSource:
         return read_bytes(self.path).startswith(ZIP) and not workbook
 
 
-def known_sources(request: KnownFields, context: Context) -> list[KnownSource]:
+def known_sources(request: TransferRequest, context: Context) -> list[KnownSource]:
     """Returns what is known: the sources of a command, or the model and the items of a job.
 
     Raises:
@@ -228,8 +202,3 @@ def read_target(
     joined = concatenate(sets)
     context.inform(f"target: {count(len(joined), 'pose')} from {count(len(sets), 'file')}")
     return joined
-
-
-def count(number: int, noun: str) -> str:
-    """Returns e.g. ``"1 file"`` or ``"2 files"``."""
-    return f"{number} {noun}{'' if number == 1 else 's'}"

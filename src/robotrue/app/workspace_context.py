@@ -7,12 +7,10 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TypeVar, cast
 
-from robotrue.app.context import Context, OpenedInputs
-from robotrue.app.job_naming import Naming
+from robotrue.app.context import Context, Shell
 from robotrue.app.measured_rows import join_rows, read_rows, require_mapped
 from robotrue.app.reporting import Message
-from robotrue.app.request import ItemVersion, Reference
-from robotrue.app.shell import Shell
+from robotrue.app.request import ItemVersion, Naming, Reference
 from robotrue.calibration.lineage import data_hash
 from robotrue.cell.cell import Cell
 from robotrue.errors import ConfigurationError
@@ -40,7 +38,7 @@ from robotrue.store.workspace import Transaction
 R = TypeVar("R", bound=ItemRecord)
 
 
-class WorkspaceContext(OpenedInputs):
+class WorkspaceContext(Context):
     """The :class:`robotrue.app.context.Context` of a job.
 
     Attributes:

@@ -1,9 +1,8 @@
-"""The application every command registers with, and arguments that many of them share."""
+"""The application every command registers with, and the option that most of them share."""
 
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -20,7 +19,6 @@ app = typer.Typer(
 )
 
 Json = Annotated[bool, typer.Option("--json", help="Machine-readable result on stdout.")]
-CellFile = Annotated[Path, typer.Argument(metavar="CELL", help="cell.toml")]
 
 
 def _version(value: bool) -> None:

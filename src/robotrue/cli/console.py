@@ -13,7 +13,6 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeEl
 from rich.table import Table
 from rich.text import Text
 
-from robotrue.app.presentation import count as count
 from robotrue.core.json_values import json_values
 from robotrue.core.provenance import (
     Provenance,

@@ -8,7 +8,7 @@ from functools import cached_property
 from importlib.util import find_spec
 from inspect import Parameter, Signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final, TypeAlias
 
 import typer
 from typer.core import TyperGroup
@@ -19,9 +19,10 @@ from robotrue.cli.app import Json
 from robotrue.errors import ConfigurationError, MissingExtraError
 
 if TYPE_CHECKING:
-    from robotrue.app.request import Request, RequestField
+    from robotrue.app.request import Output, Request, RequestField
 
 AS_JSON: Final = "json"
+Names: TypeAlias = Path | list[Path] | None
 
 
 class GeneratedCommand:
@@ -75,7 +76,6 @@ def _read_values(request: type[Request], values: Mapping[str, object]) -> dict[s
 
 
 def _parameter(field: RequestField) -> Parameter:
-    from robotrue.app.outputs import writes
     from robotrue.app.request import CLI, Item, Output
 
     entry = field.entry
@@ -88,7 +88,7 @@ def _parameter(field: RequestField) -> Parameter:
         kind = kind | None
     callback = None
     if isinstance(entry, Output) and entry.suffixes:
-        callback = writes(entry.what, *entry.suffixes, only=entry.only)
+        callback = _check_names(entry)
     if entry.argument:
         presented: object = typer.Argument(
             metavar=entry.argument, help=entry.help, callback=callback
@@ -109,6 +109,18 @@ def _parameter(field: RequestField) -> Parameter:
     return Parameter(
         field.name, Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[kind, presented]
     )
+
+
+def _check_names(entry: Output) -> Callable[[Names], Names]:
+    """The callback that refuses names of files to write that say another format."""
+    from robotrue.app.outputs import require_suffix
+
+    def check(given: Names) -> Names:
+        for output in given if isinstance(given, list) else [] if given is None else [given]:
+            require_suffix(output, entry.what, entry.suffixes, only=entry.only)
+        return given
+
+    return check
 
 
 def _blank(field: RequestField) -> object:

@@ -1,14 +1,17 @@
-"""Signature of ``robotrue serve``."""
+"""``robotrue serve``: the workbench in a browser."""
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
+from types import ModuleType
 from typing import Annotated, TypeAlias
 
 import typer
 
 from robotrue.app.serve_defaults import HOST, PORT
 from robotrue.cli.app import app
+from robotrue.errors import ConfigurationError, MissingExtraError
 
 HostNames: TypeAlias = Annotated[
     list[str] | None, typer.Option("--name", help="Host name it is reached by; may be repeated.")
@@ -49,19 +52,57 @@ def serve(
     open_browser: Annotated[bool, typer.Option("--open", help="Open a browser.")] = False,
 ) -> None:
     """Open the workbench: cell, measurements, calibration and programs in a browser."""
-    from robotrue.cli.serve import run
+    from robotrue.app.job_kinds import LazyJobKinds
+    from robotrue.cli.console import say
 
-    run(
-        workspace,
+    server, made = _server()
+    settings = made.ServeSettings(
+        workspace=workspace,
         host=host,
         port=port,
-        password_env=password_env,
-        token_env=token_env,
+        password=_secret("--password-env", password_env),
+        token=_secret("--token-env", token_env),
         names=tuple(name or ()),
         certificate=tls_cert,
         key=tls_key,
         sense=tuple(sense or ()),
-        upload_mb=upload_mb,
-        upload_total_mb=upload_total_mb,
-        open_browser=open_browser,
+        upload_limit=upload_mb * made.MB,
+        upload_total=(upload_total_mb or 0) * made.MB,
+        kinds=LazyJobKinds(),
     )
+
+    def ready(address: str) -> None:
+        say(f"workbench of {workspace} at {address} (Ctrl-C ends it)")
+        if open_browser:
+            import webbrowser
+
+            webbrowser.open(address)
+
+    server.serve(settings, ready=ready)
+
+
+def _server() -> tuple[ModuleType, ModuleType]:
+    """The server and its settings."""
+    try:
+        from robotrue.web import serve_settings, server
+    except ModuleNotFoundError as cause:
+        if (cause.name or "").startswith("robotrue"):
+            raise
+        raise MissingExtraError(
+            f"the workbench needs {cause.name}, which is not installed.",
+            hint='pip install "robotrue[web]"',
+        ) from cause
+    return server, serve_settings
+
+
+def _secret(option: str, variable: str | None) -> str:
+    """What an environment variable holds: a secret on the command line stands in every ps."""
+    if variable is None:
+        return ""
+    held = os.environ.get(variable, "")
+    if not held:
+        raise ConfigurationError(
+            f"{option} {variable}, but that variable is not set or empty.",
+            hint=f"export {variable}=...",
+        )
+    return held

@@ -7,11 +7,11 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 
+from robotrue.app.context import Shell
 from robotrue.app.operation import AnyOperation, Result
 from robotrue.app.presentation import Block, Facts, LiveView, Table, Text
 from robotrue.app.reporting import Message
 from robotrue.app.request import Request
-from robotrue.app.shell import Shell
 from robotrue.cli.console import emit_facts, emit_json, emit_table, progress, say, say_mark
 from robotrue.core.progress import Progress
 from robotrue.core.provenance import Provenance

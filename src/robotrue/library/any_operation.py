@@ -91,8 +91,7 @@ class OperationResult(Presented):
             raise ConfigurationError(f"{self.operation} has no numbers to draw.", hint=".summary()")
         labels = [str(each) for each in table.iloc[:, 0]]
         drawings = [draw_bars(labels, numbers[name].to_numpy(), str(name)) for name in numbers]
-        mark = "SIMULATED: " if self.simulated else ""
-        return make_picture(drawings, title=f"{mark}{self.operation}")
+        return make_picture(drawings, title=f"{self._mark}{self.operation}")
 
     def _describe(self) -> str:
         return f"result of {self.operation}"

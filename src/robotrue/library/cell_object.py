@@ -60,9 +60,9 @@ class RobotCell(Presented):
 
     def blocks(self) -> Iterable[Block]:
         """Returns what was understood of the cell."""
-        from robotrue.app.file_contents import cell_document, document_blocks
+        from robotrue.app.file_contents import cell_blocks
 
-        yield from document_blocks(Path(self.cell.source).name or "cell", cell_document(self.cell))
+        yield from cell_blocks(Path(self.cell.source).name or "cell", self.cell)
 
     def to_dataframe(self) -> pd.DataFrame:
         """Returns the geometry of the arm, one row per joint: deg, mm."""

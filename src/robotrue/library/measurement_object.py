@@ -109,7 +109,7 @@ class Measurements(Presented):
             ax.set_xlabel("joint")
             ax.set_ylabel("angle in deg")
 
-        title = f"{'SIMULATED: ' if self.simulated else ''}{len(self)} measured poses"
+        title = f"{self._mark}{len(self)} measured poses"
         places = draw_places(self.rows.position, self.rows.frame)
         return make_picture([places, Drawing(draw=draw, height=2.6)], title=title)
 

@@ -187,8 +187,7 @@ class Model(Presented):
             )
             for unit, rows in table.groupby("unit", sort=False)
         ]  # fmt: skip
-        mark = "SIMULATED: " if self.simulated else ""
-        return make_picture(drawings, title=f"{mark}identified errors of {self.cell.robot}")
+        return make_picture(drawings, title=f"{self._mark}identified errors of {self.cell.robot}")
 
     def _describe(self) -> str:
         summary = self.training

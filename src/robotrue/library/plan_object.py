@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Unpack
 import numpy as np
 import numpy.typing as npt
 
-from robotrue.app.operations.plan import OF_HIERARCHY, Planned
+from robotrue.app.operations.plan import Planned
+from robotrue.app.plan_request import OF_HIERARCHY
 from robotrue.app.presentation import Block
 from robotrue.app.reporting import Message
 from robotrue.core.files import write_atomic
@@ -83,7 +84,7 @@ class PosesToMeasure(Presented):
 
     def plot(self) -> Picture:
         """Returns the expected error against the number of poses, and the places of the poses."""
-        from robotrue.app.plan_page import draw_accuracy_curve
+        from robotrue.app.report_pages import draw_accuracy_curve
         from robotrue.library.pictures import draw_places, make_picture
         from robotrue.report.words import ENGLISH
 

@@ -96,8 +96,9 @@ class PredictedErrors(Presented):
         from robotrue.library.pictures import draw_arrows, make_picture
 
         drawing = draw_arrows(self.commanded_mm * MM, self.result.prediction.error, "base")
-        mark = "SIMULATED: " if self.simulated else ""
-        return make_picture([drawing], title=f"{mark}predicted errors of {self.model.robot.name}")
+        return make_picture(
+            [drawing], title=f"{self._mark}predicted errors of {self.model.robot.name}"
+        )
 
     def _describe(self) -> str:
         return (

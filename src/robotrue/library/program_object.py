@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Final, TypeAlias, Unpack
 
 import numpy as np
 
-from robotrue.app.operations.compensate import CompensatedProgram
 from robotrue.app.operations.diff import COLUMNS, ProgramDifference
-from robotrue.app.presentation import Block
+from robotrue.app.presentation import Block, PlainResult
 from robotrue.app.reporting import Message
 from robotrue.core.arrays import Array
 from robotrue.core.files import write_atomic
@@ -150,7 +149,7 @@ class RewrittenProgram(Presented):
     files: Mapping[str, bytes]
     cell: CellSource | None
     options: Mapping[str, object]
-    result: CompensatedProgram
+    result: PlainResult
     messages: tuple[Message, ...]
 
     @property
@@ -159,7 +158,7 @@ class RewrittenProgram(Presented):
         return next(iter(self.files.values())).decode("latin-1")
 
     @property
-    def provenance(self) -> Provenance:
+    def provenance(self) -> Provenance | None:
         """Of the model and the part frame."""
         return self.result.provenance
 
@@ -237,11 +236,12 @@ class RewrittenProgram(Presented):
             ax.set_ylabel("error in mm")
             ax.legend()
 
-        mark = "SIMULATED: " if self.simulated else ""
-        return make_picture([Drawing(draw=draw)], title=f"{mark}{self.before.name}, compensated")
+        return make_picture(
+            [Drawing(draw=draw)], title=f"{self._mark}{self.before.name}, compensated"
+        )
 
     def _describe(self) -> str:
-        counts = self.result.counts
+        counts = self.result.values
         return (
             f"compensated {self.before.name}: {counts['compensated']} of {counts['targets']} "
             "targets"
@@ -280,7 +280,7 @@ def compensate(
             "cell": None if cell is None else place_cell(context, cell),
             **options,
         }
-        call = call_operation(context, "compensate", CompensatedProgram, fields)
+        call = call_operation(context, "compensate", PlainResult, fields)
         names = sorted(place.iterdir(), key=lambda each: (each.name.endswith(SUFFIX), each.name))
         files = {each.name: each.read_bytes() for each in names}
     return RewrittenProgram(

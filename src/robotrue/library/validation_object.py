@@ -111,8 +111,7 @@ class Validation(Presented):
             block for section in content.sections for block in section.blocks
             if isinstance(block, Plot)
         ]  # fmt: skip
-        mark = "SIMULATED: " if self.simulated else ""
-        title = f"{mark}{report.robot}, {self.result.poses} poses"
+        title = f"{self._mark}{report.robot}, {self.result.poses} poses"
         return make_picture([plot.make_drawing(ENGLISH) for plot in plots], title=title)
 
     def _describe(self) -> str:

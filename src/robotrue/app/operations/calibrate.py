@@ -1,4 +1,4 @@
-"""Learn the robot's error from measured poses and write a model file."""
+"""Learn the error of a robot: from measured poses, or from lengths of draw wire and ball bar."""
 
 from __future__ import annotations
 
@@ -9,18 +9,27 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
-from robotrue.app.presentation import Block, Facts, Note
-from robotrue.app.request import ON_COMMAND_LINE, Item, Option, Reference, Request
-from robotrue.app.request_fields import CellFile, ForeignColumns, ModelOutput, SavedPage
+from robotrue.app.presentation import Block, Facts, Note, PlainResult, Table
+from robotrue.app.request import ON_COMMAND_LINE, InputFile, Item, Option, Reference, Request
+from robotrue.app.request_fields import (
+    CellFile,
+    ForeignColumns,
+    ModelOutput,
+    SavedPage,
+    model_output,
+)
 from robotrue.core.provenance import Provenance
+from robotrue.core.units import MM
 
 if TYPE_CHECKING:
     from robotrue.app.workspace_context import WorkspaceContext
+    from robotrue.calibration.calibrated_model import CalibratedModel
     from robotrue.calibration.model import ErrorModel
     from robotrue.cell.cell import Cell
     from robotrue.measurement.measurement_set import MeasurementSet
     from robotrue.store.workspace import Transaction
     from robotrue.validation.contest import Selection
+
 
 TITLE: Final = "Calibration, on its own poses"
 FIT_REMARK: Final = " (fit residuals; hold poses out and validate for the truth)"
@@ -112,11 +121,13 @@ def run(request: CalibrateRequest, context: Context) -> Calibrated:
     context.wrote("model", output)
     page = None
     if request.report is not None:
-        from robotrue.app.calibration_page import write_page
+        from robotrue.app.report_pages import write_calibration_page
 
         page = context.output(request.report)
         result = validate(model, rows, payload=cell.payload)
-        write_page(page, model, result, title=TITLE, measured=rows.provenance, selection=selection)
+        write_calibration_page(
+            page, model, result, title=TITLE, measured=rows.provenance, selection=selection
+        )
         context.wrote("report", page, FIT_REMARK)
     for line in _screened_lines(rows, model.training_summary().screened_rows):
         context.inform(line)
@@ -197,4 +208,89 @@ def save(
     }
 
 
-OPERATION: Final = Operation(request=CalibrateRequest, run=run, save=save)
+CALIBRATE: Final = Operation(
+    help="Learn the robot's error from measured poses and write a model file.",
+    request=CalibrateRequest,
+    run=run,
+    save=save,
+)
+
+
+class CalibrateLengthsRequest(Request):
+    """What to calibrate, and from which lengths."""
+
+    cell: CellFile
+    lengths: Annotated[
+        Path,
+        InputFile(
+            argument="LENGTHS",
+            help="CSV: j1_deg ..., length_mm, anchor with ax_mm, ay_mm, az_mm, or k1_deg ...",
+        ),
+    ]
+    output: Annotated[Path, model_output(help="Model file to write.")]
+    method: Annotated[
+        Literal["nominal", "geometric", "elastic"],
+        Option(help="nominal, geometric or elastic."),
+    ] = "elastic"
+    points: Annotated[
+        Path | None,
+        InputFile(help="Measured points beside the lengths: they know the base."),
+    ] = None
+
+
+def calibrate_from_lengths(request: CalibrateLengthsRequest, context: Context) -> PlainResult:
+    """Fits the model and writes it.
+
+    Raises:
+        ObservabilityError: Too few lengths for what is asked.
+    """
+    from robotrue.app.measured_rows import read_together
+    from robotrue.calibration.length_estimate import estimate_lengths, model_of_lengths
+    from robotrue.calibration.lineage import provenance_of
+    from robotrue.measurement.length_set import read_lengths
+    from robotrue.planning.information import settings_of
+    from robotrue.store.model_file import write_model
+
+    cell = context.cell(request.cell)
+    lengths = read_lengths(request.lengths)
+    points = None
+    if request.points is not None:  # a file in jobs, too
+        points = read_together(cell, [request.points], None, reporter=context)
+    settings = settings_of(cell)
+    context.step(request.method, 0, 1)
+    found = estimate_lengths(cell.measured_robot, lengths, settings, request.method, points)
+    model = model_of_lengths(found, settings, request.method)
+    output = context.output(request.output)
+    write_model(output, model, cell)
+    context.wrote("model", output)
+    names, summary = found.lengths.anchor_names, model.training_summary()
+    anchors = {n: (place / MM).tolist() for n, place in zip(names, found.anchors, strict=True)}
+    return PlainResult(
+        values={"model": str(output), **summary, "anchors_mm": anchors},
+        shown=tuple(_length_blocks(model, anchors)),
+        provenance=provenance_of(model),
+    )
+
+
+def _length_blocks(
+    model: CalibratedModel, anchors: Mapping[str, Sequence[float]]
+) -> Iterable[Block]:
+    """What was learned, where the anchors are, and what lengths do not show."""
+    from robotrue.report.model_view import remarks, result_facts
+
+    title = f"calibration of {model.robot.name} from lengths"
+    yield Facts(title=title, rows=tuple(result_facts(model.training_summary())))
+    if anchors:
+        yield Table(
+            title="anchors in base",
+            columns=("", "x mm", "y mm", "z mm"),
+            rows=tuple((name, *(f"{v:.3f}" for v in at)) for name, at in anchors.items()),
+        )
+    yield from map(Note, remarks(model))
+
+
+CALIBRATE_LENGTHS: Final = Operation(
+    help="Learn the robot's error from lengths: draw wire, ball bar, gauge bar.",
+    request=CalibrateLengthsRequest,
+    run=calibrate_from_lengths,
+)

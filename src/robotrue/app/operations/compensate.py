@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Final
 
 from robotrue.app.compensation_request import CompensateRequest
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
-from robotrue.app.presentation import Block
-from robotrue.core.provenance import Provenance, marked_document
+from robotrue.app.presentation import PlainResult
+from robotrue.core.provenance import marked_document
 
 if TYPE_CHECKING:
     from robotrue.app.workspace_context import WorkspaceContext
@@ -22,28 +21,7 @@ GONE: Final = ("output", "identity")
 """Paths in the folder of a job, which is gone when it is over."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CompensatedProgram:
-    """A compensated program.
-
-    Attributes:
-        counts: What became of its targets, JSON values; lengths and angles with their unit.
-        provenance: Of the model and the part frame.
-    """
-
-    counts: Mapping[str, object]
-    provenance: Provenance
-
-    def document(self) -> Mapping[str, object]:
-        """Returns JSON values."""
-        return self.counts
-
-    def blocks(self) -> Iterable[Block]:
-        """Returns nothing: what became of the targets was said file by file."""
-        return ()
-
-
-def run(request: CompensateRequest, context: Context) -> CompensatedProgram:
+def run(request: CompensateRequest, context: Context) -> PlainResult:
     """Writes the compensated program and says what became of each target.
 
     Raises:
@@ -54,12 +32,12 @@ def run(request: CompensateRequest, context: Context) -> CompensatedProgram:
     from robotrue.app.compensated_files import compensate_files
 
     counts, provenance = compensate_files(request, context)
-    return CompensatedProgram(counts=counts, provenance=provenance)
+    return PlainResult(values=counts, provenance=provenance)
 
 
 def save(
     request: CompensateRequest,
-    result: CompensatedProgram,
+    result: PlainResult,
     into: Transaction,
     context: WorkspaceContext,
 ) -> Mapping[str, object]:

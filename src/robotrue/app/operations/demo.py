@@ -7,8 +7,7 @@ from typing import Annotated, Final
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
-from robotrue.app.plain_result import PlainResult
-from robotrue.app.presentation import Note, Table
+from robotrue.app.presentation import Note, PlainResult, Table
 from robotrue.app.request import Option, Request
 from robotrue.core.provenance import Provenance
 

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
-from robotrue.app.plain_result import PlainResult
-from robotrue.app.presentation import Facts, Note, Table
+from robotrue.app.presentation import Facts, Note, PlainResult, Table
 from robotrue.app.request import Request
 from robotrue.app.serve_defaults import HOST, PORT
 from robotrue.version import __version__

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Annotated, Final, TypedDict
+from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.context import Context
-from robotrue.app.drill_fields import CarryingRobot, DrillModel, FootAngles, ZeroFoot
 from robotrue.app.operation import Operation
-from robotrue.app.plain_result import PlainResult
-from robotrue.app.presentation import Facts, Note, Text
+from robotrue.app.presentation import Facts, Note, PlainResult, Text
 from robotrue.app.request import Option, Request
+from robotrue.app.request_fields import CarryingRobot, DrillModel, FootAngles, ZeroFoot
 from robotrue.core.provenance import merge
 from robotrue.core.units import DEG, MM
 from robotrue.drilling.drill_defaults import FOOT_ABC_DEG
@@ -85,9 +84,8 @@ def run(request: DrillAdjustRequest, context: Context) -> PlainResult:
         text = _head_program(request, found)
     else:
         move = _robot_move(request, model, found)
-        arm, notes = _robot_document(move), [*found.notes]
-        made = {"robot": arm}
-        rows = _robot_rows(arm)
+        made, notes = {"robot": _robot_document(move)}, [*found.notes]
+        rows = _robot_rows(move)
         if not move.rotation_known:
             notes.append("the robot's model knows no rotation error: nominal axis.")
         text = robot_fragment(request.language, move.T_base_tool) if request.language else ""
@@ -194,17 +192,7 @@ def _robot_move(
     return squaring_joints(robot, joints, normal, R_tool_foot=seat, load=load)
 
 
-class RobotMoveDocument(TypedDict):
-    """Where the robot goes, mm and deg."""
-
-    joints_deg: list[float]
-    xyz_mm: list[float]
-    abc_deg: list[float]
-    turn_deg: float
-    rotation_error_known: bool
-
-
-def _robot_document(move: RobotMove) -> RobotMoveDocument:
+def _robot_document(move: RobotMove) -> dict[str, object]:
     from robotrue.core.rotations import abc_from_matrix
 
     return {
@@ -246,10 +234,12 @@ def _head_rows(
     )
 
 
-def _robot_rows(arm: RobotMoveDocument) -> tuple[tuple[str, str], ...]:
-    joints = ", ".join(f"{v:.4f}" for v in arm["joints_deg"])
-    turned = f"{arm['turn_deg']:.4f} deg about the tip"
-    return (("joints to", f"{joints} deg"), ("turned by", turned))
+def _robot_rows(move: RobotMove) -> tuple[tuple[str, str], ...]:
+    joints = ", ".join(f"{v:.4f}" for v in move.joints / DEG)
+    return (
+        ("joints to", f"{joints} deg"),
+        ("turned by", f"{move.turn / DEG:.4f} deg about the tip"),
+    )
 
 
 OPERATION: Final = Operation(request=DrillAdjustRequest, run=run)

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 from robotrue.app.context import Context
-from robotrue.app.drill_fields import ModelOutput
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Note, Table
 from robotrue.app.request import (
@@ -20,6 +19,7 @@ from robotrue.app.request import (
     Reference,
     Request,
 )
+from robotrue.app.request_fields import FootModelOutput
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG
 from robotrue.drilling.drill_defaults import CORRECTS, MACHINE_INPUTS, Corrects, Inputs, Kind
@@ -53,7 +53,7 @@ class DrillFitRequest(Request):
             help="Clamps with known tilts (CSV or workbook).",
         ),
     ]
-    output: ModelOutput
+    output: FootModelOutput
     kind: Annotated[
         Literal["auto", Kind],
         Option(

@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Final
 from pydantic import Field
 
 from robotrue.app.context import Context
-from robotrue.app.drill_fields import DrillModel, ModelOutput, ReferenceSigma, ZeroFoot
 from robotrue.app.operation import Operation
-from robotrue.app.plain_result import PlainResult
-from robotrue.app.presentation import Note, Table, count
+from robotrue.app.presentation import Note, PlainResult, Table, count
 from robotrue.app.request import InputFile, Option, Request
+from robotrue.app.request_fields import DrillModel, FootModelOutput, ReferenceSigma, ZeroFoot
 from robotrue.core.units import DEG
 from robotrue.drilling.drill_defaults import LIMIT_DEG, REFERENCE_SIGMA_DEG
 from robotrue.errors import ConfigurationError
@@ -28,7 +27,7 @@ class DrillRefineRequest(Request):
     """Which model to refine by which records, and whether to freeze it."""
 
     model: DrillModel
-    output: ModelOutput
+    output: FootModelOutput
     records: Annotated[
         Path | None,
         InputFile(

@@ -10,17 +10,17 @@ from typing import TYPE_CHECKING, Annotated, Final
 from pydantic import Field
 
 from robotrue.app.context import Context
-from robotrue.app.drill_fields import (
+from robotrue.app.operation import Operation
+from robotrue.app.presentation import Block, Note, count
+from robotrue.app.request import InputFile, Option, Request
+from robotrue.app.request_fields import (
     CarryingRobot,
     DrillModel,
     FootAngles,
     ReferenceSigma,
     ZeroFoot,
+    model_output,
 )
-from robotrue.app.operation import Operation
-from robotrue.app.presentation import Block, Note, count
-from robotrue.app.request import InputFile, Option, Request
-from robotrue.app.request_fields import model_output
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, UM
 from robotrue.drilling.drill_defaults import (
@@ -112,9 +112,8 @@ def run(request: DrillRunRequest, context: Context) -> DrillServed:
     """
     import asyncio
 
-    from robotrue.app.drilling_desk import Desk
+    from robotrue.app.drilling_desk import Desk, serve_desk
     from robotrue.app.drilling_robot import drilling_robot
-    from robotrue.app.drilling_service import serve_desk
     from robotrue.drilling.campaign_csv import setup_of
     from robotrue.drilling.drill_defaults import MODEL
     from robotrue.drilling.foot_model import use_zero

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final, NotRequired, TypedDict
+from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.outputs import require_suffix
-from robotrue.app.plain_result import PlainResult
-from robotrue.app.presentation import Block, Facts, Table
+from robotrue.app.presentation import Facts, PlainResult, Table
 from robotrue.app.request import InputFile, Option, Output, Request
 from robotrue.core.provenance import mark_line
 from robotrue.core.units import MM
@@ -81,69 +80,13 @@ def run(request: DynamicsForceRequest, context: Context) -> PlainResult:
     stated, _ = read_toml(request.cut, example=EXAMPLE)
     data = cutting_data(stated, where=str(request.cut), slots=slots is not None)
     if slots is not None:
-        found = _identify(slots, data[0], data[1], stated, output, context)
-        origin = read_provenance(slots)
-        return PlainResult(values={**found}, shown=(_coefficients(found),), provenance=origin)
+        values, table = _identify(slots, data[0], data[1], stated, output, context)
+        return PlainResult(values=values, shown=(table,), provenance=read_provenance(slots))
     if request.along is not None:
-        along = _along(request.along, *data, output, context)
-        rows = (("rows", str(along["rows"])), ("largest", f"{along['largest_N']:.1f} N"))
-        shown: Iterable[Block] = (Facts(title="mean force along the path", rows=rows),)
-        values: dict[str, object] = {**along}
-    else:
-        force = _predict(request, *data, output, context)
-        shown, values = _forces(force), {**force}
-    return PlainResult(values=values, shown=tuple(shown), provenance=CALCULATED)
-
-
-class ExtremesDocument(TypedDict):
-    """Force in path axes, N."""
-
-    mean_N: Array
-    min_N: Array
-    max_N: Array
-
-
-class LineDocument(TypedDict):
-    """A spindle line of a spectrum."""
-
-    Hz: float
-    tooth: bool
-    amplitude_N: Array
-
-
-class SpectrumDocument(ExtremesDocument):
-    """Force over time: extremes, shares of the mean square, and the lowest spindle lines."""
-
-    tooth_share: float
-    runout_share: float
-    lines: list[LineDocument]
-
-
-class ForceDocument(SpectrumDocument):
-    """The force of the milling model, and the measured one beside it."""
-
-    tooth_passing_Hz: float
-    measured: NotRequired[SpectrumDocument]
-
-
-class CoefficientsDocument(TypedDict):
-    """Cutting coefficients of slot tests by their keys in cutting data."""
-
-    tests: int
-    coefficients: dict[str, float]
-    deviations: dict[str, float]
-    noise_N: float
-    residual_N: Array
-
-
-class AlongDocument(TypedDict):
-    """Mean force along a path, N."""
-
-    rows: int
-    path_mm: Array
-    force_N: Array
-    largest_N: float
-    mean_N: Array
+        values, facts = _along(request.along, *data, output, context)
+        return PlainResult(values=values, shown=(facts,), provenance=CALCULATED)
+    values, both = _predict(request, *data, output, context)
+    return PlainResult(values=values, shown=both, provenance=CALCULATED)
 
 
 def _predict(
@@ -153,7 +96,8 @@ def _predict(
     coefficients: CuttingCoefficients,
     output: Path | None,
     context: Context,
-) -> ForceDocument:
+) -> tuple[dict[str, object], tuple[Facts, ...]]:
+    """The force of the milling model, and the measured one beside it."""
     from robotrue.dynamics.coefficients import check_axes_agree
     from robotrue.dynamics.formats.signal_table import read_force, write_force_csv
     from robotrue.dynamics.milling_force import force_over_time, mean_force
@@ -162,50 +106,60 @@ def _predict(
         cutter, cut, coefficients, rate=request.rate_hz, duration=request.duration_s
     )
     mean = mean_force(cutter, cut, coefficients)
-    spectrum = _spectrum(record, mean, cut, cutter)
-    found: ForceDocument = {
-        "mean_N": spectrum["mean_N"],
-        "min_N": spectrum["min_N"],
-        "max_N": spectrum["max_N"],
-        "tooth_passing_Hz": cut.spindle * cutter.teeth,
-        "tooth_share": spectrum["tooth_share"],
-        "runout_share": spectrum["runout_share"],
-        "lines": spectrum["lines"],
-    }
+    spectrum, modelled = _describe_force("milling model", record, mean, cut, cutter)
+    extremes = {name: spectrum[name] for name in ("mean_N", "min_N", "max_N")}
+    values = extremes | {"tooth_passing_Hz": cut.spindle * cutter.teeth} | spectrum
+    shown: tuple[Facts, ...] = (modelled,)
     if request.measured is not None:
         real, odd = read_force(request.measured)
         real_mean = real.force.mean(axis=0)
         check_axes_agree(real_mean, mean, str(request.measured))
         for remark in odd:
             context.note(remark)
-        found["measured"] = _spectrum(real, real_mean, cut, cutter)
+        measured, beside = _describe_force("measured", real, real_mean, cut, cutter)
+        values, shown = values | {"measured": measured}, (*shown, beside)
     if output is not None:
         write_force_csv(output, record)
         context.inform(f"{len(record)} samples written to {output}")
-    return found
+    return values, shown
 
 
-def _spectrum(
-    record: ForceRecord, mean: Array, cut: CutterEngagement, cutter: EndMill
-) -> SpectrumDocument:
+def _describe_force(
+    name: str, record: ForceRecord, mean: Array, cut: CutterEngagement, cutter: EndMill
+) -> tuple[dict[str, object], Facts]:
+    """Extremes, shares of the mean square and the lowest spindle lines of a force, path axes, N."""
     import numpy as np
 
     from robotrue.dynamics.force import spindle_lines
 
     lines = spindle_lines(record, spindle=cut.spindle, teeth=cutter.teeth)
+    least, largest = record.force.min(axis=0), record.force.max(axis=0)
+    lowest = [
+        (float(frequency), bool(tooth), np.abs(amplitude))
+        for frequency, tooth, amplitude in zip(
+            lines.frequency[:SHOWN], lines.is_tooth, lines.amplitude, strict=False
+        )
+    ]
+    facts = Facts(
+        title=f"force on the tool, {name}: along the feed, to its left, along the tool (N)",
+        rows=(
+            ("mean", _three(mean)),
+            ("least", _three(least)),
+            ("largest", _three(largest)),
+            ("mean square on tooth lines", f"{100.0 * lines.tooth_share:.1f} %"),
+            ("on other spindle lines", f"{100.0 * lines.runout_share:.1f} %"),
+            *((f"{f:g} Hz{' (teeth)' if tooth else ''}", _three(a)) for f, tooth, a in lowest),
+        ),
+        measured=name == "measured",
+    )
     return {
         "mean_N": mean,
-        "min_N": record.force.min(axis=0),
-        "max_N": record.force.max(axis=0),
+        "min_N": least,
+        "max_N": largest,
         "tooth_share": lines.tooth_share,
         "runout_share": lines.runout_share,
-        "lines": [
-            {"Hz": float(f), "tooth": bool(t), "amplitude_N": np.abs(a)}
-            for f, t, a in zip(
-                lines.frequency[:SHOWN], lines.is_tooth, lines.amplitude, strict=False
-            )
-        ],
-    }
+        "lines": [{"Hz": f, "tooth": tooth, "amplitude_N": a} for f, tooth, a in lowest],
+    }, facts
 
 
 def _identify(
@@ -215,7 +169,8 @@ def _identify(
     stated: Mapping[str, object],
     output: Path | None,
     context: Context,
-) -> CoefficientsDocument:
+) -> tuple[dict[str, object], Table]:
+    """Coefficients of slot tests by their keys in cutting data."""
     from robotrue.core.files import write_atomic
     from robotrue.dynamics.coefficients import identify_coefficients
     from robotrue.dynamics.cutting_data import coefficient_keys, cutting_text, read_slots
@@ -229,13 +184,19 @@ def _identify(
         rounded = {key: round(value, 6) for key, value in keys.items()}
         write_atomic(output, cutting_text({**feed, **words, **rounded}).encode())
         context.wrote("cutting data", output)
+    deviations = _deviations(found)
+    table = Table(
+        title=f"cutting coefficients of {len(tests)} tests, mean forces {found.noise:.2g} N off",
+        columns=("", "value", "+- (1 sigma)"),
+        rows=tuple((k, f"{v:.4g}", f"{deviations[k]:.2g}") for k, v in keys.items()),
+    )
     return {
         "tests": len(tests),
         "coefficients": keys,
-        "deviations": _deviations(found),
+        "deviations": deviations,
         "noise_N": found.noise,
         "residual_N": found.residual,
-    }
+    }, table
 
 
 def _deviations(found: IdentifiedCoefficients) -> dict[str, float]:
@@ -252,7 +213,8 @@ def _along(
     coefficients: CuttingCoefficients,
     output: Path | None,
     context: Context,
-) -> AlongDocument:
+) -> tuple[dict[str, object], Facts]:
+    """Mean force along a path, N."""
     import numpy as np
 
     from robotrue.core.files import write_atomic
@@ -272,48 +234,17 @@ def _along(
         context.inform(
             f'{len(rows)} rows written to {output}: axes = "path" in `compensate --force`'
         )
+    largest = float(np.linalg.norm(force, axis=1).max())
     return {
         "rows": len(force),
         "path_mm": lengths,
         "force_N": force,
-        "largest_N": float(np.linalg.norm(force, axis=1).max()),
+        "largest_N": largest,
         "mean_N": force.mean(axis=0),
-    }
-
-
-def _coefficients(d: CoefficientsDocument) -> Block:
-    deviations = d["deviations"]
-    return Table(
-        title=f"cutting coefficients of {d['tests']} tests, mean forces {d['noise_N']:.2g} N off",
-        columns=("", "value", "+- (1 sigma)"),
-        rows=tuple((k, f"{v:.4g}", f"{deviations[k]:.2g}") for k, v in d["coefficients"].items()),
+    }, Facts(
+        title="mean force along the path",
+        rows=(("rows", str(len(force))), ("largest", f"{largest:.1f} N")),
     )
-
-
-def _forces(d: ForceDocument) -> Iterable[Block]:
-    both: tuple[tuple[str, SpectrumDocument | None], ...] = (
-        ("milling model", d),
-        ("measured", d.get("measured")),
-    )
-    for name, one in both:
-        if one is None:
-            continue
-        lines = [
-            (f"{each['Hz']:g} Hz{' (teeth)' if each['tooth'] else ''}", _three(each["amplitude_N"]))
-            for each in one["lines"]
-        ]
-        yield Facts(
-            title=f"force on the tool, {name}: along the feed, to its left, along the tool (N)",
-            rows=(
-                ("mean", _three(one["mean_N"])),
-                ("least", _three(one["min_N"])),
-                ("largest", _three(one["max_N"])),
-                ("mean square on tooth lines", f"{100.0 * one['tooth_share']:.1f} %"),
-                ("on other spindle lines", f"{100.0 * one['runout_share']:.1f} %"),
-                *lines,
-            ),
-            measured=name == "measured",
-        )
 
 
 def _three(values: Array) -> str:

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final, TypedDict
+from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.context import Context
-from robotrue.app.dynamics_fields import StaticTest
 from robotrue.app.operation import Operation
-from robotrue.app.plain_result import PlainResult
-from robotrue.app.presentation import Block, Facts, Table, count
+from robotrue.app.presentation import Block, Facts, PlainResult, Table, count
 from robotrue.app.request import InputFile, Option, Output, Request
+from robotrue.app.request_fields import StaticTest
 from robotrue.core.units import UM
 from robotrue.errors import ConfigurationError, ObservabilityError
 
 if TYPE_CHECKING:
-    from robotrue.core.arrays import Array
     from robotrue.dynamics.frf import FrequencyResponse
     from robotrue.dynamics.hammer import HammerResult
     from robotrue.dynamics.modal import ModalModel
@@ -65,6 +63,7 @@ def run(request: DynamicsFrfRequest, context: Context) -> PlainResult:
     from robotrue.app.dynamics_inputs import parse_static
     from robotrue.dynamics.frf import with_static
     from robotrue.dynamics.frf_checks import response_remarks
+    from robotrue.dynamics.interpolation import rebuild_error
 
     output = request.output
     if output is not None and output.suffix.lower() not in (".csv", ".uff"):
@@ -78,9 +77,9 @@ def run(request: DynamicsFrfRequest, context: Context) -> PlainResult:
     remarks = (*(_tell_left_out(t) for t in tests if t.left_out), *response_remarks(frf), *remarks)
     for remark in remarks:
         context.note(remark)
-    document = _document(frf, fitted, tests)
-    values = {**document, "notes": list(remarks)}
-    shown = tuple(_blocks(frf, fitted, document))
+    error = None if fitted is None else rebuild_error(frf, fitted)
+    values = {**_document(frf, fitted, tests, error), "notes": list(remarks)}
+    shown = tuple(_blocks(frf, fitted, tests, error))
     return PlainResult(values=values, shown=shown, provenance=frf.provenance)
 
 
@@ -171,51 +170,18 @@ def _write(
     context.wrote("receptance", output)
 
 
-class HitsDocument(TypedDict):
-    """Hits of a hammer test."""
-
-    file: str
-    axis: str
-    used: int
-    left_out: list[str]
-    added_damping_1_per_s: float
-
-
-class ModesDocument(TypedDict):
-    """Modes that were fitted to a response."""
-
-    frequency_Hz: Array
-    damping: Array
-    rebuild_error: float
-    static_um_per_N: Array | None
-
-
-class ResponseDocument(TypedDict):
-    """A frequency response: its pairs, lines, checks and modes."""
-
-    pairs: list[str]
-    lines: int
-    spacing_Hz: float
-    valid_Hz: list[float]
-    measured_as: str
-    static_um_per_N: Array | None
-    reciprocity: Mapping[str, float]
-    hits: list[HitsDocument]
-    modes: ModesDocument | None
-
-
 def _document(
-    frf: FrequencyResponse, fitted: ModalModel | None, tests: Sequence[HammerResult]
-) -> ResponseDocument:
-    import numpy as np
-
+    frf: FrequencyResponse,
+    fitted: ModalModel | None,
+    tests: Sequence[HammerResult],
+    error: float | None,
+) -> dict[str, object]:
     from robotrue.dynamics.frf_checks import reciprocity
-    from robotrue.dynamics.interpolation import rebuild_error
 
     return {
         "pairs": list(frf.pairs),
         "lines": len(frf.frequency),
-        "spacing_Hz": float(np.diff(frf.frequency).min()),
+        "spacing_Hz": _spacing(frf),
         "valid_Hz": list(frf.valid),
         "measured_as": frf.measured_as,
         "static_um_per_N": None if frf.static is None else frf.static / UM,
@@ -235,43 +201,54 @@ def _document(
         else {
             "frequency_Hz": fitted.frequency,
             "damping": fitted.damping,
-            "rebuild_error": rebuild_error(frf, fitted),
+            "rebuild_error": error,
             "static_um_per_N": None if fitted.lower.any() else fitted.modal_static / UM,
         },
     }
 
 
+def _spacing(frf: FrequencyResponse) -> float:
+    """Smallest distance of two lines, Hz."""
+    import numpy as np
+
+    return float(np.diff(frf.frequency).min())
+
+
 def _blocks(
-    frf: FrequencyResponse, fitted: ModalModel | None, d: ResponseDocument
+    frf: FrequencyResponse,
+    fitted: ModalModel | None,
+    tests: Sequence[HammerResult],
+    error: float | None,
 ) -> Iterable[Block]:
+    from robotrue.dynamics.frf_checks import reciprocity
     from robotrue.dynamics.interpolation import describe_rebuild_error
 
-    low, high = d["valid_Hz"]
-    hits = [
-        (f"{hit['axis']} axis", f"{count(hit['used'], 'hit')} used, {len(hit['left_out'])} not")
-        for hit in d["hits"]
-    ]
-    against = [
-        (f"{pair} against {pair[::-1]}", f"{100.0 * value:.2g} %")
-        for pair, value in d["reciprocity"].items()
-    ]
+    low, high = frf.valid
     yield Facts(
         title="frequency response of the tool",
         rows=(
-            ("pairs", ", ".join(d["pairs"])),
-            ("lines", f"{d['lines']}, {d['spacing_Hz']:.4g} Hz apart"),
+            ("pairs", ", ".join(frf.pairs)),
+            ("lines", f"{len(frf.frequency)}, {_spacing(frf):.4g} Hz apart"),
             ("to be trusted", f"{low:g} to {high:g} Hz"),
-            ("measured as", d["measured_as"]),
-            *hits,
-            *against,
+            ("measured as", frf.measured_as),
+            *(
+                (
+                    f"{t.record.excitation_axis} axis",
+                    f"{count(len(t.hits), 'hit')} used, {len(t.left_out)} not",
+                )
+                for t in tests
+            ),
+            *(
+                (f"{pair} against {pair[::-1]}", f"{100.0 * value:.2g} %")
+                for pair, value in reciprocity(frf).items()
+            ),
         ),
     )
-    found = d["modes"]
-    if fitted is None or found is None:
+    if fitted is None or error is None:
         return
     modes = enumerate(zip(fitted.frequency, fitted.damping, strict=True))
     yield Table(
-        title=f"modes, {describe_rebuild_error(found['rebuild_error'])}",
+        title=f"modes, {describe_rebuild_error(error)}",
         columns=("Hz", "damping %", *(f"{a}{a} um/N" for a in frf.response_axes)),
         rows=tuple(
             (f"{f:.5g}", f"{100.0 * z:.3g}", *(f"{abs(v):.3g}" for v in _weights(fitted, k)))

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final, TypedDict
+from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.context import Context
-from robotrue.app.dynamics_fields import BETWEEN, WAYS_BETWEEN, Between, StaticTest
 from robotrue.app.operation import Operation
-from robotrue.app.plain_result import PlainResult
-from robotrue.app.presentation import Facts
+from robotrue.app.presentation import Facts, PlainResult
 from robotrue.app.request import InputFile, Option, Output, Request
-from robotrue.app.request_fields import table_output
+from robotrue.app.request_fields import BETWEEN, WAYS_BETWEEN, Between, StaticTest, table_output
 from robotrue.core.provenance import mark_line, merge
 from robotrue.core.units import UM
 from robotrue.errors import ConfigurationError
@@ -93,9 +92,9 @@ def run(request: DynamicsPredictRequest, context: Context) -> PlainResult:
         context.note(remark)
     for reason in found.invalid:
         context.inform(f"NOT VALID: {reason}")
-    document = _document(curve, found, output)
-    values: dict[str, object] = {**document, "notes": list(remarks)}
-    shown = [_facts(document)]
+    by_axis = _axis_figures(found)
+    values = {**_document(curve, found, output, by_axis), "notes": list(remarks)}
+    shown = [_facts(curve, found, output, by_axis)]
     if learned is not None:
         values |= {"learned": learned.document()}
         shown.append(learned.facts())
@@ -118,47 +117,35 @@ def _learn(
     return learned_along(model, curve, record, request.joints, request.spindle_rpm / 60.0)
 
 
-class PredictionDocument(TypedDict):
-    """What a record of force does to the tool; values by axis are of x, y and z."""
+def _axis_figures(found: DeflectionPrediction) -> dict[str, Array]:
+    """Force and error along x, y and z, (3,) each, by their JSON names."""
+    import numpy as np
 
-    output_csv: str
-    valid: bool
-    invalid: list[str]
-    samples: int
-    rate_Hz: float
-    duration_s: float
-    pairs: list[str]
-    valid_Hz: list[float]
-    measured_as: str
-    static_known: bool
-    between_lines: str
-    left_out_error: float
-    rebuild_error: float | None
-    modes_Hz: Array | None
-    modes_damping: Array | None
-    padding_s: float
-    rings_s: float
-    force_above_band: float
-    mean_force_N: Array
-    peak_force_N: Array
-    static_um: Array
-    rms_um: Array
-    peak_um: Array
-    dynamic_rms_um: Array
-    dynamic_peak_um: Array
-    circular_rms_um: float
-    circular_max_um: float
+    force, moving = found.record.force, found.error - found.static
+    return {
+        "mean_force_N": force.mean(axis=0),
+        "peak_force_N": np.abs(force).max(axis=0),
+        "static_um": found.static / UM,
+        "rms_um": _over(found.error, "rms") / UM,
+        "peak_um": _over(found.error, "peak") / UM,
+        "dynamic_rms_um": _over(moving, "rms") / UM,
+        "dynamic_peak_um": _over(moving, "peak") / UM,
+    }
+
+
+def _static_known(curve: ResponseCurve) -> bool:
+    import numpy as np
+
+    frf = curve.frf
+    return frf.static is not None and bool(np.isfinite(frf.static[frf.present]).all())
 
 
 def _document(
-    curve: ResponseCurve, found: DeflectionPrediction, output: Path
-) -> PredictionDocument:
-    import numpy as np
-
+    curve: ResponseCurve, found: DeflectionPrediction, output: Path, by_axis: Mapping[str, Array]
+) -> dict[str, object]:
     from robotrue.dynamics.predict import out_of_band
 
     frf, record = curve.frf, found.record
-    moving = found.error - found.static
     rms, largest = found.circular_error
     return {
         "output_csv": str(output),
@@ -170,7 +157,7 @@ def _document(
         "pairs": list(frf.pairs),
         "valid_Hz": list(frf.valid),
         "measured_as": frf.measured_as,
-        "static_known": frf.static is not None and bool(np.isfinite(frf.static[frf.present]).all()),
+        "static_known": _static_known(curve),
         "between_lines": "lines" if curve.modes is None else "modes",
         "left_out_error": curve.left_out,
         "rebuild_error": curve.rebuilt,
@@ -179,13 +166,7 @@ def _document(
         "padding_s": found.padding,
         "rings_s": found.rings,
         "force_above_band": out_of_band(curve, record),
-        "mean_force_N": record.force.mean(axis=0),
-        "peak_force_N": np.abs(record.force).max(axis=0),
-        "static_um": found.static / UM,
-        "rms_um": _over(found.error, "rms") / UM,
-        "peak_um": _over(found.error, "peak") / UM,
-        "dynamic_rms_um": _over(moving, "rms") / UM,
-        "dynamic_peak_um": _over(moving, "peak") / UM,
+        **by_axis,
         "circular_rms_um": rms / UM,
         "circular_max_um": largest / UM,
     }
@@ -200,32 +181,31 @@ def _over(values: Array, how: str) -> Array:
     return np.asarray(np.abs(values).max(axis=0))
 
 
-def _facts(d: PredictionDocument) -> Facts:
+def _facts(
+    curve: ResponseCurve, found: DeflectionPrediction, output: Path, by_axis: Mapping[str, Array]
+) -> Facts:
     from robotrue.dynamics.interpolation import describe_rebuild_error
 
-    modes, rebuilt = d["modes_Hz"], d["rebuild_error"]
-    if modes is not None and rebuilt is not None:
-        between = f"{len(modes)} modes, {describe_rebuild_error(rebuilt)}"
-    else:
-        between = f"lines, {100.0 * d['left_out_error']:.2g} % at lines left out"
-    low, high = d["valid_Hz"]
+    between = f"lines, {100.0 * curve.left_out:.2g} % at lines left out"
+    if curve.modes is not None and curve.rebuilt is not None:
+        between = f"{len(curve.modes.frequency)} modes, {describe_rebuild_error(curve.rebuilt)}"
+    record, (low, high) = found.record, curve.frf.valid
+    rms, largest = (value / UM for value in found.circular_error)
+    guess = "" if _static_known(curve) else " (a guess)"
     return Facts(
-        title="dynamic error of the tool" + ("" if d["valid"] else ": NOT VALID"),
+        title="dynamic error of the tool" + (": NOT VALID" if found.invalid else ""),
         rows=(
-            ("record", f"{d['samples']} samples, {d['rate_Hz']:g} Hz, {d['duration_s']:.3g} s"),
-            ("response", f"{', '.join(d['pairs'])}, {low:g} to {high:g} Hz, {between}"),
-            ("mean force N", _by_axis(d["mean_force_N"])),
             (
-                "static part um",
-                _by_axis(d["static_um"]) + ("" if d["static_known"] else " (a guess)"),
+                "record",
+                f"{len(record)} samples, {record.rate:g} Hz, {len(record) / record.rate:.3g} s",
             ),
-            ("dynamic part um, rms", _by_axis(d["dynamic_rms_um"])),
-            ("whole um, peak", _by_axis(d["peak_um"])),
-            (
-                "without padding",
-                f"{d['circular_rms_um']:.3g} um rms, {d['circular_max_um']:.3g} um at most off",
-            ),
-            ("written", d["output_csv"]),
+            ("response", f"{', '.join(curve.frf.pairs)}, {low:g} to {high:g} Hz, {between}"),
+            ("mean force N", _by_axis(by_axis["mean_force_N"])),
+            ("static part um", _by_axis(by_axis["static_um"]) + guess),
+            ("dynamic part um, rms", _by_axis(by_axis["dynamic_rms_um"])),
+            ("whole um, peak", _by_axis(by_axis["peak_um"])),
+            ("without padding", f"{rms:.3g} um rms, {largest:.3g} um at most off"),
+            ("written", str(output)),
         ),
     )
 

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final, TypedDict
+from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.context import Context
-from robotrue.app.dynamics_fields import DIRECTION, Direction, PredictedWith, WindowsFile
 from robotrue.app.operation import Operation
-from robotrue.app.plain_result import PlainResult
-from robotrue.app.presentation import Facts, Note, Table, count
+from robotrue.app.presentation import Facts, Note, PlainResult, Table, count
 from robotrue.app.request import InputFile, Option, Request
-from robotrue.app.request_fields import table_output
+from robotrue.app.request_fields import (
+    DIRECTION,
+    Direction,
+    PredictedWith,
+    WindowsFile,
+    table_output,
+)
 from robotrue.core.provenance import mark_line, merge
 from robotrue.core.units import UM
 from robotrue.errors import ConfigurationError
@@ -30,25 +34,6 @@ NAMES: Final = {
     "paper": "components and support vectors",
     "deviation": "compliant joints and residual",
 }
-
-
-class _JudgedScore(TypedDict):
-    """One estimate beside what was measured, um."""
-
-    method: str
-    rmse_um: float
-    mean_um: float
-    max_um: float
-    coverage_95: float | None
-
-
-class _Judged(TypedDict):
-    """A model on windows."""
-
-    windows: int
-    standing: dict[str, int]
-    measured: int
-    scores: list[_JudgedScore]
 
 
 class DynamicsValidateRequest(Request):
@@ -148,48 +133,42 @@ def _judge(
         write_atomic(output, mark_line(origin).encode() + _estimates(windows, found))
         context.inform(f"{count(len(windows), 'window')} written to {output}")
     method = "paper" if isinstance(model, PaperModel) else "deviation"
-    values = _document(windows, found, method)
-    facts = Facts(
-        title=f"{path.name} on {windows.source}",
-        rows=(
-            *((name, count(number, "window")) for name, number in values["standing"].items()),
-            *(
-                (f"{NAMES[s['method']]}, um", f"rmse {s['rmse_um']:.2f}, max {s['max_um']:.2f}")
-                for s in values["scores"]
-            ),
-        ),
-    )
+    values, rows = _describe(windows, found, method)
+    facts = Facts(title=f"{path.name} on {windows.source}", rows=tuple(rows))
     return PlainResult(values=values, shown=(facts,), provenance=origin)
 
 
-def _document(windows: WindowSet, found: DeviationPrediction, learned: str) -> _Judged:
+def _describe(
+    windows: WindowSet, found: DeviationPrediction, learned: str
+) -> tuple[dict[str, object], list[tuple[str, str]]]:
+    """How far to trust the windows, and each estimate beside what was measured: JSON, facts."""
     import numpy as np
 
     from robotrue.dynamics.deviation_validation import TWO_SIDED_95
     from robotrue.dynamics.learned_deviation import WindowTrust
 
-    standing = np.bincount(found.standing, minlength=len(WindowTrust))
+    number = np.bincount(found.standing, minlength=len(WindowTrust))
+    standing = {s.name.lower(): int(number[s]) for s in WindowTrust}
+    rows = [(name, count(windows_of, "window")) for name, windows_of in standing.items()]
     known = np.isfinite(windows.measured) & (found.standing != WindowTrust.INVALID)
-    scores: list[_JudgedScore] = []
+    scores: list[dict[str, object]] = []
     estimates = {"prediction": windows.predicted, learned: found.error} if known.any() else {}
     for method, estimate in estimates.items():
         miss = np.abs(estimate - windows.measured)[known]
         inside = float((miss <= TWO_SIDED_95 * found.sd[known]).mean())
+        rmse, largest = float(np.sqrt((miss**2).mean())) / UM, float(miss.max()) / UM
+        rows.append((f"{NAMES[method]}, um", f"rmse {rmse:.2f}, max {largest:.2f}"))
         scores.append(
             {
                 "method": method,
-                "rmse_um": float(np.sqrt((miss**2).mean())) / UM,
+                "rmse_um": rmse,
                 "mean_um": float(miss.mean()) / UM,
-                "max_um": float(miss.max()) / UM,
+                "max_um": largest,
                 "coverage_95": inside if method == learned else None,
             }
         )
-    return {
-        "windows": len(windows),
-        "standing": {s.name.lower(): int(standing[s]) for s in WindowTrust},
-        "measured": int(known.sum()),
-        "scores": scores,
-    }
+    values = {"windows": len(windows), "standing": standing, "measured": int(known.sum())}
+    return {**values, "scores": scores}, rows
 
 
 def _estimates(windows: WindowSet, found: DeviationPrediction) -> bytes:

@@ -3,47 +3,31 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final, Literal, TypedDict
+from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 from robotrue.app.context import Context
-from robotrue.app.dynamics_fields import BETWEEN, DIRECTION, Between, Direction, StaticTest
 from robotrue.app.operation import Operation
-from robotrue.app.plain_result import PlainResult
-from robotrue.app.presentation import Facts, count
+from robotrue.app.presentation import Facts, PlainResult, count
 from robotrue.app.request import InputFile, Option, Request
-from robotrue.app.request_fields import table_output
+from robotrue.app.request_fields import (
+    BETWEEN,
+    DIRECTION,
+    Between,
+    Direction,
+    StaticTest,
+    table_output,
+)
 from robotrue.core.units import MM, UM
 from robotrue.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from robotrue.app.pass_inputs import ReadForce
+    from robotrue.app.dynamics_inputs import ReadForce
     from robotrue.core.arrays import Array
     from robotrue.core.provenance import Provenance
     from robotrue.dynamics.dry_run import DryRun
     from robotrue.dynamics.pass_windows import PassRecords
     from robotrue.dynamics.windows import WindowSet
     from robotrue.robot.model import RobotModel
-
-
-_Document = TypedDict(
-    "_Document",
-    {
-        "output_csv": str,
-        "pass": str,
-        "windows": int,
-        "rows": int,
-        "stages_s": dict[str, list[float]],
-        "path_mm": dict[str, float],
-        "level_N": float,
-        "air_N": float,
-        "zero_before_N": list[float],
-        "zero_behind_N": list[float],
-        "predicted_um": float,
-        "measured_um": float | None,
-        "dry_run": bool,
-    },
-)
-"""What is said of a pass and its windows."""
 
 
 class DynamicsWindowsRequest(Request):
@@ -136,10 +120,10 @@ def run(request: DynamicsWindowsRequest, context: Context) -> PlainResult:
         context.note(f"{count(len(whole), 'window')}: `dynamics fit` needs {FEWEST} or more")
     output = context.output(request.output)
     write_windows(output, whole)
-    values = _document(records, read, windows, len(whole), output)
+    told = (records, read, windows, len(whole), output)
     return PlainResult(
-        values=values,
-        shown=(_facts(values),),
+        values=_document(*told),
+        shown=(_facts(*told),),
         provenance=merge([whole.provenance]),
     )
 
@@ -148,8 +132,12 @@ def _read_records(
     request: DynamicsWindowsRequest, response: Provenance
 ) -> tuple[PassRecords, ReadForce]:
     """All records of the pass on one clock, force in base axes."""
-    from robotrue.app.dynamics_inputs import parse_direction
-    from robotrue.app.pass_inputs import read_laser, read_pass_force, read_pass_joints
+    from robotrue.app.dynamics_inputs import (
+        parse_direction,
+        read_laser,
+        read_pass_force,
+        read_pass_joints,
+    )
     from robotrue.cell.config import read_cell
     from robotrue.core.provenance import merge
     from robotrue.dynamics.dynamometer import CarriedBy, Dynamometer, parse_axes
@@ -192,7 +180,7 @@ def _read_dry(
     request: DynamicsWindowsRequest, robot: RobotModel, origins: list[Provenance]
 ) -> DryRun | None:
     """The dry run, if it is stated; its origin is added."""
-    from robotrue.app.pass_inputs import read_dry_run
+    from robotrue.app.dynamics_inputs import read_dry_run
 
     stated = (request.dry_laser is not None, request.dry_joints is not None)
     if any(stated) and (not all(stated) or request.laser is None):
@@ -220,55 +208,70 @@ def _edges(request: DynamicsWindowsRequest, read: ReadForce, records: PassRecord
     return read_edges(request.edges)
 
 
-def _document(
-    records: PassRecords, read: ReadForce, windows: WindowSet, rows: int, output: Path
-) -> _Document:
-    import numpy as np
-
-    from robotrue.dynamics.pass_windows import path_between
-
+def _stages(read: ReadForce) -> dict[str, tuple[float, float]]:
+    """Begin and end of each stage of the pass, s."""
     stages = read.stages
-    parts = {
+    return {
         "entry": (stages.entry, stages.steady),
         "steady": (stages.steady, stages.leaving),
         "exit": (stages.leaving, stages.end),
     }
+
+
+def _mean_measured(windows: WindowSet) -> float | None:
+    """Mean measured error, um; None where no window was measured."""
+    import numpy as np
+
     measured = windows.measured[np.isfinite(windows.measured)]
+    return float(measured.mean()) / UM if len(measured) else None
+
+
+def _path_lengths(records: PassRecords, read: ReadForce) -> dict[str, float]:
+    """How far the tool goes in each stage, mm."""
+    from robotrue.dynamics.pass_windows import path_between
+
+    return {name: path_between(records.joints, *part) / MM for name, part in _stages(read).items()}
+
+
+def _document(
+    records: PassRecords, read: ReadForce, windows: WindowSet, rows: int, output: Path
+) -> dict[str, object]:
     return {
         "output_csv": str(output),
         "pass": records.name,
         "windows": len(windows),
         "rows": rows,
-        "stages_s": {name: list(part) for name, part in parts.items()},
-        "path_mm": {name: path_between(records.joints, *part) / MM for name, part in parts.items()},
-        "level_N": stages.level,
-        "air_N": stages.air,
+        "stages_s": {name: list(part) for name, part in _stages(read).items()},
+        "path_mm": _path_lengths(records, read),
+        "level_N": read.stages.level,
+        "air_N": read.stages.air,
         "zero_before_N": read.zeros[0].tolist(),
         "zero_behind_N": read.zeros[1].tolist(),
         "predicted_um": float(windows.predicted.mean()) / UM,
-        "measured_um": float(measured.mean()) / UM if len(measured) else None,
+        "measured_um": _mean_measured(windows),
         "dry_run": records.dry is not None,
     }
 
 
-def _facts(d: _Document) -> Facts:
-    stages = tuple(
-        (name, f"{a:.3f} to {b:.3f} s, {d['path_mm'][name]:.2f} mm")
-        for name, (a, b) in d["stages_s"].items()
-    )
-    zeros = (d["zero_before_N"], d["zero_behind_N"])
-    before, behind = (", ".join(f"{v:.2f}" for v in zero) for zero in zeros)
-    measured = "not measured" if d["measured_um"] is None else f"{d['measured_um']:.2f} um"
-    less = ", less the dry run" if d["dry_run"] else ""
+def _facts(
+    records: PassRecords, read: ReadForce, windows: WindowSet, rows: int, output: Path
+) -> Facts:
+    paths, stages, error = _path_lengths(records, read), read.stages, _mean_measured(windows)
+    before, behind = (", ".join(f"{v:.2f}" for v in zero) for zero in read.zeros)
+    measured = "not measured" if error is None else f"{error:.2f} um"
+    less = "" if records.dry is None else ", less the dry run"
     return Facts(
-        title=f"pass {d['pass']}: {count(d['windows'], 'window')}",
+        title=f"pass {records.name}: {count(len(windows), 'window')}",
         rows=(
-            *stages,
-            ("force rms", f"{d['level_N']:.1f} N in the cut, {d['air_N']:.2f} N in the air"),
+            *(
+                (name, f"{a:.3f} to {b:.3f} s, {paths[name]:.2f} mm")
+                for name, (a, b) in _stages(read).items()
+            ),
+            ("force rms", f"{stages.level:.1f} N in the cut, {stages.air:.2f} N in the air"),
             ("zero taken off, N", f"{before} before; {behind} behind"),
-            ("predicted error, mean", f"{d['predicted_um']:.2f} um"),
+            ("predicted error, mean", f"{float(windows.predicted.mean()) / UM:.2f} um"),
             ("measured error, mean", measured + less),
-            ("written", f"{d['output_csv']}, {count(d['rows'], 'window')}"),
+            ("written", f"{output}, {count(rows, 'window')}"),
         ),
     )
 

@@ -9,8 +9,7 @@ from pydantic import Field
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
-from robotrue.app.plain_result import PlainResult
-from robotrue.app.presentation import Note, Table
+from robotrue.app.presentation import Note, PlainResult, Table
 from robotrue.app.request import InputFile, Option, Request
 from robotrue.core.provenance import merge
 from robotrue.core.units import MM, UM

@@ -7,7 +7,7 @@ from typing import Annotated, Final
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
-from robotrue.app.plain_result import PlainResult
+from robotrue.app.presentation import PlainResult
 from robotrue.app.request import ON_COMMAND_LINE, InputFile, Request
 from robotrue.app.request_fields import Columns
 

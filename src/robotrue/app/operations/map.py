@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
-from robotrue.app.presentation import Block, Note, Table
+from robotrue.app.presentation import Block, Note, PlainResult, Table, count
 from robotrue.app.request import Item, Option, Output, Reference, Request
 from robotrue.app.request_fields import AT_TARGET
-from robotrue.core.provenance import Provenance, mark_line, mark_title
+from robotrue.core.provenance import mark_line, mark_title
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 from robotrue.planning.plan_defaults import TOOL_ABC_DEG
@@ -71,63 +70,36 @@ class MapRequest(Request):
     ] = AT_TARGET
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Mapped:
-    """Predicted errors over a region.
+def _blocks(
+    mapped: WorkspaceMap, alike: tuple[SectorSimilarity, ...], title: str
+) -> Iterable[Block]:
+    """The sectors, and how alike they are."""
+    from robotrue.report.map_report import ATTITUDES
 
-    Attributes:
-        error_map: The numbers.
-        alike: Likeness of every two sectors.
-        robot: Name of the robot.
-        point: ``tool`` or ``target``.
-        title: Of picture and page.
-        output: File that was written.
-        provenance: Of the model.
-    """
-
-    error_map: WorkspaceMap
-    alike: tuple[SectorSimilarity, ...]
-    robot: str
-    point: str
-    title: str
-    output: Path
-    provenance: Provenance
-
-    def document(self) -> Mapping[str, object]:
-        """Returns JSON values; mm, deg."""
-        from robotrue.report.map_report import map_document
-
-        numbers = map_document(self.error_map, self.alike)
-        return {"map": str(self.output), "robot": self.robot, "point": self.point, **numbers}
-
-    def blocks(self) -> Iterable[Block]:
-        """Returns the sectors, and how alike they are."""
-        from robotrue.report.map_report import ATTITUDES
-
+    yield Table(
+        title=f"{title}; {ATTITUDES[mapped.attitude]}",
+        columns=(
+            "sector", "poses", "mean mm", "max mm", "x mm", "y mm", "z mm", "stays 95 % mm",
+        ),
+        rows=tuple(_sector_rows(mapped)),
+    )  # fmt: skip
+    if alike:
         yield Table(
-            title=f"{self.title}; {ATTITUDES[self.error_map.attitude]}",
-            columns=(
-                "sector", "poses", "mean mm", "max mm", "x mm", "y mm", "z mm", "stays 95 % mm",
+            title="similarity of the errors at corresponding points, 1 is alike",
+            columns=("sectors", "points", "vectors", "x", "y", "z", "length"),
+            rows=tuple(
+                (
+                    f"{s.first + 1} and {s.second + 1}",
+                    str(s.points),
+                    *(f"{v:.4f}" if isfinite(v) else "-" for v in (s.vector, *s.axis, s.norm)),
+                )
+                for s in alike
             ),
-            rows=tuple(_sector_rows(self.error_map)),
-        )  # fmt: skip
-        if self.alike:
-            yield Table(
-                title="similarity of the errors at corresponding points, 1 is alike",
-                columns=("sectors", "points", "vectors", "x", "y", "z", "length"),
-                rows=tuple(
-                    (
-                        f"{s.first + 1} and {s.second + 1}",
-                        str(s.points),
-                        *(f"{v:.4f}" if isfinite(v) else "-" for v in (s.vector, *s.axis, s.norm)),
-                    )
-                    for s in self.alike
-                ),
-            )
-        lost = int((~self.error_map.reachable).sum())
-        if lost:
-            poses = f"{lost} grid pose{'' if lost == 1 else 's'}"
-            yield Note(f"{poses} cannot be taken and {'is' if lost == 1 else 'are'} empty")
+        )
+    lost = int((~mapped.reachable).sum())
+    if lost:
+        verb = "is" if lost == 1 else "are"
+        yield Note(f"{count(lost, 'grid pose')} cannot be taken and {verb} empty")
 
 
 def _sector_rows(error_map: WorkspaceMap) -> Iterable[tuple[str, ...]]:
@@ -144,15 +116,16 @@ def _sector_rows(error_map: WorkspaceMap) -> Iterable[tuple[str, ...]]:
         yield (name, str(int(here.sum())), *(f"{value:.3f}" for value in numbers))
 
 
-def run(request: MapRequest, context: Context) -> Mapped:
+def run(request: MapRequest, context: Context) -> PlainResult:
     """Maps the error and writes a picture, a table or a page.
 
     Raises:
         ConfigurationError: Ranges that are missing or no ranges, or another ending of the output.
     """
-    from robotrue.app.map_options import parse_grid, parse_map_region
-    from robotrue.app.number_options import parse_numbers
+    from robotrue.app.number_options import parse_grid, parse_map_region, parse_numbers
     from robotrue.calibration.lineage import provenance_of
+    from robotrue.core.files import write_atomic
+    from robotrue.report.map_report import map_document
     from robotrue.validation.error_map import error_map, sector_similarities
 
     path = context.model_file(request.model)
@@ -184,20 +157,17 @@ def run(request: MapRequest, context: Context) -> Mapped:
         T_flange_tool=cell.robot.T_flange_tool if at_tool else None,
     )
     point = "the programs' tool point" if at_tool else "the measured point"
-    result = Mapped(
-        error_map=mapped,
-        alike=sector_similarities(mapped),
-        robot=model.robot.name,
-        point=request.at,
-        title=f"Predicted error of {model.robot.name} at {point}",
-        output=output,
-        provenance=provenance_of(model),
-    )
-    _write(result, model, path)
+    title, alike = f"Predicted error of {model.robot.name} at {point}", sector_similarities(mapped)
+    write_atomic(output, _picture(mapped, alike, model, title, output.suffix.lower(), path))
     context.wrote("map", output)
     for warning in model.training_summary().warnings:
         context.inform(f"warning: {warning}")
-    return result
+    numbers = map_document(mapped, alike)
+    return PlainResult(
+        values={"map": str(output), "robot": model.robot.name, "point": request.at, **numbers},
+        shown=tuple(_blocks(mapped, alike, title)),
+        provenance=provenance_of(model),
+    )
 
 
 def _model(path: Path, context: Context) -> tuple[ErrorModel, Cell]:
@@ -213,32 +183,37 @@ def _model(path: Path, context: Context) -> tuple[ErrorModel, Cell]:
     return build_prior_model(cell.measured_robot, settings_of(cell)), cell
 
 
-def _write(result: Mapped, model: ErrorModel, path: Path) -> None:
-    """Writes the picture, the table or the page."""
-    from robotrue.core.files import read_bytes, sha256, write_atomic
+def _picture(
+    mapped: WorkspaceMap,
+    alike: tuple[SectorSimilarity, ...],
+    model: ErrorModel,
+    title: str,
+    suffix: str,
+    path: Path,
+) -> bytes:
+    """The picture, the table or the page; ``path`` is the file of the model."""
+    from robotrue.calibration.lineage import provenance_of
+    from robotrue.core.files import read_bytes, sha256
     from robotrue.report.content import Fact
     from robotrue.report.map_report import map_content, map_slices, map_table
     from robotrue.report.page import report_html
 
-    suffix, error_map = result.output.suffix.lower(), result.error_map
+    origin = provenance_of(model)
     if suffix == ".png":
-        title = mark_title(result.title, result.provenance)
-        data = map_slices(error_map, title=title).png()
-    elif suffix == ".csv":
-        data = (mark_line(result.provenance) + map_table(error_map)).encode()
-    else:
-        summary = model.training_summary()
-        content = map_content(
-            error_map,
-            result.alike,
-            title=result.title,
-            subtitle=f"{path.name}, method {summary.method or 'unknown'}",
-            simulated=result.provenance.simulated,
-            doubts=summary.warnings,
-            provenance=(Fact(name=path.name, value=f"sha256:{sha256(read_bytes(path))}"),),
-        )
-        data = report_html(content).encode()
-    write_atomic(result.output, data)
+        return map_slices(mapped, title=mark_title(title, origin)).png()
+    if suffix == ".csv":
+        return (mark_line(origin) + map_table(mapped)).encode()
+    summary = model.training_summary()
+    content = map_content(
+        mapped,
+        alike,
+        title=title,
+        subtitle=f"{path.name}, method {summary.method or 'unknown'}",
+        simulated=origin.simulated,
+        doubts=summary.warnings,
+        provenance=(Fact(name=path.name, value=f"sha256:{sha256(read_bytes(path))}"),),
+    )
+    return report_html(content).encode()
 
 
 OPERATION: Final = Operation(request=MapRequest, run=run)

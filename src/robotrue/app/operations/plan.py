@@ -5,50 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final, Literal
-
-from pydantic import Field
+from typing import TYPE_CHECKING, Final
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
+from robotrue.app.plan_request import PlanRequest, refuse_other_method
 from robotrue.app.presentation import Block, Note, Table
-from robotrue.app.request import (
-    ALL,
-    NOT_IN_FORMS,
-    InputFile,
-    Item,
-    Option,
-    Output,
-    Reference,
-    Request,
-    fields_of,
-)
-from robotrue.app.request_fields import CellFile, SavedPage, table_output
-from robotrue.calibration.deng2022.readings import (
-    TARGET_RULE,
-    AttitudeReading,
-    DengReadings,
-    TargetRule,
-)
 from robotrue.core.provenance import Provenance, marked_document
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError
 from robotrue.planning.plan_defaults import (
-    CANDIDATES,
-    CRITERION,
-    HIERARCHICAL,
     INFORMATION,
-    POSES,
-    SEED,
-    SOURCE_GRID,
-    SUB_SPACES,
-    TARGET_POSES,
-    TOOL_ABC_DEG,
-    TURNS_DEG,
-    Criterion,
-    PlanMethod,
 )
-from robotrue.program.measuring_defaults import TRIGGER_OUTPUT
 
 if TYPE_CHECKING:
     from robotrue.app.hierarchy import PlannedHierarchy
@@ -61,159 +29,10 @@ if TYPE_CHECKING:
     from robotrue.robot.statics import Load
     from robotrue.store.workspace import Transaction
 
-OF_HIERARCHY: Final = (
-    "source_region", "target_region", "sub_spaces", "grid", "turns_deg", "target_poses",
-    "further", "target_rule", "attitude", "tool_abc_deg", "posture_deg",
-)  # fmt: skip
-OF_INFORMATION: Final = (
-    "poses", "region", "program", "within", "model", "payloads", "approach", "criterion",
-    "tolerance_um", "candidates", "krl", "trigger_output", "recorded",
-)  # fmt: skip
-"""Fields of one method alone."""
 HIERARCHY: Final = "hierarchical plan"
 """Kind of the documents with the poses of a source and of its sub-spaces."""
 SHOWN: Final = (4, 6, 8, 10, 15, 20, 25, 30, 40, 50, 60, 80, 100)
 """Numbers of poses in the printed table."""
-
-
-class PlanRequest(Request):
-    """Which poses to choose, for which work."""
-
-    cell: CellFile
-    output: Annotated[Path, table_output(saved_as="poses.csv", help="CSV of the poses to write.")]
-    poses: Annotated[
-        int, Option(names=("--poses", "-n"), offered=(4, 500), help="How many, at most.")
-    ] = POSES
-    region: Annotated[
-        str | None,
-        Option(help="Where the arm will work: angle_deg=A..B,radius_mm=..,height_mm=.."),
-    ] = None
-    program: Annotated[
-        Reference | None,
-        Item(
-            noun="program",
-            names=("--program-targets",),
-            help="Or the program whose targets it will work at.",
-        ),
-    ] = None
-    within: Annotated[
-        str | None, Option(help="Where the reflector may be while measuring, like --region.")
-    ] = None
-    model: Annotated[
-        Reference | None,
-        Item(noun="model", help="A calibration that the poses are to improve."),
-    ] = None
-    payloads: Annotated[
-        tuple[str, ...],
-        Option(
-            names=("--payload",),
-            advanced=True,
-            example="50,0,0,120",
-            help="KG[,X,Y,Z]: a load that can be measured with; may be repeated.",
-        ),
-    ] = ()
-    approach: Annotated[
-        Literal["one-side", "as-it-comes"],
-        Option(advanced=True, help="one-side or as-it-comes."),
-    ] = "one-side"
-    criterion: Annotated[
-        Criterion,
-        Option(advanced=True, help="I: accuracy where the arm will work. D: parameters."),
-    ] = CRITERION
-    tolerance_um: Annotated[
-        float,
-        Field(ge=0.0),
-        Option(
-            advanced=True,
-            offered=(0, 1000),
-            help="Stop when the next pose would gain less than this.",
-        ),
-    ] = 0.0
-    recorded: Annotated[
-        Path | None,
-        InputFile(
-            names=("--from",),
-            help="Choose from these poses: CSV of joints, or a program with joint positions.",
-        ),
-    ] = None
-    candidates: Annotated[
-        int, Option(advanced=True, offered=(10, 50_000), help="Postures to choose from.")
-    ] = CANDIDATES
-    seed: Annotated[
-        int, Option(advanced=True, offered=(0, 1_000_000), help="Seed of the candidates.")
-    ] = SEED
-    krl: Annotated[
-        Path | None,
-        Output(
-            names=("--program",),
-            what="a KRL program",
-            suffixes=(".src",),
-            only=True,
-            saved_as="measure.src",
-            shells=ALL,
-            advanced=True,
-            help="Also write a KRL program that measures them (.src).",
-        ),
-    ] = None
-    trigger_output: Annotated[
-        int,
-        Option(advanced=True, offered=(1, 8192), help="Digital output that triggers the tracker."),
-    ] = TRIGGER_OUTPUT
-    report: SavedPage = None
-    method: Annotated[
-        PlanMethod,
-        Option(
-            shells=NOT_IN_FORMS,
-            help="information (poses that say most) or hierarchical (source grid and its images).",
-        ),
-    ] = INFORMATION
-    source_region: Annotated[
-        str | None,
-        Option(shells=NOT_IN_FORMS, help="hierarchical: region sampled completely."),
-    ] = None
-    target_region: Annotated[
-        str | None, Option(shells=NOT_IN_FORMS, help="hierarchical: region of the sub-spaces.")
-    ] = None
-    sub_spaces: Annotated[
-        int, Option(shells=NOT_IN_FORMS, least=1, help="hierarchical: parts of the target.")
-    ] = SUB_SPACES
-    grid: Annotated[
-        str, Option(shells=NOT_IN_FORMS, help="hierarchical: values of angle, radius, height.")
-    ] = SOURCE_GRID
-    turns_deg: Annotated[
-        str,
-        Option(shells=NOT_IN_FORMS, help="hierarchical: LOW..HIGH/STEP or one number, thrice."),
-    ] = TURNS_DEG
-    target_poses: Annotated[
-        int, Option(shells=NOT_IN_FORMS, least=1, help="hierarchical: in all sub-spaces.")
-    ] = TARGET_POSES
-    further: Annotated[
-        float,
-        Field(ge=0.0),
-        Option(shells=NOT_IN_FORMS, help="hierarchical: share more in the furthest sub-space."),
-    ] = 0.0
-    target_rule: Annotated[
-        TargetRule,
-        Option(
-            shells=NOT_IN_FORMS,
-            help="hierarchical: random, boundary, corners or space-filling target poses.",
-        ),
-    ] = TARGET_RULE
-    attitude: Annotated[
-        AttitudeReading,
-        Option(shells=NOT_IN_FORMS, help="hierarchical: turning (with joint 1) or fixed."),
-    ] = DengReadings().attitude
-    tool_abc_deg: Annotated[
-        str,
-        Option(
-            shells=NOT_IN_FORMS,
-            help="hierarchical: KUKA A,B,C of the measured point in base, at angle 0.",
-        ),
-    ] = TOOL_ABC_DEG
-    posture_deg: Annotated[
-        str | None,
-        Option(shells=NOT_IN_FORMS, help="hierarchical: model joints of the branch wanted."),
-    ] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -270,12 +89,12 @@ def run(request: PlanRequest, context: Context) -> Planned | PlannedHierarchy:
         ReachError: Nothing can be measured, or the program is out of reach.
         ModelMismatchError: A KRL program is wanted of a controller that is no KUKA.
     """
-    from robotrue.app.plan_page import plan_page
     from robotrue.app.registered import provenance_used
+    from robotrue.app.report_pages import plan_page
     from robotrue.core.files import write_atomic
     from robotrue.planning.plan_sheets import measuring_krl, plan_sheet
 
-    _refuse_other_method(request)
+    refuse_other_method(request)
     if request.method != INFORMATION:
         from robotrue.app.hierarchy import write_hierarchy
 
@@ -306,23 +125,6 @@ def run(request: PlanRequest, context: Context) -> Planned | PlannedHierarchy:
         gain = f"the next pose would gain less than {request.tolerance_um:g} um"
         context.inform(f"stopped at {len(plan)}: {gain}")
     return Planned(plan=plan, robot=cell.robot, files=tuple(files), provenance=origin)
-
-
-def _refuse_other_method(request: PlanRequest) -> None:
-    """Refuses options of the method that was not stated: they would do nothing.
-
-    Raises:
-        ConfigurationError: One of them is stated.
-    """
-    other = OF_HIERARCHY if request.method == INFORMATION else OF_INFORMATION
-    for field in fields_of(PlanRequest):
-        if field.name in other and getattr(request, field.name) != field.default:
-            method = HIERARCHICAL if request.method == INFORMATION else INFORMATION
-            raise ConfigurationError(
-                f"{field.option} is an option of --method {method}; the method is "
-                f"{request.method}.",
-                hint=f"--method {method}, or leave {field.option} out.",
-            )
 
 
 def _choose_poses(

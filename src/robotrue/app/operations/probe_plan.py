@@ -291,7 +291,7 @@ def _task(
     machining: Machining,
 ) -> ProbingTask:
     """What is believed of the arm before any touch, and what can be touched and is machined."""
-    from robotrue.app.touching_tool import settings_for_touches
+    from robotrue.app.touch_settings import settings_for_touches
     from robotrue.calibration.nominal import NominalModel
     from robotrue.calibration.probing import before_touching
     from robotrue.planning.probing import ProbingTask

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
@@ -11,7 +10,7 @@ from robotrue.app.compensation_request import ALLOW_STEPS, MAX_STEP, CompensateR
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.operations.compensate import run as compensate
-from robotrue.app.presentation import Block, Table
+from robotrue.app.presentation import PlainResult, Table
 from robotrue.app.request import InputFile, Item, Option, Output, Reference, Request
 from robotrue.app.request_fields import Page
 from robotrue.core.provenance import Provenance, marked_document, merge, simulation_mark
@@ -21,7 +20,7 @@ from robotrue.planning.plan_defaults import LIFT_MM, STOCK_MM
 from robotrue.program.compensation_defaults import BLEND_MM, MAX_SHIFT_MM, MAX_STEP_MM
 
 if TYPE_CHECKING:
-    from robotrue.app.program_page import ProgramDocument
+    from robotrue.app.report_pages import ProgramDocument
     from robotrue.cell.cell import Cell
     from robotrue.cell.part import PartFrame
     from robotrue.core.arrays import Array
@@ -115,53 +114,7 @@ class ProgramRequest(Request):
     report: Page = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MadeProgram:
-    """A program made of tool paths.
-
-    Attributes:
-        counts: Targets, sides and what compensation made of them, JSON values; mm, deg, s.
-        provenance: Of the part frame and the model.
-    """
-
-    counts: ProgramDocument
-    provenance: Provenance
-
-    def document(self) -> Mapping[str, object]:
-        """Returns JSON values."""
-        return self.counts
-
-    def blocks(self) -> Iterable[Block]:
-        """Returns what each side asks of the arm."""
-        yield Table(
-            title=f"program {Path(self.counts['output']).name}",
-            columns=(
-                "side",
-                "points",
-                "cut, mm",
-                "time, s",
-                "spin, deg",
-                "to a limit, deg",
-                "wrist, deg",
-                "pass",
-            ),
-            rows=tuple(
-                (
-                    side["name"],
-                    str(side["points"]),
-                    f"{side['cut_mm']:.0f}",
-                    f"{side['duration_s']:.0f}",
-                    f"{side['spin_deg'][0]:.0f} to {side['spin_deg'][1]:.0f}",
-                    f"{side['limit_margin_deg']:.1f}",
-                    f"{side['wrist_angle_deg']:.1f}",
-                    side["pass"],
-                )
-                for side in self.counts["sides"]
-            ),
-        )
-
-
-def run(request: ProgramRequest, context: Context) -> MadeProgram:
+def run(request: ProgramRequest, context: Context) -> PlainResult:
     """Writes the program and says what each side asks of the arm.
 
     Raises:
@@ -219,7 +172,31 @@ def run(request: ProgramRequest, context: Context) -> MadeProgram:
         context.note(note)
     count = f"{len(sides)} side{'' if len(sides) == 1 else 's'}"
     context.wrote(f"{count}, {document['targets']} targets", output)
-    return MadeProgram(counts=document, provenance=origin)
+    return PlainResult(values={**document}, shown=(_sides_table(document),), provenance=origin)
+
+
+def _sides_table(document: ProgramDocument) -> Table:
+    """What each side asks of the arm."""
+    return Table(
+        title=f"program {Path(document['output']).name}",
+        columns=(
+            *("side", "points", "cut, mm", "time, s"),
+            *("spin, deg", "to a limit, deg", "wrist, deg", "pass"),
+        ),
+        rows=tuple(
+            (
+                side["name"],
+                str(side["points"]),
+                f"{side['cut_mm']:.0f}",
+                f"{side['duration_s']:.0f}",
+                f"{side['spin_deg'][0]:.0f} to {side['spin_deg'][1]:.0f}",
+                f"{side['limit_margin_deg']:.1f}",
+                f"{side['wrist_angle_deg']:.1f}",
+                side["pass"],
+            )
+            for side in document["sides"]
+        ),
+    )
 
 
 def _write_page(
@@ -229,7 +206,7 @@ def _write_page(
     document: ProgramDocument,
     origin: Provenance,
 ) -> None:
-    from robotrue.app.program_page import program_page
+    from robotrue.app.report_pages import program_page
     from robotrue.core.files import write_atomic
 
     if request.report is not None:

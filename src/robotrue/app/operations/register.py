@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
-from robotrue.app.presentation import Block
+from robotrue.app.presentation import PlainResult
 from robotrue.app.request import InputFile, Option, Output, Request
 from robotrue.app.request_fields import (
     CellOrModel,
@@ -20,7 +18,6 @@ from robotrue.app.request_fields import (
     TouchSigma,
     cell_output,
 )
-from robotrue.core.provenance import Provenance
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError
 from robotrue.validation.validation_defaults import (
@@ -33,11 +30,7 @@ from robotrue.validation.validation_defaults import (
 )
 
 if TYPE_CHECKING:
-    from robotrue.cell.cell import Cell
     from robotrue.core.surfaces import TriangleMesh
-    from robotrue.program.controller_frames import ControllerFrame
-    from robotrue.validation.registered_part import RegisteredPart
-    from robotrue.validation.registration_frame import RegistrationSettings
 
 UNITS: Final = {"mm": MM, "m": 1.0, "inch": 25.4 * MM}
 
@@ -82,43 +75,7 @@ class RegisterRequest(Request):
     frame_number: FrameNumber = FRAME_NUMBER
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Registered:
-    """A part that was found in its cell.
-
-    Attributes:
-        found: Its frames, and the model they belong to.
-        frames: The same in the words of controllers, with the name of the part.
-        output: Registered cell that was written.
-        refined_model: Model that was written, where touching moved the arm.
-        provenance: Of the touches and the model.
-    """
-
-    found: RegisteredPart
-    frames: tuple[tuple[str, ControllerFrame], ...]
-    output: Path
-    refined_model: Path | None
-    provenance: Provenance
-
-    def document(self) -> Mapping[str, object]:
-        """Returns JSON values; mm, deg."""
-        from robotrue.app.registration_view import frames_document, registration_document
-
-        return {
-            "cell": str(self.output),
-            "refined_model": None if self.refined_model is None else str(self.refined_model),
-            **registration_document(self.found),
-            "frames": frames_document(self.frames),
-        }
-
-    def blocks(self) -> Iterable[Block]:
-        """Returns each frame, its touches, what is against it, and the lines for controllers."""
-        from robotrue.app.registration_view import registration_blocks
-
-        return registration_blocks(self.found, [frame.text for _, frame in self.frames])
-
-
-def run(request: RegisterRequest, context: Context) -> Registered:
+def run(request: RegisterRequest, context: Context) -> PlainResult:
     """Registers, and writes the cell and, where touching refined the arm, its model.
 
     Raises:
@@ -127,9 +84,14 @@ def run(request: RegisterRequest, context: Context) -> Registered:
     """
     from dataclasses import replace
 
-    from robotrue.app.registered import open_model
-    from robotrue.app.registered_cell_file import model_file_of, registered_cell, relative_name
-    from robotrue.app.registration_view import write_frames
+    from robotrue.app.registered import model_file_of, open_model, registered_cell, relative_name
+    from robotrue.app.registration_view import (
+        frames_document,
+        registration_blocks,
+        registration_document,
+        write_frames,
+    )
+    from robotrue.app.touch_settings import registration_settings
     from robotrue.calibration.nominal import NominalModel
     from robotrue.core.files import write_atomic
     from robotrue.measurement.formats.part_points import read_points
@@ -145,7 +107,16 @@ def run(request: RegisterRequest, context: Context) -> Registered:
         NominalModel(robot=cell.robot) if model is None else model,
         replace(file.touches, radius=request.probe_radius_mm * MM),
         parts=file.parts,
-        settings=_settings(cell, request),
+        settings=registration_settings(
+            cell,
+            request.touch_sigma_mm,
+            robot_sigma_mm=request.robot_sigma_mm,
+            tool_sigma_mm=request.tool_sigma_mm,
+            tolerance_mm=request.tolerance_mm,
+            fit=request.fit,
+            method=request.method,
+            mesh=_mesh(request),
+        ),
     )
     frames = write_frames(found.frames, request.frame_format, request.frame_number)
     refined = None if found.refined is None else refined_path
@@ -164,11 +135,14 @@ def run(request: RegisterRequest, context: Context) -> Registered:
         )
     write_atomic(output, data)
     context.wrote("registered cell", output)
-    return Registered(
-        found=found,
-        frames=frames,
-        output=output,
-        refined_model=refined,
+    return PlainResult(
+        values={
+            "cell": str(output),
+            "refined_model": None if refined is None else str(refined),
+            **registration_document(found),
+            "frames": frames_document(frames),
+        },
+        shown=tuple(registration_blocks(found, [frame.text for _, frame in frames])),
         provenance=found.provenance,
     )
 
@@ -188,27 +162,6 @@ def _check_request(request: RegisterRequest, source: Path, refined: Path) -> Non
             f"--probe-radius-mm is {request.probe_radius_mm:g} mm, expected 0 to 100 mm.",
             hint="--probe-radius-mm 3",
         )
-
-
-def _settings(cell: Cell, request: RegisterRequest) -> RegistrationSettings:
-    from robotrue.planning.information import settings_of
-    from robotrue.validation.registration_frame import RegistrationSettings
-
-    robot, tool, tolerance = (
-        None if size is None else size * MM
-        for size in (request.robot_sigma_mm, request.tool_sigma_mm, request.tolerance_mm)
-    )
-    return RegistrationSettings(
-        touch=request.touch_sigma_mm * MM,
-        robot=robot,
-        tool_sigma=tool,
-        tolerance=tolerance,
-        fit=request.fit,
-        method=request.method,
-        T_flange_tool=cell.robot.T_flange_tool,
-        mesh=_mesh(request),
-        arm=settings_of(cell),
-    )
 
 
 def _mesh(request: RegisterRequest) -> TriangleMesh | None:

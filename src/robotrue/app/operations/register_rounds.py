@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
-from robotrue.app.presentation import Block
+from robotrue.app.presentation import Block, Facts, Note, PlainResult, Table
 from robotrue.app.request import InputFile, Option, Request
 from robotrue.app.request_fields import (
     CellOrModel,
@@ -20,17 +19,12 @@ from robotrue.app.request_fields import (
     TouchSigma,
     cell_output,
 )
-from robotrue.core.provenance import Provenance
-from robotrue.core.units import MM
+from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 from robotrue.validation.validation_defaults import FRAME_NUMBER, REGISTRATION_METHOD, TOUCH_MM
 
 if TYPE_CHECKING:
-    from robotrue.cell.cell import Cell
-    from robotrue.cell.registration.rounds import RoundsResult
-    from robotrue.program.controller_frames import ControllerFrame
-    from robotrue.validation.registered_part import RegisteredPart
-    from robotrue.validation.registration_frame import RegistrationSettings
+    from robotrue.cell.registration.rounds import Pass, RoundsResult
 
 
 class RegisterRoundsRequest(Request):
@@ -59,46 +53,7 @@ class RegisterRoundsRequest(Request):
     frame_number: FrameNumber = FRAME_NUMBER
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AdjustedInRounds:
-    """A part after rounds of running and touching.
-
-    Attributes:
-        found: Its frame, and the model it belongs to.
-        rounds: What each round showed.
-        frames: The frame in the words of controllers, with the name of the part.
-        output: Cell that was written.
-        provenance: Of the touches and the model.
-    """
-
-    found: RegisteredPart
-    rounds: RoundsResult
-    frames: tuple[tuple[str, ControllerFrame], ...]
-    output: Path
-    provenance: Provenance
-
-    def document(self) -> Mapping[str, object]:
-        """Returns JSON values; mm, deg."""
-        from robotrue.app.registration_view import frames_document, registration_document
-        from robotrue.app.rounds_view import rounds_document
-
-        return {
-            "cell": str(self.output),
-            **registration_document(self.found),
-            **rounds_document(self.rounds),
-            "frames": frames_document(self.frames),
-        }
-
-    def blocks(self) -> Iterable[Block]:
-        """Returns the rounds, the frame, what is against it, and the lines for controllers."""
-        from robotrue.app.registration_view import registration_blocks
-        from robotrue.app.rounds_view import rounds_blocks
-
-        yield from rounds_blocks(self.rounds)
-        yield from registration_blocks(self.found, [frame.text for _, frame in self.frames])
-
-
-def run(request: RegisterRoundsRequest, context: Context) -> AdjustedInRounds:
+def run(request: RegisterRoundsRequest, context: Context) -> PlainResult:
     """Adjusts, and writes the cell for the next run.
 
     Raises:
@@ -108,9 +63,14 @@ def run(request: RegisterRoundsRequest, context: Context) -> AdjustedInRounds:
     """
     import numpy as np
 
-    from robotrue.app.registered import open_model
-    from robotrue.app.registered_cell_file import model_file_of, registered_cell, relative_name
-    from robotrue.app.registration_view import write_frames
+    from robotrue.app.registered import model_file_of, open_model, registered_cell, relative_name
+    from robotrue.app.registration_view import (
+        frames_document,
+        registration_blocks,
+        registration_document,
+        write_frames,
+    )
+    from robotrue.app.touch_settings import registration_settings
     from robotrue.calibration.nominal import NominalModel
     from robotrue.core.files import write_atomic
     from robotrue.measurement.formats.part_points import read_points
@@ -136,7 +96,14 @@ def run(request: RegisterRoundsRequest, context: Context) -> AdjustedInRounds:
         [file.touches for file in files],
         rough_frames(cell, request.frame, (name,))[0],
         name=name,
-        settings=_settings(request, cell),
+        settings=registration_settings(
+            cell,
+            request.touch_sigma_mm,
+            tool_sigma_mm=request.tool_sigma_mm,
+            tolerance_mm=request.tolerance_mm,
+            fit="frame",
+            method=request.method,
+        ),
     )
     used = model_file_of(cell, source)
     table = found.table(
@@ -146,32 +113,109 @@ def run(request: RegisterRoundsRequest, context: Context) -> AdjustedInRounds:
     )
     write_atomic(output, registered_cell(cell, source, table, output))
     context.wrote("cell for the next run", output)
-    return AdjustedInRounds(
-        found=found,
-        rounds=rounds,
-        frames=write_frames(found.frames, request.frame_format, request.frame_number),
-        output=output,
+    frames = write_frames(found.frames, request.frame_format, request.frame_number)
+    lines = [frame.text for _, frame in frames]
+    return PlainResult(
+        values={
+            "cell": str(output),
+            **registration_document(found),
+            **_rounds_document(rounds),
+            "frames": frames_document(frames),
+        },
+        shown=(*_rounds_blocks(rounds), *registration_blocks(found, lines)),
         provenance=found.provenance,
     )
 
 
-def _settings(request: RegisterRoundsRequest, cell: Cell) -> RegistrationSettings:
-    from robotrue.planning.information import settings_of
-    from robotrue.validation.registration_frame import RegistrationSettings
+SAYS: Final = {
+    "run again": "run the part's points once more in the frame written, and touch them",
+    "settled": "stop: the last correction is below its own uncertainty",
+    "as it was": "stop: the frame begun with is as good as touching can tell, and stays",
+    "not settled": "stop: the part moves, or touches are worth less than stated",
+}
 
-    tool, tolerance = (
-        None if size is None else size * MM
-        for size in (request.tool_sigma_mm, request.tolerance_mm)
+
+def _rounds_document(rounds: RoundsResult) -> dict[str, object]:
+    """Returns JSON values; mm, deg."""
+    import numpy as np
+
+    from robotrue.core.rotations import abc_from_matrix
+
+    end = rounds.adjustment
+    return {
+        "rounds_verdict": end.verdict,
+        "rounds": [
+            {
+                "round": k + 1,
+                "run_xyz_mm": (T[:3, 3] / MM).tolist(),
+                "run_abc_deg": (abc_from_matrix(T[:3, :3]) / DEG).tolist(),
+                "deviation_mm": (each.error / MM).tolist(),
+                "worst_mm": each.worst / MM,
+                "correction_mm": float(np.linalg.norm(each.shift)) / MM,
+                "correction_deg": each.angle / DEG,
+                "times_its_uncertainty": _times(each),
+            }
+            for k, (each, T) in enumerate(zip(end.passes, rounds.frames, strict=True))
+        ],
+        "floor_mm": _number(end.floor),
+        "oscillation_mm": _number(end.oscillation),
+        "distortion_mm": (end.distortion / MM).tolist()
+        if np.isfinite(end.distortion).all()
+        else None,
+        "counted_rounds": rounds.counted,
+        "moved": [
+            {"round": m.round, "mm": m.shift / MM, "deg": m.turn / DEG, "times": m.times}
+            for m in rounds.moved
+        ],
+    }
+
+
+def _rounds_blocks(rounds: RoundsResult) -> Iterable[Block]:
+    """Returns a row a round, and where they ended."""
+    import numpy as np
+
+    end = rounds.adjustment
+    yield Table(
+        title="rounds",
+        columns=("", "worst deviation, mm", "correction, mm", "deg", "times its uncertainty"),
+        rows=tuple(
+            (
+                str(k + 1),
+                f"{each.worst / MM:.3f}",
+                f"{float(np.linalg.norm(each.shift)) / MM:.3f}",
+                f"{each.angle / DEG:.4f}",
+                f"{_times(each):.1f}",
+            )
+            for k, each in enumerate(end.passes)
+        ),
     )
-    return RegistrationSettings(
-        touch=request.touch_sigma_mm * MM,
-        tool_sigma=tool,
-        tolerance=tolerance,
-        method=request.method,
-        fit="frame",
-        T_flange_tool=cell.robot.T_flange_tool,
-        arm=settings_of(cell),
+    facts = [("verdict", f"{end.verdict}: {SAYS[end.verdict]}")]
+    if np.isfinite(end.floor):
+        facts.append(("floor", f"{end.floor / MM:.3f} mm: the triangle as this arm sees it"))
+    if np.isfinite(end.oscillation):
+        facts.append(("oscillation", f"{end.oscillation / MM:.3f} mm: the touching"))
+    yield Facts(title="where they ended", rows=tuple(facts))
+    yield from (
+        Note(
+            f"note: before round {m.round} the part moved by {m.shift / MM:.3f} mm and "
+            f"{m.turn / DEG:.3f} deg, {m.times:.1f} times what touching explains; the rounds "
+            "before are left out."
+        )
+        for m in rounds.moved
     )
+
+
+def _times(each: Pass) -> float:
+    """Length of a correction over its standard deviation, per direction."""
+    import numpy as np
+
+    return float(np.sqrt(each.significance / 6.0))
+
+
+def _number(value: float) -> float | None:
+    import numpy as np
+
+    return value / MM if np.isfinite(value) else None
 
 
 OPERATION: Final = Operation(request=RegisterRoundsRequest, run=run)

@@ -11,10 +11,12 @@ from pydantic import Field
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
-from robotrue.app.operations.report_calibration import ReportCalibrationRequest, draft_certificate
-from robotrue.app.operations.report_program import ReportProgramRequest, draft_program
-from robotrue.app.operations.report_registration import (
+from robotrue.app.operations.report_files import (
+    ReportCalibrationRequest,
+    ReportProgramRequest,
     ReportRegistrationRequest,
+    draft_certificate,
+    draft_program,
     draft_registration,
 )
 from robotrue.app.presentation import Block, Note

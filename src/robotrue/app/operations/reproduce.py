@@ -7,8 +7,7 @@ from typing import Annotated, Final
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
-from robotrue.app.plain_result import PlainResult
-from robotrue.app.presentation import Facts, Table
+from robotrue.app.presentation import Facts, PlainResult, Table
 from robotrue.app.request import Option, Request
 from robotrue.core.provenance import Provenance
 from robotrue.errors import ConfigurationError

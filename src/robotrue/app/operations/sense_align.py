@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
-from robotrue.app.plain_result import PlainResult
-from robotrue.app.presentation import Facts
+from robotrue.app.presentation import Facts, PlainResult
 from robotrue.app.request import InputFile, Option, Output, Request
 from robotrue.errors import ImplausibleDataError
 

@@ -7,13 +7,16 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
-from robotrue.app.plain_result import PlainResult
+from robotrue.app.presentation import Facts, LiveView, Note, PlainResult, Table
 from robotrue.app.request import InputFile, Item, Option, Reference, Request
 from robotrue.app.request_fields import CellFile
+from robotrue.core.units import UM
 from robotrue.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from robotrue.core.provenance import Provenance
+    from robotrue.online.clocks import ClockFix
+    from robotrue.online.link import Health
     from robotrue.online.sense_settings import CorrectionSettings, SenseSettings
     from robotrue.online.service import Snapshot
 
@@ -92,7 +95,6 @@ def run(request: SenseRunRequest, context: Context) -> PlainResult:
     """
     from dataclasses import replace
 
-    from robotrue.app.sense_view import live_view
     from robotrue.core.provenance import mark_sentence, merge
     from robotrue.online.sense_settings import marked_note, origins_of
     from robotrue.online.service_run import run_service
@@ -106,7 +108,7 @@ def run(request: SenseRunRequest, context: Context) -> PlainResult:
     with context.shell.live() as show:
 
         def watch(shot: Snapshot) -> None:
-            show(live_view(shot, settings.note))
+            show(_live_view(shot, settings.note))
 
         shot = run_service(settings, origins, context, watch)
     return _result(shot, settings.note, origin)
@@ -190,8 +192,6 @@ def _correction(request: SenseRunRequest) -> CorrectionSettings | None:
 def _result(shot: Snapshot, note: str, origin: Provenance) -> PlainResult:
     from dataclasses import asdict
 
-    from robotrue.app.presentation import Facts, Note, Table
-    from robotrue.app.sense_view import HEADINGS, health_rows, summary
     from robotrue.online.service import snapshot_document
 
     clocks: dict[str, object] = {stream: asdict(fix) for stream, fix in shot.clocks.items()}
@@ -204,10 +204,76 @@ def _result(shot: Snapshot, note: str, origin: Provenance) -> PlainResult:
         values=snapshot_document(shot) | {"seconds": shot.running, "clocks": clocks},
         shown=(
             Facts(title="sensed", rows=totals),
-            Table(title="health", columns=HEADINGS, rows=health_rows(shot)),
-            Note(summary(shot, note)),
+            Table(title="health", columns=HEADINGS, rows=_health_rows(shot)),
+            Note(_summary(shot, note)),
         ),
         provenance=origin,
+    )
+
+
+HEADINGS: Final = (
+    "", "there", "taken", "lost", "late", "refused", "dropped", "answer ms", "ppm", "last fault"
+)  # fmt: skip
+"""Answer: median and 99th percentile. Ppm: by which the sender's clock runs slow."""
+_BAND: Final = 1.96
+"""Standard deviations of a band that holds 95 of 100."""
+
+
+def _live_view(shot: Snapshot, note: str) -> LiveView:
+    """Returns what is shown while the service runs."""
+    table = Table(title="", columns=HEADINGS, rows=_health_rows(shot))
+    return LiveView(line=_summary(shot, note), table=table, at=shot.running)
+
+
+def _summary(shot: Snapshot, note: str) -> str:
+    """Returns one line: time, samples, error and band, correction."""
+    from robotrue.online.estimates import doubt_words
+
+    parts = [f"{shot.running:.0f} s", f"{shot.given} estimates", f"{shot.invalid} invalid"]
+    latest = shot.latest
+    if latest is not None and latest.valid[-1]:
+        numbers = zip("xyz", latest.error[-1] / UM, _BAND * latest.sd[-1] / UM, strict=True)
+        parts.append("error um " + " ".join(f"{a} {e:+.1f}±{s:.1f}" for a, e, s in numbers))
+    elif latest is not None:
+        parts.append("no valid error: " + doubt_words(int(latest.doubt[-1])))
+    if shot.correction_um is not None:
+        held = " ".join(f"{v:+.1f}" for v in shot.correction_um)
+        parts.append(
+            f"correction um {held}" + (f" ({shot.correction_why})" * bool(shot.correction_why))
+        )
+    if note:
+        parts.append(note)
+    return " · ".join(parts)
+
+
+def _health_rows(shot: Snapshot) -> tuple[tuple[str, ...], ...]:
+    """Returns the counters of everything that has some, a row each, as :data:`HEADINGS`."""
+    outputs = (*shot.sinks, *((shot.record,) if shot.record else ()))
+    return (
+        *(
+            _health_row(health, shot.clocks[stream], shot.faults.get(stream, ""))
+            for stream, health in shot.sources.items()
+        ),
+        *(_health_row(health, None, "") for health in outputs),
+    )
+
+
+def _health_row(health: Health, clock: ClockFix | None, fault: str) -> tuple[str, ...]:
+    import numpy as np
+
+    answer = drift = ""
+    if np.isfinite(health.turnaround_p50):
+        answer = f"{1e3 * health.turnaround_p50:.2f}/{1e3 * health.turnaround_p99:.2f}"
+    if clock is not None and clock.seconds:
+        drift = f"{1e6 * clock.drift:+.1f}"
+    counts = (health.received, health.lost, health.late, health.refused, health.dropped)
+    return (
+        health.name,
+        "yes" if health.connected else "no",
+        *(str(c) for c in counts),
+        answer,
+        drift,
+        fault or health.last_fault,
     )
 
 

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
-from robotrue.app.presentation import Block, Note, Table
+from robotrue.app.presentation import Block, Note, PlainResult, Table
 from robotrue.app.request import Item, Option, Output, Reference, Request
 from robotrue.app.request_fields import CellFile, ForeignColumns, Page
 from robotrue.calibration.deng2022.readings import SIMILARITY_READING, SimilarityReading
-from robotrue.core.provenance import Provenance
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError
 from robotrue.validation.validation_defaults import APART_MM, FEWEST_PAIRS, SIMILARITY_REGIONS
@@ -76,73 +74,7 @@ class SimilarityRequest(Request):
     report: Page = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Compared:
-    """Regions against the reference of their kind.
-
-    Attributes:
-        found: Similarities, by kind.
-        reading: Of the number that is shown first.
-        poses: Measured.
-        wins: In how many regions the cylinder is more alike than the cube, and of how many.
-        output: Table that was written.
-        provenance: Of the measurements.
-    """
-
-    found: tuple[RegionSimilarity, ...]
-    reading: SimilarityReading
-    poses: int
-    wins: tuple[int, int] | None
-    output: Path
-    provenance: Provenance
-
-    def document(self) -> Mapping[str, object]:
-        """Returns JSON values; mm."""
-        from robotrue.core.json_values import json_values
-
-        return {
-            "similarities_csv": str(self.output),
-            "reading": self.reading,
-            "cylinder_above_cube": None if self.wins is None else self.wins[0],
-            "compared": None if self.wins is None else self.wins[1],
-            "regions": [
-                {
-                    "kind": each.kind,
-                    "reference": each.reference,
-                    "region": each.name,
-                    "points": len(each.rows),
-                    "furthest_pair_mm": float(each.apart.max()) / MM,
-                    "similarity": json_values(dict(each.values)),
-                }
-                for each in self.found
-            ],
-        }
-
-    def blocks(self) -> Iterable[Block]:
-        """Returns the similarities under every reading."""
-        readings = list(self.found[0].values)
-        yield Table(
-            title=f"similarity of errors to the reference region, {self.poses} poses, 1 is alike",
-            columns=("region", "reference", "points", "furthest pair mm", *readings),
-            rows=tuple(
-                (
-                    each.name,
-                    each.reference,
-                    str(len(each.rows)),
-                    f"{each.apart.max() / MM:.2f}",
-                    *(f"{v:.4f}" if isfinite(v) else "-" for v in each.values.values()),
-                )
-                for each in self.found
-            ),
-        )
-        if self.wins is not None:
-            yield Note(
-                f"the cylinder is more alike than the cube in {self.wins[0]} of {self.wins[1]} "
-                f"regions, reading {self.reading}"
-            )
-
-
-def run(request: SimilarityRequest, context: Context) -> Compared:
+def run(request: SimilarityRequest, context: Context) -> PlainResult:
     """Compares the regions; writes the table, and the curves and the page if they are asked for.
 
     Raises:
@@ -151,7 +83,12 @@ def run(request: SimilarityRequest, context: Context) -> Compared:
         ObservabilityError: A region without points, or too few of them correspond.
     """
     from robotrue.core.files import write_atomic
-    from robotrue.report.similarity_report import curves_csv, similarities_csv
+    from robotrue.report.page import report_html
+    from robotrue.report.similarity_report import (
+        curves_csv,
+        similarities_csv,
+        similarity_content,
+    )
     from robotrue.robot.forward import forward
     from robotrue.validation.region_similarity import compare_regions, count_cylinder_wins
 
@@ -171,17 +108,74 @@ def run(request: SimilarityRequest, context: Context) -> Compared:
         path = context.output(request.curves)
         write_atomic(path, curves_csv(found, rows, points, errors).encode())
         context.wrote("error curves", path)
-    result = Compared(
-        found=found,
-        reading=request.reading,
-        poses=len(rows),
-        wins=count_cylinder_wins(found, request.reading),
-        output=output,
+    wins = count_cylinder_wins(found, request.reading)
+    if request.report is not None:
+        content = similarity_content(
+            found,
+            errors,
+            regions,
+            reading=request.reading,
+            wins=wins,
+            poses=len(rows),
+            simulated=rows.provenance.simulated,
+        )
+        page = context.output(request.report)
+        write_atomic(page, report_html(content).encode())
+        context.wrote("report", page)
+    return PlainResult(
+        values={"similarities_csv": str(output), **_document(found, request.reading, wins)},
+        shown=tuple(_blocks(found, request.reading, len(rows), wins)),
         provenance=rows.provenance,
     )
-    if request.report is not None:
-        _write_page(context.output(request.report), result, errors, regions, context)
-    return result
+
+
+def _document(
+    found: Sequence[RegionSimilarity], reading: str, wins: tuple[int, int] | None
+) -> dict[str, object]:
+    """Similarities, and in how many regions the cylinder is more alike than the cube; mm."""
+    from robotrue.core.json_values import json_values
+
+    return {
+        "reading": reading,
+        "cylinder_above_cube": None if wins is None else wins[0],
+        "compared": None if wins is None else wins[1],
+        "regions": [
+            {
+                "kind": each.kind,
+                "reference": each.reference,
+                "region": each.name,
+                "points": len(each.rows),
+                "furthest_pair_mm": float(each.apart.max()) / MM,
+                "similarity": json_values(dict(each.values)),
+            }
+            for each in found
+        ],
+    }
+
+
+def _blocks(
+    found: Sequence[RegionSimilarity], reading: str, poses: int, wins: tuple[int, int] | None
+) -> Iterable[Block]:
+    """The similarities under every reading."""
+    yield Table(
+        title=f"similarity of errors to the reference region, {poses} poses, 1 is alike",
+        columns=("region", "reference", "points", "furthest pair mm", *found[0].values),
+        rows=tuple(
+            (
+                each.name,
+                each.reference,
+                str(len(each.rows)),
+                f"{each.apart.max() / MM:.2f}",
+                *(f"{v:.4f}" if isfinite(v) else "-" for v in each.values.values()),
+            )
+            for each in found
+        ),
+    )
+    if wins is not None:
+        yield Note(
+            f"the cylinder is more alike than the cube in {wins[0]} of {wins[1]} "
+            f"regions, reading {reading}"
+        )
 
 
 def _require_base(rows: MeasurementSet) -> None:
@@ -221,26 +215,6 @@ def _stated_region(text: str) -> NamedRegion:
             f"--region {text!r}, expected NAME=LIMITS.", hint=f"--region A={EXAMPLE}"
         )
     return NamedRegion(name=name, region=parse_region(f"--region {name}=", limits))
-
-
-def _write_page(
-    path: Path, result: Compared, errors: Array, regions: Sequence[NamedRegion], context: Context
-) -> None:
-    from robotrue.core.files import write_atomic
-    from robotrue.report.page import report_html
-    from robotrue.report.similarity_report import similarity_content
-
-    content = similarity_content(
-        result.found,
-        errors,
-        regions,
-        reading=result.reading,
-        wins=result.wins,
-        poses=result.poses,
-        simulated=result.provenance.simulated,
-    )
-    write_atomic(path, report_html(content).encode())
-    context.wrote("report", path)
 
 
 OPERATION: Final = Operation(request=SimilarityRequest, run=run)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
-from robotrue.app.plain_result import PlainResult
+from robotrue.app.presentation import PlainResult
 from robotrue.app.request import InputFile, Option, Request
 from robotrue.app.simulated_service import Seconds, run_until_stopped
 from robotrue.errors import ConfigurationError

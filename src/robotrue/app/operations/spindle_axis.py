@@ -9,8 +9,7 @@ from pydantic import Field
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
-from robotrue.app.plain_result import PlainResult
-from robotrue.app.presentation import Facts, Text
+from robotrue.app.presentation import Facts, PlainResult, Text
 from robotrue.app.request import InputFile, Option, Request
 from robotrue.app.request_fields import cell_output
 from robotrue.core.provenance import merge

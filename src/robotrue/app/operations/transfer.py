@@ -6,27 +6,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final, Literal, TypeAlias
+from typing import TYPE_CHECKING, Final
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.outputs import check_output
-from robotrue.app.presentation import Block, Facts, Note, Table
-from robotrue.app.request import (
-    IN_JOBS,
-    ON_COMMAND_LINE,
-    Item,
-    Option,
-    Reference,
-    Request,
-)
-from robotrue.app.request_fields import ForeignColumns, ModelOutput, SavedPage
-from robotrue.calibration.deng2022.readings import (
-    BOOSTING,
-    AttitudeReading,
-    Boosting,
-    DengReadings,
-)
+from robotrue.app.presentation import Block, Facts, Note, Table, count
+from robotrue.app.transfer_request import AUTO, TransferRequest, refuse_method_options
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError, ModelMismatchError, ObservabilityError
@@ -46,100 +32,6 @@ if TYPE_CHECKING:
 
 REPEATS: Final = 5
 """Subsets of the target poses for each point of the curve."""
-TransferMethod: TypeAlias = Literal["auto", "deng2022"]
-AUTO: Final[TransferMethod] = "auto"
-METHOD_OPTIONS: Final = (
-    "sub_spaces", "source_region", "target_region", "attitude", "rounds", "boosting", "reading",
-)  # fmt: skip
-"""Fields of the paper's method alone."""
-USUAL: Final = DengReadings()
-"""How the paper's equations are read unless stated otherwise."""
-
-
-def _source_item(relation: str) -> Item:
-    """What is known from one relation: the field of a job, with items and files."""
-    return Item(
-        noun="measurement",
-        also=("model",),
-        sent=True,
-        shells=IN_JOBS,
-        help=f"Measurements or models of {relation}.",
-    )
-
-
-class TransferRequest(Request):
-    """What is known, and of what: a command states sources, a job items and files by relation."""
-
-    cell: Annotated[
-        Reference | None,
-        Item(noun="cell", argument="CELL", needed_in=ON_COMMAND_LINE, help="cell.toml"),
-    ] = None
-    source: Annotated[
-        tuple[str, ...],
-        Option(
-            names=("--source",),
-            shells=ON_COMMAND_LINE,
-            help="NAME=FILE[,region|campaign|unit]: measurements or a model; may be repeated.",
-        ),
-    ] = ()
-    fleet: Annotated[
-        tuple[Path, ...],
-        Option(
-            shells=ON_COMMAND_LINE,
-            help="Model of another arm of the type, or a folder of such models; may be repeated.",
-        ),
-    ] = ()
-    output: ModelOutput
-    measurements: Annotated[
-        tuple[Reference, ...],
-        Item(noun="measurement", argument="[TARGET...]", sent=True, help="Target measurements."),
-    ] = ()
-    from_region: Annotated[
-        tuple[Reference, ...], _source_item("another region, the same arm and time")
-    ] = ()
-    from_campaign: Annotated[tuple[Reference, ...], _source_item("another time, the same arm")] = ()
-    from_unit: Annotated[tuple[Reference, ...], _source_item("another arm of the type")] = ()
-    model: Annotated[
-        Reference | None,
-        Item(noun="model", shells=IN_JOBS, help="Model to bring up to date; it knows its cell."),
-    ] = None
-    mapping: ForeignColumns = None
-    report: SavedPage = None
-    curve: Annotated[bool, Option(help="Also accuracy against the number of target poses.")] = False
-    method: Annotated[
-        TransferMethod,
-        Option(
-            help="auto (the candidate that holds) or deng2022 (the paper's Tr-GPR, checked too)."
-        ),
-    ] = AUTO
-    sub_spaces: Annotated[
-        int | None,
-        Option(
-            least=1,
-            help="deng2022: parts of the target as wide as the source; default: all that fit.",
-        ),
-    ] = None
-    source_region: Annotated[
-        str | None,
-        Option(help="deng2022: angle_deg=A..B,radius_mm=..,height_mm=..; default: as measured."),
-    ] = None
-    target_region: Annotated[
-        str | None, Option(help="deng2022: where it shall hold, like --source-region.")
-    ] = None
-    attitude: Annotated[
-        AttitudeReading,
-        Option(help="deng2022: turning (with the angle about joint 1) or fixed (in base)."),
-    ] = USUAL.attitude
-    rounds: Annotated[int, Option(least=1, help="deng2022: boosting rounds, at most.")] = (
-        USUAL.rounds
-    )
-    boosting: Annotated[
-        Boosting, Option(help="deng2022: corrected, or literal (eq. 19, 22 and 24 as printed).")
-    ] = BOOSTING
-    reading: Annotated[
-        tuple[str, ...],
-        Option(help="deng2022: NAME=VALUE, how an equation is read; may be repeated."),
-    ] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -213,8 +105,6 @@ def _contest_rows(selection: Selection, winner: str) -> Iterable[tuple[str, ...]
 
 
 def _curve_table(curve: LearningCurve) -> Table:
-    from robotrue.app.transfer_sources import count
-
     median = curve.quartiles()[1] / MM
     return Table(
         title=f"mean error in mm against target poses, median of {curve.repeats} subsets, tested "
@@ -268,7 +158,7 @@ def run(request: TransferRequest, context: Context) -> Transferred:
     )
     robot, settings = cell.measured_robot, settings_of(cell)
     if request.method == AUTO:
-        _refuse_method_options(request)
+        refuse_method_options(request)
         found = contestants(robot, target, sources, settings)
     else:
         found = paper_contestants(request, robot, target, sources, settings, context)
@@ -305,17 +195,6 @@ def run(request: TransferRequest, context: Context) -> Transferred:
     return result
 
 
-def _refuse_method_options(request: TransferRequest) -> None:
-    """Refuses options of the paper's method where it is not the one that was stated."""
-    for name in METHOD_OPTIONS:
-        if getattr(request, name) != TransferRequest.model_fields[name].get_default():
-            option = f"--{name.replace('_', '-')}"
-            raise ConfigurationError(
-                f"{option} is an option of --method deng2022; the method is {request.method}.",
-                hint=f"--method deng2022, or leave {option} out.",
-            )
-
-
 def _read_cell(request: TransferRequest, context: Context) -> Cell:
     """The cell of the target: the one that is stated, or that of the model to update."""
     if request.cell is not None:
@@ -348,7 +227,6 @@ def _write_page(
     result: Transferred,
     context: Context,
 ) -> None:
-    from robotrue.app.transfer_sources import count
     from robotrue.core.files import write_atomic
     from robotrue.report.content import Fact
     from robotrue.report.page import report_html

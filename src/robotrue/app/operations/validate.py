@@ -110,11 +110,11 @@ def run(request: ValidateRequest, context: Context) -> Validated:
         context.inform(line)
     page = None
     if request.report is not None:
-        from robotrue.app.calibration_page import write_page
+        from robotrue.app.report_pages import write_calibration_page
 
         context.step("writing the report", 2, STEPS)
         page = context.output(request.report)
-        write_page(page, stored.model, result, title=TITLE, measured=rows.provenance)
+        write_calibration_page(page, stored.model, result, title=TITLE, measured=rows.provenance)
         context.wrote("report", page)
     origin = merge([provenance_of(stored.model), rows.provenance])
     return Validated(report=result, poses=len(rows), page=page, provenance=origin)

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
-from robotrue.app.plain_result import PlainResult
-from robotrue.app.presentation import Note
+from robotrue.app.presentation import Note, PlainResult
 from robotrue.app.request import Request
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""The cell in three dimensions: arm, frames, measured errors, predicted error around them."""
+"""The cell in three dimensions: arm, frames, errors measured and predicted, poses of a plan."""
 
 from __future__ import annotations
 
@@ -7,20 +7,22 @@ from typing import Final
 import numpy as np
 
 from robotrue.app.workbench.arm_body import answer, body_document, pack_floats
-from robotrue.app.workbench.calibration_view import from_simulation
 from robotrue.app.workbench.file_imports import cell_of
+from robotrue.app.workbench.model_views import from_simulation
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
 from robotrue.cell.obstacles import Box, Sphere
 from robotrue.core.arrays import Array
 from robotrue.core.regions import CubeRegion
 from robotrue.core.rotations import abc_from_matrix
-from robotrue.errors import ReachError
+from robotrue.core.units import DEG, MM
+from robotrue.errors import ConfigurationError, ReachError
 from robotrue.measurement.measurement_set import concatenate
+from robotrue.planning.arm_scene import scene_of
 from robotrue.robot.configuration import controller_axes
 from robotrue.robot.forward import forward
 from robotrue.store import items, measurements, models
-from robotrue.store.nouns import CELL, MEASUREMENT, MODEL
+from robotrue.store.nouns import CELL, DOCUMENT, MEASUREMENT, MODEL
 from robotrue.store.workspace import Workspace
 from robotrue.validation.error_map import error_map
 from robotrue.validation.evaluation import Evaluation, evaluate
@@ -40,8 +42,8 @@ def draw_cell(workspace: Workspace, cell_id: str, version: int) -> bytes:
     joints = np.zeros(cell.robot.dof) if middle is None else middle
     return answer({
         "robot": body_document(cell, joints[None]),
-        "frames": frame_documents(cell),
-        "obstacles": obstacle_documents(cell),
+        "frames": _frame_documents(cell),
+        "obstacles": _obstacle_documents(cell),
     })  # fmt: skip
 
 
@@ -51,8 +53,8 @@ def draw_model(workspace: Workspace, model_id: str, version: int) -> bytes:
     held = models.model_of(workspace, record)
     rows = measurements.read_data(workspace, record)
     document = {
-        "frames": frame_documents(held.cell),
-        "obstacles": obstacle_documents(held.cell),
+        "frames": _frame_documents(held.cell),
+        "obstacles": _obstacle_documents(held.cell),
         "simulated": from_simulation(held.model, rows),
     }
     if not rows:
@@ -73,7 +75,7 @@ def draw_measurement(
     )
     seen = evaluate(held.model, rows, payload=held.cell.payload)
     simulated = from_simulation(held.model, [rows])
-    frames = frame_documents(held.cell)
+    frames = _frame_documents(held.cell)
     return answer({"frames": frames, "simulated": simulated, **_points(held.cell, seen)})
 
 
@@ -94,7 +96,7 @@ def _points(cell: Cell, seen: Evaluation) -> dict[str, object]:
     }
 
 
-def frame_documents(cell: Cell) -> list[dict[str, object]]:
+def _frame_documents(cell: Cell) -> list[dict[str, object]]:
     """Returns the frames of a cell by name: base, part frames or work frame, tracker."""
     frames = [("base", np.eye(4))]
     if cell.part is not None:
@@ -108,7 +110,7 @@ def frame_documents(cell: Cell) -> list[dict[str, object]]:
     return [{"name": name, "T_base_frame": T} for name, T in frames]
 
 
-def obstacle_documents(cell: Cell) -> list[dict[str, object]]:
+def _obstacle_documents(cell: Cell) -> list[dict[str, object]]:
     """Returns the obstacles of a cell as its 3-D view draws them: m, robot base."""
     documents: list[dict[str, object]] = []
     for body in cell.obstacles:
@@ -149,3 +151,69 @@ def _field(cell: Cell, model: ErrorModel, seen: Evaluation) -> dict[str, object]
         "bound_m": pack_floats(found.bound[able]),
         "cell_m": [(b - a) / max(k - 1, 1) for (a, b), k in zip((x, y, z), GRID, strict=True)],
     }
+
+
+KIND = "plan"
+
+
+def show_plan(workspace: Workspace, plan_id: str, version: int) -> bytes:
+    """Returns a plan as it was made, its scene, and how the instrument sees each pose."""
+    record = items.get(workspace, DOCUMENT, plan_id, version=version)
+    if record.kind != KIND:
+        raise ConfigurationError(f"{record.name!r} is a {record.kind}, not a plan.")
+    (to,) = record.refs("cell")
+    cell = cell_of(workspace, items.get(workspace, CELL, to.id, version=to.version))
+    used = [
+        items.get(workspace, MODEL, each.id, version=each.version) for each in record.refs("model")
+    ]
+    simulated = any(from_simulation(models.model_of(workspace, each).model) for each in used)
+    detail = dict(record.detail)
+    joints = np.asarray(detail["joints_deg"], dtype=np.float64) * DEG
+    axes = controller_axes(cell.robot, joints) / DEG
+    return answer(
+        {
+            **detail,
+            "simulated": simulated,
+            "model": used[0].name if used else "",
+            "cell": cell.robot.name,
+            "axes_deg": axes,
+            "visibility": _visibility(cell, joints),
+            "scene": {
+                "robot": body_document(cell, joints),
+                "frames": _frame_documents(cell),
+                "obstacles": _obstacle_documents(cell),
+                "simulated": simulated,
+                "points": {
+                    "position": pack_floats(np.asarray(detail["commanded_mm"]) * MM),
+                    "axes_deg": pack_floats(axes),
+                    "row": np.arange(1, len(joints) + 1),
+                    "of": len(joints),
+                    "seen_from": cell.tracker_place,
+                },
+            },
+        }
+    )
+
+
+def _visibility(cell: Cell, joints: Array) -> dict[str, object]:
+    """Distance (m) and angle (deg) off the reflector's axis of each pose, where they are known."""
+    place, axis = cell.tracker_place, cell.target_axis
+    out: dict[str, object] = {
+        "tracker": place is not None,
+        "axis": axis is not None,
+        "acceptance_deg": cell.acceptance / DEG if axis is not None else None,
+        "obstacles": len(cell.obstacles),
+        "links": cell.link_radius is not None,
+        "distance_m": None,
+        "angle_deg": None,
+    }
+    if place is None:
+        return out
+    _, reflector, turn = scene_of(cell, clearance=0.0).tubes(joints)
+    ray = place - reflector
+    distance = np.linalg.norm(ray, axis=1)
+    out["distance_m"] = distance
+    if axis is not None:
+        cosine = np.einsum("ni,ni->n", turn @ axis, ray / distance[:, None])
+        out["angle_deg"] = np.arccos(np.clip(cosine, -1.0, 1.0)) / DEG
+    return out

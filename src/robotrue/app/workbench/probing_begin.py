@@ -10,8 +10,8 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.app.workbench.calibration_view import from_simulation
 from robotrue.app.workbench.file_imports import cell_of
+from robotrue.app.workbench.model_views import from_simulation
 from robotrue.app.workbench.probing_state import (
     TouchWords,
     require_kind,

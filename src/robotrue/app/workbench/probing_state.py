@@ -10,6 +10,7 @@ from typing import Literal
 
 import numpy as np
 
+from robotrue.app.touch_settings import registration_settings
 from robotrue.app.workbench.file_imports import cell_of
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.nominal import NominalModel
@@ -26,7 +27,6 @@ from robotrue.errors import (
 from robotrue.measurement.formats.part_points import PointsFile, read_points
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.measurement.touch_session import ProbingSession, TouchReading, session_csv
-from robotrue.planning.information import settings_of
 from robotrue.robot.model import nominal_identity
 from robotrue.store import items, models
 from robotrue.store.nouns import CELL, DOCUMENT, MODEL, CellRecord, DocumentRecord, ModelRecord
@@ -141,18 +141,13 @@ def open_session(workspace: Workspace, id: str, version: int | None = None) -> O
 
 def settings_from(words: TouchWords, cell: Cell) -> RegistrationSettings:
     """Returns the settings of a registration from words in mm."""
-
-    def length(value: float | None) -> float | None:
-        return None if value is None else value * MM
-
-    return RegistrationSettings(
-        touch=words.touch_sigma_mm * MM,
-        robot=length(words.robot_sigma_mm),
-        tool_sigma=length(words.tool_sigma_mm),
-        tolerance=length(words.tolerance_mm),
+    return registration_settings(
+        cell,
+        words.touch_sigma_mm,
+        robot_sigma_mm=words.robot_sigma_mm,
+        tool_sigma_mm=words.tool_sigma_mm,
+        tolerance_mm=words.tolerance_mm,
         fit=words.fit,
-        T_flange_tool=cell.robot.T_flange_tool,
-        arm=settings_of(cell),
     )
 
 

@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from robotrue.app.touch_settings import settings_for_touches
 from robotrue.app.workbench.arm_body import answer, controller_angles
 from robotrue.app.workbench.probing_entry import worst_place
 from robotrue.app.workbench.probing_state import (
@@ -17,12 +18,10 @@ from robotrue.app.workbench.probing_state import (
     select_trusted,
     touches_of,
 )
-from robotrue.calibration.probing import ProbingSettings, before_touching
+from robotrue.calibration.probing import before_touching
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.poses import pose
-from robotrue.core.rotations import (
-    abc_from_matrix,
-)
+from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, RobotrueError
 from robotrue.measurement.probing_set import ProbingSet
@@ -34,7 +33,7 @@ from robotrue.robot.inverse_numeric import solve
 from robotrue.store.registrations import result_of
 from robotrue.store.workspace import Workspace
 from robotrue.validation.registered_part import FoundFrame, RegisteredPart
-from robotrue.validation.registration_frame import TOOL, same_tool, tips
+from robotrue.validation.registration_frame import tips
 from robotrue.validation.touch_expectation import TouchBelief, expected_readings
 
 PROPOSED: Final = -1
@@ -173,32 +172,19 @@ def _next(
 def _best(
     at: Opened, rows: list[tuple[int, int]], able: BoolArray, believed: tuple[TouchReading, ...]
 ) -> NextTouch:
-    settings, arm = at.settings, at.arm
-    own = at.model is None or same_tool(at.model.robot, settings)
-    tool = settings.tool_sigma
-    if tool is None:
-        tool = 0.0 if own and at.model is not None else TOOL
-    belief = before_touching(
-        arm,
-        ProbingSettings(
-            touch_sigma=settings.touch,
-            tool_sigma=tool,
-            T_flange_tool=None if own else settings.T_flange_tool,
-            payload=at.cell.payload,
-            priors=settings.arm,
-        ),
-    )
+    words = at.words
+    settings = settings_for_touches(at.cell, at.arm, words.touch_sigma_mm, words.tool_sigma_mm)
     work = places(at, [(k, 0) for k, each in enumerate(at.session.features) if each.postures_deg])
     touched = touches_of(at, believed) if at.joints else _as_planned(at, believed)
     task = ProbingTask(
-        belief=belief,
+        belief=before_touching(at.arm, settings),
         T_base_part=at.rough,
         candidates=places(at, rows),
         machining=Machining(
             group=("part",) * len(work), point=work.point, joints=work.joints, part=work.part,
             load=at.cell.payload,
         ),
-        touch_sigma=settings.touch,
+        touch_sigma=settings.touch_sigma,
         touch_load=at.cell.payload,
     )  # fmt: skip
     return next_touch(task, touched, allowed=able)

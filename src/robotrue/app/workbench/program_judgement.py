@@ -13,7 +13,7 @@ import numpy as np
 from robotrue.app.force_options import parse_wrench
 from robotrue.app.stated_force import force_parameters
 from robotrue.app.workbench.arm_body import answer, body_document, pack_floats
-from robotrue.app.workbench.calibration_view import from_simulation
+from robotrue.app.workbench.model_views import from_simulation
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell, frame_table, overlay_cell
 from robotrue.cell.config import read_cell

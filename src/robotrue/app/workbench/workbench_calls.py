@@ -104,14 +104,14 @@ def preview_file(
     folder: str, paths: Sequence[Path], cell: str, mapping: Mapping[str, object] | None
 ) -> bytes:
     """Returns the columns of a file, how they would be read, and what is wrong with that."""
-    from robotrue.app.workbench.import_preview import preview_file as answer
+    from robotrue.app.workbench.file_imports import preview_file as answer
 
     return _ask(answer, folder, paths, cell, mapping)
 
 
 def show_model(folder: str, model: str, version: int) -> bytes:
     """Returns what a model learned, how surely, and what the data cannot tell."""
-    from robotrue.app.workbench.calibration_view import show_model as answer
+    from robotrue.app.workbench.model_views import show_model as answer
 
     return _ask(answer, folder, model, version)
 
@@ -120,7 +120,7 @@ def judge_measurement(
     folder: str, measured: str, version: int, model: str, model_version: int
 ) -> bytes:
     """Returns how well a model predicts a set, its worst poses and what screening finds."""
-    from robotrue.app.workbench.measurement_view import judge_measurement as answer
+    from robotrue.app.workbench.model_views import judge_measurement as answer
 
     return _ask(answer, folder, measured, version, model, model_version)
 
@@ -129,14 +129,14 @@ def list_rows(
     folder: str, measured: str, version: int, sort: str, offset: int, limit: int
 ) -> bytes:
     """Returns some rows of a set: line of the file, joints in deg, position in mm."""
-    from robotrue.app.workbench.measurement_view import list_rows as answer
+    from robotrue.app.workbench.model_views import list_rows as answer
 
     return _ask(answer, folder, measured, version, sort, offset, limit)
 
 
 def show_plan(folder: str, plan: str, version: int) -> bytes:
     """Returns a plan as it was made, its scene, and how the instrument sees each pose."""
-    from robotrue.app.workbench.plan_view import show_plan as answer
+    from robotrue.app.workbench.cell_scene import show_plan as answer
 
     return _ask(answer, folder, plan, version)
 
@@ -218,14 +218,14 @@ def import_readings(folder: str, id: str, version: int, path: Path) -> DocumentR
 
 def finish_probing(folder: str, id: str, version: int, name: str) -> RegistrationRecord:
     """Returns the record of the registration that a session's readings give."""
-    from robotrue.app.workbench.probing_finish import finish_probing as answer
+    from robotrue.app.workbench.probing_entry import finish_probing as answer
 
     return _ask(answer, folder, id, version, name)
 
 
 def write_readings(folder: str, id: str) -> bytes:
     """Returns the readings that count, as the file that ``robotrue register`` reads."""
-    from robotrue.app.workbench.probing_finish import write_readings as answer
+    from robotrue.app.workbench.probing_entry import write_readings as answer
 
     return _ask(answer, folder, id)
 

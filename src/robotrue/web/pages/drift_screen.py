@@ -9,8 +9,7 @@ from typing import Final
 
 from markupsafe import Markup
 
-from robotrue.app.operations.drift import DriftRequest
-from robotrue.app.operations.drift_plan import DriftPlanRequest
+from robotrue.app.operations.drift_checks import DriftPlanRequest, DriftRequest
 from robotrue.core.document_decoder import decode
 from robotrue.store.nouns import DOCUMENT, DRIFT_CHECK, MEASUREMENT, MODEL, ModelRecord
 from robotrue.store.records import ItemQuery

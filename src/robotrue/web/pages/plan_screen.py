@@ -8,7 +8,7 @@ from typing import Final
 
 from markupsafe import Markup
 
-from robotrue.app.operations.plan import PlanRequest
+from robotrue.app.plan_request import PlanRequest
 from robotrue.app.workbench import workbench_calls as calls
 from robotrue.core.document_decoder import decode
 from robotrue.report.words import ReportTexts

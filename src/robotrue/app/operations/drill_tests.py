@@ -1,0 +1,214 @@
+"""A model of a foot on clamps that its fit has not seen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+from pydantic import Field
+
+from robotrue.app.context import Context
+from robotrue.app.operation import Operation
+from robotrue.app.presentation import Block, Note, PlainResult, Table
+from robotrue.app.reported import Language, check_reports
+from robotrue.app.request import (
+    NOT_IN_FORMS,
+    InputFile,
+    Item,
+    ItemVersion,
+    Option,
+    Output,
+    Reference,
+    Request,
+    input_paths,
+)
+from robotrue.app.request_fields import DrillModel, ZeroFoot
+from robotrue.core.files import DEFAULT_LANG
+from robotrue.core.provenance import Provenance, merge
+from robotrue.core.units import DEG
+from robotrue.drilling.drill_defaults import LIMIT_DEG
+from robotrue.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from robotrue.app.workspace_context import WorkspaceContext
+    from robotrue.drilling.evaluate import TiltEvaluation
+    from robotrue.store.workspace import Transaction
+
+
+class DrillEvaluateRequest(Request):
+    """Which model to judge, on which clamps."""
+
+    model: DrillModel
+    test: Annotated[Path, InputFile(argument="TEST", help="Clamps the fit has not seen.")]
+    foot: ZeroFoot = None
+
+
+def evaluate_model(request: DrillEvaluateRequest, context: Context) -> PlainResult:
+    """Says what one move leaves on clamps with known tilts."""
+    from robotrue.drilling.campaign_csv import read_test
+    from robotrue.drilling.drill_defaults import MODEL
+    from robotrue.drilling.evaluate import evaluate_test, evaluation_document
+    from robotrue.drilling.model_archive import read_model
+
+    (path,) = context.document_files(request.model, MODEL)
+    model, data, _ = read_test(read_model(path), path, request.test, request.foot)
+    result = evaluate_test(model, data)
+    left = (
+        ("uncorrected", result.uncorrected),
+        ("patent's regression", result.patent),
+        (f"ours ({model.kind})", result.ours),
+    )
+    table = Table(
+        title=f"Tilt left after one move, {result.clamps} clamps",
+        columns=("", "mean deg", "p95 deg", "max deg"),
+        rows=tuple(
+            (name, *(f"{v / DEG:.4f}" for v in (r.mean, r.p95, r.largest)))
+            for name, r in left
+            if r is not None
+        ),
+    )
+    covered = f"{100.0 * result.covered:.0f} % of the true tilts lie in the model's 95 % regions"
+    return PlainResult(
+        values=evaluation_document(result),
+        shown=(table, Note(covered)),
+        provenance=merge([model.provenance, data.provenance]),
+    )
+
+
+DRILL_EVALUATE: Final = Operation(
+    help="Say what tilt one move leaves: uncorrected, by the patent's regression, by the model.",
+    request=DrillEvaluateRequest,
+    run=evaluate_model,
+)
+
+
+class DrillReportRequest(Request):
+    """Which model to judge, on which clamps, against which limit."""
+
+    model: DrillModel
+    campaign: Annotated[
+        Reference,
+        Item(noun="document", argument="TEST", sent=True, help="Clamps the fit has not seen."),
+    ]
+    output: Annotated[
+        Path,
+        Output(
+            names=("--output", "-o"),
+            saved_as="report.html",
+            help="Report to write: .html, .pdf or .json.",
+        ),
+    ]
+    limit_deg: Annotated[
+        float, Field(gt=0.0), Option(help="95 % of the holes are to be within.")
+    ] = LIMIT_DEG
+    simulated: Annotated[
+        bool,
+        Option(help="Say on the page that the test is simulated.", shells=NOT_IN_FORMS),
+    ] = False
+    foot: ZeroFoot = None
+    lang: Language = DEFAULT_LANG
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DrillJudged:
+    """What one move leaves on clamps the fit has not seen.
+
+    Attributes:
+        result: The tilts.
+        verdict: One sentence.
+        written: The report, and its JSON twin last.
+        provenance: Of model and test.
+    """
+
+    result: TiltEvaluation
+    verdict: str
+    written: tuple[Path, ...]
+    provenance: Provenance
+
+    def document(self) -> Mapping[str, object]:
+        """Returns JSON values in deg."""
+        from robotrue.drilling.evaluate import evaluation_document
+
+        files = {"output": str(self.written[0]), "json": str(self.written[-1])}
+        return {**files, **evaluation_document(self.result)}
+
+    def blocks(self) -> Iterable[Block]:
+        """Returns the verdict."""
+        yield Note(self.verdict)
+
+
+def report_model(request: DrillReportRequest, context: Context) -> DrillJudged:
+    """Writes the report of a model on clamps with known tilts, and its JSON twin.
+
+    Raises:
+        ConfigurationError: A job that judges a model by the campaign it was learned from.
+    """
+    from robotrue.drilling.campaign_csv import read_test
+    from robotrue.drilling.drill_defaults import CAMPAIGN, MODEL, campaign_parts
+    from robotrue.drilling.evaluate import evaluate_test
+    from robotrue.drilling.model_archive import read_model
+    from robotrue.report.drilling_report import drilling_content
+    from robotrue.report.report_files import write_reports
+    from robotrue.report.words import language
+
+    speech, output = language(request.lang), context.output(request.output)
+    check_reports([output], input_paths(request))
+    (path,) = context.document_files(request.model, MODEL)
+    rows, beside = campaign_parts(context.document_files(request.campaign, CAMPAIGN))
+    context.step("judging", 0, 1)
+    model, data, digest = read_test(read_model(path), path, rows, request.foot or beside)
+    if digest == model.campaign and isinstance(request.campaign, ItemVersion):
+        raise ConfigurationError(
+            "the test is the campaign the model was learned from.",
+            hint="another campaign, with tilts and forces in between.",
+        )
+    result = evaluate_test(model, data)
+    content = drilling_content(
+        model, data, result, digest=digest, limit=request.limit_deg * DEG,
+        simulated=request.simulated, lang=speech,
+    )  # fmt: skip
+    written = write_reports([output], content)
+    context.inform(f"report written to {', '.join(map(str, written))}")
+    origin = merge([model.provenance, data.provenance])
+    return DrillJudged(
+        result=result,
+        verdict=content.verdict.text,
+        written=tuple(written),
+        provenance=replace(origin, simulated=content.simulated),
+    )
+
+
+def save_report(
+    request: DrillReportRequest, result: DrillJudged, into: Transaction, context: WorkspaceContext
+) -> Mapping[str, object]:
+    """Leaves a document ``drilling test`` with its report, linked to model and campaign."""
+    import numpy as np
+
+    from robotrue.core.json_values import json_values
+    from robotrue.drilling.drill_defaults import CAMPAIGN, MODEL, TEST
+    from robotrue.drilling.evaluate import evaluation_document
+    from robotrue.store.records import Link
+
+    held = context.document(request.model, MODEL)
+    record = context.keep_document(into, request.campaign, CAMPAIGN, request.foot)
+    tilts = result.result
+    detail = {
+        **evaluation_document(tilts),
+        "limit_deg": request.limit_deg,
+        "before_deg": np.round(tilts.before / DEG, 5).tolist(),
+        "left_deg": np.round(tilts.left / DEG, 5).tolist(),
+        "simulated": result.provenance.simulated,
+    }
+    links = [Link(role="model", to=held.ref), Link(role="data", to=record.ref)]
+    files = list(result.written)
+    return context.leave_document(into, TEST, held.name, files, links, json_values(detail))
+
+
+DRILL_REPORT: Final = Operation(
+    help="Write the report of a model: what one move leaves, and what it was tested on.",
+    request=DrillReportRequest,
+    run=report_model,
+    save=save_report,
+)

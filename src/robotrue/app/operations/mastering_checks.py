@@ -1,0 +1,322 @@
+"""Zeros of the axes by touches of one fixed point: postures, and the axis that lost its zero."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+from robotrue.app.context import Context
+from robotrue.app.operation import Operation
+from robotrue.app.presentation import Block, Facts, Note, PlainResult, Table
+from robotrue.app.request import InputFile, Option, Request
+from robotrue.app.request_fields import CellOrModel, ToolSigma, TouchSigma, table_output
+from robotrue.core.units import DEG, MM
+from robotrue.planning.plan_defaults import SEED
+from robotrue.validation.validation_defaults import (
+    MASTERING_TOUCHES,
+    POINT_SIGMA_MM,
+    TOOL_LEAN_DEG,
+    TOUCH_MM,
+)
+
+if TYPE_CHECKING:
+    from robotrue.robot.model import RobotModel
+    from robotrue.validation.mastering import LostZeros, MasteringCheck
+
+
+class MasteringPlanRequest(Request):
+    """Where the point is, and how it may be touched."""
+
+    cell: CellOrModel
+    point_mm: Annotated[str, Option(help="X,Y,Z: roughly where the point is, in base.")]
+    output: Annotated[Path, table_output(help="CSV of the touches to write.")]
+    postures: Annotated[int, Option(names=("--postures", "-n"), help="How many.")] = (
+        MASTERING_TOUCHES
+    )
+    tool_lean_deg: Annotated[float, Option(help="Largest lean of the tool off straight down.")] = (
+        TOOL_LEAN_DEG
+    )
+    touch_sigma_mm: TouchSigma = TOUCH_MM
+    tool_sigma_mm: ToolSigma = None
+    seed: Annotated[int, Option(help="Of the attitudes that are tried.")] = SEED
+
+
+def plan_postures(request: MasteringPlanRequest, context: Context) -> PlainResult:
+    """Chooses the postures and writes them.
+
+    Raises:
+        ConfigurationError: No point, too few touches, or a lean that cannot be.
+        ReachError: Too few postures reach the point.
+    """
+    from robotrue.app.number_options import parse_numbers
+    from robotrue.app.registered import open_model, provenance_used
+    from robotrue.app.touch_settings import settings_for_touches
+    from robotrue.calibration.nominal import NominalModel
+    from robotrue.core.files import write_atomic
+    from robotrue.planning.arm_scene import scene_of
+    from robotrue.planning.mastering_postures import plan_mastering
+    from robotrue.planning.order import travel
+    from robotrue.planning.plan_sheets import touch_sheet
+
+    point = MM * parse_numbers("--point-mm", request.point_mm, 3, form="X,Y,Z")
+    cell, model = open_model(context.cell_file(request.cell))
+    arm = NominalModel(robot=cell.robot.nominal()) if model is None else model
+    touches = plan_mastering(
+        arm,
+        cell.robot,
+        scene_of(cell, clearance=0.0),
+        point,
+        request.postures,
+        settings=settings_for_touches(cell, arm, request.touch_sigma_mm, request.tool_sigma_mm),
+        lean=request.tool_lean_deg * DEG,
+        seed=request.seed,
+    )
+    output = context.output(request.output)
+    write_atomic(output, touch_sheet(touches, ("point",)))
+    way = travel(touches.joints) / DEG
+    return PlainResult(
+        values={
+            "touches_csv": str(output),
+            "touches": len(touches),
+            "point_mm": (point / MM).tolist(),
+            "joints_deg": (touches.joints / DEG).tolist(),
+            "travel_deg": way,
+        },
+        shown=(
+            Note(
+                f"{len(touches)} touches written to {output}, {way:.0f} deg of the axis that moves "
+                "furthest from one to the next"
+            ),
+            Note(
+                "Touch the point in each posture, put the joints at the touch in place of the "
+                "planned ones, then delete the first line."
+            ),
+        ),
+        provenance=provenance_used(cell, model),
+    )
+
+
+MASTERING_PLAN: Final = Operation(
+    help="Choose postures to touch one fixed point in, so that an axis without its zero shows.",
+    request=MasteringPlanRequest,
+    run=plan_postures,
+)
+
+
+class MasteringRequest(Request):
+    """Which touches, and what is known of point and tool."""
+
+    cell: CellOrModel
+    touches: Annotated[
+        Path,
+        InputFile(argument="TOUCHES", help="CSV of the touches of one fixed point, in joints."),
+    ]
+    touch_sigma_mm: TouchSigma = TOUCH_MM
+    tool_sigma_mm: ToolSigma = None
+    point_mm: Annotated[
+        str | None,
+        Option(
+            help="X,Y,Z in base: the point as the arm touched it while it was good; only with it "
+            "axis 1 shows."
+        ),
+    ] = None
+    point_sigma_mm: Annotated[
+        float, Option(help="One standard deviation per axis of that point.")
+    ] = POINT_SIGMA_MM
+
+
+def check_zeros(request: MasteringRequest, context: Context) -> PlainResult:
+    """Judges the zeros of the axes.
+
+    Raises:
+        ConfigurationError: Touches without joints, or of several places; a point that is none.
+        ObservabilityError: Too few touches, or too much alike.
+        ImplausibleDataError: Touches that no one or two lost zeros explain.
+        ModelMismatchError: Joints of another robot.
+    """
+    from robotrue.app.number_options import parse_numbers
+    from robotrue.app.registered import open_model
+    from robotrue.app.touch_settings import settings_for_touches
+    from robotrue.calibration.nominal import NominalModel
+    from robotrue.core.provenance import merge
+    from robotrue.measurement.formats.part_points import read_points
+    from robotrue.validation.mastering import check_mastering
+
+    point = None
+    if request.point_mm is not None:
+        point = MM * parse_numbers("--point-mm", request.point_mm, 3, form="X,Y,Z")
+    cell, model = open_model(context.cell_file(request.cell))
+    arm = NominalModel(robot=cell.robot.nominal()) if model is None else model
+    touches = read_points(request.touches).touches
+    settings = settings_for_touches(cell, arm, request.touch_sigma_mm, request.tool_sigma_mm)
+    found = check_mastering(
+        arm, touches, settings, point=point, point_sigma=request.point_sigma_mm * MM
+    )
+    return PlainResult(
+        values=_document(found, cell.robot),
+        shown=_blocks(found, cell.robot, calibrated=model is not None),
+        provenance=merge([touches.provenance]),
+    )
+
+
+MASTERING: Final = Operation(
+    help="Find the axis that lost its zero from touches of one fixed point; no tracker is needed.",
+    request=MasteringRequest,
+    run=check_zeros,
+)
+
+
+SIGMAS: Final = 1.96
+"""Half width of a 95 % interval."""
+LISTED: Final = 4
+"""Explanations in the printed table."""
+SETTING: Final[Mapping[str, str]] = {
+    "kuka": "Master the axis at its notch. Where the notch itself is no longer right, add the "
+    "offset to $MAMES of the axis and master it there.",
+    "fanuc": "SYSTEM, Master/Cal, SINGLE AXIS MASTER: move the axis to the reading above, enter 0 "
+    "as its mastering position.",
+    "abb": "Calibration, fine calibration of this axis, with the axis moved from its marks by the "
+    "offset; then update the revolution counters.",
+    "yaskawa": "ROBOT, HOME POSITION: change the absolute data of the axis by the offset times its "
+    "pulses per degree.",
+    "ur": "The zero of a joint is set by the maker's service; until then calibrate the arm anew.",
+}
+"""Where each maker keeps the zero of an axis; compare with the manual of the controller."""
+ANY: Final = "Move the axis to the reading above and set its zero there."
+
+
+def _document(found: MasteringCheck, robot: RobotModel) -> dict[str, object]:
+    """Returns JSON values; offsets are those of the controller's axes."""
+    import numpy as np
+
+    return {
+        "verdict": found.verdict,
+        "lost": [
+            {
+                "axis": name,
+                "offset_deg": offset,
+                "low_deg": offset - half,
+                "high_deg": offset + half,
+                "shown_at_zero_deg": -offset,
+            }
+            for name, offset, half in _axes(found.lost, robot)
+        ],
+        "axes": [
+            {
+                "axis": f"A{j + 1}",
+                "probability": None if np.isnan(chance) else float(chance),
+                "seen_from_deg": None if np.isinf(least) else float(least / DEG),
+            }
+            for j, (chance, least) in enumerate(zip(found.probability, found.least, strict=True))
+        ],
+        "explanations": [
+            {"axes": [f"A{j + 1}" for j in each.joints], "probability": each.probability}
+            for each in found.hypotheses[:LISTED]
+        ],
+        "point_mm": (found.p_base / MM).tolist(),
+        "rms_before_mm": found.rms_before / MM,
+        "rms_after_mm": found.rms_after / MM,
+        "outliers": list(found.outliers),
+        "noise_factor": found.noise_factor,
+    }
+
+
+def _axes(lost: LostZeros, robot: RobotModel) -> list[tuple[str, float, float]]:
+    """Name, offset and half width of its 95 % interval in deg, as the controller counts."""
+    offset, sigma = lost.offset / DEG, lost.covariance.diagonal() ** 0.5 / DEG
+    return [
+        (f"A{j + 1}", _sense(robot, j) * float(offset[k]), SIGMAS * float(sigma[k]))
+        for k, j in enumerate(lost.joints)
+    ]
+
+
+def _sense(robot: RobotModel, joint: int) -> float:
+    """+1 or -1: which way the controller counts the joint; a zero is that of its own drive."""
+    return 1.0 if robot.controller is None else float(robot.controller.sign[joint])
+
+
+def _blocks(found: MasteringCheck, robot: RobotModel, *, calibrated: bool) -> tuple[Block, ...]:
+    """Returns the verdict, the axes and what to set.
+
+    Args:
+        found: The check.
+        robot: Says how its controller counts, and who made it.
+        calibrated: Whether the arm was calibrated while it was good.
+    """
+    import numpy as np
+
+    rows = [(_name(found), _sentence(found))]
+    for name, offset, half in _axes(found.lost, robot):
+        band = f"{offset - half:+.4f} to {offset + half:+.4f} (95 %)"
+        rows.append((name, f"add {offset:+.4f} deg to what the pendant shows, {band}"))
+        rows.append(("", f"stands at its zero where the pendant shows {-offset:+.4f} deg"))
+    rows.append(
+        (
+            "touches from one point",
+            f"{found.rms_before / MM:.3f} mm rms as the arm was, {found.rms_after / MM:.3f} mm "
+            "with this",
+        )
+    )
+    blocks: list[Block] = [
+        Facts(title="zeros of the axes", rows=tuple(rows)),
+        Table(
+            title="axes",
+            columns=("", "lost its zero", "would show from deg"),
+            rows=tuple(
+                (
+                    f"A{j + 1}",
+                    "cannot be told" if np.isnan(p) else f"{100.0 * p:.1f} %",
+                    "-" if np.isinf(least) else f"{least / DEG:.3f}",
+                )
+                for j, (p, least) in enumerate(zip(found.probability, found.least, strict=True))
+            ),
+        ),
+    ]
+    return (*blocks, *map(Note, _notes(found, robot, calibrated=calibrated)))
+
+
+def _name(found: MasteringCheck) -> str:
+    return {"holds": "no lost zero", "lost": "zero lost", "undecided": "undecided"}[found.verdict]
+
+
+def _sentence(found: MasteringCheck) -> str:
+    if found.verdict == "holds":
+        return "none shows; one below the angles in the table may hide"
+    if found.verdict == "lost":
+        return " and ".join(f"A{j + 1}" for j in found.lost.joints)
+    told = [
+        f"{' and '.join(f'A{j + 1}' for j in h.joints) or 'no axis'} {100.0 * h.probability:.0f} %"
+        for h in found.hypotheses[:LISTED]
+    ]
+    return ", ".join(told) + ": touch the point in more postures"
+
+
+def _notes(found: MasteringCheck, robot: RobotModel, *, calibrated: bool) -> list[str]:
+    import numpy as np
+
+    notes = []
+    if found.lost.joints:
+        notes.append(SETTING.get(robot.maker, ANY))
+        notes.append("Then touch the point again: this check should find no lost zero.")
+    if np.isnan(found.probability[0]):
+        notes.append("A1 turns everything alike: state where the point was (--point-mm).")
+    if np.isnan(found.probability[-1]):
+        last = len(found.probability)
+        notes.append(
+            f"A{last} shows only with a tip off its axis that is known in the flange "
+            "(--tool-sigma-mm)."
+        )
+    if found.outliers:
+        notes.append(f"left out, they agree with no explanation: {', '.join(found.outliers)}")
+    if found.noise_factor > 1.5:
+        notes.append(
+            f"the touches scatter {found.noise_factor**0.5:.1f} times more than stated; the "
+            "intervals allow for it"
+        )
+    if not calibrated:
+        notes.append(
+            "The arm was not calibrated: an offset that its own geometry may explain is not called "
+            "lost. With a model made while the arm was good smaller ones show."
+        )
+    return notes

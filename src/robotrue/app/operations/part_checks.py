@@ -1,0 +1,353 @@
+"""Checks of a part in its cell: it lies inside its blank, its datums are where they were."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+from robotrue.app.context import Context
+from robotrue.app.operation import Operation
+from robotrue.app.presentation import Block, Facts, Note, PlainResult, Table
+from robotrue.app.request import InputFile, Item, Option, Reference, Request
+from robotrue.app.request_fields import TouchSigma, cell_output
+from robotrue.core.units import DEG, MM
+from robotrue.errors import ConfigurationError
+from robotrue.validation.validation_defaults import (
+    LEFT_OVER_MM,
+    MESH_UNIT,
+    PROBE_RADIUS_MM,
+    TOUCH_MM,
+)
+
+if TYPE_CHECKING:
+    from robotrue.calibration.model import ErrorModel
+    from robotrue.cell.cell import Cell
+    from robotrue.measurement.probing_set import ProbingSet
+    from robotrue.validation.blank import BlankCheck
+    from robotrue.validation.slot_test import DatumCheck
+
+
+class BlankCheckRequest(Request):
+    """Which part is to come out of which blank."""
+
+    cell: Annotated[
+        Reference, Item(noun="cell", argument="CELL", help="cell.toml, best one `register` wrote.")
+    ]
+    blank: Annotated[
+        Path,
+        InputFile(argument="BLANK", help="CSV of touches of the blank, with normals of its faces."),
+    ]
+    mesh: Annotated[Path, InputFile(help="The finished part (STL).")]
+    mesh_unit: Annotated[str, Option(help="mm, m or inch.")] = MESH_UNIT
+    part: Annotated[
+        str | None, Option(help="Part frame the part will be cut in; default: the only one.")
+    ] = None
+    leave_mm: Annotated[float, Option(help="What must be left over the part everywhere.")] = (
+        LEFT_OVER_MM
+    )
+    probe_radius_mm: Annotated[float, Option(help="Of the probe's ball.")] = PROBE_RADIUS_MM
+    touch_sigma_mm: TouchSigma = TOUCH_MM
+    output: Annotated[
+        Path | None, cell_output("Also write the registered cell with the part shifted.")
+    ] = None
+
+
+def check_blank_part(request: BlankCheckRequest, context: Context) -> PlainResult:
+    """Says what the blank leaves on every touched face, and where least.
+
+    Raises:
+        ConfigurationError: Touches without normals, or a shift of a cell that is not registered.
+        ImplausibleDataError: Exchanged faces, or wrong units.
+        ModelMismatchError: Joints of another robot.
+    """
+    from robotrue.app.operations.register import UNITS
+    from robotrue.app.registered import open_model
+    from robotrue.core.provenance import merge
+    from robotrue.measurement.formats.part_points import read_points
+
+    source = context.cell_file(request.cell)
+    cell, model = open_model(source)
+    if request.mesh_unit not in UNITS:
+        raise ConfigurationError(
+            f"--mesh-unit {request.mesh_unit!r}, expected {', '.join(UNITS)}.",
+            hint="--mesh-unit mm",
+        )
+    if request.output is not None and cell.part is None:
+        raise ConfigurationError(
+            "-o writes shifted part frames, and the cell has none.",
+            source=source,
+            hint="robotrue register CELL|MODEL POINTS -o CELL_OUT.",
+        )
+    touches = read_points(request.blank).touches
+    check = _fit_blank(request, cell, model, touches)
+    if request.output is not None:
+        output = context.output(request.output)
+        _write_shifted(cell, source, check, output)
+        context.wrote("cell with the part shifted", output)
+    return PlainResult(
+        values=_blank_document(check),
+        shown=_blank_blocks(check),
+        provenance=merge(
+            [touches.provenance, *([] if cell.part is None else [cell.part.provenance])]
+        ),
+    )
+
+
+def _fit_blank(
+    request: BlankCheckRequest, cell: Cell, model: ErrorModel | None, touches: ProbingSet
+) -> BlankCheck:
+    """The part in its blank, in the frame it will be cut in."""
+    from dataclasses import replace
+
+    from robotrue.app.operations.register import UNITS
+    from robotrue.app.touch_settings import registration_settings
+    from robotrue.calibration.nominal import NominalModel
+    from robotrue.core.surfaces import read_mesh
+    from robotrue.validation.blank import check_blank
+    from robotrue.validation.part_registration import check_rows
+    from robotrue.validation.registration_frame import tips
+    from robotrue.validation.touch_checks import check_units, naming
+
+    arm = NominalModel(robot=cell.robot) if model is None else model
+    touches = replace(touches, radius=request.probe_radius_mm * MM)
+    settings = registration_settings(cell, request.touch_sigma_mm)
+    check_rows(arm, touches, tuple(map(str, touches.parts)))
+    T_base_part = cell.T_base_frame
+    if cell.part is not None:
+        T_base_part = cell.part.frame(request.part).T_base_part
+    with naming(touches):
+        at = tips(arm, touches.joints, settings) if touches.has_joints else touches.position
+        check_units(touches, at)
+        return check_blank(
+            read_mesh(request.mesh, unit=UNITS[request.mesh_unit]),
+            touches,
+            at,
+            T_base_part,
+            sigma=settings.touch,
+            required=request.leave_mm * MM,
+        )
+
+
+def _write_shifted(cell: Cell, source: Path, check: BlankCheck, output: Path) -> None:
+    from dataclasses import replace
+
+    from robotrue.app.registered import registered_cell
+    from robotrue.core.files import write_atomic
+    from robotrue.core.poses import pose
+    from robotrue.core.rotations import matrix_from_rotation_vector
+
+    if cell.part is None:
+        return
+    step = pose(matrix_from_rotation_vector(check.turn), check.shift)
+    moved = tuple(
+        replace(frame, T_base_part=frame.T_base_part @ step) for frame in cell.part.frames
+    )
+    write_atomic(output, registered_cell(cell, source, replace(cell.part, frames=moved), output))
+
+
+def _blank_document(check: BlankCheck) -> dict[str, object]:
+    return {
+        "verdict": check.verdict,
+        "leave_mm": check.required / MM,
+        "least_mm": check.least.allowance / MM,
+        "least_at": check.least.name,
+        "least_at_mm": (check.least.corner / MM).tolist(),
+        "shift_mm": (check.shift / MM).tolist(),
+        "turn_deg": (check.turn / DEG).tolist(),
+        "least_after_mm": float(check.after.min()) / MM,
+        "faces": [
+            {
+                "name": face.name,
+                "normal": face.normal.tolist(),
+                "touches": face.touches,
+                "left_mm": face.allowance / MM,
+                "sigma_mm": face.known / MM,
+                "left_after_mm": after / MM,
+                "at_mm": (face.corner / MM).tolist(),
+                "flat_mm": face.flat / MM,
+            }
+            for face, after in zip(check.faces, check.after.tolist(), strict=True)
+        ],
+        "doubts": list(check.doubts),
+    }
+
+
+def _turn_row(check: BlankCheck) -> tuple[tuple[str, str], ...]:
+    if not check.turn.any():
+        return ()
+    x, y, z = check.turn / DEG + 0.0
+    return (("turn that leaves more", f"{x:+.3f}, {y:+.3f}, {z:+.3f} deg about the part's axes"),)
+
+
+def _blank_blocks(check: BlankCheck) -> tuple[Block, ...]:
+    least = check.least
+    x, y, z = least.corner / MM
+    dx, dy, dz = check.shift / MM + 0.0
+    return (
+        Facts(
+            title="part in its blank",
+            rows=(
+                ("verdict", f"{check.verdict}, {check.required / MM:g} mm asked"),
+                ("least left", f"{least.allowance / MM:.3f} mm at {least.name}"),
+                ("there, in the part", f"{x:.2f}, {y:.2f}, {z:.2f} mm"),
+                *_turn_row(check),
+                ("shift that balances it", f"{dx:+.3f}, {dy:+.3f}, {dz:+.3f} mm in the part"),
+                ("least left then", f"{float(check.after.min()) / MM:.3f} mm"),
+            ),
+        ),
+        Table(
+            title="faces touched",
+            columns=("", "touches", "left, mm", "one sigma", "after the shift", "out of flat"),
+            rows=tuple(
+                (
+                    face.name,
+                    str(face.touches),
+                    f"{face.allowance / MM:.3f}",
+                    f"{face.known / MM:.3f}",
+                    f"{after / MM:.3f}",
+                    f"{face.flat / MM:.3f}",
+                )
+                for face, after in zip(check.faces, check.after.tolist(), strict=True)
+            ),
+        ),
+        *(Note(f"note: {doubt}") for doubt in check.doubts),
+    )
+
+
+BLANK_CHECK: Final = Operation(
+    help="Check that the finished part lies inside its blank, and by what shift best.",
+    request=BlankCheckRequest,
+    run=check_blank_part,
+)
+
+
+class DatumCheckRequest(Request):
+    """Which datums were touched, and what they must keep."""
+
+    cell: Annotated[
+        Reference, Item(noun="registration", argument="CELL", help="Cell that `register` wrote.")
+    ]
+    datums: Annotated[
+        Path, InputFile(argument="DATUMS", help="CSV of the datums as touched, like the touches.")
+    ]
+    tolerance_mm: Annotated[float, Option(help="What the part may be off.")]
+    touches: Annotated[
+        Path | None,
+        InputFile(help="CSV the cell was registered with; default: the one it names, beside it."),
+    ] = None
+    part: Annotated[
+        str | None, Option(help="Part frame to check; default: of the same name, or the only one.")
+    ] = None
+    touch_sigma_mm: TouchSigma = TOUCH_MM
+
+
+def check_datums(request: DatumCheckRequest, context: Context) -> PlainResult:
+    """Says whether the datums hold, are off, or cannot tell.
+
+    Raises:
+        ConfigurationError: No registered cell, a datum the frame was made of, or no tolerance.
+        ImplausibleDataError: Wrong units.
+        ModelMismatchError: Joints of another robot.
+    """
+    from robotrue.app.registered import open_model
+    from robotrue.app.touch_settings import registration_settings
+    from robotrue.calibration.nominal import NominalModel
+    from robotrue.core.provenance import merge
+    from robotrue.measurement.formats.part_points import read_points
+    from robotrue.validation.datum_touches import check_part
+
+    source = context.registration_file(request.cell)
+    cell, model = open_model(source)
+    if cell.part is None:
+        raise ConfigurationError(
+            "the cell is not registered: it has no part frame to check.",
+            source=source,
+            hint="robotrue register CELL|MODEL POINTS -o CELL_OUT.",
+        )
+    datums = read_points(request.datums)
+    named = request.part or (datums.parts[0] if datums.parts[0] in cell.part.names else None)
+    beside = source.parent / cell.part.points_file
+    known = request.touches or (beside if cell.part.points_file and beside.is_file() else None)
+    file = None if known is None else read_points(known)
+    if file is not None and file.digest != cell.part.points_sha256:
+        raise ConfigurationError(
+            "these are not the touches the cell was registered with: another SHA-256.",
+            source=known,
+            hint=f"--touches with the file as it was ({cell.part.points_file}), or register anew.",
+        )
+    frame = cell.part.frame(named)
+    used = None
+    if file is not None:
+        number = file.parts.index(frame.name) if frame.name in file.parts else 0
+        used = file.touches.subset(file.touches.part == number)
+    check, joint = check_part(
+        NominalModel(robot=cell.robot) if model is None else model,
+        frame,
+        datums.touches,
+        used=used,
+        tolerance=request.tolerance_mm * MM,
+        settings=registration_settings(cell, request.touch_sigma_mm),
+    )
+    if file is None:
+        context.note(
+            f"{cell.part.points_file or 'the file of touches'} is not beside the cell: whether a "
+            "datum was used for the frame cannot be told (--touches)."
+        )
+    return PlainResult(
+        values=_datum_document(check, joint),
+        shown=(
+            Facts(
+                title=f"datums of {request.datums.name}",
+                rows=(("verdict", f"{check.verdict}: {check.reason}"),),
+            ),
+            Table(
+                title="datums",
+                columns=("", "x, mm", "y, mm", "z, mm", "off, mm", "chance"),
+                rows=tuple(
+                    (name, *(f"{v / MM:+.3f}" for v in row), f"{far / MM:.3f}", f"{p:.3f}")
+                    for name, row, far, p in zip(
+                        check.names, check.deviation, check.distance, check.probability, strict=True
+                    )
+                ),
+            ),
+            Note(
+                f"touching resolves {check.resolution / MM:.3f} mm (95 %)"
+                f"{', without what the arm does alike both times' if joint else ''}."
+            ),
+        ),
+        provenance=merge([datums.touches.provenance, cell.part.provenance]),
+    )
+
+
+def _datum_document(check: DatumCheck, joint: bool) -> dict[str, object]:
+    return {
+        "verdict": check.verdict,
+        "reason": check.reason,
+        "tolerance_mm": check.tolerance / MM,
+        "resolution_mm": check.resolution / MM,
+        "with_the_arm": joint,
+        "datums": [
+            {
+                "name": name,
+                "deviation_mm": (row / MM).tolist(),
+                "off_mm": far / MM,
+                "chance": p,
+                "covariance_mm2": (covariance / MM**2).tolist(),
+            }
+            for name, row, far, p, covariance in zip(
+                check.names,
+                check.deviation,
+                check.distance.tolist(),
+                check.probability.tolist(),
+                check.covariance,
+                strict=True,
+            )
+        ],
+    }
+
+
+DATUM_CHECK: Final = Operation(
+    help="Check the part's frame with datums that had no part in it, touched again.",
+    request=DatumCheckRequest,
+    run=check_datums,
+)

@@ -1,0 +1,158 @@
+"""What the service recorded: counted, checked, written as CSV."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final, TypeAlias
+
+from robotrue.app.context import Context
+from robotrue.app.operation import Operation
+from robotrue.app.presentation import Facts, Note, PlainResult, count
+from robotrue.app.request import InputFile, Option, Request
+from robotrue.app.request_fields import table_output
+
+if TYPE_CHECKING:
+    from robotrue.online.record import StreamRecord
+
+
+RecordFolder: TypeAlias = Annotated[
+    Path, InputFile(argument="RECORD", folder=True, help="Folder of `sense --record`.")
+]
+SkipDamage: TypeAlias = Annotated[bool, Option(help="Go on behind damage inside a segment.")]
+
+
+def _damage_document(record: StreamRecord) -> list[dict[str, object]]:
+    """Returns the bytes that reading the record left out, as JSON values."""
+    return [
+        {"segment": t.segment.name, "offset": t.offset, "bytes": t.length, "inside": t.inside}
+        for t in record.torn
+    ]
+
+
+def _note_damage(record: StreamRecord, context: Context) -> None:
+    """Reports the bytes that reading the record left out."""
+    for torn in record.torn:
+        what = "damage" if torn.inside else "a torn frame"
+        context.note(
+            f"{what} of {torn.length} bytes at byte {torn.offset} of {torn.segment.name} "
+            "was left out"
+        )
+
+
+class RecordInfoRequest(Request):
+    """Which record."""
+
+    folder: RecordFolder
+    skip_damage: SkipDamage = False
+
+
+def describe_record(request: RecordInfoRequest, context: Context) -> PlainResult:
+    """Reads a record once and counts what is in it.
+
+    Raises:
+        FormatError: No record, or damaged inside.
+    """
+    from collections import Counter
+
+    from robotrue.online.csv_streams import stream_provenance
+    from robotrue.online.record import StreamRecord
+    from robotrue.online.record_frames import Kind
+
+    record = StreamRecord(request.folder)
+    header = record.header()
+    rows: Counter[str] = Counter()
+    frames: Counter[str] = Counter()
+    for frame in record.frames(skip_damage=request.skip_damage):
+        name = frame.kind.name.lower()
+        frames[name] += 1
+        if frame.kind in (Kind.JOINTS, Kind.FORCE, Kind.ESTIMATES):
+            rows[name] += len(frame.content)
+    _note_damage(record, context)
+    segments = record.segments()
+    size = sum(path.stat().st_size for path in segments)
+    facts = (
+        ("last started", header.started),
+        *header.addresses.items(),
+        ("segments", f"{len(segments)}, {size / 1e6:.1f} MB"),
+        *((name, f"{number} rows in {frames[name]} frames") for name, number in rows.items()),
+        *((name, f"{frames[name]} frames") for name in frames if name not in rows),
+    )
+    return PlainResult(
+        values={
+            "record": str(request.folder),
+            "segments": len(segments),
+            "bytes": size,
+            "started": header.started,
+            "simulated": bool(header.simulated),
+            "simulated_roles": list(header.simulated),
+            "addresses": dict(header.addresses),
+            "provenance": dict(header.provenance),
+            "settings": dict(header.settings),
+            "frames": dict(frames),
+            "rows": dict(rows),
+            "torn": _damage_document(record),
+        },
+        shown=(Facts(title=f"record {request.folder}", rows=facts),),
+        provenance=stream_provenance(header, "estimates"),
+    )
+
+
+RECORD_INFO: Final = Operation(
+    help="Check a record frame by frame and say what is in it.",
+    request=RecordInfoRequest,
+    run=describe_record,
+)
+
+
+class RecordExportRequest(Request):
+    """Which stream of which record."""
+
+    folder: RecordFolder
+    output: Annotated[Path, table_output(help="CSV to write.")]
+    stream: Annotated[str, Option(help="joints, force (as a replay reads them) or estimates.")] = (
+        "estimates"
+    )
+    skip_damage: SkipDamage = False
+
+
+def export_stream(request: RecordExportRequest, context: Context) -> PlainResult:
+    """Writes one stream as CSV, whole or not at all.
+
+    Raises:
+        ConfigurationError: Another stream than these.
+        FormatError: No record, none of this stream in it, or damaged inside.
+    """
+    from robotrue.core.files import atomic_stream
+    from robotrue.errors import ConfigurationError
+    from robotrue.online.csv_streams import STREAMS, export_lines, stream_provenance
+    from robotrue.online.record import StreamRecord
+
+    stream = next((name for name in STREAMS if name == request.stream), None)
+    if stream is None:
+        raise ConfigurationError(
+            f"stream {request.stream!r}, expected {', '.join(STREAMS)}.",
+            hint="--stream estimates",
+        )
+    record, rows = StreamRecord(request.folder), 0
+    output = context.output(request.output)
+    with atomic_stream(output) as file:
+        for data, contained in export_lines(record, stream, skip_damage=request.skip_damage):
+            file.write(data)
+            rows += contained
+    _note_damage(record, context)
+    return PlainResult(
+        values={
+            "record": str(request.folder),
+            "output": str(output),
+            "stream": stream,
+            "rows": rows,
+            "torn": _damage_document(record),
+        },
+        shown=(Note(f"{count(rows, 'row')} of {stream} in {output}"),),
+        provenance=stream_provenance(record.header(), stream),
+    )
+
+
+RECORD_EXPORT: Final = Operation(
+    help="Write a stream of a record as CSV.", request=RecordExportRequest, run=export_stream
+)

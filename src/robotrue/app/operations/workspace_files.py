@@ -1,0 +1,327 @@
+"""A workspace and its files: made, filled, exported, imported, verified, its bin emptied."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+from robotrue.app.context import Context
+from robotrue.app.operation import Operation
+from robotrue.app.operations.workspace_items import item_result
+from robotrue.app.presentation import Facts, PlainResult, count
+from robotrue.app.request import InputFile, Option, Output, Request
+from robotrue.app.request_fields import HERE, WorkspaceFolder
+from robotrue.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from robotrue.store.bin import Discarded, RecycleBin
+    from robotrue.store.records import ItemRecord
+    from robotrue.store.workspace import Workspace
+
+
+class WorkspaceInitRequest(Request):
+    """Where."""
+
+    folder: Annotated[Path, Option(argument="FOLDER", help="New or empty folder.")]
+
+
+def make_workspace(request: WorkspaceInitRequest, context: Context) -> PlainResult:
+    """Makes a workspace.
+
+    Raises:
+        ConfigurationError: The folder holds something, or its database does not answer.
+    """
+    from robotrue.store.workspace import Workspace
+
+    with Workspace.create(request.folder) as made:
+        database = made.engine.dialect.name
+        values = {"workspace": str(request.folder), "id": made.id, "database": database}
+    context.inform(f"workspace made in {request.folder}; its database is {database}")
+    return PlainResult(values=values)
+
+
+WORKSPACE_INIT: Final = Operation(
+    help="Make a workspace.", request=WorkspaceInitRequest, run=make_workspace
+)
+
+
+IMPORTED: Final = ("cell", "measurement", "model", "program")
+"""Nouns that come from files."""
+
+
+class WorkspaceAddRequest(Request):
+    """Which files, as which noun."""
+
+    noun: Annotated[str, Option(argument="NOUN", help="cell, measurement, model or program.")]
+    files: Annotated[tuple[Path, ...], InputFile(argument="FILE...", help="Files to import.")]
+    cell: Annotated[str | None, Option(help="Cell the measurements were made in: id or name.")] = (
+        None
+    )
+    mapping: Annotated[Path | None, InputFile(help="Column mapping (TOML) of measurements.")] = None
+    name: Annotated[str | None, Option(help="Default: that of the file.")] = None
+    note: Annotated[str, Option(help="Kept with it.")] = ""
+    folder: WorkspaceFolder = HERE
+
+
+def add_files(request: WorkspaceAddRequest, context: Context) -> PlainResult:
+    """Imports files as one item.
+
+    Raises:
+        ConfigurationError: Another noun, or as many files as it does not take.
+    """
+    from robotrue.store.workspace import Workspace
+
+    noun = request.noun
+    if noun not in IMPORTED:
+        raise ConfigurationError(
+            f"{noun!r} is not taken in from files, expected {', '.join(IMPORTED)}."
+        )
+    if noun in ("cell", "model") and len(request.files) != 1:
+        raise ConfigurationError(f"{len(request.files)} files, expected one {noun}.")
+    with Workspace.open(request.folder) as workspace:
+        record = _import_files(workspace, request, context)
+    context.inform(f"{noun} {record.name!r} taken in as {record.id}")
+    return item_result(noun, record)
+
+
+def _import_files(
+    workspace: Workspace, request: WorkspaceAddRequest, context: Context
+) -> ItemRecord:
+    from robotrue.store import cells, models, programs
+
+    name, note = request.name or request.files[0].stem, request.note
+    if request.noun == "cell":
+        return cells.add(workspace, request.files[0], name=name, note=note)
+    if request.noun == "model":
+        return models.add(workspace, request.files[0], name=name, note=note)
+    if request.noun == "program":
+        return programs.add(workspace, request.files, name=request.name, note=note)
+    return _import_measurements(workspace, request, context, name)
+
+
+def _import_measurements(
+    workspace: Workspace, request: WorkspaceAddRequest, context: Context, name: str
+) -> ItemRecord:
+    from robotrue.cell.config import read_cell
+    from robotrue.store import cells, items, measurements
+    from robotrue.store.nouns import CELL
+
+    if request.cell is None:
+        raise ConfigurationError(
+            "measurements without the cell they were made in.",
+            hint="--cell NAME; robotrue workspace list cell shows them.",
+        )
+    _, id = items.resolve(workspace, request.cell, CELL.name)
+    cell = items.get(workspace, CELL, id)
+    with tempfile.TemporaryDirectory() as folder:
+        opened = read_cell(cells.copy_cell(workspace, cell, Path(folder)))
+        rows = context.measurements(opened, request.files, request.mapping)
+    raw = [*request.files, *([] if request.mapping is None else [request.mapping])]
+    return measurements.add(workspace, rows, name=name, raw=raw, cell=cell.ref, note=request.note)
+
+
+WORKSPACE_ADD: Final = Operation(
+    help="Take files in; they are copied, and what they say is checked.",
+    request=WorkspaceAddRequest,
+    run=add_files,
+)
+
+
+class WorkspaceExportRequest(Request):
+    """Where to."""
+
+    file: Annotated[
+        Path,
+        Output(
+            argument="FILE", what="an archive", suffixes=(".zip",), help="File (.zip) to write."
+        ),
+    ]
+    folder: WorkspaceFolder = HERE
+
+
+def export_workspace(request: WorkspaceExportRequest, context: Context) -> PlainResult:
+    """Writes the workspace to one file."""
+    from robotrue.store.exchange import export_project
+    from robotrue.store.workspace import Workspace
+
+    file = context.output(request.file)
+    with Workspace.open(request.folder) as workspace:
+        carried = export_project(workspace, file)
+    rows = sum(carried.rows.values())
+    context.inform(f"{count(rows, 'row')} and {count(carried.files, 'file')} written to {file}")
+    return PlainResult(values={"file": str(file), "rows": carried.rows, "files": carried.files})
+
+
+WORKSPACE_EXPORT: Final = Operation(
+    help="Write the whole workspace to one file.",
+    request=WorkspaceExportRequest,
+    run=export_workspace,
+)
+
+
+class WorkspaceImportRequest(Request):
+    """Which file."""
+
+    file: Annotated[Path, InputFile(argument="FILE", help="What `export` wrote.")]
+    folder: WorkspaceFolder = HERE
+
+
+def import_workspace(request: WorkspaceImportRequest, context: Context) -> PlainResult:
+    """Imports an exported file.
+
+    Raises:
+        ArchiveError: Another file, or a damaged one.
+    """
+    from robotrue.store.exchange_import import import_project
+    from robotrue.store.workspace import Workspace
+
+    file = request.file
+    with Workspace.open(request.folder) as workspace:
+        carried = import_project(workspace, file)
+    rows = sum(carried.rows.values())
+    context.inform(
+        f"{count(rows, 'new row')} and {count(carried.files, 'file')} taken in from {file}"
+    )
+    return PlainResult(values={"file": str(file), "rows": carried.rows, "files": carried.files})
+
+
+WORKSPACE_IMPORT: Final = Operation(
+    help="Take in everything of an exported file; ids stay.",
+    request=WorkspaceImportRequest,
+    run=import_workspace,
+)
+
+
+class WorkspaceVerifyRequest(Request):
+    """Which workspace."""
+
+    folder: WorkspaceFolder = HERE
+
+
+def verify_workspace(request: WorkspaceVerifyRequest, context: Context) -> PlainResult:
+    """Reads every file and compares it with its hash.
+
+    Raises:
+        ArchiveError: Something is wrong.
+    """
+    from robotrue.errors import ArchiveError
+    from robotrue.store.verify import verify
+    from robotrue.store.workspace import Workspace
+
+    with Workspace.open(request.folder) as workspace:
+        found = verify(workspace)
+    for fault in found.faults:
+        context.inform(fault)
+    for name in found.unnamed:
+        context.note(f"{name} is a file that no row names")
+    if found.faults:
+        raise ArchiveError(
+            f"{count(len(found.faults), 'fault')} in {count(found.items, 'item')} and "
+            f"{count(found.files, 'file')}: {found.faults[0]}",
+            source=request.folder,
+            hint="fetch what is missing from a backup; what is not named above is whole.",
+        )
+    size = ("MiB", f"{found.bytes / 2**20:.1f}")
+    facts = (("items", str(found.items)), ("files", str(found.files)), size)
+    return PlainResult(
+        values={
+            "items": found.items,
+            "files": found.files,
+            "bytes": found.bytes,
+            "faults": list(found.faults),
+            "unnamed": list(found.unnamed),
+        },
+        shown=(Facts(title="workspace is whole", rows=facts),),
+    )
+
+
+WORKSPACE_VERIFY: Final = Operation(
+    help="Read every file and compare it with its hash; exit 1 if anything is wrong.",
+    request=WorkspaceVerifyRequest,
+    run=verify_workspace,
+)
+
+
+SHOWN: Final = 20
+"""Items named before it is asked."""
+
+
+class WorkspaceEmptyBinRequest(Request):
+    """What is old enough."""
+
+    days: Annotated[
+        float, Option(names=("--older-than-days",), help="Since it was deleted.", least=0.0)
+    ] = 30.0
+    yes: Annotated[bool, Option(help="Do not ask.")] = False
+    folder: WorkspaceFolder = HERE
+
+
+def empty_recycle_bin(request: WorkspaceEmptyBinRequest, context: Context) -> PlainResult:
+    """Shows what would go, asks, and removes it.
+
+    Raises:
+        ConfigurationError: Nobody can be asked and ``--yes`` was not given, or the answer was no.
+    """
+    from robotrue.store.bin import empty_bin, in_bin
+    from robotrue.store.workspace import Workspace
+
+    with Workspace.open(request.folder) as workspace:
+        removed = in_bin(workspace, days=request.days)
+        if removed.items and not request.yes:
+            _confirm(removed, request.folder, context)
+        if removed.items:
+            removed = empty_bin(workspace, days=request.days)
+    return PlainResult(
+        values={
+            "removed": _discarded_items(removed.items),
+            "needed": _discarded_items(removed.needed),
+            "files": removed.files,
+            "bytes": removed.bytes,
+        },
+        shown=(
+            Facts(
+                title="bin is empty" if removed.items else "nothing in the bin is to go",
+                rows=(
+                    ("items removed for good", str(len(removed.items))),
+                    ("files", f"{removed.files}, {removed.bytes / 2**20:.1f} MiB"),
+                    ("kept, something rests on them", str(len(removed.needed))),
+                ),
+            ),
+        ),
+    )
+
+
+def _confirm(found: RecycleBin, folder: Path, context: Context) -> None:
+    for item in found.items[:SHOWN]:
+        day = item.deleted.astimezone().strftime("%Y-%m-%d %H:%M")
+        context.inform(f"{item.noun} {item.id[:8]} {item.name!r}, deleted {day}")
+    if len(found.items) > SHOWN:
+        context.inform(f"and {len(found.items) - SHOWN} more")
+    size = f"{count(found.files, 'file')} of {found.bytes / 2**20:.1f} MiB"
+    answer = context.shell.confirm(
+        f"this and {size} cannot be brought back; type yes to remove them", "yes"
+    )
+    if answer is None:
+        raise ConfigurationError(
+            f"{count(len(found.items), 'item')} and {size} would be removed for good from "
+            f"{folder.name or folder}, and there is no terminal to confirm it.",
+            hint="--yes, after an export.",
+        )
+    if not answer:
+        raise ConfigurationError("nothing was removed.", hint="type yes, or give --yes.")
+
+
+def _discarded_items(items: Sequence[Discarded]) -> list[dict[str, str]]:
+    return [
+        {"noun": e.noun, "id": e.id, "name": e.name, "deleted": e.deleted.isoformat()}
+        for e in items
+    ]
+
+
+WORKSPACE_EMPTY_BIN: Final = Operation(
+    help="Remove for good what was deleted long ago and nothing rests on, with its files.",
+    request=WorkspaceEmptyBinRequest,
+    run=empty_recycle_bin,
+)

@@ -1,0 +1,352 @@
+"""Items of a workspace: listed, shown, their history, deleted, brought back."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final, TypeAlias
+
+from robotrue.app.context import Context
+from robotrue.app.operation import Operation
+from robotrue.app.presentation import Block, Facts, PlainResult, Table, time_text
+from robotrue.app.request import Option, Request
+from robotrue.app.request_fields import HERE, WorkspaceFolder
+from robotrue.errors import ConfigurationError
+from robotrue.store.query_defaults import LIMIT, SORT
+
+if TYPE_CHECKING:
+    from robotrue.store.records import ItemRecord
+    from robotrue.store.workspace import Workspace
+
+
+ItemWord: TypeAlias = Annotated[
+    str, Option(argument="ITEM", help="Id, the first characters of one, or a name.")
+]
+COLUMNS: Final = {
+    "robot": ("maker", "dof"),
+    "tool": (),
+    "cell": ("robot", "frame"),
+    "measurement": ("poses", "dof", "frame"),
+    "model": ("method", "robot", "made_by"),
+    "registration": ("verdict", "frames", "method"),
+    "program": ("stage", "dialect", "bytes"),
+    "document": ("kind",),
+    "drift-check": ("verdict", "poses", "p_value"),
+}
+"""Columns of the list of each noun, besides id, name, version and time."""
+WHOLE: Final = ("poses", "dof", "version", "frames", "bytes", "file_count", "full_poses")
+"""Fields that hold whole numbers."""
+
+
+class WorkspaceListRequest(Request):
+    """Which items, in which order."""
+
+    noun: Annotated[
+        str | None,
+        Option(
+            argument="[NOUN]",
+            help="cell, measurement, model, program, ...; none: how many of each there are.",
+        ),
+    ] = None
+    text: Annotated[str, Option(help="Part of the name or the note.")] = ""
+    where: Annotated[
+        tuple[str, ...], Option(help="FIELD=VALUE that must hold; may be repeated.")
+    ] = ()
+    sort: Annotated[str, Option(help="Field; with - before it greatest first.")] = SORT
+    offset: Annotated[int, Option(help="Items left out before the first.")] = 0
+    limit: Annotated[int, Option(help="Items shown.")] = LIMIT
+    deleted: Annotated[bool, Option(help="Those that are deleted.")] = False
+    folder: WorkspaceFolder = HERE
+
+
+def list_items(request: WorkspaceListRequest, context: Context) -> PlainResult:
+    """Returns a page of items, or how many there are of each noun.
+
+    Raises:
+        ConfigurationError: No workspace, or a noun, field or condition that cannot be.
+    """
+    from robotrue.store import items
+    from robotrue.store.nouns import noun_of
+    from robotrue.store.records import ItemQuery
+    from robotrue.store.workspace import Workspace
+
+    with Workspace.open(request.folder) as workspace:
+        if request.noun is None:
+            return _count_items(workspace, request)
+        query = ItemQuery(
+            text=request.text,
+            where=dict(_parse_condition(each) for each in request.where),
+            sort=request.sort,
+            offset=request.offset,
+            limit=request.limit,
+            deleted=request.deleted,
+        )
+        page = items.search(workspace, noun_of(request.noun), query)
+    noun, offset, shown = request.noun, request.offset, len(page.items)
+    return PlainResult(
+        values={
+            "total": page.total,
+            "offset": offset,
+            "items": [_item_document(noun, record) for record in page.items],
+        },
+        shown=(
+            Table(
+                title=f"{noun}: {offset + 1 if shown else 0} to {offset + shown} of {page.total}",
+                columns=("id", "name", "version", "created", *COLUMNS[noun], ""),
+                rows=tuple(_item_row(noun, record) for record in page.items),
+                words=True,
+            ),
+        ),
+    )
+
+
+def _item_row(noun: str, record: ItemRecord) -> tuple[str, ...]:
+    from robotrue.core.provenance import simulation_mark
+    from robotrue.store.records import provenance_of_record
+
+    return (
+        record.id[:8],
+        record.name,
+        str(record.version),
+        time_text(record.created),
+        *(_value_text(getattr(record, column)) for column in COLUMNS[noun]),
+        simulation_mark(provenance_of_record(record)),
+    )
+
+
+def _count_items(workspace: Workspace, request: WorkspaceListRequest) -> PlainResult:
+    from robotrue.store import items
+    from robotrue.store.nouns import NOUNS
+    from robotrue.store.records import ItemQuery
+
+    query = ItemQuery(text=request.text, deleted=request.deleted, limit=1)
+    totals = {name: items.search(workspace, noun, query).total for name, noun in NOUNS.items()}
+    rows = tuple((name, str(total)) for name, total in totals.items())
+    return PlainResult(
+        values={"nouns": totals}, shown=(Table(title="", columns=("", "items"), rows=rows),)
+    )
+
+
+def _parse_condition(text: str) -> tuple[str, str | int]:
+    field, equals, value = text.partition("=")
+    if not equals:
+        raise ConfigurationError(f"--where {text!r}, expected FIELD=VALUE.", hint="--where dof=6")
+    if field in WHOLE:
+        if not value.lstrip("-").isdigit():
+            raise ConfigurationError(f"--where {text!r}, expected a whole number.")
+        return field, int(value)
+    return field, value
+
+
+WORKSPACE_LIST: Final = Operation(
+    help="Show what there is.", request=WorkspaceListRequest, run=list_items
+)
+
+
+class WorkspaceShowRequest(Request):
+    """Which item, in which version."""
+
+    item: ItemWord
+    version: Annotated[int | None, Option(help="Default: the latest.")] = None
+    output: Annotated[
+        Path | None, Option(names=("--output", "-o"), help="Folder to copy its files to.")
+    ] = None
+    folder: WorkspaceFolder = HERE
+
+
+def show_item(request: WorkspaceShowRequest, context: Context) -> PlainResult:
+    """Returns one version of an item; copies its files if a folder is stated.
+
+    Raises:
+        ConfigurationError: No such item or folder.
+    """
+    from robotrue.store import items
+    from robotrue.store.layout import copy_files
+    from robotrue.store.nouns import noun_of
+    from robotrue.store.workspace import Workspace
+
+    output = request.output
+    with Workspace.open(request.folder) as workspace:
+        noun, id = items.resolve(workspace, request.item)
+        record = items.get(workspace, noun_of(noun), id, version=request.version)
+        if output is not None:
+            if not output.is_dir():
+                raise ConfigurationError("no folder.", source=output, hint=f"mkdir -p {output}")
+            for path in copy_files(workspace, record, output):
+                context.inform(f"written: {path}")
+    return item_result(
+        noun, record, Facts(title=f"{noun} {record.name}", rows=_item_facts(noun, record))
+    )
+
+
+def _item_facts(noun: str, record: ItemRecord) -> tuple[tuple[str, str], ...]:
+    values = _item_document(noun, record)
+    return (
+        *(
+            (name, _value_text(value))
+            for name, value in values.items()
+            if name not in ("links", "files", "detail")
+        ),
+        *(
+            (each["role"], f"{each['id'][:8]} version {each['version']}")
+            for each in values["links"]
+        ),
+        *((f"file ({each['role']})", each["name"]) for each in values["files"]),
+        *(
+            (name, _value_text(value))
+            for name, value in record.detail.items()
+            if isinstance(value, str | int | float) and value != ""
+        ),
+    )
+
+
+WORKSPACE_SHOW: Final = Operation(
+    help="Show one item: what it says, what it rests on, its files.",
+    request=WorkspaceShowRequest,
+    run=show_item,
+)
+
+
+class WorkspaceHistoryRequest(Request):
+    """Of which item."""
+
+    item: Annotated[
+        str | None, Option(argument="[ITEM]", help="None: everything that was done.")
+    ] = None
+    limit: Annotated[int, Option(help="Entries shown, the newest first.")] = LIMIT
+    folder: WorkspaceFolder = HERE
+
+
+def show_history(request: WorkspaceHistoryRequest, context: Context) -> PlainResult:
+    """Returns what was done, the newest first.
+
+    Raises:
+        ConfigurationError: No such item.
+    """
+    from robotrue.store import items, journal
+    from robotrue.store.workspace import Workspace
+
+    with Workspace.open(request.folder) as workspace:
+        id = None if request.item is None else items.resolve(workspace, request.item)[1]
+        page = journal.entries(workspace, item=id, limit=request.limit)
+    rows = tuple(
+        (
+            time_text(entry.at),
+            entry.action,
+            entry.noun,
+            entry.item[:8],
+            str(entry.version or ""),
+            str(entry.detail.get("name", entry.detail.get("kind", ""))),
+        )
+        for entry in page.items
+    )
+    return PlainResult(
+        values={
+            "total": page.total,
+            "entries": [{**asdict(each), "at": each.at.isoformat()} for each in page.items],
+        },
+        shown=(
+            Table(
+                title="1 entry" if page.total == 1 else f"{page.total} entries",
+                columns=("when", "what", "noun", "id", "version", ""),
+                rows=rows,
+                words=True,
+            ),
+        ),
+    )
+
+
+WORKSPACE_HISTORY: Final = Operation(
+    help="Show what was done and when.", request=WorkspaceHistoryRequest, run=show_history
+)
+
+
+class WorkspaceDeleteRequest(Request):
+    """Which item."""
+
+    item: ItemWord
+    folder: WorkspaceFolder = HERE
+
+
+def delete_item(request: WorkspaceDeleteRequest, context: Context) -> PlainResult:
+    """Deletes an item.
+
+    Raises:
+        ConfigurationError: No such item.
+    """
+    from robotrue.store import items
+    from robotrue.store.nouns import noun_of
+    from robotrue.store.workspace import Workspace
+
+    with Workspace.open(request.folder) as workspace:
+        noun, id = items.resolve(workspace, request.item)
+        record = items.delete(workspace, noun_of(noun), id)
+    context.inform(
+        f"{noun} {record.name!r} deleted; robotrue workspace undo {id[:8]} brings it back"
+    )
+    return item_result(noun, record)
+
+
+WORKSPACE_DELETE: Final = Operation(
+    help="Delete an item; everything of it is kept, `undo` brings it back.",
+    request=WorkspaceDeleteRequest,
+    run=delete_item,
+)
+
+
+class WorkspaceUndoRequest(Request):
+    """Which item."""
+
+    item: ItemWord
+    folder: WorkspaceFolder = HERE
+
+
+def undo_change(request: WorkspaceUndoRequest, context: Context) -> PlainResult:
+    """Takes the last change of an item back.
+
+    Raises:
+        ConfigurationError: No such item, or nothing to take back.
+    """
+    from robotrue.store import items
+    from robotrue.store.nouns import noun_of
+    from robotrue.store.workspace import Workspace
+
+    with Workspace.open(request.folder) as workspace:
+        noun, id = items.resolve(workspace, request.item)
+        record = items.undo(workspace, noun_of(noun), id)
+    state = "deleted again" if record.deleted else "as it was"
+    context.inform(f"{noun} {record.name!r} is {state}, version {record.version}")
+    return item_result(noun, record)
+
+
+WORKSPACE_UNDO: Final = Operation(
+    help="Take the last change of an item back: its deletion, or its latest version.",
+    request=WorkspaceUndoRequest,
+    run=undo_change,
+)
+
+
+def item_result(noun: str, record: ItemRecord, *shown: Block) -> PlainResult:
+    """Returns one version of an item as a result."""
+    from robotrue.store.records import provenance_of_record
+
+    return PlainResult(
+        values=_item_document(noun, record), shown=shown, provenance=provenance_of_record(record)
+    )
+
+
+def _item_document(noun: str, record: ItemRecord) -> dict[str, Any]:
+    """One version of an item as JSON values."""
+    from robotrue.store.records import provenance_of_record
+
+    values = asdict(record)
+    links, files = values.pop("links"), values.pop("attachments")
+    values["created"] = record.created.isoformat()
+    values["links"] = [{"role": each["role"], **each["to"]} for each in links]
+    values = {"noun": noun, **values, "files": list(files)}
+    return {"simulated": provenance_of_record(record).simulated, **values}
+
+
+def _value_text(value: object) -> str:
+    """A value of a record as text."""
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
