@@ -22,17 +22,17 @@ if TYPE_CHECKING:
 FOLDER: Final = Path(__file__).with_name("operations")
 PACKAGE: Final = "robotrue.app.operations"
 GROUPS: Final[Mapping[str, str]] = {
-    "drill": "Square the drill to the surface: a foot's readings, corrected.",
+    "drill": "Square the drill to the surface with the corrected readings of a pressure foot.",
     "dynamics": "The dynamic error of milling: frequency response, force, prediction.",
-    "export": "Write the calibrated robot for other programs; what they cannot take must be named.",
-    "record": "What the service recorded: what is in it, streams as CSV.",
-    "report": "Write a report to hand over: HTML, PDF and JSON, in English or Chinese.",
+    "export": "Export the calibrated robot to other software; losses must be named.",
+    "record": "Records of the sensing service: content, streams as CSV.",
+    "report": "Write reports and certificates: HTML, PDF and JSON, in English or Chinese.",
     "sense": "Sense the tool's error online; `sense CELL ...` is `sense run CELL ...`.",
     "simulate": (
         "Simulated controllers and sensors for `sense`, and a drilling head for `drill run`."
     ),
     "workspace": "Cells, measurements, models, programs and their history in one folder.",
-    "jobs": "Work done in the background of a workspace.",
+    "jobs": "Background jobs of a workspace.",
 }
 """Commands of commands in their order, with their help; a ``*_commands`` file makes those without.
 

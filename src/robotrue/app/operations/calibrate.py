@@ -209,7 +209,7 @@ def save(
 
 
 CALIBRATE: Final = Operation(
-    help="Learn the robot's error from measured poses and write a model file.",
+    help="Calibrate the robot from measured poses and write a model file.",
     request=CalibrateRequest,
     run=run,
     save=save,
@@ -290,7 +290,7 @@ def _length_blocks(
 
 
 CALIBRATE_LENGTHS: Final = Operation(
-    help="Learn the robot's error from lengths: draw wire, ball bar, gauge bar.",
+    help="Calibrate the robot from lengths: draw wire, ball bar, gauge bar.",
     request=CalibrateLengthsRequest,
     run=calibrate_from_lengths,
 )

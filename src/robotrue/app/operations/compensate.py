@@ -1,4 +1,4 @@
-"""Rewrite a program so that the robot lands where it says."""
+"""Compensate a program so that the robot reaches the programmed targets."""
 
 from __future__ import annotations
 

@@ -153,7 +153,7 @@ def save_plan(
 
 
 DRIFT_PLAN: Final = Operation(
-    help="Choose the few poses that show a moved base or tool and a slipped joint best.",
+    help="Choose the few poses that best show a moved base or tool, or a slipped joint.",
     request=DriftPlanRequest,
     run=plan_check,
     save=save_plan,
@@ -384,7 +384,7 @@ def _name_term(term: str) -> str:
 
 
 DRIFT: Final = Operation(
-    help="Say whether the robot still is the one that was calibrated: keep, update or recalibrate.",
+    help="Check whether the robot still matches its calibration: keep, update or recalibrate.",
     request=DriftRequest,
     run=check_drift,
     save=save_check,

@@ -1,4 +1,4 @@
-"""Give the one move that squares the spindle to the surface under the foot."""
+"""Compute the one move that squares the spindle to the surface under the foot."""
 
 from __future__ import annotations
 

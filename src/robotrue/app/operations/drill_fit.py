@@ -1,4 +1,4 @@
-"""Learn what makes a foot's readings wrong."""
+"""Learn the errors of a foot's readings from a campaign."""
 
 from __future__ import annotations
 

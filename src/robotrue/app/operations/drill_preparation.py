@@ -93,8 +93,7 @@ def take_zero(request: DrillZeroRequest, context: Context) -> PlainResult:
 
 
 DRILL_ZERO: Final = Operation(
-    help="Take the zero of a foot on its calibration tool: a foot file with it, and its "
-    "uncertainty.",
+    help="Set the zero of a foot on its calibration tool, with its uncertainty.",
     request=DrillZeroRequest,
     run=take_zero,
 )
@@ -217,7 +216,7 @@ def _plates(request: DrillPlanRequest, head: Head | None) -> Plates | None:
 
 
 DRILL_PLAN: Final = Operation(
-    help="Plan a campaign: which tilts, forces and heights to clamp at, in which order.",
+    help="Plan a campaign: tilts, forces and heights of the clamps, and their order.",
     request=DrillPlanRequest,
     run=plan_clamps,
 )

@@ -1,4 +1,4 @@
-"""Take what an outside reference measured into a model; watch it; freeze it."""
+"""Update a model with reference measurements, monitor it, freeze it."""
 
 from __future__ import annotations
 

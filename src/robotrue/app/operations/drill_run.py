@@ -1,4 +1,4 @@
-"""Stand by a machine: answer every clamp with one move, learn from references, watch."""
+"""Serve a drilling machine: one corrective move per clamp, updates from references, alarms."""
 
 from __future__ import annotations
 

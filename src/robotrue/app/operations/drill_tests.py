@@ -78,7 +78,7 @@ def evaluate_model(request: DrillEvaluateRequest, context: Context) -> PlainResu
 
 
 DRILL_EVALUATE: Final = Operation(
-    help="Say what tilt one move leaves: uncorrected, by the patent's regression, by the model.",
+    help="Compare the tilt after one move: uncorrected, patent's regression, model.",
     request=DrillEvaluateRequest,
     run=evaluate_model,
 )
@@ -207,7 +207,7 @@ def save_report(
 
 
 DRILL_REPORT: Final = Operation(
-    help="Write the report of a model: what one move leaves, and what it was tested on.",
+    help="Write the report of a model: tilt after one move, and the test data.",
     request=DrillReportRequest,
     run=report_model,
     save=save_report,

@@ -186,8 +186,7 @@ def _write_sheet(
 
 
 DRY_RUN_PLAN: Final = Operation(
-    help="Pick points at equal steps along a program: the sheet of a dry run for the "
-    "measuring crew.",
+    help="Choose points at equal steps along a program and write the sheet of a dry run.",
     request=DryRunPlanRequest,
     run=plan_dry_run,
 )

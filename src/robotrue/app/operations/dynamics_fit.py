@@ -1,4 +1,4 @@
-"""Learn what the prediction misses, from windows with measured error."""
+"""Learn the residual of the prediction from windows with measured error."""
 
 from __future__ import annotations
 

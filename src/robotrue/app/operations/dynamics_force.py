@@ -1,4 +1,4 @@
-"""Predict the force of milling, or find its coefficients in slotting tests."""
+"""Predict the milling force, or identify its coefficients from slotting tests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Make a frequency response of hammer hits, or check one; fit its modes."""
+"""Compute a frequency response from hammer hits, or check one; fit its modes."""
 
 from __future__ import annotations
 

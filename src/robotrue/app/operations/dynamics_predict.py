@@ -1,4 +1,4 @@
-"""Predict how far the tool is pushed along a force record."""
+"""Predict the deflection of the tool along a force record."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Find what hangs on a force sensor at the flange: mass, centre of mass, offsets."""
+"""Identify the load on a flange force sensor: mass, centre of mass, offsets."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Say how well the dynamic error is predicted where nothing was learned."""
+"""Validate the predicted dynamic error on windows not used for learning."""
 
 from __future__ import annotations
 

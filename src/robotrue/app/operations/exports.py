@@ -102,7 +102,7 @@ class ExportUrdfRequest(ExportRequest):
 
 
 EXPORT_URDF: Final = Operation(
-    help="Write a URDF of the calibrated arm, and what URDF cannot say as JSON beside it.",
+    help="Write a URDF of the calibrated arm, and what URDF cannot hold as JSON beside it.",
     request=ExportUrdfRequest,
     run=export_arm,
 )

@@ -1,4 +1,4 @@
-"""Say what a file holds: a model, a cell, measurements or a program."""
+"""Show the content of a file: a model, a cell, measurements or a program."""
 
 from __future__ import annotations
 

@@ -98,7 +98,7 @@ def plan_postures(request: MasteringPlanRequest, context: Context) -> PlainResul
 
 
 MASTERING_PLAN: Final = Operation(
-    help="Choose postures to touch one fixed point in, so that an axis without its zero shows.",
+    help="Plan touches of one fixed point that show which axis lost its zero.",
     request=MasteringPlanRequest,
     run=plan_postures,
 )

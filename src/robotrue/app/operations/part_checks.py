@@ -215,7 +215,7 @@ def _blank_blocks(check: BlankCheck) -> tuple[Block, ...]:
 
 
 BLANK_CHECK: Final = Operation(
-    help="Check that the finished part lies inside its blank, and by what shift best.",
+    help="Check that the finished part lies inside its blank, and find the best shift.",
     request=BlankCheckRequest,
     run=check_blank_part,
 )
@@ -347,7 +347,7 @@ def _datum_document(check: DatumCheck, joint: bool) -> dict[str, object]:
 
 
 DATUM_CHECK: Final = Operation(
-    help="Check the part's frame with datums that had no part in it, touched again.",
+    help="Check the part frame with datums that were not used to find it.",
     request=DatumCheckRequest,
     run=check_datums,
 )

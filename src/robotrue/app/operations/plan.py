@@ -1,4 +1,4 @@
-"""Choose the poses that are worth measuring, and say what accuracy to expect."""
+"""Choose the poses worth measuring, with the accuracy to expect."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Choose the touches after which machined points are known best, and say how well."""
+"""Plan probing points for the smallest uncertainty at the machined points."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Make a robot program of CAM tool paths, in the frame where the part was found."""
+"""Make a robot program from CAM tool paths, in the registered part frame."""
 
 from __future__ import annotations
 

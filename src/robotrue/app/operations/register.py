@@ -1,4 +1,4 @@
-"""Find where the part stands from touched points, and tie it to the model of the arm."""
+"""Locate the part by probing, and link its frame to the model of the arm."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Adjust the part's frame at the machine: run, touch, correct, repeat until nothing is left."""
+"""Adjust the part frame at the machine in rounds: run, probe, correct."""
 
 from __future__ import annotations
 

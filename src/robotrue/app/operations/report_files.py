@@ -121,7 +121,7 @@ def draft_certificate(
 
 
 REPORT_CALIBRATION: Final = Operation(
-    help="Write the calibration certificate of a model, best with poses it has not seen.",
+    help="Write the calibration certificate of a model, best with held-out poses.",
     request=ReportCalibrationRequest,
     run=report_calibration,
 )
@@ -239,7 +239,7 @@ def _files_of(job: Path) -> list[Path]:
 
 
 REPORT_PROGRAM: Final = Operation(
-    help="Judge a compensated program against a tolerance: GO or NO-GO, and the worst targets.",
+    help="Check a compensated program against a tolerance: GO or NO-GO, and the worst targets.",
     request=ReportProgramRequest,
     run=report_program,
 )
@@ -298,7 +298,7 @@ def draft_registration(
 
 
 REPORT_REGISTRATION: Final = Operation(
-    help="Write where the parts of a registered cell stand, and how well that is known.",
+    help="Report the part frames of a registered cell with their uncertainty.",
     request=ReportRegistrationRequest,
     run=report_registration,
 )

@@ -1,4 +1,4 @@
-"""Say at every force sample how far the tool is off, and how well that is known."""
+"""Estimate the deviation of the tool and its uncertainty at every force sample."""
 
 from __future__ import annotations
 

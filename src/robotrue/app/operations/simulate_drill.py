@@ -1,4 +1,4 @@
-"""A drilling head: clamps, asks for its move, turns, and has the hole measured."""
+"""Simulated drilling head: clamps, requests its move, turns, and has the hole measured."""
 
 from __future__ import annotations
 

@@ -84,7 +84,7 @@ def simulate_rsi(request: SimulateRsiRequest, context: Context) -> PlainResult:
 
 
 SIMULATE_RSI: Final = Operation(
-    help="A KUKA controller: sends a packet every cycle and judges each answer.",
+    help="Simulated KUKA controller: sends a packet every cycle and checks each answer.",
     request=SimulateRsiRequest,
     run=simulate_rsi,
     is_service=True,
@@ -151,7 +151,7 @@ def simulate_egm(request: SimulateEgmRequest, context: Context) -> PlainResult:
 
 
 SIMULATE_EGM: Final = Operation(
-    help="An ABB controller: sends a message every 4 ms and takes path corrections.",
+    help="Simulated ABB controller: sends a message every 4 ms and takes path corrections.",
     request=SimulateEgmRequest,
     run=simulate_egm,
     is_service=True,
@@ -206,7 +206,7 @@ def simulate_rtde(request: SimulateRtdeRequest, context: Context) -> PlainResult
 
 
 SIMULATE_RTDE: Final = Operation(
-    help="A Universal Robots controller: joints, tool point and force, 500 times a second.",
+    help="Simulated Universal Robots controller: joints, tool point and force, 500 times a second.",
     request=SimulateRtdeRequest,
     run=simulate_rtde,
     is_service=True,
@@ -327,7 +327,7 @@ def _announce_sensor(
 
 
 SIMULATE_RDT: Final = Operation(
-    help="An ATI force sensor: sends counts over UDP on request.",
+    help="Simulated ATI force sensor: sends counts over UDP on request.",
     request=SimulateRdtRequest,
     run=simulate_rdt,
     is_service=True,

@@ -1,4 +1,4 @@
-"""Cut slots from two sides in the virtual cell, or say what measured steps can tell."""
+"""Cut slots from two sides in the virtual cell, or evaluate measured steps."""
 
 from __future__ import annotations
 

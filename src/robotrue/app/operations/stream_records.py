@@ -98,7 +98,7 @@ def describe_record(request: RecordInfoRequest, context: Context) -> PlainResult
 
 
 RECORD_INFO: Final = Operation(
-    help="Check a record frame by frame and say what is in it.",
+    help="Check a record frame by frame and list its content.",
     request=RecordInfoRequest,
     run=describe_record,
 )

@@ -1,4 +1,4 @@
-"""Carry a calibration to a new region, date or arm with a few poses, under guard."""
+"""Transfer a calibration to a new region, date or arm with a few poses."""
 
 from __future__ import annotations
 

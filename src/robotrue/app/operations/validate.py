@@ -1,4 +1,4 @@
-"""Say how well a model predicts poses it has not seen."""
+"""Check a model on measured poses that it was not fitted to."""
 
 from __future__ import annotations
 

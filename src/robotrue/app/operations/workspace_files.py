@@ -43,7 +43,7 @@ def make_workspace(request: WorkspaceInitRequest, context: Context) -> PlainResu
 
 
 WORKSPACE_INIT: Final = Operation(
-    help="Make a workspace.", request=WorkspaceInitRequest, run=make_workspace
+    help="Create a workspace.", request=WorkspaceInitRequest, run=make_workspace
 )
 
 
@@ -123,7 +123,7 @@ def _import_measurements(
 
 
 WORKSPACE_ADD: Final = Operation(
-    help="Take files in; they are copied, and what they say is checked.",
+    help="Import files: they are copied and checked.",
     request=WorkspaceAddRequest,
     run=add_files,
 )
@@ -188,7 +188,7 @@ def import_workspace(request: WorkspaceImportRequest, context: Context) -> Plain
 
 
 WORKSPACE_IMPORT: Final = Operation(
-    help="Take in everything of an exported file; ids stay.",
+    help="Import everything of an exported file; ids stay.",
     request=WorkspaceImportRequest,
     run=import_workspace,
 )
@@ -321,7 +321,7 @@ def _discarded_items(items: Sequence[Discarded]) -> list[dict[str, str]]:
 
 
 WORKSPACE_EMPTY_BIN: Final = Operation(
-    help="Remove for good what was deleted long ago and nothing rests on, with its files.",
+    help="Remove old deleted items for good, with the files nothing else needs.",
     request=WorkspaceEmptyBinRequest,
     run=empty_recycle_bin,
 )

@@ -139,7 +139,7 @@ def _parse_condition(text: str) -> tuple[str, str | int]:
 
 
 WORKSPACE_LIST: Final = Operation(
-    help="Show what there is.", request=WorkspaceListRequest, run=list_items
+    help="List the items.", request=WorkspaceListRequest, run=list_items
 )
 
 
@@ -201,7 +201,7 @@ def _item_facts(noun: str, record: ItemRecord) -> tuple[tuple[str, str], ...]:
 
 
 WORKSPACE_SHOW: Final = Operation(
-    help="Show one item: what it says, what it rests on, its files.",
+    help="Show one item: its content, its sources, its files.",
     request=WorkspaceShowRequest,
     run=show_item,
 )
@@ -257,7 +257,7 @@ def show_history(request: WorkspaceHistoryRequest, context: Context) -> PlainRes
 
 
 WORKSPACE_HISTORY: Final = Operation(
-    help="Show what was done and when.", request=WorkspaceHistoryRequest, run=show_history
+    help="Show the history of changes.", request=WorkspaceHistoryRequest, run=show_history
 )
 
 
@@ -288,7 +288,7 @@ def delete_item(request: WorkspaceDeleteRequest, context: Context) -> PlainResul
 
 
 WORKSPACE_DELETE: Final = Operation(
-    help="Delete an item; everything of it is kept, `undo` brings it back.",
+    help="Delete an item; `undo` restores it.",
     request=WorkspaceDeleteRequest,
     run=delete_item,
 )
@@ -320,7 +320,7 @@ def undo_change(request: WorkspaceUndoRequest, context: Context) -> PlainResult:
 
 
 WORKSPACE_UNDO: Final = Operation(
-    help="Take the last change of an item back: its deletion, or its latest version.",
+    help="Undo the last change of an item: its deletion, or its latest version.",
     request=WorkspaceUndoRequest,
     run=undo_change,
 )

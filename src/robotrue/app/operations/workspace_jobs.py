@@ -92,7 +92,7 @@ def _parameter_value(name: str, text: str) -> object:
 
 
 JOBS_SUBMIT: Final = Operation(
-    help="Ask for a job; a worker (`jobs run`, or the web app) does it.",
+    help="Queue a job; a worker (`jobs run`, or the workbench) runs it.",
     request=JobsSubmitRequest,
     run=submit_job,
 )
@@ -146,7 +146,7 @@ def _job_row(job: Job) -> tuple[str, ...]:
 
 
 JOBS_LIST: Final = Operation(
-    help="Show the jobs and how far they are.", request=JobsListRequest, run=list_jobs
+    help="List the jobs with their progress.", request=JobsListRequest, run=list_jobs
 )
 
 
@@ -216,7 +216,7 @@ def cancel_job(request: JobsCancelRequest, context: Context) -> PlainResult:
 
 
 JOBS_CANCEL: Final = Operation(
-    help="End a job; nothing of it stands.", request=JobsCancelRequest, run=cancel_job
+    help="Cancel a job and discard its results.", request=JobsCancelRequest, run=cancel_job
 )
 
 
