@@ -79,6 +79,8 @@ def tools(program: Program) -> list[float]:
         # A handler runs at any line.
         ("DEF p()/INTERRUPT DECL 3 WHEN $IN[1]==TRUE DO h()/BAS(#BASE,1)/P!/END/"
          "DEF h()/P!/BAS(#BASE,2)/BAS(#TOOL,2)/P!/END", [1, None, 2]),
+        # a routine that only calls itself is never entered, and what it sets reaches no other
+        ("DEF p()/BAS(#BASE,1)/s()/END/DEF d()/BAS(#BASE,2)/s()/d()/END/DEF s()/P!/END", [1]),
     ],
 )  # fmt: skip
 def test_the_base_on_every_way(text: str, expected: list[float | None]) -> None:

@@ -443,7 +443,10 @@ class _DataFlow:
         while changed:
             changed = False
             for node, routine in calls:
-                here = _fill(self.into[node], entry[flow._routine[node]])
+                caller = entry[flow._routine[node]]
+                if caller == _UNREACHED:
+                    continue
+                here = _fill(self.into[node], caller)
                 total = _join([entry[routine], here], flow._first[routine], entry[routine])
                 changed |= total != entry[routine]
                 entry[routine] = total
