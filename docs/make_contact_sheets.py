@@ -40,7 +40,7 @@ LOOKS: Final = {
     1440: ("en", "light"), 1180: ("zh", "dark"), 820: ("zh", "light"), 390: ("en", "dark"),
 }  # fmt: skip
 """Language and theme of the sheet of each width."""
-THUMB: Final = {1440: 460, 1180: 400, 820: 260, 390: 170}
+THUMB: Final = {1440: 455, 1180: 360, 820: 260, 390: 170}
 """Pixels a picture is wide on a sheet."""
 SHEET: Final = 1900
 TALLEST: Final = 2.2
@@ -170,7 +170,7 @@ def draw_sheet(pictures: list[Path], width: int) -> None:
     """Writes the sheet of one width."""
     thumb, gap = THUMB[width], 14
     per_row = (SHEET - gap) // (thumb + gap)
-    tall = int(thumb * TALLEST if width <= 820 else thumb * 1.25)
+    tall = int(thumb * TALLEST if width <= 820 else thumb * 1.05)
     rows = -(-len(pictures) // per_row)
     sheet = Image.new("RGB", (SHEET, gap + rows * (tall + gap + 16)), "#808890")
     pen = ImageDraw.Draw(sheet)

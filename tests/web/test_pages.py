@@ -70,6 +70,8 @@ def test_what_is_not_there_is_said_on_the_page(client: Client) -> None:
     assert missing.status_code == 404
     assert missing.headers["content-type"].startswith("text/html")
     assert here.get("/nowhere").json()["status"] == 404
+    dark = {"accept": "text/html", "cookie": "robotrue_view=theme=dark"}
+    assert 'data-theme="dark"' in here.get("/nowhere", headers=dark).text
     assert "part=nothing" not in here.get("/programs?part=nothing").text
 
 

@@ -9,7 +9,7 @@ from fastapi.responses import HTMLResponse, RedirectResponse, Response
 
 from robotrue.web.gate import COOKIE, session_name
 from robotrue.web.language import Wording
-from robotrue.web.preferences import preferences_from
+from robotrue.web.preferences import Preferences, preferences_from
 from robotrue.web.serve_settings import ServeSettings
 from robotrue.web.sessions import LIFETIME, Sessions, Tries, client_group, same_secret
 from robotrue.web.templating import render
@@ -69,14 +69,21 @@ def login_router(settings: ServeSettings, sessions: Sessions, tries: Tries) -> A
 
 def reader_words(request: Request) -> Wording:
     """Returns the words of who asks, who may not have logged in."""
-    chosen = preferences_from(request.cookies, request.headers.get("accept-language", ""))
-    return Wording(chosen.language)
+    return Wording(_preferences(request).language)
+
+
+def _preferences(request: Request) -> Preferences:
+    return preferences_from(request.cookies, request.headers.get("accept-language", ""))
+
+
+def _render_plain(request: Request, template: str, **values: object) -> str:
+    theme = _preferences(request).theme
+    return render(template, say=reader_words(request), theme=theme, **values)
 
 
 def missing_page(request: Request) -> HTMLResponse:
     """Returns what an address says at which there is no page: so much, and the way back."""
-    page = render("missing_page.html", say=reader_words(request))
-    return HTMLResponse(page, status_code=404)
+    return HTMLResponse(_render_plain(request, "missing_page.html"), status_code=404)
 
 
 def is_page(request: Request) -> bool:
@@ -88,5 +95,5 @@ def is_page(request: Request) -> bool:
 def _page(
     request: Request, fault: str = "", *, status: int = 200, headers: dict[str, str] | None = None
 ) -> HTMLResponse:
-    page = render("login.html", say=reader_words(request), fault=fault)
+    page = _render_plain(request, "login.html", fault=fault)
     return HTMLResponse(page, status_code=status, headers=headers)
