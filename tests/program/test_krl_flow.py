@@ -224,3 +224,11 @@ def test_what_is_said_of_a_line_that_no_way_leads_to() -> None:
     (note, _) = program.notes
     assert note.startswith("part.src:3: the base is not known here: no way through the program")
     assert not any("#TCP" in note for note in program.notes)
+
+
+def test_what_stands_behind_a_routine_that_never_returns() -> None:
+    program = read(f"DEF p()\nEND\nDEF d()\nd()\n{P}\nEND")
+    assert program.reason.tolist() == [Reason.UNKNOWN_FRAME]
+    assert "part.src:4: the base is not known: no way through the program leads here" in "".join(
+        program.notes
+    )

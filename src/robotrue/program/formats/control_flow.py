@@ -237,7 +237,12 @@ class ControlFlow:
         return self._look_up(self._solve_all(key), places)
 
     def differing(self, mark: int) -> tuple[int, str]:
-        """Returns the place at which the ways of a mark join, and why they may differ there."""
+        """Returns the place at which the ways of a mark join, and why they may differ there.
+
+        The place is -1 if no way leads to where the mark is in force.
+        """
+        if mark > _JOINED:
+            return -1, "is not known: no way through the program leads here"
         return self._place[_JOINED - mark], self._what[_JOINED - mark]
 
     def mark_of(self, node: int) -> int:

@@ -80,7 +80,9 @@ class Builder:
         for side, column in _SIDES:
             for mark in np.unique(table[table[:, column] < 0, column]).tolist():
                 at, what = flow.differing(mark)
-                index = self.frames.unknown(side, at // 2, what, "set it again after this line")
+                cure = "remove it" if at < 0 else "set it again after this line"
+                at = int(places[table[:, column] == mark][0]) if at < 0 else at
+                index = self.frames.unknown(side, at // 2, what, cure)
                 table[table[:, column] == mark, column] = index
         table[:, ON_ROBOT] = np.where(table[:, ON_ROBOT] < 0, UNSURE, table[:, ON_ROBOT])
         calls = table[:, 3:]
