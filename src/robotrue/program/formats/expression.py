@@ -122,7 +122,7 @@ class ExpressionReader(ABC, Generic[Value]):
             return value
         return self.atom(depth)
 
-    def listed(self, close: str, depth: int) -> list[Value]:
+    def read_list(self, close: str, depth: int) -> list[Value]:
         """Reads an opening bracket, values apart by commas, and the closing bracket."""
         out: list[Value] = []
         while not out or self.piece == ",":
@@ -161,7 +161,7 @@ class ExpressionReader(ABC, Generic[Value]):
             NotConstantError: Another token stands there.
         """
         if self.piece != sign:
-            raise self.refused(f": no {sign!r}")
+            raise self.refuse(f": no {sign!r}")
         self.next()
 
     @property
@@ -169,7 +169,7 @@ class ExpressionReader(ABC, Generic[Value]):
         """The text as messages name it."""
         return repr(self._text.strip()[:40])
 
-    def refused(self, why: str = "") -> NotConstantError:
+    def refuse(self, why: str = "") -> NotConstantError:
         """Returns the error that the text is not evaluated."""
         return NotConstantError(f"{self.shown} is not evaluated{why}")
 

@@ -142,5 +142,5 @@ class _RegisterReader(ExpressionReader[float]):
             pose = self._state.get(f"PR{int(register[0])}") if register else None
             held = pose.values[int(text[-1]) - 1] if isinstance(pose, RegisterPose) else None
         if not isinstance(held, float):
-            raise self.refused()
+            raise self.refuse()
         return held

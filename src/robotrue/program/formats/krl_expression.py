@@ -115,7 +115,7 @@ class _KrlReader(ExpressionReader[KrlValue]):
             return self._record(depth)
         if self.kind == "name":
             return self._name(depth)
-        raise self.refused()
+        raise self.refuse()
 
     def _record(self, depth: int) -> KrlRecord:
         """Returns ``{TYPE: NAME value,..}``."""
@@ -129,7 +129,7 @@ class _KrlReader(ExpressionReader[KrlValue]):
             name = self.next().lower()
         while True:
             if not name.isidentifier() or name in out:
-                raise self.refused()
+                raise self.refuse()
             out[name] = self.number(self.sum(depth + 1))
             if self.piece != ",":
                 break
@@ -141,9 +141,9 @@ class _KrlReader(ExpressionReader[KrlValue]):
     def _name(self, depth: int) -> KrlValue:
         name, subscript = self.next().lower(), ""
         if self.piece == "(":
-            return self._function(name, self.listed(")", depth))
+            return self._function(name, self.read_list(")", depth))
         if self.piece == "[":
-            index = self.listed("]", depth)
+            index = self.read_list("]", depth)
             if not all(isinstance(each, int) for each in index):
                 raise NotConstantError(f"the subscript of {name.upper()} is no whole number")
             subscript = ",".join(str(each) for each in index)

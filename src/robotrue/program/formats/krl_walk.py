@@ -213,15 +213,15 @@ class KrlWalk(KrlPoints):
             for name in routines:
                 self.flow.handler(name)
             if started[1].lower() == "trigger":
-                self.flow.trigger(2 * line, self._followed(routines))
+                self.flow.trigger(2 * line, self._routines_to_follow(routines))
             return
-        followed = self._followed(routines)
+        followed = self._routines_to_follow(routines)
         node = self.flow.call(2 * line, followed) if followed else -1
         for called, arguments in split_calls(code):
             routine = self.scope.routine(called, line)
             self.values.calls.append(KrlCall(line, node, routine, arguments))
 
-    def _followed(self, routines: list[str]) -> list[str]:
+    def _routines_to_follow(self, routines: list[str]) -> list[str]:
         """Returns the routines that may change something: of the job, or not known."""
         known = self.scope.has_routine
         return [name for name in routines if known(name) or not self.flow.is_harmless(name)]

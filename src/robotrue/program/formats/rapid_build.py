@@ -108,9 +108,9 @@ class _Builder:
         """Returns where the numbers stand, rows in file order."""
         order = self.order
         numbers, is_axis = self.numbers.rows(order), self.is_axis[order]
-        return TableSpans(numbers=numbers, is_axis=is_axis, written=self._written_out())
+        return TableSpans(numbers=numbers, is_axis=is_axis, written=self._find_written_out())
 
-    def _written_out(self) -> WrittenOut:
+    def _find_written_out(self) -> WrittenOut:
         """Returns the targets that are written out."""
         written, bases, place = self.walk.story.written, self.walk.story.bases, self.order.argsort()
         if not written:

@@ -132,10 +132,10 @@ class _RapidReader(ExpressionReader[RapidValue]):
         if self.kind == "number":
             return float(self.next())
         if self.piece == "[":
-            return tuple(self.listed("]", depth))
+            return tuple(self.read_list("]", depth))
         if self.kind == "name":
             return self._name(depth)
-        raise self.refused()
+        raise self.refuse()
 
     def _name(self, depth: int) -> RapidValue:
         name = self.next().lower()
@@ -146,7 +146,7 @@ class _RapidReader(ExpressionReader[RapidValue]):
         else:
             value = self._lookup(name)
         if self.piece == "{":
-            for index in self.listed("}", depth):
+            for index in self.read_list("}", depth):
                 value = _element(value, _number(index))
         while self.piece == ".":
             self.next()
