@@ -111,6 +111,6 @@ def test_every_kernel_is_kept_by_what_it_is_made_of(monkeypatch: pytest.MonkeyPa
         return done.stdout.splitlines()
 
     first = stamps("1")
-    assert len(first) > 100
+    assert len(first) > 90  # all of them, in every room
     assert all(line.split()[2] == "_KernelCache" for line in first)
     assert stamps("2") == first
