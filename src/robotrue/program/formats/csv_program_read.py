@@ -76,15 +76,13 @@ def _find_numbers(data: bytes, table: ToolpathTable) -> tuple[Numbers, bool]:
     cells = [number + other + b")" if name in wanted else other for name in table.names]
     row = re.compile(table.mark.encode().join(cells))
     starts = line_starts(data)
-    spans, values = array("q"), array("d")
+    spans = array("q")
     for begin in starts[np.array(table.lines) - 1].tolist():
         match = row.match(data, begin)
         spans.extend(chain.from_iterable(match.regs[1:]) if match else (-1,) * 2 * len(wanted))
-        texts = match.groups() if match else (None,) * len(wanted)
-        values.extend([np.nan if text is None else float(text) for text in texts])
     order = [[name for name in table.names if name in wanted].index(name) for name in wanted]
     start, end = np.array(spans, np.int64).reshape(-1, len(wanted), 2)[:, order].transpose(2, 0, 1)
-    value, length = np.array(values).reshape(-1, len(wanted))[:, order], end - start
+    value, length = np.where(start < 0, np.nan, table.block(wanted)), end - start
     if not by_axis:
         start = np.pad(start, ((0, 0), (0, 3)), constant_values=-1)
         length = np.pad(length, ((0, 0), (0, 3)))

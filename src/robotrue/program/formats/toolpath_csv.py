@@ -95,7 +95,9 @@ def _lines(data: bytes, source: str) -> Iterator[tuple[int, str]]:
 
 def _split(line: str, mark: str, source: str, number: int) -> list[str]:
     if '"' not in line and len(line) < csv.field_size_limit():
-        return [cell.strip() for cell in line.split(mark)]
+        cells = line.split(mark)
+        # Most files have no blank in any line: looking for one costs less than to strip each cell.
+        return cells if line.split(None, 1) == [line] else [cell.strip() for cell in cells]
     try:
         return [cell.strip() for cell in next(csv.reader([line], delimiter=mark))]
     except csv.Error as cause:
@@ -194,13 +196,7 @@ class ToolpathTable:
 
     def block(self, names: tuple[str, ...]) -> Array:
         """Returns (n, k) finite numbers."""
-        columns = [
-            [
-                self._number(cell, name, line)
-                for cell, line in zip(self.column(name), self.lines, strict=True)
-            ]
-            for name in names
-        ]
+        columns = [self._numbers(self.column(name), name) for name in names]
         return np.array(columns, dtype=np.float64).T.reshape(-1, len(names))
 
     def feeds(self) -> Array:
@@ -240,6 +236,18 @@ class ToolpathTable:
             last = cell or last
             out.append(known.setdefault(last, len(known)))
         return np.array(out, dtype=np.int64), tuple(known)
+
+    def _numbers(self, cells: list[str], name: str) -> list[float]:
+        """Returns the finite numbers of a column; the first cell that holds none raises."""
+        try:
+            values = list(map(float, cells))
+        except ValueError:
+            values = [math.nan]
+        if all(map(math.isfinite, values)):
+            return values
+        return [
+            self._number(cell, name, line) for cell, line in zip(cells, self.lines, strict=True)
+        ]
 
     def _number(self, cell: str, name: str, line: int) -> float:
         try:
