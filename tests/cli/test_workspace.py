@@ -168,7 +168,7 @@ def test_a_worker_is_started_and_says_why_a_job_failed(folder: Path, cli: Comman
         (("workspace", "list", "cell", "--sort", "nonsense"), "no field 'nonsense'"),
         (("workspace", "list", "measurement", "--where", "poses=x"), "expected a whole number"),
         (("workspace", "show", "nothing"), "no item is 'nothing'"),
-        (("workspace", "add", "job", "x"), "is not taken in from files"),
+        (("workspace", "add", "job", "x"), "is not imported from files"),
         (("workspace", "add", "measurement", "x.csv"), "without the cell"),
         (("workspace", "add", "program", "missing.src"), "cannot read"),
         (("workspace", "import", "missing.zip"), "not an export"),

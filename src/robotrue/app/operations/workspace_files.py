@@ -76,13 +76,13 @@ def add_files(request: WorkspaceAddRequest, context: Context) -> PlainResult:
     noun = request.noun
     if noun not in IMPORTED:
         raise ConfigurationError(
-            f"{noun!r} is not taken in from files, expected {', '.join(IMPORTED)}."
+            f"{noun!r} is not imported from files, expected {', '.join(IMPORTED)}."
         )
     if noun in ("cell", "model") and len(request.files) != 1:
         raise ConfigurationError(f"{len(request.files)} files, expected one {noun}.")
     with Workspace.open(request.folder) as workspace:
         record = _import_files(workspace, request, context)
-    context.inform(f"{noun} {record.name!r} taken in as {record.id}")
+    context.inform(f"{noun} {record.name!r} imported as {record.id}")
     return item_result(noun, record)
 
 
@@ -182,7 +182,7 @@ def import_workspace(request: WorkspaceImportRequest, context: Context) -> Plain
         carried = import_project(workspace, file)
     rows = sum(carried.rows.values())
     context.inform(
-        f"{count(rows, 'new row')} and {count(carried.files, 'file')} taken in from {file}"
+        f"{count(rows, 'new row')} and {count(carried.files, 'file')} imported from {file}"
     )
     return PlainResult(values={"file": str(file), "rows": carried.rows, "files": carried.files})
 
