@@ -14,11 +14,11 @@ import argparse
 import json
 import os
 import shutil
+import socket
 import subprocess
 import sys
 import tempfile
 import time
-import urllib.error
 import urllib.request
 from collections.abc import Sequence
 from pathlib import Path
@@ -96,8 +96,6 @@ def try_wheel(wheel: Path, python: str, folder: Path) -> None:
 
 def _fetch_page(robotrue: Path, folder: Path) -> None:
     """Starts the workbench on a free port, waits for its first page, and ends it."""
-    import socket
-
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
@@ -111,7 +109,7 @@ def _fetch_page(robotrue: Path, folder: Path) -> None:
             try:
                 page = urllib.request.urlopen(f"http://127.0.0.1:{port}/", timeout=10).read()
                 break
-            except urllib.error.URLError as cause:
+            except OSError as cause:  # refused, reset, or no answer in time
                 if server.poll() is not None or time.monotonic() > until:
                     told = server.stdout.read() if server.poll() is not None else str(cause)
                     raise SystemExit(f"robotrue serve did not answer: {told}") from None

@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 
 
 class Shell:
-    """A shell nobody sits at: it shows no service while it runs, and answers no question."""
+    """A shell without a person: it shows no running service and answers no question."""
 
     def live(self) -> AbstractContextManager[Callable[[LiveView], None]]:
         """Yields what shows a service while it runs; each view replaces the one before."""
         return _drop_views()
 
     def confirm(self, question: str, word: str) -> bool | None:
-        """Returns whether the answer to a question is a word; None: nobody can be asked."""
+        """Returns whether the answer to a question is a word; None: without a person to answer."""
         return None
 
 

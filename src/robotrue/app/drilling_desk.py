@@ -1,4 +1,4 @@
-"""Clamp by clamp at a machine: values in, one move or a refusal out, until it is told to stop."""
+"""Clamp by clamp at a machine: values in, one move or a refusal out, until stopped."""
 
 from __future__ import annotations
 
@@ -193,7 +193,7 @@ def _line(document: Mapping[str, object]) -> str:
 
 
 async def serve_desk(desk: Desk, address: str, seconds: float | None, *, begin: str) -> None:
-    """Answers what comes in until it is told to stop, or for a time.
+    """Answers requests until stopped, or for a time.
 
     Args:
         desk: Takes values and gives answers.

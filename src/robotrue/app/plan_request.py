@@ -1,4 +1,4 @@
-"""What is asked of a plan: which poses to choose, for which work, by which method."""
+"""Request of a plan: which poses to choose, for which work, by which method."""
 
 from __future__ import annotations
 

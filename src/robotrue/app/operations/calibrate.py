@@ -242,7 +242,7 @@ def calibrate_from_lengths(request: CalibrateLengthsRequest, context: Context) -
     """Fits the model and writes it.
 
     Raises:
-        ObservabilityError: Too few lengths for what is asked.
+        ObservabilityError: Too few lengths for the requested parameters.
     """
     from robotrue.app.measured_rows import read_together
     from robotrue.calibration.length_estimate import estimate_lengths, model_of_lengths

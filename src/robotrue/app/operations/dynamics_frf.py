@@ -181,7 +181,7 @@ def _document(
     return {
         "pairs": list(frf.pairs),
         "lines": len(frf.frequency),
-        "spacing_Hz": _spacing(frf),
+        "spacing_Hz": _line_spacing(frf),
         "valid_Hz": list(frf.valid),
         "measured_as": frf.measured_as,
         "static_um_per_N": None if frf.static is None else frf.static / UM,
@@ -207,7 +207,7 @@ def _document(
     }
 
 
-def _spacing(frf: FrequencyResponse) -> float:
+def _line_spacing(frf: FrequencyResponse) -> float:
     """Smallest distance of two lines, Hz."""
     import numpy as np
 
@@ -228,7 +228,7 @@ def _blocks(
         title="frequency response of the tool",
         rows=(
             ("pairs", ", ".join(frf.pairs)),
-            ("lines", f"{len(frf.frequency)}, {_spacing(frf):.4g} Hz apart"),
+            ("lines", f"{len(frf.frequency)}, {_line_spacing(frf):.4g} Hz apart"),
             ("to be trusted", f"{low:g} to {high:g} Hz"),
             ("measured as", frf.measured_as),
             *(

@@ -299,7 +299,7 @@ TOOL_AXIS: Final = Operation(
 def _tool_texts(
     T_flange_tool: Array, formats: Sequence[str], number: int
 ) -> tuple[tuple[str, str], ...]:
-    """The controller's name and its lines for each format that is asked for."""
+    """The controller's name and its lines for each requested format."""
     from robotrue.program.controller_frames import controller_tool
 
     found = [controller_tool(T_flange_tool, form, number=number) for form in formats]

@@ -221,7 +221,7 @@ def verify_workspace(request: WorkspaceVerifyRequest, context: Context) -> Plain
             f"{count(len(found.faults), 'fault')} in {count(found.items, 'item')} and "
             f"{count(found.files, 'file')}: {found.faults[0]}",
             source=request.folder,
-            hint="fetch what is missing from a backup; what is not named above is whole.",
+            hint="restore the named items from a backup; all others are whole.",
         )
     size = ("MiB", f"{found.bytes / 2**20:.1f}")
     facts = (("items", str(found.items)), ("files", str(found.files)), size)
@@ -245,7 +245,7 @@ WORKSPACE_VERIFY: Final = Operation(
 
 
 SHOWN: Final = 20
-"""Items named before it is asked."""
+"""Items that are named before the question."""
 
 
 class WorkspaceEmptyBinRequest(Request):
@@ -262,7 +262,7 @@ def empty_recycle_bin(request: WorkspaceEmptyBinRequest, context: Context) -> Pl
     """Shows what would go, asks, and removes it.
 
     Raises:
-        ConfigurationError: Nobody can be asked and ``--yes`` was not given, or the answer was no.
+        ConfigurationError: No terminal to confirm at and no ``--yes``, or the answer was no.
     """
     from robotrue.store.bin import empty_bin, in_bin
     from robotrue.store.workspace import Workspace

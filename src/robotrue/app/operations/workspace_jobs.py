@@ -1,4 +1,4 @@
-"""Jobs of a workspace: asked for, shown, run, cancelled."""
+"""Jobs of a workspace: queued, listed, shown, run, cancelled."""
 
 from __future__ import annotations
 

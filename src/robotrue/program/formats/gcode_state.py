@@ -120,7 +120,7 @@ class Words:
         """Returns the numbers (m, w) of some columns, and which of them stand there."""
         shape = (self._count, len(columns))
         if self._present.isdisjoint(columns):
-            return _nothing(shape), np.zeros(shape, np.bool_)
+            return _make_empty(shape), np.zeros(shape, np.bool_)
         start, length = np.full(shape, -1), np.zeros(shape, np.int64)
         value, given = np.full(shape, np.nan), np.zeros(shape, np.bool_)
         blocks = self._blocks
@@ -133,7 +133,7 @@ class Words:
         return Numbers(start=start, length=length, value=value), given
 
 
-def _nothing(shape: tuple[int, int]) -> Numbers:
+def _make_empty(shape: tuple[int, int]) -> Numbers:
     return Numbers(
         start=np.broadcast_to(np.int64(-1), shape),
         length=np.broadcast_to(np.int64(0), shape),
