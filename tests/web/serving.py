@@ -56,14 +56,24 @@ def _address(process: subprocess.Popen[str], log: Path) -> str:
 
 
 class Watched:
-    """A page that keeps what went wrong in it and whom it asked."""
+    """A page that keeps what went wrong in it and whom it asked.
+
+    A message reaches the console when the browser gets round to it, perhaps after the last
+    line of the test: what a test provokes is named in ``provoked`` before, and never kept.
+    """
 
     def __init__(self, page: Any) -> None:
-        self.page, self.faults, self.hosts = page, [], set()
+        self.page, self.hosts = page, set()
+        self.faults: list[str] = []
+        self.provoked: tuple[str, ...] = ()
         page.set_default_timeout(WAIT)
-        page.on("console", lambda m: m.type == "error" and self.faults.append(m.text))
-        page.on("pageerror", lambda e: self.faults.append(str(e)))
+        page.on("console", lambda m: m.type == "error" and self._keep(m.text))
+        page.on("pageerror", lambda e: self._keep(str(e)))
         page.on("request", lambda r: self.hosts.add(urlsplit(r.url).netloc))
+
+    def _keep(self, fault: str) -> None:
+        if not any(words in fault for words in self.provoked):
+            self.faults.append(fault)
 
     def find(self, mark: str) -> Any:
         return self.page.locator(f'[data-testid="{mark}"]')
@@ -83,4 +93,4 @@ def watching(browser: Any, served: Served, **settings: Any) -> Iterator[Watched]
     finally:
         context.close()
     assert found.hosts <= {urlsplit(served.address).netloc, ""}
-    assert not found.faults
+    assert not found.faults, found.faults

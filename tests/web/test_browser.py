@@ -66,11 +66,11 @@ def test_from_cell_to_judged_program(watched: Watched, tmp_path: Path, served: S
 def test_a_bad_file_is_refused_in_plain_words(watched: Watched, tmp_path: Path) -> None:
     bad = tmp_path / "cell.toml"
     bad.write_text('schema = 1\n[robot]\npreset = "KUKA KR 9000"\n')
+    watched.provoked = ("status of 4",)  # the refusal itself
     watched.page.goto("/programs")
     watched.drop(bad)
     watched.find("upload-fault").wait_for()
     assert "error" in watched.find("upload-fault").inner_text()
-    watched.faults = [f for f in watched.faults if "status of 4" not in f]  # the refusal itself
 
 
 def test_language_light_and_keys(watched: Watched) -> None:
