@@ -26,7 +26,7 @@ TURN: Final = 10.0 * DEG
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Clamps(Columns):
-    """What is known of n clamps when the head has to be turned: readings and conditions.
+    """Readings and conditions of n clamps, before the head is turned.
 
     Attributes:
         readings: (n, k) m, less their zero.

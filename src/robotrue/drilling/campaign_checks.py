@@ -1,4 +1,4 @@
-"""Whether a campaign is one of this foot, and what it cannot tell.
+"""Plausibility checks of a campaign: the right foot, and undetermined combinations.
 
 The calibration plane, or the foot, may have moved while it was made. The rows of a campaign are in
 the order of its clamps. If the plane is knocked after clamp k, every tilt that is stated from there
@@ -67,7 +67,7 @@ class CampaignStep(Columns):
 
 
 def find_step(foot: Foot, campaign: Campaign) -> CampaignStep | None:
-    """Returns the step that explains most of what the causes leave; None where none is clear."""
+    """Returns the step that best explains the unexplained residual; None if none is clear."""
     n = len(campaign)
     if n < FEWEST_FOR_STEP:
         return None
@@ -298,7 +298,7 @@ def _best_tilts(foot: Foot, campaign: Campaign) -> tuple[float, str, str]:
 
 
 def _offset_free_rms(measured: Array, expected: Array) -> float:
-    """Root mean square (m) of what is left once every sensor's own offset is taken out."""
+    """Root mean square (m) of the residual after subtracting each sensor's own offset."""
     off = measured - expected
     return float(np.sqrt(np.mean((off - off.mean(axis=0)) ** 2)))
 

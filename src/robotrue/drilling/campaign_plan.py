@@ -1,4 +1,4 @@
-"""Which clamps a campaign makes (steps 2, 5 and 6): by chance, or by what they would tell.
+"""Clamps of a campaign (steps 2, 5 and 6): drawn at random, or by information gain.
 
 Where the head's own A and B are to be causes of an error (a sag, an error of their zero), the
 calibration plane has to face different ways: a plate at each of several attitudes, so that A and B

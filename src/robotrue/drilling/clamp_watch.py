@@ -1,4 +1,4 @@
-"""From a stream of a machine's values to clamps: when the foot stands on the skin and is at rest.
+"""Detects clamps in a stream of machine values: the foot is on the skin and at rest.
 
 Named values of a foot: ``d1_mm, d2_mm, ...`` (less their zero), or ``raw1_mm, ...`` or
 ``raw1_counts, ...`` with the foot's zero; ``force_N``, ``z_mm``, and ``A_deg, B_deg`` as the
@@ -93,7 +93,7 @@ class ClampSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FootSample(Columns):
-    """What is known of the foot at one moment.
+    """Readings and axes of the foot at one time.
 
     Attributes:
         time: s, of a clock that does not go back.
@@ -121,7 +121,7 @@ class FootSample(Columns):
 
 
 class Seen(Enum):
-    """What a sample brought about."""
+    """Effects of a sample."""
 
     NOTHING = "nothing"
     BEGUN = "begun"
@@ -133,7 +133,7 @@ class Seen(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClampEvent:
-    """What a sample brought about.
+    """Detected event and its clamps.
 
     Attributes:
         seen: It.
@@ -192,7 +192,7 @@ class ClampWatch:
         return _NOTHING if self._told else self._resting(sample, self._begun)
 
     def broken(self) -> None:
-        """Forgets the rest so far: a sample was bad or is missing."""
+        """Discards the samples at rest so far: a sample was bad or is missing."""
         self._rest.clear()
 
     def _resting(self, sample: FootSample, begun: float) -> ClampEvent:
@@ -213,7 +213,7 @@ class ClampWatch:
         return _NOTHING
 
     def _moving(self) -> str:
-        """Which value moves in the rest, and by how much; empty if none does."""
+        """Returns the value that moves most while the foot should rest; empty if none does."""
         force = np.array([s.force for s in self._rest])
         if np.ptp(force) > self._settings.force_moves:
             return f"the clamp force moves by {np.ptp(force):.1f} N"

@@ -1,4 +1,4 @@
-"""What corrects a foot's readings, or the targets of its head: one contract, five families."""
+"""Corrections of a foot's readings or of the head's targets: one contract, five families."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class ReadingCorrection(Protocol):
 
     @property
     def corrects(self) -> Corrects:
-        """What its errors are of."""
+        """Quantity that the correction acts on."""
         ...
 
     @property
@@ -107,7 +107,7 @@ def _lever(foot: Foot) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CorrectedReadings(Columns):
-    """What corrected readings show.
+    """Tilt and diagnostics computed from corrected readings.
 
     Attributes:
         tilt: (n, 2) rad.

@@ -1,4 +1,4 @@
-"""Which correction to trust: each is tried on forces, tilts and positions it has not seen."""
+"""Choice of a correction: each is tried on held-out forces, tilts and positions."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ FARTHEST: Final = 16.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trial:
-    """How a correction did on what it had not seen.
+    """Held-out result of a correction.
 
     Attributes:
         kind: Which correction.

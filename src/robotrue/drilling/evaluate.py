@@ -1,4 +1,4 @@
-"""What one move leaves on clamps with known tilt, and what is reported of a drilling model."""
+"""Residual tilt after one move on clamps with known tilt; evaluation of a drilling model."""
 
 from __future__ import annotations
 

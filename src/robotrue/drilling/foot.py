@@ -61,7 +61,7 @@ class Skin:
 
     @property
     def fitted(self) -> bool:
-        """Whether the curvature is one more unknown of every reading."""
+        """True if the curvature of the surface is estimated from every reading."""
         return self.kind != "plane" and bool(np.isnan(self.radius))
 
     def shape(self, seat: Array) -> Array:

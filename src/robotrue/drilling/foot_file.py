@@ -84,7 +84,7 @@ class FootFile(_Table):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FootSetup:
-    """What a foot file says.
+    """Content of a foot file.
 
     Attributes:
         foot: The sensors.

@@ -39,7 +39,7 @@ SAME_ZERO: Final = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Envelope(Columns):
-    """What a campaign covered.
+    """Ranges that a campaign covered.
 
     Attributes:
         force: (2,) N, lowest and highest clamp force.
@@ -67,7 +67,7 @@ class Residuals:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Frozen(Residuals):
-    """What a model was frozen as, and what it left on the test.
+    """Frozen state of a model and its residual on the test.
 
     Attributes:
         version: Counts the freezes, from 1.
@@ -157,7 +157,7 @@ def absorb_zero(model: NormalModel) -> NormalModel:
 
 
 def estimate_tilt(model: NormalModel, clamps: Clamps) -> CorrectedReadings:
-    """Returns the tilt every clamp stands for, refined, with its uncertainty.
+    """Estimates the tilt of every clamp, refined, with its covariance.
 
     Raises:
         ShapeError: Not one reading per sensor.

@@ -58,7 +58,7 @@ def rotation(order: AxisOrder, tilt: Array) -> Array:
 
 
 def normal_from_tilt(order: AxisOrder, tilt: Array) -> Array:
-    """Returns the unit normal (..., 3) that a tilt (..., 2) = (a, b) rad stands for."""
+    """Returns the unit normal (..., 3) of a tilt (..., 2) = (a, b) rad."""
     tilt = np.asarray(tilt, dtype=np.float64)
     ca, sa = np.cos(tilt[..., 0]), np.sin(tilt[..., 0])
     cb, sb = np.cos(tilt[..., 1]), np.sin(tilt[..., 1])
@@ -85,7 +85,7 @@ def tilt_from_normal(order: AxisOrder, normal: Array) -> Array:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeadMove:
-    """What the five axes do to square the spindle.
+    """Move of the five axes that squares the spindle.
 
     Attributes:
         axes: (2,) rad, A and B as the machine counts them, after the move.

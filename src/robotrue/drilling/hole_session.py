@@ -34,7 +34,7 @@ FAR_KEPT: Final = 12
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HoleAnswer:
-    """What the machine is told about one clamp.
+    """Answer to the machine for one clamp.
 
     Attributes:
         hole: Its number or name.
@@ -106,7 +106,7 @@ class HoleSession:
 
     @property
     def provenance(self) -> Provenance:
-        """Of the model, and of the machine that speaks to it."""
+        """Provenance of the model merged with that of the machine."""
         return merge([self.model.provenance, self._machine])
 
     @property
@@ -153,7 +153,7 @@ class HoleSession:
         )
 
     def broken(self) -> None:
-        """Says that a sample was bad or is missing: the rest before it does not count."""
+        """Marks a sample as bad or missing: the time at rest restarts."""
         self._watch.broken()
 
     def forget(self, hole: str) -> None:

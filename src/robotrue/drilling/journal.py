@@ -1,4 +1,4 @@
-"""What a session answered and learned, a line of JSON each, on the disk before the machine moves.
+"""Journal of a session: one JSON line per event, on disk before the machine moves.
 
 After a stop of any kind the session goes on from it: which clamps wait for a reference, how many
 holes there were, and which references the model has to hold. A last line without its end was cut by
@@ -73,7 +73,7 @@ class BookedReference:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JournalState:
-    """Where a session stood.
+    """State of a session.
 
     Attributes:
         answered: Clamps answered.
@@ -89,7 +89,7 @@ class JournalState:
 
 
 def answer_document(answer: HoleAnswer) -> dict[str, object]:
-    """Returns an answer as machine and journal are told it: deg, mm, N."""
+    """Returns an answer as sent to the machine and the journal: deg, mm, N."""
     document: dict[str, object] = {"hole": answer.hole, "version": answer.version}
     if answer.simulated:
         document["simulated"] = True
@@ -108,7 +108,7 @@ def answer_document(answer: HoleAnswer) -> dict[str, object]:
 def step_document(
     hole: str, step: RecordUpdate, left_deg: tuple[float, float], truth: str
 ) -> dict[str, object]:
-    """Returns what a reference did to the model, as machine and journal are told it."""
+    """Returns the effect of a reference on the model, as sent to the machine and the journal."""
     return {
         **({"simulated": True} if step.model.provenance.simulated else {}),
         "hole": hole,
@@ -236,7 +236,7 @@ class Journal(AbstractContextManager["Journal"]):
             ) from cause
 
     def _read_state(self) -> JournalState:
-        """Reads what is there and cuts off a last line without its end."""
+        """Reads the journal and truncates an incomplete last line."""
         self._file.seek(0)
         data = self._file.readall()
         entries, whole = whole_lines(data, source=self._path)

@@ -215,7 +215,7 @@ def _read_foot(stated: NormalModelDocument, archive: Archive) -> Foot:
 def _pack_correction(
     name: str, correction: ReadingCorrection
 ) -> tuple[dict[str, object], dict[str, Array]]:
-    """What a correction is, for the document, and its arrays."""
+    """Returns the document and the arrays of a correction."""
     prefix = f"{name}_"
     if isinstance(correction, LinearCorrection):
         values, arrays = pack_table(correction, prefix=prefix)

@@ -78,7 +78,7 @@ def groups(c: Conditions, fading: float, rest: Array) -> list[Array]:
 
 
 def friction_by_rest(c: Conditions, fading: float, rest: Array) -> Array:
-    """Returns the change (2, n, 3) of the friction's columns per degree of the rest position."""
+    """Returns the derivative (2, n, 3) of the friction columns by the rest position, 1/deg."""
     columns, x, y, size = _friction(c, fading, rest)
     fades = columns[:, 0]
     by_a = np.stack([-(y**2 + STILL**2), x * y], axis=-1)
@@ -89,7 +89,7 @@ def friction_by_rest(c: Conditions, fading: float, rest: Array) -> Array:
 
 
 def _friction(c: Conditions, fading: float, rest: Array) -> tuple[Array, Array, Array, Array]:
-    """Columns (n, 3) of the friction, the way (n,) in a and b from the rest, and its length."""
+    """Returns friction columns (n, 3), travel (n,) in a and b from rest, and its length."""
     x, y = c.a - rest[0], c.b - rest[1]
     size = np.sqrt(x**2 + y**2 + STILL**2)
     fades = np.exp(-c.force / fading)
@@ -304,5 +304,5 @@ def _own(theta: Array, c: Conditions, inputs: tuple[Position, ...]) -> Array:
 
 
 def _friction_of(theta: Array) -> tuple[float, Array]:
-    """F_0 in kN and the rest position (2,) deg."""
+    """Returns F_0 in kN and the rest position (2,) in deg."""
     return float(np.exp(theta[_G + 5])), theta[_G + 6 : _G + 8]

@@ -27,7 +27,7 @@ from robotrue.errors import ConfigurationError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordUpdate:
-    """What one record did.
+    """Effect of one record on the model.
 
     Attributes:
         model: After it.
@@ -113,7 +113,7 @@ def _restart_after_alarm(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BatchRefinement:
-    """What the references of a file did.
+    """Effects of the references in a file.
 
     Attributes:
         model: After them.

@@ -1,4 +1,4 @@
-"""What references of production say together: their common cause, and how long to remember them.
+"""Joint evaluation of production references: a common cause, and the length of the memory.
 
 References far off the model point to exchanged sensors or to axes of the wrong sense. Others are
 each predicted from the others: with the residual tilts y_j of references j, their causes x_j and
@@ -45,7 +45,7 @@ IMPOSSIBLE: Final = 50.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReferenceCause:
-    """What would explain references that are far off.
+    """Probable cause of references that are far off.
 
     Attributes:
         said: The cause, as a clause.
@@ -128,7 +128,7 @@ def _tilt_of(model: NormalModel, holes: ProductionRecord, readings: Array) -> Ar
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MemoryTrial:
-    """How a refinement predicts references it has not seen.
+    """Prediction error of a refinement on held-out references.
 
     Attributes:
         forgetting: Weight of the past at each reference.
@@ -143,7 +143,7 @@ class MemoryTrial:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MemoryChoice:
-    """Which refinement the references support.
+    """Refinement that the references support.
 
     Attributes:
         start: The state to refine from; None where no refinement is surely better.

@@ -53,7 +53,7 @@ LARGEST: Final = 4.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Remaining(Columns):
-    """What one move left, as an outside reference measured it.
+    """Residual tilt after one move, measured by an external reference.
 
     Attributes:
         hole: Its number or name.
@@ -87,7 +87,7 @@ class Remaining(Columns):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Refinement(Columns):
-    """What production has added to a correction; by default, what has seen nothing.
+    """Refinement of a correction learned in production; by default, of no records.
 
     Attributes:
         coefficients: (4, 2) rad per unit of (1, a, b, F): tilt to be added to the corrected one.
@@ -203,7 +203,7 @@ class Watch(Columns):
 
     @property
     def alarm(self) -> bool:
-        """Whether a sum is beyond its limit."""
+        """True if a cumulative sum exceeds its limit."""
         return bool((self.sums > self.limit).any())
 
     @property

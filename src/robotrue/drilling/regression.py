@@ -130,7 +130,7 @@ def _ridge(family: Family, x: Array, errors: Array) -> LinearCorrection:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Significance:
-    """What a term of one sensor amounts to.
+    """Coefficient of a term of one sensor, with its significance.
 
     Attributes:
         term: Its name.

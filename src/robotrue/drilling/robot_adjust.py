@@ -37,7 +37,7 @@ LEAST: Final = 5e-3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobotMove:
-    """What a robot does to square its spindle.
+    """Robot move that squares the spindle.
 
     Attributes:
         joints: (n,) rad, model's sense, to be commanded.

@@ -33,7 +33,7 @@ PROTOCOLS: Final[Mapping[str, str]] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SourceSettings(StreamSettings):
-    """What the service knows beyond the address, and who answers for it.
+    """Settings of a source beyond its address: corrector, robot, and the process that answers.
 
     Attributes:
         corrector: Asked by a robot's link for each of its answers; None corrects nothing. A
@@ -85,7 +85,7 @@ def open_stream(
 def open_stream(
     address: str, role: Role = "robot", settings: SourceSettings | None = None
 ) -> StreamSource[JointBlock] | StreamSource[ForceBlock]:
-    """Returns the source of an address; robots' links listen from now on, the rest waits.
+    """Opens the source of an address; robot links listen at once, other sources when first read.
 
     Args:
         address: As the ``example`` of a protocol, with its ``options``.
@@ -158,7 +158,7 @@ def _force_of_robot(
 
 
 def _answer(link: RobotLinkSettings, settings: SourceSettings) -> StreamSource[JointBlock]:
-    """The source of a controller that waits for answers: from a process of its own, or a thread."""
+    """Opens a controller link that needs answers, answered by a separate process or a thread."""
     corrector = settings.corrector
     if isinstance(link, LinkSettings):
         if isinstance(corrector, RemoteGuard):

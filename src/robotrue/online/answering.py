@@ -114,7 +114,7 @@ class _Answering:
                 pump.result()
 
     async def _serve_requests(self) -> None:
-        """Does what the service asks for, until it closes or is gone."""
+        """Serves the service's requests until it closes the socket or ends."""
         loop = asyncio.get_running_loop()
         while True:
             try:
@@ -131,7 +131,7 @@ class _Answering:
                 await self._send(self._report)
 
     def _fulfil(self, request: wire.LinkRequest) -> bool:
-        """Does one thing; returns whether the service need not be told at once how it stands."""
+        """Executes one request; returns False if the service needs a status report at once."""
         guard = self._guard
         if (
             request.do == "force"
@@ -197,7 +197,7 @@ class _Answering:
         return None if self._guard is None else self._guard.state()
 
     def _brief(self) -> wire.AnsweringReport:
-        """What has to be known of the last answers if this process should end now."""
+        """Returns the state of the last answers that a successor needs if this process ends now."""
         watch, peer = self._link.seen
         return wire.AnsweringReport(watch=watch, peer=peer, guard=self._guard_state())
 

@@ -140,12 +140,12 @@ class AnsweringLink:
 
     @property
     def turnaround(self) -> Turnaround:
-        """How long answers took, over all processes that gave them."""
+        """Returns the answer times over all answering processes of this link."""
         return Turnaround.of(self._link.turnaround, self._link.slowest)
 
     @property
     def process_id(self) -> int:
-        """Of the process that answers now."""
+        """Process id of the current answering process."""
         return self._process.pid
 
     def blocks(self) -> AsyncIterator[JointBlock]:
@@ -153,7 +153,7 @@ class AnsweringLink:
         return self._joints.blocks()
 
     def force(self) -> RemoteStream[ForceBlock]:
-        """Returns the measured force of the same messages as a source of its own; always one.
+        """Returns the force in the same messages as a separate source; always the same object.
 
         Raises:
             ConfigurationError: The controller sends none.

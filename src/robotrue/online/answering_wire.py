@@ -1,4 +1,4 @@
-"""What the service and its answering process tell each other, one message each, over a socket pair.
+"""Messages between the service and its answering process, one per packet of a socket pair.
 
 A message is ``I`` bytes of JSON, the JSON, and a frame of the record where it holds samples. The
 socket keeps messages whole, so neither side ever reads half of one.
@@ -41,7 +41,7 @@ _LENGTH: Final = struct.Struct("<I")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EndedLink:
-    """What is known of a process that has ended, for the one that goes on for it.
+    """State of an ended answering process, handed to its successor.
 
     Attributes:
         link: Of its link.
@@ -73,7 +73,7 @@ class Opening:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkRequest:
-    """What the service asks for.
+    """Request of the service to the answering process.
 
     Attributes:
         do: Which of the guard's requests, ``force`` for its stream, or ``close``.
@@ -106,7 +106,7 @@ class AnsweringFault:
 
     @classmethod
     def of(cls, error: RobotrueError) -> AnsweringFault:
-        """Returns what is told of an error."""
+        """Returns an error as a message."""
         kind = type(error).__name__
         return cls(kind=kind, message=error.message, source=error.source, hint=error.hint)
 
@@ -119,7 +119,7 @@ class AnsweringFault:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AnsweringReport:
-    """What the answering process tells: behind each answer in brief, now and then in full.
+    """Report of the answering process: brief with each answer, in full from time to time.
 
     Attributes:
         guard: How its guard stands.
@@ -224,7 +224,7 @@ class RemoteGuard:
         self._ask = ask
 
     def take_state(self, state: GuardState) -> None:
-        """Takes note of how it stands."""
+        """Stores the reported state."""
         self._state = state
 
     def mark_ended(self, why: str) -> GuardState:

@@ -25,7 +25,7 @@ STRONGEST: Final = np.array([MOST] * 3 + [MOST] * 3)
 
 
 class Flag(enum.IntFlag):
-    """What is wrong with a sample, or odd about it; ``INVALID`` are those that forbid its use."""
+    """Faults and oddities of a sample; a sample with a flag in ``INVALID`` is not used."""
 
     NONE = 0
     NOT_FINITE = 1
@@ -56,7 +56,7 @@ class Flag(enum.IntFlag):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SampleBlock(Columns):
-    """What samples of all streams have, in the order they came.
+    """Columns that samples of all streams share, in order of arrival.
 
     Attributes:
         controller_time: (n,) s on the sender's clock; NaN where it sends none.

@@ -1,4 +1,4 @@
-"""How much later the force's clock is than the joints', found from a jog both have seen.
+"""Offset of the force clock from the joint clock, estimated from a jog that both recorded.
 
 A tool held in the sensor is weighed: as the wrist turns, gravity turns in the sensor's axes, and
 the mass resists where it is accelerated. Both are smooth functions of the joints::
@@ -67,7 +67,7 @@ _PACE: Final = 100e-6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClockAlignment:
-    """What to add to times of the force for times of the joints.
+    """Correction that converts force times to joint times.
 
     Attributes:
         offset: s at ``at``.

@@ -42,7 +42,7 @@ _TRIMMED: Final = 3.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClockFix:
-    """How a controller's clock stands to the host's.
+    """Offset and drift of a controller's clock against the host's.
 
     Attributes:
         at: s on the controller's clock.
@@ -180,7 +180,7 @@ class StreamClock:
         return np.asarray(np.minimum.accumulate(np.minimum(delay, self._number[1])))
 
     def _too_late(self, excess: Array) -> BoolArray:
-        """Which of them say nothing about their time; counts the run of late ones."""
+        """Returns a mask of late packets, which carry no clock information; counts runs of them."""
         late = excess > JUMP
         if not late.any():
             self._number[5] = 0.0
@@ -231,7 +231,7 @@ class StreamClock:
         self._refit(kept + 1)
 
     def _refit(self, kept: int) -> None:
-        """Straight line through the least delays; those of a busy second are left out."""
+        """Fits a line through the smallest delays; seconds with a busy host are excluded."""
         x, y = self._bins[:kept, 0], self._bins[:kept, 1]
         low = y.min()
         y = y - low

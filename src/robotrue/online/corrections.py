@@ -1,4 +1,4 @@
-"""From estimates to what the robot is asked for: minus the error, slowed down, in its own axes.
+"""Robot corrections from estimates: the negative error, low-passed, in the robot's own axes.
 
 ABB's path correction is a displacement in the axes of the path: x along it, z as near the tool's z
 as a right angle to x allows, y = z cross x.
@@ -90,7 +90,7 @@ class Corrections:
 
 
 def fixed_axes(R_base_frame: Array) -> Callable[[Array], Array]:
-    """Returns axes that stand in base whatever the joints: the robot root, or ``$BASE``."""
+    """Returns axes that are fixed in base for any joints: the robot root, or ``$BASE``."""
     axes = np.array(R_base_frame, dtype=np.float64)
     return lambda _joints: axes
 
@@ -105,7 +105,7 @@ _PLUNGE: Final = 0.1
 
 
 class PathAxes:
-    """Returns (3, 3) axes of the path in base, for joints as they come; x is left out.
+    """Returns the axes of the path in base, (3, 3), as joints arrive; x is not corrected.
 
     The column along the path is zero: a tool that is late is not off its path, and controllers take
     no correction along it. All columns are zero, so that nothing is corrected, until the tool has
@@ -190,7 +190,7 @@ def begin_note(peer: str, limit: float, *, confirmed: bool) -> None:
 
 
 def end_note(peer: str, state: GuardState) -> str:
-    """Removes the note where the robot was left without correction; else returns what is left."""
+    """Removes the note if the robot holds no correction; otherwise returns its text."""
     path = note_path(peer)
     if state.at_rest and state.farthest == 0.0:
         path.unlink(missing_ok=True)

@@ -143,7 +143,7 @@ class CsvSink:
         return whole
 
     async def write(self, estimates: EstimateBlock) -> None:
-        """Puts one line for each estimate; a block that does not go whole is left out, counted."""
+        """Writes one line per estimate; a block not written whole is dropped and counted."""
         if self._file is None:
             self._health.refuse("the file is not open")
             return

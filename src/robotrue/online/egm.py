@@ -42,7 +42,7 @@ _QUAT_OFF: Final = 1e-3
 
 
 class RobotWare(enum.Enum):
-    """Which generation of ``egm.proto`` the controller speaks."""
+    """RobotWare generation of the controller, which determines the fields of ``egm.proto``."""
 
     SIX = 6
     SEVEN = 7

@@ -52,7 +52,7 @@ _STALE: Final = Flag.REPEATED | Flag.REORDERED
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EgmSettings(RobotLinkSettings):
-    """Of an ABB controller; the usual port is 6510.
+    """Settings of an ABB controller; the usual port is 6510.
 
     Attributes:
         generation: RobotWare 6 or 7.
@@ -127,7 +127,7 @@ class EgmSource(RobotLink[SeenMessage]):
         self._endpoint.start()
 
     def force(self) -> EgmForce:
-        """Returns the measured force of the same messages as a source of its own; always one."""
+        """Returns the force in the same messages as a separate source; always the same object."""
         if self._view is None:
             self._view = EgmForce(self)
         return self._view
@@ -194,7 +194,7 @@ class EgmSource(RobotLink[SeenMessage]):
 
 
 class EgmForce:
-    """The measured force of an EGM link as a source of its own; ends with the link."""
+    """Measured force of an EGM link as a separate source; ends with the link."""
 
     def __init__(self, link: EgmSource) -> None:
         self._link = link
@@ -211,7 +211,7 @@ class EgmForce:
         self._inbox.close()
 
     def health(self) -> Health:
-        """Returns the counters as they stand; what never came is what the link has lost."""
+        """Returns the current counters; missing packets count as lost."""
         link, fault = self._link.health(), self._health.last_fault
         return replace(
             self._health,
@@ -246,7 +246,7 @@ OPTIONS: Final = {
 
 
 def name_egm_link(address: str) -> str:
-    """Returns what the link of an address is called.
+    """Returns the name of the link at an address.
 
     Raises:
         ConfigurationError: An address or option that cannot be read.

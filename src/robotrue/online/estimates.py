@@ -1,4 +1,4 @@
-"""What sensing gives: the tool's error at every force sample, its band, whether it is valid.
+"""Estimates of sensing: tool error at each force sample, its 95 % band, and its validity.
 
 As columns in shop-floor units it has the names that files, messages and pages share. For a screen
 estimates are thinned without losing a peak: smallest, largest and last of short times. These bins
@@ -133,7 +133,7 @@ MOST_PER_SECOND: Final = 100.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EstimateBin:
-    """What a short time held, columns as of :func:`~robotrue.online.estimates.numbers`.
+    """Summary of a short interval; columns as in :func:`~robotrue.online.estimates.numbers`.
 
     Attributes:
         index: Of the bin on the grid of the host's clock.

@@ -1,4 +1,4 @@
-"""What stands between an estimate and a moving robot: limits, rates, a ramp and a watchdog.
+"""Guard between estimates and a moving robot: limits, rates, a ramp and a watchdog.
 
 The correction that the robot holds is kept in whole steps of the wire (1 nm, 1e-6 deg), so that
 what was sent adds up to what is held for as long as the service runs. Each answer may change it by
@@ -42,7 +42,7 @@ _WIDEST_TURN: Final = 5.0 * DEG
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CorrectionLimits:
-    """What a correction may never exceed.
+    """Limits that a correction never exceeds.
 
     Attributes:
         shift: m, its largest length.
@@ -85,7 +85,7 @@ class CorrectionLimits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GuardState:
-    """How a guard stands, in whole steps of the wire.
+    """State of a guard, in whole steps of the wire format.
 
     Attributes:
         shift: nm that the robot holds.
@@ -111,7 +111,7 @@ class GuardState:
 
     @property
     def at_rest(self) -> bool:
-        """Whether the robot holds no correction, but for the spread."""
+        """True if the robot holds no correction, apart from the spread."""
         return self.shift == NONE and self.turn == NONE and not self.frozen
 
     @property
@@ -127,7 +127,7 @@ class GuardState:
 
 
 class CorrectionGuard:
-    """Says what a robot is sent in each cycle, and keeps within its limits whatever is wanted.
+    """Computes the correction of each cycle and keeps it within the limits.
 
     A link asks it for each of its answers, and tells it what it sees of the controller, from a
     thread of its own.
@@ -289,7 +289,7 @@ class CorrectionGuard:
         return 0.0 if wanted is None or not self.active else max(0.0, host_time - wanted[2])
 
     def count_late(self, answers: int, host_time: float) -> None:
-        """Counts answers that were not taken in time; too many within a while are a fault."""
+        """Counts answers that arrived too late; too many within a period trip the watchdog."""
         with self._lock:
             self._late.extend([host_time] * min(answers, _HISTORY))
             recent = sum(host_time - at <= self.limits.late_window for at in self._late)
@@ -302,7 +302,7 @@ class CorrectionGuard:
             self._trip(why)
 
     def note_restart(self, *, certain: bool = True) -> None:
-        """Trips the watchdog, since the controller has begun anew, or may have.
+        """Trips the watchdog because the controller has restarted, or may have.
 
         Args:
             certain: It has, and holds no correction. If not, it holds the correction of before or
@@ -341,7 +341,7 @@ class CorrectionGuard:
             self._late.clear()
 
     def state(self) -> GuardState:
-        """Returns how it stands."""
+        """Returns the state of the guard."""
         with self._lock:
             return self._state()
 
@@ -377,18 +377,18 @@ class CorrectionGuard:
 
     @property
     def at_rest(self) -> bool:
-        """Whether the robot holds no correction, but for the spread."""
+        """True if the robot holds no correction, apart from the spread."""
         open_value = self._doubtful and self.mode is CorrectionMode.ABSOLUTE
         return self._shift == self._turn == NONE and not self._frozen and not open_value
 
     @property
     def frozen(self) -> bool:
-        """Whether nothing is known well enough to move the robot at all."""
+        """True if nothing is known well enough to move the robot."""
         return self._frozen
 
     @property
     def active(self) -> bool:
-        """Whether estimates are followed."""
+        """True if estimates are followed."""
         return self._tripped_at is None and not self._released
 
     def _find_elapsed(self, host_time: float) -> float:

@@ -70,7 +70,7 @@ class StreamSource(Protocol[B_co]):
         """Gives blocks as they come; ends only where the stream has an end (a file), or closed."""
 
     async def close(self) -> None:
-        """Lets the other side go; a robot is left with no correction."""
+        """Closes the connection; the robot is left without correction."""
 
     def health(self) -> Health:
         """Returns the counters as they stand."""
@@ -78,7 +78,7 @@ class StreamSource(Protocol[B_co]):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkState:
-    """What a link knows of its controller: with it another link goes on where one was ended.
+    """State of a link to its controller; a successor continues from it.
 
     Attributes:
         watch: The count of its packets.
@@ -99,7 +99,7 @@ class LinkState:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobotLinkSettings:
-    """What a link has to know of its controller; no packet tells.
+    """Properties of a controller that no packet states.
 
     Attributes:
         name: What messages and health call it.
@@ -139,7 +139,7 @@ class RobotLinkSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StreamSettings:
-    """What the service knows of a source beyond its address.
+    """Settings of a source beyond its address.
 
     Attributes:
         start_row: Samples a record of the service holds already; only a replay can leave them out.
@@ -157,7 +157,7 @@ class ForceWithJoints(StreamSource[JointBlock], Protocol):
     """The source of a robot whose messages also hold the measured force."""
 
     def force(self) -> StreamSource[ForceBlock]:
-        """Returns the force as a source of its own; always one."""
+        """Returns the force as a separate source; always the same object."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -187,16 +187,16 @@ class StreamProtocol:
 
 
 class Sink(Protocol):
-    """Where estimates go. The service calls ``write`` from one task, in order."""
+    """Receiver of estimates. The service calls ``write`` from one task, in order."""
 
     async def open(self) -> None:
         """Connects, or begins to: a sink that is not there yet must not hold up the service."""
 
     async def write(self, estimates: EstimateBlock) -> None:
-        """Sends one block; what cannot be sent is counted, not raised."""
+        """Sends one block; a block that cannot be sent is counted, not raised."""
 
     async def close(self) -> None:
-        """Sends what is left and goes."""
+        """Sends the queued blocks and closes the connection."""
 
     def health(self) -> Health:
         """Returns the counters as they stand."""

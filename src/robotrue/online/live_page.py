@@ -56,7 +56,7 @@ class PageFile:
 
 
 def page_files() -> dict[str, PageFile]:
-    """Returns every file of the page by the path it is asked for, ``/`` among them."""
+    """Returns every file of the page by its request path, including ``/``."""
     folder = _folder()
     found = {
         f"/{name}": PageFile(

@@ -153,7 +153,7 @@ class MqttSink(DisplaySink):
         )
 
     async def close(self) -> None:
-        """Sends what is left if the broker is there, says offline, and goes."""
+        """Sends queued blocks if the broker is reachable, publishes "offline", disconnects."""
         self._close_message()
         self._waiting.close()
         if not self._tasks:

@@ -48,7 +48,7 @@ class NetAddress:
         return f"NetAddress({self.shown})"
 
     def read_options(self, known: Mapping[str, str]) -> AddressOptions:
-        """Returns the options, of which only the known may stand there; with what each means.
+        """Returns the options; ``known`` maps each permitted name to its meaning.
 
         Raises:
             ConfigurationError: Another option.
@@ -57,7 +57,7 @@ class NetAddress:
 
     @property
     def loopback(self) -> bool:
-        """Whether only programs on this computer can be meant by the host."""
+        """True if the host can only mean this computer."""
         return is_loopback(self.host)
 
 
@@ -185,7 +185,7 @@ class AddressOptions:
 
     @staticmethod
     def of_path(address: str, known: Mapping[str, str]) -> tuple[str, AddressOptions]:
-        """Returns the path of ``scheme://PATH?options``, as it stands, and its options.
+        """Returns the path of ``scheme://PATH?options``, unchanged, and its options.
 
         Raises:
             ConfigurationError: No path, options that are none, one twice, or one not known.
@@ -209,7 +209,7 @@ class AddressOptions:
         return name in self._options
 
     def text(self, name: str) -> str | None:
-        """Returns a value as it stands, None if it is not stated.
+        """Returns a value unchanged, None if it is not stated.
 
         Raises:
             ConfigurationError: It is stated and empty.

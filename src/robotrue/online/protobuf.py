@@ -46,7 +46,7 @@ class WireMessage:
         return bool(self._fields)
 
     def values(self, number: int) -> list[WireValue]:
-        """Returns every value of a field as it stands."""
+        """Returns every value of a field, undecoded."""
         return self._fields.get(number, [])
 
     def message(self, number: int, what: str) -> WireMessage:

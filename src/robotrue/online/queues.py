@@ -1,4 +1,4 @@
-"""Queues between the tasks of the service: what they hold is bounded, what they lose is counted."""
+"""Bounded queues between the tasks of the service; dropped items are counted."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ T = TypeVar("T")
 
 
 class _Queue(Generic[T]):
-    """What both kinds have in common: one reader, a size and an end."""
+    """Base of both queues: one reader, a size and an end."""
 
     def __init__(self, most: int) -> None:
         """Starts empty.
@@ -31,7 +31,7 @@ class _Queue(Generic[T]):
         return len(self._items)
 
     def close(self) -> None:
-        """Lets the reader take what is left and then end."""
+        """Lets the reader take the queued items and then end."""
         self._closed = True
         self._change.set()
 

@@ -56,7 +56,7 @@ _CODES: Final = (tuple(_FORCE), tuple(_TORQUE))
 
 
 class RdtCommand(enum.IntEnum):
-    """What a sensor can be asked."""
+    """Commands of a sensor."""
 
     STOP = 0x0000
     START = 0x0002
@@ -68,7 +68,7 @@ class RdtCommand(enum.IntEnum):
 
 
 class RdtDevice(enum.Enum):
-    """Which device it is: the status word of the two families differs."""
+    """Device family; the two families use different status words."""
 
     NET = "net"
     """Net F/T (9620-05)."""
@@ -78,7 +78,7 @@ class RdtDevice(enum.Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RdtScale:
-    """What counts are worth.
+    """Counts per newton and per newton metre.
 
     Attributes:
         newton: N per count.
@@ -190,7 +190,7 @@ def _unit(
     codes: tuple[str, ...],
     source: str | Path | None,
 ) -> float:
-    """The unit by its name (``scfgfu``) and by its code (``cfgfu``), whichever stand there."""
+    """Returns the unit from its name (``scfgfu``) and code (``cfgfu``), whichever are given."""
     text, code = found.get(f"scfg{name}"), found.get(f"cfg{name}")
     meant = set()
     if text is not None:

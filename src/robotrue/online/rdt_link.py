@@ -61,7 +61,7 @@ _RATE_OFF: Final = 0.2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RdtSettings:
-    """How to reach a sensor and what its records are worth.
+    """Address of a sensor and the scale of its records.
 
     Attributes:
         name: What messages and health call it.
@@ -120,7 +120,7 @@ class RdtSource:
     """A sensor as a source of :class:`~robotrue.online.blocks.ForceBlock`."""
 
     def __init__(self, settings: RdtSettings) -> None:
-        """Sends nothing yet: the sensor is asked when :meth:`blocks` is first awaited."""
+        """Sends nothing; the first request goes out when :meth:`blocks` is first awaited."""
         self._settings = settings
         self._scale = settings.scale
         self._rate = settings.rate
@@ -265,7 +265,7 @@ class RdtSource:
         return 0 if self._closed else size
 
     def _drain(self, link: socket.socket, view: memoryview, size: int) -> int:
-        """Reads all that is there now behind what was read."""
+        """Reads all available records behind those already read."""
         most = _MOST * RECORD.itemsize
         recv_into, whole = _make_receiver(link), RECORD.itemsize
         told: Told = []
@@ -287,7 +287,7 @@ class RdtSource:
         return 0
 
     def _flags(self, rdt: IntArray, came: Array) -> IntArray:
-        """What the count says; the first record of a stream that came back is another clock's."""
+        """Returns flags from the record count; a reconnection restarts the clock."""
         fresh = self._watch.last is None
         self._watch, flags = advance_block(self._watch, rdt, came)
         if fresh and self._came:

@@ -1,4 +1,4 @@
-"""A record read back: everything up to the last whole frame, and what stands torn behind it.
+"""Reader of a record: everything up to the last whole frame, and the torn bytes behind it.
 
 A record is a folder of segments ``segment-000001.rtr``, ... A segment is a line of magic, a header
 (JSON: schema, addresses, hashes of the models, units, settings) and frames
@@ -37,7 +37,7 @@ _BUFFER: Final = 1 << 20
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordHeader:
-    """What stands before the frames of a segment.
+    """Header of a segment, before its frames.
 
     Attributes:
         addresses: Address by role: ``robot``, ``force``.

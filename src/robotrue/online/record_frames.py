@@ -43,7 +43,7 @@ Content: TypeAlias = JointBlock | ForceBlock | EstimateBlock | Document
 
 
 class Kind(enum.IntEnum):
-    """What a frame holds."""
+    """Kinds of frames."""
 
     JOINTS = 1
     FORCE = 2

@@ -1,4 +1,4 @@
-"""A record written in a thread of its own, so that no disk ever holds up a robot's answer.
+"""Record writer in a separate thread, so that the disk never delays an answer to the robot.
 
 Every frame goes to the system as it comes (a killed process loses none of those) and to the disk
 every ``sync`` seconds (a lost mains loses the frames since). While the disk refuses, is full or
@@ -127,7 +127,7 @@ class RecordWriter:
 
     @property
     def crowded(self) -> bool:
-        """Whether a source that can wait should, so that the disk keeps up."""
+        """True if a source that can wait should wait for the disk."""
         return self._waiting > min(self._memory // 2, _AHEAD)
 
     def health(self) -> Health:

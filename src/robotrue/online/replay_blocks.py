@@ -51,7 +51,7 @@ B = TypeVar("B")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Repeats:
-    """How often a record is played.
+    """Number and period of the repetitions of a record.
 
     Attributes:
         times: How often; None for ever.
@@ -156,7 +156,7 @@ class _Watch:
         return SampleBlock(controller_time=time, host_time=host, sequence=sequence, flags=flags)
 
     def again(self, period: float | None, path: str | Path) -> None:
-        """Goes back to the beginning of the record: what follows is later by its length."""
+        """Restarts the record from its beginning; later times are shifted by its length."""
         rows = self._rows - self._passed
         length = self._last - self._first
         if not (rows > 1 and 0.0 < length < math.inf):

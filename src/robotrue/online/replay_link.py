@@ -26,7 +26,7 @@ B = TypeVar("B", JointBlock, ForceBlock)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReplaySettings:
-    """What is played, and how.
+    """Record to play and how to play it.
 
     Attributes:
         name: What messages and health call it.
@@ -130,7 +130,7 @@ class ReplayForce(_Replay[ForceBlock]):
 
 
 class _Pace:
-    """Which samples are due when a record is played in time."""
+    """Selects the samples that are due when a record is played in real time."""
 
     def __init__(self, speed: float) -> None:
         self._speed = speed

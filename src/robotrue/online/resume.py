@@ -25,7 +25,7 @@ _SAMPLES = (Kind.JOINTS, Kind.FORCE, Kind.ESTIMATES)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Resumed:
-    """Where a record ended.
+    """Position at which a record ended.
 
     Attributes:
         rows: Samples of each stream that the chain has taken: the sources go on behind them.
@@ -66,7 +66,7 @@ def resume(record: StreamRecord, chain: SensingChain) -> Resumed:
 def read_estimates_after(
     record: StreamRecord, line: str | None, before: int
 ) -> Iterator[EstimateBlock]:
-    """Gives the recorded estimates after the one that a line of a CSV file stands for.
+    """Yields the recorded estimates after the one in a given line of a CSV file.
 
     Args:
         record: Where they are.
@@ -105,7 +105,7 @@ def read_estimates_after(
 
 
 def later_than(block: EstimateBlock | None, line: str | None) -> EstimateBlock | None:
-    """Returns the rows of a block after the one that a line of a CSV file stands for, if any."""
+    """Returns the rows of a block after the one in a line of a CSV file, None if there are none."""
     if block is None or line is None:
         return block
     host, sequence = [*line.split(","), "", ""][:2]
@@ -153,7 +153,7 @@ def _compare_estimates(frame: RecordFrame, made: deque[EstimateBlock]) -> int:
 
 
 def _from_before(record: StreamRecord, segment: Path, host: float) -> bool:
-    """Whether a segment begins with estimates up to a time."""
+    """True if a segment begins with estimates up to a given time."""
     for frame in record.segment_frames(segment, (Kind.ESTIMATES,), skip_damage=True):
         return bool(frame.content.host_time[0] <= host + 1e-9)
     return False

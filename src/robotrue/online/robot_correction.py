@@ -27,7 +27,7 @@ _ZEROS: Final[Array] = frozen(np.zeros(3), (3,), "zeros")
 
 
 class CorrectionMode(enum.Enum):
-    """How the controller takes a correction: the setting that is most dangerous to get wrong."""
+    """Interpretation of a correction by the controller; the wrong one is dangerous."""
 
     RELATIVE = "relative"
     """Added anew in every cycle: the same value sent twice moves twice as far."""
@@ -37,7 +37,7 @@ class CorrectionMode(enum.Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Correction:
-    """How far the robot is to leave its programmed path.
+    """Displacement of the robot from its programmed path.
 
     Attributes:
         shift: (3,) m in the frame of the controller's correction.
@@ -58,7 +58,7 @@ class Correction:
 
 
 def _is_settled(vector: Array) -> bool:
-    """Whether ``frozen`` would leave it as it is; asked while a controller waits."""
+    """True if ``frozen`` would return the array unchanged; fast, because a controller waits."""
     return (
         isinstance(vector, np.ndarray)
         and not vector.flags.writeable
@@ -129,7 +129,7 @@ def correction_of(shift: Steps, turn: Steps, mode: CorrectionMode) -> Correction
 
 
 def _vector(steps: Steps, unit: float) -> Array:
-    """Whole steps in SI; not to be written to, so that nobody copies it."""
+    """Converts whole steps to SI; read-only, so callers need not copy it."""
     if steps == NONE:
         return _ZEROS
     vector = np.array([step * unit for step in steps])

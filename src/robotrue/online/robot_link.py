@@ -1,4 +1,4 @@
-"""What links to robot controllers have in common: one peer, its silences, counters, the way out.
+"""Base of links to robot controllers: one peer, its silences, counters, and the shutdown.
 
 The controller comes to us; the first that sends what can be read is the one that is answered, until
 it falls silent. Everybody else is refused and counted.
@@ -92,7 +92,7 @@ class RobotLink(Generic[S]):
 
     @property
     def preferred(self) -> bool:
-        """Whether the system lets the answering thread run before all others."""
+        """True if the system runs the answering thread before all others."""
         return self._endpoint.preferred
 
     async def _wait_for_release(self, corrector: CorrectionGuard) -> None:
@@ -153,7 +153,7 @@ class RobotLink(Generic[S]):
         raise NotImplementedError
 
     def _block(self, kept: list[S]) -> JointBlock:
-        """Returns what was kept of consecutive packets as a block."""
+        """Returns consecutive stored packets as a block."""
         raise NotImplementedError
 
     def _take(self, data: bytes, sender: Address, host_time: float) -> None:
@@ -187,7 +187,7 @@ class RobotLink(Generic[S]):
         return self._pinned is not None or sender == before
 
     def _keep(self, kept: S, sequence: int, host_time: float, flags: Flag) -> None:
-        """Hands on what is kept of a packet, and tells the corrector of what makes it unsafe."""
+        """Stores the samples of a packet and reports unsafe flags to the corrector."""
         self._seen = host_time
         if flags:
             if flags & Flag.INVALID:

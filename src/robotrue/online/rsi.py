@@ -233,7 +233,7 @@ def _six(numbers: list[float]) -> Six:
 
 
 def _has_group(tag: str, groups: set[str]) -> bool:
-    """Whether an element that stands for several values (AIPos, Tech.C1) has come."""
+    """True if an element that holds several values (AIPos, Tech.C1) is present."""
     return ("." not in tag or tag.startswith("Tech.")) and tag.partition(".")[0] in groups
 
 

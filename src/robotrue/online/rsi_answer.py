@@ -240,7 +240,7 @@ class RsiBooking:
         return True
 
     def _is_new_session(self, cycles: int, late: int, gap: float) -> bool:
-        """Whether RSI was started anew in a pause: else Delay would have counted the pause."""
+        """True if RSI restarted during a pause; otherwise Delay would have counted the pause."""
         passed = cycles * self._step * 1e-3
         near = abs(passed - gap) <= _NEAR[0] + _NEAR[1] * gap
         return self._trust and near and cycles >= SILENCE and late <= _FEW

@@ -37,7 +37,7 @@ class RsiElement:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RsiConfig:
-    """What both ends of an RSI link agree on.
+    """Configuration shared by both ends of an RSI link.
 
     Attributes:
         host: Address of the computer that answers.

@@ -48,7 +48,7 @@ _REMEMBERED: Final = 128
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RsiSettings(RobotLinkSettings):
-    """Of a KUKA controller; the usual port is that of its configuration.
+    """Settings of a KUKA controller; the usual port is in its configuration file.
 
     Attributes:
         config: EthernetConfig.xml that the controller runs, or the usual one.
@@ -179,7 +179,7 @@ class RsiSource(RobotLink[SeenPacket]):
         same: bool = True,
         silent: bool = False,
     ) -> bool:
-        """Whether the answer to a packet may move the robot; the one before is booked."""
+        """Records the answer before; returns whether this packet's answer may move the robot."""
         if self._booking is None:
             return False
         if late is None:

@@ -69,7 +69,7 @@ class RtdePacket:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recipe:
-    """What a data packet holds.
+    """Layout of a data packet.
 
     Attributes:
         number: The controller's, from 1.

@@ -37,7 +37,7 @@ B = TypeVar("B", JointBlock, ForceBlock)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RtdeSettings:
-    """How to reach a controller.
+    """Address and rate of a controller.
 
     Attributes:
         name: What messages and health call it.
@@ -243,7 +243,7 @@ class _Talk:
         self.packets: deque[rtde.RtdePacket] = deque()
 
     async def ask(self, request: bytes, kind: str) -> rtde.RtdePacket:
-        """Returns the answer; text packets in between are left out, later ones kept."""
+        """Returns the answer; text packets before it are skipped, data packets are queued."""
         self._writer.write(request)
         await self._writer.drain()
         while True:

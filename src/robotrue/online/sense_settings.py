@@ -63,7 +63,7 @@ class SenseSettings:
 
     @property
     def replayed(self) -> bool:
-        """Whether both streams are files, that can wait."""
+        """True if both streams are files, which can wait."""
         return all(a.lower().startswith("replay://") for a in (self.robot, self.force))
 
 
@@ -123,7 +123,7 @@ def path_of(address: str) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CorrectionSettings:
-    """How the robot is corrected.
+    """Settings of the robot correction.
 
     Attributes:
         limits: Largest correction, its fastest change, the watchdog.
@@ -213,7 +213,7 @@ def without_password(address: str) -> str:
 
 
 def _query_value(address: str, name: str) -> str:
-    """What an address says of ``name`` behind its question mark, or nothing."""
+    """Returns the value of ``name`` in the query of an address, or an empty string."""
     return parse_qs(address.partition("?")[2]).get(name, [""])[0]
 
 

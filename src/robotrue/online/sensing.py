@@ -84,7 +84,7 @@ class Sensing:
 
     @property
     def memory(self) -> float:
-        """How long after a gap or restart estimates are marked as settling, s."""
+        """Time after a gap or restart during which estimates are marked as settling, s."""
         return float(self._parameters["memory"][0]) / self.models.rate
 
     def joints(self, block: JointBlock) -> None:
@@ -234,7 +234,7 @@ class Sensing:
 
 
 def _start(models: SensingModels) -> Oscillators | None:
-    """What is filtered with at first."""
+    """Returns the initial state of the modal filter."""
     response = models.response
     if isinstance(response, PoseResponse):
         middle = models.robot.limits.mean(axis=1)

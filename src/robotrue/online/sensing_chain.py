@@ -30,7 +30,7 @@ _JUMP: Final = int(Flag.CLOCK_JUMP)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StreamShift:
-    """What is added to force times so that they are those of the joints.
+    """Clock correction added to force times to convert them to joint times.
 
     Attributes:
         offset: s at ``at``.
@@ -106,7 +106,7 @@ class SensingChain:
         return self._passed[stream]
 
     def fix(self, stream: Stream) -> ClockFix:
-        """Returns how a stream's clock stands to the host's."""
+        """Returns the offset of a stream's clock from the host's."""
         return self._clocks[stream].fix()
 
     def state(self) -> State:

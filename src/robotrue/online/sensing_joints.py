@@ -1,4 +1,4 @@
-"""Where the arm is at the time of a force: joint samples kept until the forces that need them came.
+"""Interpolates the arm's pose at force times; joint samples wait for the forces that need them.
 
 A force takes the joints of samples at or before its own time, carried on at their last speed for
 one and a half of their own interval, then held. So an estimate depends on the times of the

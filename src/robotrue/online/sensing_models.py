@@ -1,4 +1,4 @@
-"""What an estimate rests on: kinematics, stiffness, frequency response, held tool, deviation.
+"""Models behind an estimate: kinematics, stiffness, frequency response, tool, deviation.
 
 Nothing is counted twice. A response measured at one pose holds the static deflection of that pose,
 arm and tool together. What the stiffness adds at another pose is the *change* of the arm's
@@ -37,7 +37,7 @@ Axes: TypeAlias = Literal["base", "tool"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JointCompliance(Columns):
-    """How far the joints yield, and how well that is known.
+    """Joint compliance and its covariance.
 
     Attributes:
         compliance: (n,) rad/(N m); zero for a joint taken as stiff.
@@ -253,7 +253,7 @@ _MAY_BE_ZERO: Final = ("bridged", "force_noise", "force_zero", "acceleration_sam
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensingSettings:
-    """How an estimate is made of samples.
+    """Settings for computing estimates from samples.
 
     Attributes:
         joints_age: s; joints older than this say nothing about where the arm is.

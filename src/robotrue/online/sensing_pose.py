@@ -1,4 +1,4 @@
-"""What an estimate needs of a pose, in machine code: rotations, levers, what a wrench bends.
+"""Compiled pose quantities of an estimate: rotations, lever arms, deflection under a wrench.
 
 The slow wrench w = (F, M) on the tool point bends joint j of compliance c_j by c_j (a_j.F + b_j.M),
 with a_j, b_j the tool point's way and turn per drive. With h_j the way at the pose of the

@@ -13,7 +13,7 @@ from robotrue.online.blocks import Flag
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SequenceState:
-    """What is known of a stream after its latest packet.
+    """State of a stream after its latest packet.
 
     Attributes:
         step: What the count grows by from packet to packet (RSI: ms of the cycle, 4 or 12).
@@ -188,7 +188,7 @@ def in_order(latest: float, times: Array, jump: float) -> tuple[float, IntArray]
 
 
 def _run(holds: BoolArray) -> int:
-    """How many hold from the first on."""
+    """Returns the number of leading true values."""
     return len(holds) if holds.all() else int(np.argmin(holds))
 
 

@@ -62,7 +62,7 @@ class SinkPlan:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ServiceSettings:
-    """How the service goes about it.
+    """Timing and patience of the service.
 
     Attributes:
         patient: The sources can wait: they are read in step, and nothing runs ahead of the record.
@@ -176,7 +176,7 @@ class _Served:
             await self.queue.put(block)
 
     async def serve(self) -> None:
-        """Gives the sink what waits until the queue is closed; its faults stay its own."""
+        """Passes the queue to the sink until it is closed; errors of the sink stay in the sink."""
         if self.plan.missed is not None:
             self.line = getattr(self.plan.sink, "resumed_after", None)
             for block in self.plan.missed(self.line):
@@ -270,7 +270,7 @@ class _Service:
     async def _until_over(
         self, reading: list[asyncio.Task[None]], waiting: list[asyncio.Task[object]]
     ) -> None:
-        """Waits until the forces have ended or a stop is asked for; raises a task's fault."""
+        """Waits until the forces have ended or a stop is requested; raises a task's error."""
         while True:
             done, _ = await asyncio.wait(
                 [t for t in reading if not t.done()] + waiting, return_when=asyncio.FIRST_COMPLETED
@@ -368,7 +368,7 @@ class _Service:
             await asyncio.sleep(0)
 
     async def _take(self, block: JointBlock | ForceBlock) -> None:
-        """A block into the record, through the chain, and what came of it onwards."""
+        """Records a block, passes it through the chain, and distributes the estimates."""
         if isinstance(block, ForceBlock):
             self._keep(Kind.FORCE, block)
             found = self.chain.force(block)
@@ -394,7 +394,7 @@ class _Service:
                 await served.put(block)
 
     def _new(self, block: EstimateBlock) -> EstimateBlock | None:
-        """What of a block was not recorded before."""
+        """Returns the rows of a block that were not recorded before."""
         known = min(self.skip_estimates, len(block))
         self.skip_estimates -= known
         if known == len(block):
@@ -442,7 +442,7 @@ class _Service:
 
 
 def snapshot_document(shot: Snapshot) -> dict[str, object]:
-    """Returns a snapshot's counters as JSON values; what is not known is null."""
+    """Returns a snapshot's counters as JSON values; an unknown counter is null."""
     healths = [*shot.sources.values(), *shot.sinks, *([shot.record] if shot.record else [])]
     return {
         "host_s": time.monotonic(),

@@ -49,7 +49,7 @@ _BLOCKS: Final = 4096
 
 
 class Listener(Protocol):
-    """Whoever is told what happens before the first and after the last estimate."""
+    """Receives messages from before the first estimate and after the last."""
 
     def note(self, text: str) -> None:
         """Takes what deserves attention."""
@@ -247,7 +247,7 @@ def _sinks(
 def _give_missing(
     writer: RecordWriter, resumed: Resumed, line: str | None
 ) -> Iterator[EstimateBlock]:
-    """What a file has missed of the record, up to where this service goes on."""
+    """Yields the recorded estimates missing in a file, up to where this service continues."""
     yield from read_estimates_after(StreamRecord(writer.path), line, writer.first)
     yield from resumed.missing
 
@@ -255,7 +255,7 @@ def _give_missing(
 def _resume_record(
     settings: SenseSettings, header: RecordHeader, chain: SensingChain, listener: Listener
 ) -> Resumed | None:
-    """Where the record ended, if it is to be gone on with and the streams are files."""
+    """Returns the end of the record if it is to be continued and the streams are files."""
     if settings.record is None or not segments(settings.record):
         return None
     if not settings.resume:

@@ -55,7 +55,7 @@ class SignalSample:
 
     @property
     def valid(self) -> bool:
-        """Whether its values may be used."""
+        """True if its values may be used."""
         return not self.flags & Flag.INVALID
 
 
@@ -204,7 +204,7 @@ class UdpSignals:
             )
 
     def _take(self, data: bytes, sender: Address, host_time: float) -> None:
-        """In the thread of the endpoint."""
+        """Receives a datagram in the thread of the endpoint."""
         if self._only and sender[0] != self._only:
             self._refuse(f"a datagram of {sender[0]}, only {self._only} is listened to")
             return

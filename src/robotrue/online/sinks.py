@@ -1,4 +1,4 @@
-"""Where estimates go: ``csv:PATH``, ``mqtt://``, ``opcua://``, ``ws://``, and what all know.
+"""Registry of sinks: ``csv:PATH``, ``mqtt://``, ``opcua://``, ``ws://``, and their settings.
 
 A sink is a leaf file that is imported when its address is opened.
 """
@@ -30,7 +30,7 @@ def _nobody() -> tuple[Health, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SinkSettings:
-    """What a service says to its sinks.
+    """Settings that a service passes to its sinks.
 
     Attributes:
         cell: Name of the cell, in topics, titles and object trees; a word without blanks or
@@ -81,7 +81,7 @@ def utc_seconds(host_time: float) -> float:
 
 
 class DisplaySink:
-    """What sinks for people have in common: counters, and a beat.
+    """Base of sinks for displays: counters, and a heartbeat.
 
     Args:
         address: It was opened with.

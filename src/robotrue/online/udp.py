@@ -176,12 +176,12 @@ class Inbox(Generic[T]):
 
     @property
     def waiting(self) -> int:
-        """How many samples wait now."""
+        """Number of queued samples."""
         return self._put - self._taken
 
     @property
     def crowding(self) -> str:
-        """What is to be said of a slow reader; empty while few wait."""
+        """Returns a warning about a slow reader; empty while the queue is short."""
         if self.waiting <= self._limit:
             return ""
         return f"{self.waiting} samples wait to be read, more than {self._limit}"
@@ -236,7 +236,7 @@ def time_waited(told: list[tuple[int, int, bytes]]) -> float:
 
 
 def _prefer_thread(above: int = 0) -> bool:
-    """Whether this thread may run before all others from now on; where that can be asked.
+    """Requests real-time priority for this thread; returns False where that is not permitted.
 
     Args:
         above: Levels above the lowest real-time priority.

@@ -1,4 +1,4 @@
-"""Who may look at the live data: origins, host names and tokens, decided before any is sent."""
+"""Access check for live data: origins, host names and tokens, before any data is sent."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ SHORTEST_TOKEN: Final = 16
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Door:
-    """What a request must bring to be let in.
+    """Credentials that a request must carry.
 
     A page of some other site in the same browser can reach this computer's own addresses; its
     origin gives it away, or the host name it was sent to if that name was bent to point here.

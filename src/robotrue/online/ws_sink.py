@@ -198,6 +198,6 @@ class WebSocketSink(DisplaySink):
 
 
 def _one(headers: Headers, name: str) -> str | None:
-    """Returns a header; one that stands twice counts as a wrong one."""
+    """Returns a header; a header that occurs twice counts as wrong."""
     values = headers.get_all(name)
     return None if not values else values[0] if len(values) == 1 else "\n".join(values)
