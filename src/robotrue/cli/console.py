@@ -1,4 +1,4 @@
-"""What commands say: results on stdout, progress and remarks on stderr."""
+"""Output of commands: results on stdout, progress and remarks on stderr."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def emit_table(
     words: bool = False,
     provenance: Provenance | None = None,
 ) -> None:
-    """Writes a table to stdout, first column left, the rest right.
+    """Writes a table to stdout, first column left-aligned, the others right-aligned.
 
     Args:
         title: Above the table.

@@ -154,7 +154,7 @@ class RunFirst(TyperGroup):
     """A group in which ``sense CELL ...`` means ``sense run CELL ...``."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Returns what is left after the name of the command was put in where it is missing."""
+        """Returns the remaining arguments, with the command's name inserted where missing."""
         if args and args[0] not in (*self.commands, "--help"):
             args = ["run", *args]
         return super().parse_args(ctx, args)

@@ -102,7 +102,7 @@ def run() -> None:
 
 
 def _tell() -> None:
-    """What the rooms log, e.g. that kernels are compiled, goes to who sits at the terminal."""
+    """Shows log messages of the packages, e.g. that kernels are compiled, on the terminal."""
     import logging
 
     told = logging.StreamHandler()
@@ -113,7 +113,7 @@ def _tell() -> None:
 
 
 def _pick_asked() -> typer.Typer:
-    """The command that was asked for, without reading the options of the others; else all."""
+    """Loads only the requested command's options; without a known command, all."""
     word = sys.argv[1] if len(sys.argv) > 1 else ""
     only = copy(app)
     only.registered_commands = [each for each in app.registered_commands if word == name_of(each)]

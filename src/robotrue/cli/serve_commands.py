@@ -96,7 +96,7 @@ def _server() -> tuple[ModuleType, ModuleType]:
 
 
 def _secret(option: str, variable: str | None) -> str:
-    """What an environment variable holds: a secret on the command line stands in every ps."""
+    """Returns a secret from an environment variable; on the command line ``ps`` would show it."""
     if variable is None:
         return ""
     held = os.environ.get(variable, "")

@@ -45,7 +45,7 @@ class TerminalReporter:
 
 
 class TerminalShell(Shell):
-    """Whoever typed the command."""
+    """Reports to the terminal."""
 
     def live(self) -> AbstractContextManager[Callable[[LiveView], None]]:
         """Yields what shows a service on stderr."""

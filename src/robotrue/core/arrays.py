@@ -79,7 +79,7 @@ def frozen(
 
 
 def _fits(have: tuple[int, ...], want: tuple[int | None, ...]) -> bool:
-    """Whether a shape is one with dimensions left free."""
+    """True if a shape matches one with free dimensions."""
     if len(have) != len(want):
         return False
     for size, wanted in zip(have, want, strict=True):  # no generator: this is asked all the time

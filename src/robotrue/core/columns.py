@@ -141,7 +141,7 @@ class Columns:
         """Checks what shapes cannot say; nothing by default."""
 
     def _set_column(self, name: str, values: npt.ArrayLike) -> None:
-        """Replaces a column by values of its own shape; for a class that normalises its input."""
+        """Replaces a column by values of the same shape; for a class that normalises its input."""
         field = next(f for f in _read_fields(type(self)) if f.name == name)
         sizes: Sizes = {}
         _check_shape(type(self), field, np.shape(getattr(self, name)), sizes)
@@ -291,7 +291,7 @@ def _check_shape(owner: type, field: _Field, shape: tuple[int, ...], sizes: Size
 
 
 def _fill_empty(field: _Field, empty: Values, sizes: Sizes) -> Values:
-    """Returns what an array without values stands for, as far as its sizes are known.
+    """Returns the default for an empty array, as far as its sizes are known.
 
     A list without rows has no second dimension; it gets that of its column.
     """

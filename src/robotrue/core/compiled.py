@@ -77,7 +77,7 @@ class _KernelFiles(CompileResultCacheImpl):
 
 
 class _KernelCache(FunctionCache):
-    """A cache whose stamp is what the kernel is made of.
+    """A cache stamped with a hash of the kernel's sources.
 
     Numba's own stamp is the kernel's file, which says nothing of what other files put into it. The
     stamp is taken from what is loaded, not from the files, for these may be newer; and when the

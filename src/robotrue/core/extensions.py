@@ -1,4 +1,4 @@
-"""What packages outside register by entry points."""
+"""Extensions that other packages register by entry points."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ def write_atomic(path: str | Path, data: bytes) -> None:
 
 @contextlib.contextmanager
 def atomic_stream(path: str | Path) -> Iterator[BinaryIO]:
-    """Gives a stream whose bytes stand at ``path`` once the block has ended without an error.
+    """Yields a stream; its bytes replace ``path`` when the block ends without an error.
 
     Where the system has files without a name, even a process that is killed leaves nothing behind.
 

@@ -1,4 +1,4 @@
-"""Which of many readings agree: graduated non-convexity with truncated least squares.
+"""Selection of consistent readings: graduated non-convexity with truncated least squares.
 
 Yang, Antonante, Tzoumas, Carlone 2020, "Graduated non-convexity for robust spatial perception",
 eq. 14-16 (the truncated least squares surrogate, its start and its weights). Deterministic: the

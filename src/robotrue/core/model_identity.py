@@ -1,4 +1,4 @@
-"""Which description of an arm a thing was made with, and the refusal to mix two of them.
+"""Identity of an arm's model, and the refusal to mix two of them.
 
 A frame found by touching carries the error of the arm that touched; it cancels only where the same
 description of that arm drives the machining. Touching with one and machining with another is six

@@ -1,4 +1,4 @@
-"""Which motions of a part its touches leave free."""
+"""Motions of a part that its probing points leave undetermined."""
 
 from __future__ import annotations
 

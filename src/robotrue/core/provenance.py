@@ -1,4 +1,4 @@
-"""Where data come from: simulated or measured, by which instrument, in which files.
+"""Provenance of data: simulated or measured, by which instrument, from which files.
 
 Every measurement carries a :class:`Provenance`; everything made of measurements carries the merge
 of theirs. File names decide nothing: what our simulators write carries a mark *in* the file, and a
@@ -38,7 +38,7 @@ class SourceFile:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Provenance:
-    """Where data come from.
+    """Provenance of data.
 
     Attributes:
         simulated: Whether any of it was simulated.
@@ -53,7 +53,7 @@ class Provenance:
     more_files: int = 0
 
     def __post_init__(self) -> None:
-        """Names each file once and bounds what is kept."""
+        """Removes duplicate file names and bounds their number."""
         files = tuple(dict.fromkeys(self.files))
         object.__setattr__(self, "instrument", " ".join(self.instrument.split())[:_LONGEST])
         object.__setattr__(self, "files", files[:MOST_FILES])

@@ -1,4 +1,4 @@
-"""What is wrong with a TOML file, in the user's words: key, value, what is allowed, line."""
+"""Errors in a TOML file in the user's words: key, value, allowed values, line."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def _table_type(annotation: object) -> type[BaseModel] | None:
 
 
 def line_of_key(text: str, where: Sequence[str | int]) -> int | None:
-    """Returns the one-based line on which a key stands, or its nearest table; None if neither.
+    """Returns the one-based line of a key, or of its nearest table; None if neither exists.
 
     Args:
         text: The TOML file.

@@ -252,7 +252,7 @@ def read_scan(path: str | Path) -> Array:
 
 
 def _load_triangles(path: str | Path, unit: float) -> tuple[Trimesh, Array, IntArray]:
-    """What a file holds, its vertices (n, 3) m and faces (m, 3)."""
+    """Returns the mesh of a file, its vertices (n, 3) m and faces (m, 3)."""
     try:
         import trimesh
     except ImportError as error:
@@ -312,7 +312,7 @@ def read_mesh(path: str | Path, *, unit: float = MM) -> TriangleMesh:
 
 
 def _fault(vertices: Array, faces: IntArray) -> str:
-    """What keeps a mesh from having an outside, and where it begins."""
+    """Returns why a mesh has no outside, and the first place; empty if it has one."""
     edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     pairs, counts = np.unique(np.sort(edges, axis=1), axis=0, return_counts=True)
     wrong, what = pairs[counts == 1], "open edges, a hole"

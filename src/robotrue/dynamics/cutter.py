@@ -1,4 +1,4 @@
-"""What cuts and how: end mills, cutting coefficients, and the cut they take.
+"""End mills, cutting coefficients, and the engagement of the cutter.
 
 Axes of every force here: x along the feed, y to its left, z along the tool from tip to spindle. The
 tool turns clockwise seen from the spindle; the angle of a tooth counts clockwise from +y, so that
@@ -109,7 +109,7 @@ class CuttingCoefficients:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CutterEngagement:
-    """What the tool takes away, steadily.
+    """Steady engagement of the cutter.
 
     Attributes:
         mode: ``"up"`` (material to the left of the feed), ``"down"`` (to its right) or ``"slot"``.

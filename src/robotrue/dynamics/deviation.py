@@ -1,4 +1,4 @@
-"""The learned deviation of the dynamic error: compliant joints, and what is left of it.
+"""The learned deviation of the dynamic error: compliant joints and a residual process.
 
     e - e_w = sum_i alpha_i x_i - g . F + b + c (e_w - mean e_w) + rest
 
@@ -132,17 +132,17 @@ class DeviationModel(Columns):
 
     @property
     def log_evidence(self) -> float:
-        """How well priors and sizes explain the windows."""
+        """Log evidence of the windows under the priors and sizes."""
         return self._known.log_evidence
 
     @property
     def sizes(self) -> dict[str, float]:
-        """What was learned by evidence, SI."""
+        """Sizes learned by evidence, SI."""
         return dict(zip(NAMES, np.exp(self.theta).tolist(), strict=True))
 
     @property
     def by_sample(self) -> SampleTerms:
-        """What of it follows the slow force sample by sample: all but the residual process."""
+        """Terms that follow the slow force sample by sample: all but the residual process."""
         dof = self.arm.robot.dof
         return SampleTerms(
             compliance=self.factors[:dof] / self.arm.stiffness,

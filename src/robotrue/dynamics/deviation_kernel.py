@@ -1,4 +1,4 @@
-"""What windows have in common besides the bending of the stated arm, and how much, by evidence.
+"""Covariance between windows beyond the bending of the stated arm, with sizes by evidence.
 
 ::
 

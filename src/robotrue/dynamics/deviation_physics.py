@@ -1,4 +1,4 @@
-"""What joints that give way do to the error of a window, one term for each joint.
+"""Effect of joint compliance on the error of a window, one term per joint.
 
 Under the mean force F the tool moves along u by ``sum_i (u.J_i) (J^T F)_i / K_i``. With the
 stiffnesses a data sheet states these are the regressors of the deviation; what is learned are
@@ -36,7 +36,7 @@ hammer test is that of an arm without load, tool included; it is not that of the
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CompliantArm(Columns):
-    """What the user knows of the arm.
+    """The user's knowledge of the arm: geometry, stiffness, direction of the error.
 
     Attributes:
         robot: Kinematics and tool.

@@ -1,4 +1,4 @@
-"""How well a deviation predicts windows it has not seen: blocks, passes, poses; and at random.
+"""Held-out error of a learned deviation: by blocks, passes, poses; and at random.
 
 Windows of one pass are neighbours in everything. Split at random, each one held out lies between
 two learned from, and any regression looks good; that row is printed because the paper printed it.
@@ -35,7 +35,7 @@ Estimate = Callable[[WindowSet, WindowSet], tuple[Array, Array | None]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShareByChance:
-    """What share of some windows a band holds that is right.
+    """Share of windows inside a correct band, by chance.
 
     Attributes:
         shares: (draws,) drawn from the errors as the band's model has them.

@@ -1,4 +1,4 @@
-"""What the laser shows without a cut: the straight-edge and the path, taken off by place.
+"""Error that the laser shows without a cut: straight-edge and path, subtracted by position.
 
 Cut and dry run are not equally long to the sample. Each sample of the cut is set beside the place
 of the dry run that its tool point is nearest to, so clocks and starts need not agree.

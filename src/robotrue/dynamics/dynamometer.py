@@ -23,7 +23,7 @@ _STEP: Final = np.pi / 2.0
 
 
 class CarriedBy(StrEnum):
-    """What a dynamometer is fixed to."""
+    """Part of the machine that carries the dynamometer."""
 
     BASE = "base"
     TOOL = "tool"
@@ -32,7 +32,7 @@ class CarriedBy(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Dynamometer(Columns):
-    """How a dynamometer is mounted.
+    """Mounting of a dynamometer.
 
     Attributes:
         axes: (3, 3) R_carrier_sensor, right-handed.

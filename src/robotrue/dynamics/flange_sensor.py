@@ -1,4 +1,4 @@
-"""Force sensor at the flange: what hangs on it, and what of its signal is the cut.
+"""Force sensor at the flange: the carried tool, and the share of the signal that is the cut.
 
 Two linear least-squares steps, gravity's direction free, so that a tilted base or a turned sensor
 is absorbed. With R = R_base_sensor, c the centre of mass in the sensor frame::
@@ -39,7 +39,7 @@ SCHEMA: Final = 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeldTool(Columns):
-    """What a force sensor carries.
+    """Mass and centre of the tool that a force sensor carries, and the sensor's offsets.
 
     Attributes:
         mass: kg.
@@ -82,7 +82,7 @@ class HeldTool(Columns):
 
 @archive_reader
 def held_tool_from_archive(archive: Archive) -> HeldTool:
-    """Returns what ``HeldTool.to_archive`` kept.
+    """Reads what ``HeldTool.to_archive`` wrote.
 
     Raises:
         ArchiveError: Another kind, damaged, or written by a newer robotrue.
@@ -163,7 +163,7 @@ def identify_held_tool(R_base_sensor: Array, readings: Array) -> HeldTool:
 
 
 def held_tool_remarks(tool: HeldTool) -> tuple[str, ...]:
-    """Returns what to know before the tool is used, one sentence each."""
+    """Returns warnings about the tool's estimate, one sentence each."""
     up = float(tool.weight_in_base[2] / np.linalg.norm(tool.weight_in_base))
     if up <= 0.0:
         return ()

@@ -106,7 +106,7 @@ def check_force(
 
 
 def find_stuck_channels(record: ForceRecord) -> tuple[str, ...]:
-    """Returns where a channel that went up and down stands still at a force, one sentence each.
+    """Returns the spans where a varying channel stays at one force, one sentence each.
 
     A channel that stands at zero says nothing: the tool is in the air. One that only rises to a
     value, like a step or a ramp, is no sensor that has stopped, and one that only leaps between

@@ -77,7 +77,7 @@ class FrequencyResponse(Columns):
             raise ShapeError(f"band of validity {low:g} to {high:g} Hz, expected low < high.")
 
     def index(self, pair: str) -> tuple[int, int]:
-        """Returns row and column of a pair of axes, response first, of axes that are there."""
+        """Returns row and column of a measured pair of axes, response first."""
         return self.response_axes.index(pair[0]), self.excitation_axes.index(pair[1])
 
     def pair(self, response: str, excitation: str) -> ComplexArray:

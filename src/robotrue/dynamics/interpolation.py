@@ -71,7 +71,7 @@ class ResponseCurve:
 
     @property
     def _has_rest(self) -> bool:
-        """Whether there are modes that have a value at 0 Hz."""
+        """True if the modes have a value at 0 Hz."""
         return self.modes is not None and not self.modes.lower.any()
 
     def _below(self, frequency: Array) -> ComplexArray:

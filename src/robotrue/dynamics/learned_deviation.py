@@ -1,4 +1,4 @@
-"""What every learned deviation of the dynamic error gives: estimates of windows, terms of samples.
+"""Contract of learned deviations of the dynamic error: estimates of windows, terms of samples.
 
 Compliant joints with a residual process (:mod:`robotrue.dynamics.deviation`) and the paper's
 components with support vectors (:mod:`robotrue.dynamics.paper_regression`) are asked alike by
@@ -27,7 +27,7 @@ _ARRAYS: Final = ("joints", "force", "force_peak", "force_mean", "predicted")
 
 
 class WindowTrust(IntEnum):
-    """How far a window's estimate is to be trusted."""
+    """Trust in the estimate of a window."""
 
     INSIDE = 0
     EXTRAPOLATED = 1
@@ -85,7 +85,7 @@ class LearnedDeviation(Protocol):
 
     @property
     def by_sample(self) -> SampleTerms:
-        """What of it follows the slow force sample by sample."""
+        """Terms that follow the slow force sample by sample."""
 
     def predict(self, windows: WindowSet) -> DeviationPrediction:
         """Returns error, deviation and standard deviation of windows."""
@@ -111,7 +111,7 @@ def windows_arrays(windows: WindowSet) -> Mapping[str, Array]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _WindowsDocument:
-    """What of a :class:`WindowSet` is no array of numbers."""
+    """Fields of a :class:`WindowSet` that are not numeric arrays."""
 
     passes: tuple[str, ...]
     source: str

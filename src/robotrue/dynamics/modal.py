@@ -142,7 +142,7 @@ class ModalModel(Columns):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _ModalDocument:
-    """What of a :class:`ModalModel` is no array."""
+    """Fields of a :class:`ModalModel` that are not arrays."""
 
     response_axes: tuple[str, ...]
     excitation_axes: tuple[str, ...]

@@ -145,7 +145,7 @@ def _clusters(poles: ComplexArray, orders: int) -> list[complex]:
 
 
 def _reach(poles: ComplexArray) -> Array:
-    """How near two poles are one and the same: part of the half width of the resonance."""
+    """Distance within which two poles count as one: a share of the resonance's half width."""
     return np.asarray(np.maximum(0.5 * -poles.real, 0.002 * np.abs(poles)))
 
 
@@ -179,7 +179,7 @@ class Curves(Columns):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Residues:
-    """What least squares found, per pair.
+    """Residues by least squares, per pair.
 
     Attributes:
         residues: (k, c) m/(N s).

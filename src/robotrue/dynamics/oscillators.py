@@ -55,7 +55,7 @@ class Oscillators(Columns):
 
     @property
     def static(self) -> Array:
-        """(3, 3) m/N, displacement under a force that stands still."""
+        """(3, 3) m/N, displacement under a constant force."""
         each = self.respond[:, :, None] * self.excite[:, None, :] / self.poles[:, None, None]
         return np.asarray(self.residual - 2.0 * each.real.sum(axis=0))
 

@@ -1,4 +1,4 @@
-"""What the regression of Jin et al. 2022 learns with: principal components and support vectors.
+"""Learners of the regression of Jin et al. 2022: principal components and support vectors.
 
 Components of columns of different units (eq. 3-6): divisor N - 1, eigenvalues from large to small,
 as many components as carry 95 % of the variance. The radial support vector regression is searched
@@ -60,7 +60,7 @@ class Components(Columns):
         return np.asarray((np.asarray(columns) - self.mean) / self.deviation)
 
     def scores(self, columns: Array) -> Array:
-        """Returns the kept components (n, count) of columns (n, m): eq. 4 and 5."""
+        """Returns the retained components (n, count) of columns (n, m): eq. 4 and 5."""
         return np.asarray(self.standardise(columns) @ self.loadings[:, : self.count])
 
 

@@ -137,7 +137,7 @@ class PaperModel(Columns):
         return replace(windows, force_mean=-windows.force_mean) if own * asked < 0.0 else windows
 
     def _is_like_known(self, columns: Array) -> BoolArray:
-        """Whether a window (n,) is near one learned from, in all columns, not the kept ones."""
+        """Returns (n,), true where a window is near a training window in all columns."""
         known = self.components.standardise(paper_columns(self.windows))
         distance = squared_distance(self.components.standardise(columns), known).min(axis=1)
         return np.asarray(np.exp(-self.machine.gamma * distance) >= LIKE_KNOWN)

@@ -20,7 +20,7 @@ from robotrue.dynamics.window_folds import folds
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PaperTables:
-    """What the paper prints, of a model.
+    """Tables that the paper prints of a model.
 
     Attributes:
         names: (m,) of the columns, units in them.

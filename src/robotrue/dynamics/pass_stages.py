@@ -1,4 +1,4 @@
-"""Where in a record the tool enters, cuts steadily and leaves, and the sensor's zero around that.
+"""Stages of a record: entry, steady cut, exit; and the sensor's zero around them.
 
 The force of each turn of the spindle is one number, the root of its mean square. Half of what the
 highest turns have tells cut from air; the median of the turns in the cut is its level. The air

@@ -236,6 +236,6 @@ def _remarks(
 
 
 def prediction_columns(prediction: DeflectionPrediction) -> tuple[list[str], Array]:
-    """Returns names and values (n, 4) of the table written: s and um, NaN where nothing is said."""
+    """Returns names and values (n, 4) of the written table: s and um, NaN where invalid."""
     names = ["t_s", "ex_um", "ey_um", "ez_um"]
     return names, np.column_stack([prediction.record.time, prediction.error / UM])

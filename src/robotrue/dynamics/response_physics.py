@@ -170,7 +170,7 @@ def check_static(frf: FrequencyResponse, pair: str) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Phase:
-    """What the phase of a curve says.
+    """Diagnosis from the phase of a curve.
 
     Attributes:
         loss: Part of -sin that is above zero less that below, -1..1, of the lines at which it is

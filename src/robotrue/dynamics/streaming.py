@@ -76,7 +76,7 @@ class ModalFilter:
 
     @property
     def oscillators(self) -> Oscillators:
-        """What is filtered with at present."""
+        """Oscillators that filter at present."""
         return self._oscillators
 
     def push(self, force: Array, out: Array | None = None) -> Array:
@@ -182,7 +182,7 @@ class ModalFilter:
 
     @property
     def _kept(self) -> IntArray:
-        """Where the state stands in the kernel's memory: two rows, and the last force."""
+        """Indices of the state in the kernel's memory: two rows, and the last force."""
         size = len(self._memory)
         first = np.arange(STATE * self._lanes, size - TAIL)
         return np.concatenate([first, np.arange(size - 3, size)])

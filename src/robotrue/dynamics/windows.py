@@ -212,7 +212,7 @@ def _check_columns(windows: WindowSet) -> None:
 
 
 def _check_repeated(windows: WindowSet) -> None:
-    """Passes if no window stands twice: held out and learned from, it would flatter."""
+    """Checks that no window occurs twice: in training and test it would flatter the result."""
     rows = np.column_stack([windows.joints, windows.force, windows.force_peak, windows.measured])
     _, first, count = np.unique(rows, axis=0, return_index=True, return_counts=True)
     if (count > 1).any():

@@ -31,7 +31,7 @@ NAME_THEIR_MODEL: Final = ("register", "register_rounds")
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class OperationResult(Presented):
-    """What an operation returned.
+    """Result of an operation and its messages.
 
     Attributes:
         operation: Its name.
@@ -45,7 +45,7 @@ class OperationResult(Presented):
 
     @property
     def provenance(self) -> Provenance | None:
-        """Of the data it rests on; None if it rests on none."""
+        """Provenance of the data behind the result; None without data."""
         return self.result.provenance
 
     def document(self) -> dict[str, object]:

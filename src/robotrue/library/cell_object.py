@@ -55,7 +55,7 @@ class RobotCell(Presented):
 
     @property
     def provenance(self) -> Provenance | None:
-        """Of the part frames; None without any."""
+        """Provenance of the part frames; None without part frames."""
         return None if self.cell.part is None else self.cell.part.provenance
 
     def blocks(self) -> Iterable[Block]:
@@ -160,7 +160,7 @@ def make_cell(
     repeatability_mm: float | None = None,
     stiffness_Nm_per_rad: Sequence[float] | None = None,
 ) -> RobotCell:
-    """Returns a cell without a file; what is left out is as in a cell.toml without it.
+    """Returns a cell without a file; defaults are those of cell.toml.
 
     Args:
         robot: Name of a robot (``robots()`` lists them), or path of a URDF file.

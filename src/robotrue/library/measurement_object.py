@@ -81,7 +81,7 @@ class Measurements(Presented):
         yield from document_blocks("data", measurement_document(self.rows))
 
     def to_dataframe(self) -> pd.DataFrame:
-        """Returns one row per pose with the columns of a measurement file, all digits kept.
+        """Returns one row per pose with the columns of a measurement file, at full precision.
 
         Raises:
             FormatError: Orientation or payload is known for some rows only.

@@ -86,7 +86,7 @@ class Model(Presented):
 
     @property
     def provenance(self) -> Provenance:
-        """Of the poses it was learned from."""
+        """Provenance of the training poses."""
         return provenance_of(self.stored.model)
 
     def predict(
@@ -132,7 +132,7 @@ class Model(Presented):
         write_model(path, self.stored.model, self.stored.cell)
 
     def place(self, context: ObjectsContext, name: str = "model") -> Path:
-        """Returns the file that stands for the model in a context."""
+        """Writes the model for a context and returns its path."""
         return context.add_model(self.stored, f"{name}.robotrue")
 
     def require_file(self, why: str) -> Path:

@@ -60,11 +60,11 @@ class ObjectsContext(FilesContext):
 
     @property
     def messages(self) -> tuple[Message, ...]:
-        """What was reported."""
+        """Reported messages."""
         return tuple(each for each in self.listener.messages if each.text)
 
     def new_file(self, name: str) -> Path:
-        """Returns a path in a folder of its own; nothing is written."""
+        """Returns a path in a new folder; nothing is written."""
         place = self.folder / str(sum(1 for _ in self.folder.iterdir()) + 1)
         place.mkdir()
         return place / name
@@ -80,7 +80,7 @@ class ObjectsContext(FilesContext):
             super().wrote(what, path, remark)
 
     def add_cell(self, cell: Cell) -> Path:
-        """Returns the file that stands for a cell."""
+        """Writes a cell to a file and returns its path."""
         from robotrue.cell.cell_text import portable_text
 
         text, files = portable_text(cell)
@@ -92,7 +92,7 @@ class ObjectsContext(FilesContext):
         return path
 
     def add_model(self, stored: ModelFile, name: str) -> Path:
-        """Returns the file that stands for a model."""
+        """Writes a model to a file and returns its path."""
         from robotrue.store.model_file import write_model
 
         path = self.new_file(name)
@@ -101,7 +101,7 @@ class ObjectsContext(FilesContext):
         return path
 
     def add_rows(self, rows: MeasurementSet) -> Path:
-        """Returns the file that stands for measured poses, without orientations of some rows."""
+        """Writes measured poses to a file, without partial orientations; returns its path."""
         import numpy as np
 
         from robotrue.measurement.formats.canonical import write_canonical

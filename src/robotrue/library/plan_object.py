@@ -1,4 +1,4 @@
-"""Which poses to measure."""
+"""Planned poses to measure."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class PosesToMeasure(Presented):
 
     @property
     def provenance(self) -> Provenance:
-        """Of the model that the poses are to improve."""
+        """Provenance of the model that the poses are to improve."""
         return self.result.provenance
 
     def save(self, path: str | Path) -> None:

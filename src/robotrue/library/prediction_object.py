@@ -63,7 +63,7 @@ class PredictedErrors(Presented):
 
     @property
     def provenance(self) -> Provenance | None:
-        """Of the model."""
+        """Provenance of the model."""
         return self.result.provenance
 
     def blocks(self) -> Iterable[Block]:

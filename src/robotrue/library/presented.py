@@ -1,4 +1,4 @@
-"""What every object of the library can do: a summary, a table, a picture."""
+"""Base of the library's objects: a summary, a table, a picture."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Presented(ABC):
     @property
     @abstractmethod
     def provenance(self) -> Provenance | None:
-        """Where the data come from that it rests on; None if it rests on none."""
+        """Provenance of the data behind the object; None without data."""
 
     @abstractmethod
     def blocks(self) -> Iterable[Block]:
@@ -53,17 +53,17 @@ class Presented(ABC):
 
     @property
     def simulated(self) -> bool:
-        """Whether anything it rests on was simulated."""
+        """True if any data behind the object were simulated."""
         return self.provenance is not None and self.provenance.simulated
 
     @property
     def _mark(self) -> str:
-        """What stands before the title of a picture of simulated data."""
+        """Prefix for the title of a picture of simulated data."""
         return "SIMULATED: " if self.simulated else ""
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What deserves attention, one sentence each."""
+        """Notes and warnings, one sentence each."""
         return tuple(each.text for each in self.messages if each.label == "note")
 
     def summary(self) -> str:

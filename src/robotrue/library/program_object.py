@@ -159,7 +159,7 @@ class RewrittenProgram(Presented):
 
     @property
     def provenance(self) -> Provenance | None:
-        """Of the model and the part frame."""
+        """Provenance of the model and the part frame."""
         return self.result.provenance
 
     def document(self) -> dict[str, object]:
@@ -167,7 +167,7 @@ class RewrittenProgram(Presented):
         return {k: v for k, v in self.result.document().items() if k not in ("output", "identity")}
 
     def blocks(self) -> Iterable[Block]:
-        """Returns nothing: what became of the targets is in the messages."""
+        """Returns nothing: the messages report the targets."""
         return ()
 
     def save(self, path: str | Path) -> None:

@@ -65,7 +65,7 @@ class Validation(Presented):
 
     @property
     def provenance(self) -> Provenance:
-        """Of the model and the poses."""
+        """Provenance of the model and the poses."""
         return self.result.provenance
 
     def document(self) -> dict[str, object]:

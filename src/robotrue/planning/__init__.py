@@ -1,1 +1,1 @@
-"""Which poses to measure: candidates that can be taken and seen, information, choice, order."""
+"""Planning of measurements: reachable and visible candidates, information, choice, order."""

@@ -189,7 +189,7 @@ def _require_room(cell: Cell, place: Array, foot: Array, radius: float) -> None:
 
 
 def collisions(scene: Scene, joints: Array) -> dict[str, BoolArray]:
-    """Returns, per reason, which postures (n,) run into something; the clearance is kept."""
+    """Returns, per reason, a mask (n,) of postures that collide, clearance included."""
     axes, _, _ = scene.tubes(joints)
     out: dict[str, BoolArray] = {"self collision": np.zeros(len(joints), dtype=bool)}
     for i, j in scene.pairs.astype(np.int64):

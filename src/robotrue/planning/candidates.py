@@ -25,7 +25,7 @@ MOST: Final = 2**17
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidates:
-    """What was left of the drawn postures.
+    """Candidates that passed all checks.
 
     Attributes:
         joints: (n, dof) rad.
@@ -40,7 +40,7 @@ class Candidates:
 
 
 class Rejections:
-    """Which candidates are still good, and how many were left out for which reason.
+    """Mask of valid candidates, and the number rejected per reason.
 
     Args:
         n: How many there are.
@@ -69,7 +69,7 @@ class Rejections:
 
     @property
     def rejected(self) -> tuple[tuple[str, int], ...]:
-        """(reason, count), in the order the reasons were asked."""
+        """(reason, count), in the order of the checks."""
         return tuple((reason, number) for reason, number in self._counts.items() if number)
 
 
@@ -180,7 +180,7 @@ def draw_candidates(
 
 
 def nothing_left(drawn: int, rejections: Rejections) -> ReachError:
-    """Returns the error for a draw of which nothing is left, with the commonest reasons."""
+    """Returns the error for a draw without valid candidates, with the commonest reasons."""
     ordered = sorted(rejections.rejected, key=lambda item: -item[1])
     why = ", ".join(f"{reason} {number}" for reason, number in ordered[:4])
     return ReachError(

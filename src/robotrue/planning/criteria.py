@@ -1,4 +1,4 @@
-"""Which candidates to take: greedy I-optimal, D-optimal by exchange, and the next pose.
+"""Choice of poses: greedy I-optimal, D-optimal by exchange, and the next pose.
 
 Everything is in the whitened coordinates of :mod:`robotrue.planning.information`, in which the
 covariance before measuring is I. With P the covariance now and A (3, k) the rows of a candidate,
@@ -48,7 +48,7 @@ class Choice:
 
 
 class _Posterior:
-    """P, and what the gain of every candidate needs, kept up to date with low-rank steps."""
+    """P and the terms of every candidate's gain, updated by low-rank steps."""
 
     def __init__(self, rows: Array, weight: Array, covariance: Array | None = None) -> None:
         n, m, size = rows.shape
@@ -214,7 +214,7 @@ def passes(n: int) -> int:
 def follow(
     rows: Array, weight: Array, order: IntArray, *, covariance: Array | None = None
 ) -> Choice:
-    """Returns what is left to learn after each pose of a given order."""
+    """Returns the remaining uncertainty after each pose of a given order."""
     mine = rows[order]
     at = _Posterior(mine, weight, covariance)
     variance, log_det = [at.variance], [0.0]

@@ -1,4 +1,4 @@
-"""How accurate the arm is expected to be: after a plan, and after the next pose or touch.
+"""Expected accuracy of the arm: after a plan, and after the next pose or probing point.
 
 Of a plan: what is left to learn, and what never is. While measuring, what is known grows with each
 pose; results are not needed.
@@ -132,7 +132,7 @@ def _curve(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NextVisit:
-    """What to measure next, and what it is expected to bring.
+    """Next pose and its expected benefit.
 
     Attributes:
         index: Row of the candidates.
@@ -146,7 +146,7 @@ class NextVisit:
 
     @property
     def gain(self) -> float:
-        """By how much the expected mean error falls, m."""
+        """Expected reduction of the mean error, m."""
         return self.mean_now - self.mean_then
 
 
@@ -191,7 +191,7 @@ def next_visit(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NextTouch:
-    """What to touch next, and what it is expected to bring.
+    """Next probing point and its expected benefit.
 
     Attributes:
         index: Row of the candidates.

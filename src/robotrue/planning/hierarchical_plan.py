@@ -181,7 +181,7 @@ REDRAWS: Final = 50
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HierarchicalSettings:
-    """What a hierarchical plan samples.
+    """Settings of a hierarchical plan.
 
     Attributes:
         counts: Grid values of angle, radius and height in the source.

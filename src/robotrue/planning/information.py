@@ -1,4 +1,4 @@
-"""What a pose tells about the arm, before anyone has measured it.
+"""Information that a pose adds about the arm, computed before it is measured.
 
 The calibration is linear around the nominal arm, ``y = J w + noise``, so what a pose is worth is
 known without its result. ``w`` are the errors the fit estimates (geometry, compliance, base, tool),
@@ -47,7 +47,7 @@ STIFFNESS_SD: Final = 0.3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UnmodelledErrors(Columns):
-    """What an arm does beyond geometry and compliance, one standard deviation each.
+    """Errors beyond geometry and compliance, one standard deviation each.
 
     Drive errors are given as what they do at the end of the stretched arm: large arms have finer
     drives, and the sizes in metres differ less than those in rad. The defaults are of the size that
@@ -71,7 +71,7 @@ class UnmodelledErrors(Columns):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Postures(Columns):
-    """n visits of the arm: where it stands, what it carries, from where it came.
+    """n visits of the arm: joints, load, and approach direction.
 
     Attributes:
         joints: (n, dof) rad, commanded.
@@ -297,7 +297,7 @@ def _drive_sd(robot: RobotModel, unmodelled: UnmodelledErrors) -> Array:
 
 
 def _places(belief: Belief, size: int, dof: int, h: int) -> IntArray:
-    """Where each learned column of a belief stands here; -1 for what has no column here."""
+    """Index of each learned column of a belief here; -1 for a column that does not exist here."""
     place = np.full(len(belief.mean), -1)
     place[:size] = np.arange(size)
     waves, order = belief.place("ripple"), belief.ripple.order

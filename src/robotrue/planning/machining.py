@@ -48,7 +48,7 @@ MOVED: Final = 30.0 * MM
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Side(Columns):
-    """One side of the part and where it stands.
+    """One side of the part and its frame.
 
     Attributes:
         path: The tool path, in the part frame.
@@ -125,7 +125,7 @@ def _corners(box: Box) -> Array:
 
 
 def _way_out(points: Array, axes: Array, box: Box, lift: float) -> Array:
-    """How far (k,) m points must go along their axes until the lift's distance from the box."""
+    """Returns how far (k,) m points retract along their axes to clear the box by the lift."""
     low, high = box.low - lift, box.high + lift
     with np.errstate(divide="ignore"):
         out = np.where(
@@ -168,7 +168,7 @@ LOOKED_AT: Final = 2000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MachiningSettings:
-    """How sides become a job.
+    """Settings that turn sides into a job.
 
     Attributes:
         spin: How rotations about the tool axis are chosen.

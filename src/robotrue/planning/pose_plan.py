@@ -1,4 +1,4 @@
-"""Which poses to measure, in which order, and what to expect of them."""
+"""Plan of poses to measure: choice, order, and expected accuracy."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ EVALUATED: Final = 200
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanSettings:
-    """How a plan is made.
+    """Settings of a plan of poses.
 
     Attributes:
         criterion: ``"I"``: least mean variance where the arm will work. ``"D"``: best determined
@@ -153,7 +153,7 @@ def plan_poses(
     T_flange_tool: Array | None = None,
     progress: Progress = unheard,
 ) -> PosePlan:
-    """Returns n poses worth measuring, ordered for short travel.
+    """Returns n informative poses, ordered for short travel.
 
     Only what the cell says is used; with a model also what an earlier calibration has learned, and
     the poses are then those that add most to it.
@@ -298,7 +298,7 @@ def _spread(n: int) -> IntArray:
 
 
 class _Meter:
-    """How far a plan is: parts of a plan of n poses, each of some steps of about the same time."""
+    """Progress of a plan: parts of a plan of n poses, each of steps of similar duration."""
 
     def __init__(self, progress: Progress, n: int) -> None:
         self._progress = progress

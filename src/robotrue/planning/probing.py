@@ -1,4 +1,4 @@
-"""Which feature to touch next, and in which posture, so that the machined points are known best.
+"""Choice of the next feature to probe and its posture, for the best-known machined points.
 
 A touch tells about the arm and about the part's frame together, and so do the machined points: the
 planner works on their joint belief (:mod:`robotrue.calibration.machined`). For a run compensated by
@@ -92,7 +92,7 @@ class Machining(Columns):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProbingTask:
-    """What is believed before the first touch, what can be touched, and what will be machined.
+    """Prior belief, candidate probing points, and machined points of a probing task.
 
     Attributes:
         belief: Of the arm with the touching tip as its tool; no frames yet.

@@ -53,7 +53,7 @@ TRACKER: Final = "tracker"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TouchLimits(Columns):
-    """What a touch must keep.
+    """Limits for a probing posture.
 
     Attributes:
         lean: rad, by which the tool is leaned off each machined attitude, to four sides.

@@ -154,7 +154,7 @@ class FrameTask(TouchPosterior):
         return float(np.sqrt(np.median(own.squares(chosen))))
 
     def _best_for(self, machined: IntArray, n: int, goal: Goal) -> tuple[float, str, str]:
-        """What as many touches leave if they serve these machined points alone."""
+        """Returns the uncertainty after as many points if they serve these points alone."""
         alone = self.take(machined)
         count = max(n, LEAST * len(np.unique(alone.work_part)))
         square = alone.squares(alone.choose(count, len(machined), goal))
@@ -192,7 +192,7 @@ class FrameTask(TouchPosterior):
         return np.array(seeds, dtype=np.int64)
 
     def _exchange(self, chosen: IntArray, weight: Array) -> IntArray:
-        """Single touches exchanged as long as the sum of squares falls and every frame stands."""
+        """Exchanges single points while the sum of squares falls and every frame is determined."""
         now = chosen.copy()
         for _ in range(SWEEPS):
             moved = False

@@ -26,7 +26,7 @@ MORE_FEATURES: Final = "add features that can be touched in its postures"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GroupCover:
-    """How well the machined points of one group will be known: 3-D standard uncertainty, rms.
+    """Expected uncertainty of one group's machined points: 3-D standard uncertainty, rms.
 
     Attributes:
         name: Of the group.
@@ -48,12 +48,12 @@ class GroupCover:
 
     @property
     def covered(self) -> bool:
-        """Whether the touches say about as much of this group as of their own postures."""
+        """True if the points determine this group about as well as their own postures."""
         return self.uncertainty <= FACTOR * self.at_touches
 
     @property
     def warning(self) -> str | None:
-        """What to say of a group that is not covered, with its cure; None of one that is."""
+        """Warning about a group that is not covered, with its cure; None for a covered one."""
         if self.covered:
             return None
         return (
@@ -65,7 +65,7 @@ class GroupCover:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProbePlan:
-    """Touches worth making, in the order of their worth.
+    """Planned probing points, in order of their benefit.
 
     Standard uncertainties are 3-D: the root of the trace of a point's covariance; 95 % of the
     errors are within about 1.6 times that.
@@ -108,7 +108,7 @@ class ProbePlan:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TouchPosterior(Columns, ABC):
-    """What touches leave unknown of m machined points, by the estimate that will follow them.
+    """Uncertainty of m machined points after probing, by the estimator that is used later.
 
     Attributes:
         candidates: Touches that can be made.
@@ -184,7 +184,7 @@ class TouchPosterior(Columns, ABC):
         )
 
     def choose(self, n: int, machined: int, goal: Goal) -> IntArray:
-        """Returns rows of n candidates for so many machined points, by worth."""
+        """Returns rows of n candidates chosen for these machined points, by benefit."""
         weight = np.ones(machined)
         best, least = np.empty(0, dtype=np.int64), np.inf
         for _ in range(1 if goal == "mean" else self.rounds):
@@ -196,7 +196,7 @@ class TouchPosterior(Columns, ABC):
         return best
 
     def _sort_by_benefit(self, chosen: IntArray, weight: Array) -> IntArray:
-        """The same touches by worth: the one that is missed least goes to the end, and so on.
+        """Sorts points by benefit: the least useful of those left goes to the end, repeatedly.
 
         Better at its start than choosing forwards: alone, no two touches say much, three do.
         """
@@ -236,7 +236,7 @@ class TouchPosterior(Columns, ABC):
 
 
 def _count_needed(left: Array, tolerance: float) -> int:
-    """How many touches meet the tolerance; all if none does."""
+    """Returns how many points meet the tolerance; all if none does."""
     met = np.flatnonzero(left[1:] <= tolerance)
     return int(met[0]) + 1 if len(met) else len(left) - 1
 

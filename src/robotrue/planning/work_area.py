@@ -1,4 +1,4 @@
-"""Where the arm works: regions as users write them, and files of what is machined, as postures.
+"""Work areas as postures: regions as users write them, and files of machined points.
 
 Machined files are tables of joints, tool paths and robot programs.
 """
@@ -137,7 +137,7 @@ class MachinedFile:
 
 
 def rough_frames(cell: Cell, stated: str | None, parts: Sequence[str]) -> dict[int, Array]:
-    """Returns roughly where each part stands, ``T_base_part`` by its number.
+    """Returns the rough frame of each part, ``T_base_part`` by part number.
 
     Args:
         cell: A registered one names its parts; else its work frame is taken.

@@ -1,4 +1,4 @@
-"""What simulated controllers with a clock of their own share: motion, cycles, faults, UDP.
+"""Base of simulated controllers with their own clock: motion, cycles, faults, UDP.
 
 Where the arm goes depends on time alone, and arrays of one element cost as much as arrays of sixty:
 the places of many cycles are computed at once.
@@ -28,7 +28,7 @@ from robotrue.simulation.online_faults import Fault, FaultKind, FaultyWire, show
 
 
 class ArmMotion(Protocol):
-    """Where the arm is at each moment."""
+    """Motion of the arm over time."""
 
     @property
     def duration(self) -> float:
@@ -89,7 +89,7 @@ Six = tuple[float, float, float, float, float, float]
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where the arm is in a cycle, in the units of controllers.
+    """Pose of the arm in one cycle, in the units of controllers.
 
     Attributes:
         joints_deg: As displayed.
@@ -192,7 +192,7 @@ class Pace:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CyclicSettings:
-    """What every such controller needs.
+    """Settings of every cyclic controller.
 
     Attributes:
         motion: Where the arm goes.
@@ -235,7 +235,7 @@ class CyclicController(ABC, Generic[R]):
     @property
     @abstractmethod
     def report(self) -> R:
-        """What came of it so far."""
+        """Returns the report so far."""
 
     async def run(self, *, stop: asyncio.Event | None = None) -> R:
         """Returns the report when there is no more to send, or it is stopped.

@@ -1,4 +1,4 @@
-"""A simulated drilling head to practise with: it clamps, sends its readings, turns as it is told.
+"""A simulated drilling head for practice: it clamps, sends its readings, turns as commanded.
 
 Everything it sends is simulated. It answers for itself what no real machine can: the tilt that is
 really left, which it sends as the reference of a hole gauge with its own scatter.
@@ -33,7 +33,7 @@ _PATIENCE: Final = 3.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DrillingRun:
-    """What the simulated machine does.
+    """Settings of the simulated machine.
 
     Attributes:
         machine: Its truth.
@@ -64,7 +64,7 @@ class DrillingRun:
 
 @dataclass(slots=True)
 class DrillingTally:
-    """What came of it.
+    """Counters of a run.
 
     Attributes:
         before: (n, 2) rad, true tilt before each move, of holes that were moved for.
@@ -169,7 +169,7 @@ class _Machine:
         await self._release(hole, readings, height)
 
     def _tilt(self, surface: Array) -> Array:
-        """(2,) rad, the surface's normal in the frame of the spindle as it stands."""
+        """Returns (2,) rad, the surface normal in the present frame of the spindle."""
         R_machine_spindle = rotation(self._settings.machine.order, self._axes)
         return tilt_from_normal(self._settings.machine.order, R_machine_spindle.T @ surface)
 
@@ -251,7 +251,7 @@ class _Machine:
 
 
 def _read_answer(data: bytes, answers: asyncio.Queue[Mapping[str, object]]) -> None:
-    """Puts what a datagram says into the queue; what cannot be read is no answer."""
+    """Queues the content of an answer; a datagram that cannot be read is ignored."""
     try:
         sample = read_signals(data, 0.0)
     except FormatError:

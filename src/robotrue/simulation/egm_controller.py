@@ -40,7 +40,7 @@ _OLDEST: Final = 1000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EgmControllerSettings(CyclicSettings):
-    """What the simulated controller does, beside what every one does.
+    """Settings of the simulated EGM controller beyond those of every controller.
 
     Attributes:
         target: Address and port of the computer that listens, as UCDevice names them.
@@ -71,7 +71,7 @@ class EgmControllerSettings(CyclicSettings):
 
 @dataclass(slots=True, kw_only=True)
 class EgmControllerReport:
-    """What came of it.
+    """Counters of a run.
 
     Attributes:
         cycles: Of its clock.
@@ -111,7 +111,7 @@ class EgmController(CyclicController[EgmControllerReport]):
 
     @property
     def report(self) -> EgmControllerReport:
-        """What came of it so far."""
+        """Returns the report so far."""
         return replace(self._report, cycles=self.cycles, left_out=self.left_out)
 
     def _packet(self, number: int) -> bytes:

@@ -129,7 +129,7 @@ _CLEARANCE: Final = 20.0 * MM
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlangeHole(Columns):
-    """Where the hole is and how it is cut.
+    """Position and cutting parameters of the hole.
 
     Attributes:
         T_base_part: (4, 4) the program's ``$BASE``; part x, y span the top face, z points up.

@@ -155,7 +155,7 @@ def write_touches(folder: Path, cell: VirtualCell, planned: Path, lost: str) -> 
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Writes the files that are asked for."""
+    """Writes the requested files."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--touch", type=Path)

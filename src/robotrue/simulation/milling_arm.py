@@ -81,7 +81,7 @@ _TOOL: Final = (  # axis, Hz, part of critical, N/m
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MillingArm:
-    """What is true of one virtual arm, and what its user believes.
+    """True properties of one virtual arm, and its user's assumptions.
 
     Attributes:
         arm: The truth, joints as they are without load.
@@ -101,7 +101,7 @@ class MillingArm:
 
 
 def milling_arm(seed: int) -> MillingArm:
-    """Returns the virtual arm of a seed: stiffness drawn, the rest as assumed."""
+    """Returns the virtual arm of a seed: the stiffness is drawn, all else is as assumed."""
     rng = np.random.default_rng([seed, 101])
     true = STIFFNESS * np.exp(STIFFNESS_SPREAD * rng.standard_normal(6))
     believed = true * rng.uniform(1.0 - STIFFNESS_BELIEF, 1.0 + STIFFNESS_BELIEF, 6)
@@ -172,7 +172,7 @@ def milling_table(seed: int, finer: int) -> Array:
 
 
 def draw_cutter(rng: np.random.Generator) -> EndMill:
-    """Returns a cutter with a runout of its own."""
+    """Returns a cutter with a random runout."""
     return EndMill(
         kind="flat",
         diameter=16 * MM,

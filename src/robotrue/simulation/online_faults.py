@@ -17,7 +17,7 @@ LEAP: Final = 60.0
 
 
 class FaultKind(enum.Enum):
-    """What goes wrong; not every simulator knows every kind."""
+    """Kinds of faults; not every simulator has every kind."""
 
     GAP = "gap"
     """Packets are lost: the count goes on, nothing arrives."""

@@ -1,4 +1,4 @@
-"""What simulated robots and sensors live through together: knocks, a milling pass, the way back.
+"""Scenario of simulated robots and sensors: knocks, a milling pass, the way back.
 
 A cycle that repeats for ever, as a function of the host's monotonic clock: simulators that run in
 processes of their own on one computer are at the same place at the same time without talking. Each

@@ -1,4 +1,4 @@
-"""Where a virtual campaign measures: regions of the workspace and seeded random poses in them.
+"""Poses of a virtual campaign: regions of the workspace and seeded random poses in them.
 
 Poses are those of the reflector, in cylinder coordinates about joint 1: angle, radius, height. The
 attitude turns with the angle (convention A): the flange axis lies in the arm plane and points

@@ -49,7 +49,7 @@ MEAN_ERROR: Final = 1.5 * MM
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VirtualCell:
-    """A simulated cell: what its user knows, and what is true.
+    """A simulated cell: its user's knowledge, and the truth.
 
     Attributes:
         known: Robot, tool, reflector, payload and tracker as the user believes them.

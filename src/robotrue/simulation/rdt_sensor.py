@@ -51,7 +51,7 @@ _UNWELL: Final = 1 << 31 | 1 << 1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RdtSensorSettings:
-    """What the simulated sensor is.
+    """Settings of the simulated sensor.
 
     Attributes:
         host: Its own address.
@@ -93,7 +93,7 @@ class RdtSensorSettings:
 
     @property
     def scale(self) -> RdtScale:
-        """What its counts are worth."""
+        """Scale of the counts."""
         return RdtScale(
             newton=1.0 / self.counts_per_newton, newton_metre=1.0 / self.counts_per_newton_metre
         )
@@ -101,7 +101,7 @@ class RdtSensorSettings:
 
 @dataclass(slots=True, kw_only=True)
 class RdtSensorReport:
-    """What came of it.
+    """Counters of a run.
 
     Attributes:
         sent: Datagrams.
@@ -165,7 +165,7 @@ class RdtSensor:
         self.port: int = self._socket.getsockname()[1]
 
     async def run(self, *, stop: asyncio.Event | None = None) -> RdtSensorReport:
-        """Returns what was sent, once ``stop`` is set or the task cancelled."""
+        """Runs until ``stop`` is set or the task is cancelled; returns the report."""
         page = await self._serve_page()
         begun = made = time.monotonic()
         try:
@@ -298,7 +298,7 @@ class RdtSensor:
 
 
 class _Ahead:
-    """What the sensor will feel, and its noise, worked out ahead of time."""
+    """Force and noise of the next records, computed ahead of time."""
 
     def __init__(self, settings: RdtSensorSettings, scenario: OnlineScenario) -> None:
         self._scenario = scenario
@@ -322,7 +322,7 @@ class _Ahead:
         return self._felt[row : row + n]
 
     def noise(self, n: int) -> Array:
-        """Returns the noise (n, 6) of the next records, the same however they are asked for."""
+        """Returns the noise (n, 6) of the next records, independent of block sizes."""
         if n > len(self._noise):
             more = self._random.standard_normal((max(n, _AHEAD), 6)) * self._scatter
             self._noise = np.concatenate([self._noise, more])

@@ -32,7 +32,7 @@ _NO_NUMBERS: Final = (math.nan,) * 6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RsiControllerSettings(CyclicSettings):
-    """What the simulated controller does, beside what every one does.
+    """Settings of the simulated RSI controller beyond those of every controller.
 
     Attributes:
         config: Its EthernetConfig.xml; packets go to its host and port.
@@ -68,7 +68,7 @@ class RsiControllerSettings(CyclicSettings):
 
 @dataclass(slots=True, kw_only=True)
 class RsiControllerReport:
-    """What came of it.
+    """Counters of a run.
 
     Attributes:
         cycles: Of its clock.
@@ -120,7 +120,7 @@ class RsiController(CyclicController[RsiControllerReport]):
 
     @property
     def report(self) -> RsiControllerReport:
-        """What came of it so far."""
+        """Returns the report so far."""
         return replace(self._report, cycles=self.cycles, left_out=self.left_out)
 
     def _packet(self, number: int) -> bytes:
@@ -193,7 +193,7 @@ class RsiController(CyclicController[RsiControllerReport]):
         return report.late - report.overslept + report.faulty - self._forgiven
 
     def _delay_value(self) -> int:
-        """What Delay says: where answers are added up, those that were cut short count, too."""
+        """Returns the value of Delay; in relative mode it includes truncated answers."""
         relative = self.settings.mode is CorrectionMode.RELATIVE
         return self._count_faults() + relative * (self._report.overslept - self._excused)
 
@@ -230,7 +230,7 @@ class RsiController(CyclicController[RsiControllerReport]):
                 return
 
     def _extra_signals(self) -> dict[str, float]:
-        """What else the configuration says is sent, at zero: the other side may insist on it."""
+        """Returns the other configured signals, at zero: the other side may require them."""
         sent = {"RIst", "AIPos", "Delay", "IPOC"}
         return {
             element.tag: 0.0
@@ -239,7 +239,7 @@ class RsiController(CyclicController[RsiControllerReport]):
         }
 
     def _is_late(self, data: bytes) -> bool:
-        """Whether it answers an earlier packet: its cycle has been counted then."""
+        """True if the answer is to an earlier packet, whose cycle was counted already."""
         step = self.settings.cycle_ms
         for back in range(1, min(self.cycles, 2 * self.settings.timeout_packets + 2)):
             if b"<IPOC>%d</IPOC>" % (self._ipoc - back * step) in data:

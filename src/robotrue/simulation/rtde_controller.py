@@ -56,7 +56,7 @@ _MOVING: Final = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RtdeControllerSettings:
-    """What the simulated controller does.
+    """Settings of the simulated RTDE controller.
 
     Attributes:
         host: Its own address.
@@ -87,7 +87,7 @@ class RtdeControllerSettings:
 
 @dataclass(slots=True, kw_only=True)
 class RtdeControllerReport:
-    """What came of it.
+    """Counters of a run.
 
     Attributes:
         sent: Data packets.
@@ -108,7 +108,7 @@ class RtdeControllerReport:
 
 @dataclass(slots=True)
 class _Client:
-    """One connection; what it was told and what it is owed."""
+    """One connection, its recipe and its queue."""
 
     writer: asyncio.StreamWriter
     wire: FaultyWire
@@ -133,7 +133,7 @@ class RtdeController:
         self._tick = 0
 
     async def run(self, *, stop: asyncio.Event | None = None) -> RtdeControllerReport:
-        """Returns what was sent, once ``stop`` is set or the task cancelled.
+        """Runs until ``stop`` is set or the task is cancelled; returns the report.
 
         Raises:
             ConfigurationError: The port is taken.
@@ -247,7 +247,7 @@ class RtdeController:
             self._drop(client)
 
     def _answer(self, client: _Client, frame: rtde.RtdePacket) -> bytes:
-        """What the controller says to a request."""
+        """Returns the controller's reply to a request."""
         if frame.kind == "V":
             wanted = struct.unpack(">H", frame.payload)[0]
             return rtde.write_frame("V", bytes([wanted == rtde.PROTOCOL]))

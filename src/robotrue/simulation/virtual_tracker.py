@@ -40,7 +40,7 @@ class VirtualTracker(Columns):
 
     @property
     def position(self) -> Array:
-        """(3,) m, where it stands in the frame its points come out in."""
+        """(3,) m, position of the tracker in the frame of its points."""
         return np.zeros(3) if self.frame == "tracker" else self.T_base_tracker[:3, 3].copy()
 
 

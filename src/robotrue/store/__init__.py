@@ -1,1 +1,1 @@
-"""What is kept: model files, and workspaces of cells, measurements, models, programs and jobs."""
+"""Storage: model files, and workspaces of cells, measurements, models, programs and jobs."""

@@ -56,7 +56,7 @@ class Discarded:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecycleBin:
-    """What may go.
+    """Items and files that may be purged.
 
     Attributes:
         items: Nothing rests on them.
@@ -124,7 +124,7 @@ def _before(days: float) -> datetime:
 
 
 def _find_contents(session: Session, before: datetime) -> tuple[RecycleBin, list[tuple[str, str]]]:
-    """What may go, and the SHA-256 and place of its files."""
+    """Returns what may be purged, and the SHA-256 and place of its files."""
     old = _find_deleted(session, before)
     gone = _find_unneeded(session, set(old))
     files = list(_own_files(session, gone))

@@ -25,7 +25,7 @@ CHUNK: Final = 1 << 20
 
 
 def stored_path(folder: Path, place: str, digest: str) -> Path:
-    """Returns where a file of this content stands."""
+    """Returns the path of a file with this content."""
     if place == SAMPLES:
         return folder / SAMPLES / f"{digest}.parquet"
     return folder / BLOBS / digest[:2] / digest
@@ -53,7 +53,7 @@ class Staging:
         self._count = 0
 
     def keep(self, source: bytes | Path | BinaryIO, place: str) -> tuple[str, int]:
-        """Returns SHA-256 and size of a file that now stands in its place, whole and on the disk.
+        """Copies a file to its place, synced to disk; returns its SHA-256 and size.
 
         Raises:
             FormatError: The source cannot be read, or the folder not be written to.
@@ -138,7 +138,7 @@ def sweep(folder: Path, named: Callable[[str], bool]) -> int:
 
 
 def require_whole(path: Path, digest: str) -> None:
-    """Passes if the file stands there and has this SHA-256.
+    """Checks that the file exists and has this SHA-256.
 
     Raises:
         ArchiveError: Missing or altered.

@@ -79,7 +79,7 @@ def _read_only(file: Path) -> sqlite3.Connection:
 
 
 def _as_sqlite(engine: Engine, *, writable: bool) -> None:
-    """Readers never wait for a writer, a writer that has begun never fails half-way."""
+    """Configures SQLite: readers never wait for a writer, a started writer never fails half-way."""
 
     @event.listens_for(engine, "connect")
     def _set_pragmas(connection: sqlite3.Connection, _record: object) -> None:

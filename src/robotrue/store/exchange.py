@@ -34,7 +34,7 @@ LEFT_OUT: Final = frozenset({WorkspaceRow.__tablename__})
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExchangeTotals:
-    """What went over.
+    """Number of rows, files and bytes transferred.
 
     Attributes:
         rows: Per table.

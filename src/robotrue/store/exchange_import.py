@@ -1,4 +1,4 @@
-"""A whole workspace from one file, checked before anything of it stands.
+"""Import of a workspace from one file, checked completely before anything is written.
 
 The file is a stranger's until it is proven. Rows are read into a database of their own, of the
 schema they were written with, brought up to date there, and only then merged. Ids stay; what is
@@ -89,7 +89,7 @@ _BATCH: Final = 500
 def import_project(
     workspace: Workspace, path: str | Path | BinaryIO, *, most: int = MOST
 ) -> ExchangeTotals:
-    """Returns what was taken in from a file that an export wrote; all of it or nothing.
+    """Imports a file that an export wrote, all of it or nothing; returns the totals.
 
     Args:
         workspace: Into which; items it has already stay as they are.
@@ -253,7 +253,7 @@ def _new(
 
 
 def _only_one_latest(session: Session, table: Table) -> None:
-    """Of an item that came with more versions than were here, or with fewer, the last is latest."""
+    """Marks only the highest version of each item as latest, whichever side had more versions."""
     newest = select(table.c.id, func.max(table.c.version).label("version")).group_by(table.c.id)
     last = newest.subquery()
     wrong = select(table.c.id, table.c.version, last.c.version.label("last")).join(
@@ -284,7 +284,7 @@ class Member:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Manifest:
-    """What an export states of itself.
+    """Manifest of an export.
 
     Attributes:
         format_version: Of the export.

@@ -283,7 +283,7 @@ def change(
 
 
 def delete(where: Workspace | Transaction, noun: Noun[R], id: str) -> R:
-    """Returns the version that says that the item is deleted; everything of it is kept.
+    """Marks an item as deleted and returns that version; all its content remains.
 
     Raises:
         ConfigurationError: It is not there, or deleted already.

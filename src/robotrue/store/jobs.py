@@ -1,4 +1,4 @@
-"""Jobs: work that is asked for here and done elsewhere; asked, watched, cancelled.
+"""Jobs: requested here, executed by workers; requests, status, cancellation.
 
 States go ``queued`` -> ``running`` -> ``done``, ``failed`` or ``cancelled``. A job whose process
 died is queued again, until it died ``attempts_allowed`` times. Its results come to stand together
@@ -43,7 +43,7 @@ _EVERY: Final = 0.1
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Job:
-    """A job as it stands.
+    """State of a job.
 
     Attributes:
         id: Never changes.
@@ -132,7 +132,7 @@ def submit(
 
 
 def status(where: Workspace | Transaction, id: str) -> Job:
-    """Returns a job as it stands.
+    """Returns the current state of a job.
 
     Raises:
         ConfigurationError: There is none.

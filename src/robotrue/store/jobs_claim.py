@@ -1,4 +1,4 @@
-"""Who does which job: claimed by one worker, kept by its heartbeat, queued again when it dies."""
+"""Claims on jobs: one worker claims a job, keeps it by heartbeat, or loses it to the queue."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Claim:
 
 
 def worker_name(token: str) -> str:
-    """Returns the name of a worker process: its machine and a token of its own."""
+    """Returns the name of a worker process: its machine and a random token."""
     return f"{socket.gethostname()}/{token}"
 
 
@@ -125,7 +125,7 @@ def finish(
 def fail(
     workspace: Workspace, claim: Claim, error: Mapping[str, object], remarks: list[str]
 ) -> None:
-    """Puts the job failed with its error, or cancelled if somebody asked for that."""
+    """Ends the job as failed with its error, or as cancelled if cancellation was requested."""
     with workspace.write() as into:
         row = lock_claimed(into, claim)
         if row is not None:
@@ -137,7 +137,7 @@ def fail(
 
 
 def requeue(workspace: Workspace, claim: Claim, why: str, *, spent: bool = True) -> None:
-    """Queues again what a process was at that died, or puts it over: nothing of it stands.
+    """Queues the job of a dead process again, or ends it; its partial results are discarded.
 
     Args:
         workspace: Where the job waits.

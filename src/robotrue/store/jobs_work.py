@@ -1,4 +1,4 @@
-"""One attempt at a job, in a process of its own: what the job's function gets, and what it gives.
+"""One attempt at a job, in a separate process: input and output of the job's function.
 
 A kind of job is a function by name, ``module:function``, that takes a :class:`Work` and returns
 what is to be written, as a function of a transaction. That is called once, at the end, in the
@@ -36,7 +36,7 @@ class Cancelled(Exception):
 
 
 class Work:
-    """What a job's function works with.
+    """Context of a job's function.
 
     Attributes:
         workspace: Where it reads; what it writes goes through the function it returns.
@@ -53,7 +53,7 @@ class Work:
 
     @property
     def parameters(self) -> Mapping[str, object]:
-        """What was asked for."""
+        """Parameters of the request."""
         return self.job.parameters
 
     def step(self, text: str, done: int, of: int) -> None:

@@ -1,4 +1,4 @@
-"""A worker: takes jobs, has each done in a process of its own, sees to it that none is lost."""
+"""A worker: claims jobs, runs each in a separate process, and queues lost ones again."""
 
 from __future__ import annotations
 
@@ -64,10 +64,10 @@ class JobRun(Protocol):
 
 
 class Engine(Protocol):
-    """Where attempts are made: processes of this machine, or the workers of a scheduler."""
+    """Executes attempts: processes of this machine, or the workers of a scheduler."""
 
     def begin(self, workspace: Workspace, target: str, claim: Claim) -> JobRun:
-        """Returns an attempt that has begun."""
+        """Starts an attempt and returns it."""
         ...
 
 
@@ -107,7 +107,7 @@ class ProcessEngine:
         self.start: Start = start
 
     def begin(self, workspace: Workspace, target: str, claim: Claim) -> JobRun:
-        """Returns an attempt that has begun."""
+        """Starts an attempt and returns it."""
         return ProcessRun(workspace, target, claim, self.start)
 
 
@@ -157,7 +157,7 @@ class DaskRun:
                 return f"Dask says it is {word}"
 
     def kill(self) -> None:
-        """Takes it back; what a worker has begun already writes nothing any more."""
+        """Revokes the attempt; a worker that has started it writes nothing any more."""
         self._future.cancel(force=True)
 
 
@@ -194,7 +194,7 @@ class Worker:
     _down: bool = False
 
     def run(self, *, until_idle: bool, stop: Callable[[], bool]) -> None:
-        """Works until it is told to stop, or until nothing waits.
+        """Works until it is stopped, or until the queue is empty.
 
         While the database does not answer it waits; jobs under way go on.
         """

@@ -1,4 +1,4 @@
-"""What was done and when, in rows that are only ever added. Who did it, nobody is asked."""
+"""Journal of changes, append-only. Authors are not recorded."""
 
 from __future__ import annotations
 

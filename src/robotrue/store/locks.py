@@ -36,7 +36,7 @@ def hold_alone(path: Path, *, wait: bool) -> Iterator[bool]:
 
 
 def is_abandoned(path: Path) -> bool:
-    """Returns whether a lock file is there and nobody holds it: its process has died."""
+    """Returns true if a lock file exists and its process has died."""
     if not POSIX or not path.is_file():
         return False
     with hold_alone(path, wait=False) as mine:

@@ -62,7 +62,7 @@ _COMPARE: Final[Mapping[Comparison, Callable[[Array, float], Array]]] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RowQuery:
-    """Which rows of a measurement set.
+    """Query for rows of a measurement set.
 
     Attributes:
         columns: Wanted; empty: joints and position.
@@ -154,7 +154,7 @@ def add(
 
 
 def rows_of(workspace: Workspace, record: MeasurementRecord) -> MeasurementSet:
-    """Returns the poses of a set, as they were taken in, bit for bit.
+    """Returns the poses of a set, bit for bit as imported.
 
     Raises:
         ArchiveError: Their file is missing, was altered, or is of a newer robotrue.
@@ -225,7 +225,7 @@ def samples_bytes(rows: MeasurementSet) -> bytes:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _SamplesHead:
-    """What a file of measurements states beside its columns."""
+    """Header of a file of measurements, beside its columns."""
 
     format_version: int
     dof: int

@@ -35,7 +35,7 @@ ZIP: Final = b"PK"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModelFile:
-    """What a model file holds.
+    """Content of a model file.
 
     Attributes:
         model: The error model.

@@ -94,7 +94,7 @@ class ModelRecord(ItemRecord):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RegistrationRecord(ItemRecord):
-    """Where a part stands; links ``cell``, ``model``; files ``cell``, ``points``."""
+    """Registered part frames; links ``cell``, ``model``; files ``cell``, ``points``."""
 
     method: Word
     verdict: Word
@@ -121,7 +121,7 @@ class ProgramRecord(ItemRecord):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DocumentRecord(ItemRecord):
-    """What a job leaves besides models and programs; ``kind`` is plan, validation, report, ..."""
+    """Result of a job other than a model or program; ``kind`` is plan, validation, report, ..."""
 
     kind: Word
 

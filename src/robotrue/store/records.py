@@ -1,4 +1,4 @@
-"""What the store answers with: immutable records, listings of them, what to ask for."""
+"""Immutable records of the store, pages of them, and queries."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Ref:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Link:
-    """What a version rests on.
+    """Dependency of a version on another item.
 
     Attributes:
         role: ``data``, ``cell``, ``model``, ``parent``, ``before``, ``robot``, ``tool``, ...
@@ -133,7 +133,7 @@ def provenance_of_record(record: ItemRecord) -> Provenance:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ItemQuery:
-    """What to list.
+    """Query for items.
 
     Attributes:
         text: Part of the name or the note, in any case of letters; empty: all.
@@ -156,7 +156,7 @@ class ItemQuery:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ResultPage(Generic[T]):
-    """Some of what was asked for.
+    """One page of a query's result.
 
     Attributes:
         items: In order.

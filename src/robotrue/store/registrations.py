@@ -1,4 +1,4 @@
-"""Registrations in the store: where a part stands, and the sessions at the part they came from.
+"""Registrations in the store: part frames, and the probing sessions they came from.
 
 A session is a document of kind ``touching``: every reading is a new version, written before it is
 answered; several people may write to it, each to the version they have seen.
@@ -39,7 +39,7 @@ def add(
     note: str = "",
     id: str | None = None,
 ) -> RegistrationRecord:
-    """Returns an imported registration: where a part stands, from which touches.
+    """Stores the imported registration of a part and its probing points.
 
     Args:
         where: Workspace or transaction.

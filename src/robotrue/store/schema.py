@@ -104,7 +104,7 @@ class ItemRow(Base):
 
 
 class LinkRow(Base):
-    """That one version rests on another: a model on its data, a program on its model."""
+    """Dependency of one version on another: a model on its data, a program on its model."""
 
     __tablename__ = "links"
     id: Mapped[str] = mapped_column(ID, ForeignKey("items.id"), primary_key=True)
@@ -130,7 +130,7 @@ class AttachmentRow(Base):
 
 
 class Versioned(Base):
-    """What all nouns have; one row is one version."""
+    """Columns that all nouns share; one row is one version."""
 
     __abstract__ = True
 
@@ -154,7 +154,7 @@ class Versioned(Base):
 
 
 class JobRow(Base):
-    """Work asked for and how far it is."""
+    """Queued or running job and its progress."""
 
     __tablename__ = "jobs"
     id: Mapped[str] = mapped_column(ID, primary_key=True)
@@ -181,7 +181,7 @@ class JobRow(Base):
 
 
 class JournalRow(Base):
-    """What was done and when; rows are only ever added."""
+    """Entry of the journal; rows are only ever added."""
 
     __tablename__ = "journal"
     number: Mapped[int] = mapped_column(Integer, primary_key=True, autoincrement=True)

@@ -1,4 +1,4 @@
-"""Whether every file of a workspace is there and as it was, and every row names what is there."""
+"""Verification: every file of a workspace is present and unaltered, every reference resolves."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from robotrue.store.workspace import Workspace
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verification:
-    """What was looked at and what is wrong.
+    """Result of a verification.
 
     Attributes:
         files: That the database names.

@@ -160,7 +160,7 @@ class Workspace:
 
     @contextlib.contextmanager
     def write(self) -> Iterator[Transaction]:
-        """Gives a transaction; what is done in it stands when the block ends, or not at all.
+        """Yields a transaction, committed when the block ends, rolled back on an error.
 
         Raises:
             DatabaseDownError: The database does not answer.
@@ -170,7 +170,7 @@ class Workspace:
             yield transaction
 
     def path_of(self, digest: str) -> Path:
-        """Returns where a file stands, to read from.
+        """Returns the path of a file, for reading.
 
         Raises:
             ConfigurationError: No row names it.
@@ -204,7 +204,7 @@ class Workspace:
 
 
 class Transaction:
-    """Files and rows that come to stand together.
+    """Files and rows that are committed together.
 
     Files are taken in first, so that the database is locked for rows alone.
     """
@@ -236,7 +236,7 @@ class Transaction:
         return self._session
 
     def keep(self, source: bytes | Path | BinaryIO, *, place: str = BLOBS) -> str:
-        """Returns the SHA-256 under which a file was taken in.
+        """Imports a file and returns its SHA-256.
 
         Raises:
             FormatError: It cannot be read, or the workspace not be written to.
@@ -263,7 +263,7 @@ class Transaction:
 
 @contextlib.contextmanager
 def _first_wins(session: Session) -> Iterator[None]:
-    """Two writers may bring the same file at once: its row stands once."""
+    """Resolves a race of two writers for the same file: its row is written once."""
     with contextlib.suppress(IntegrityError), session.begin_nested():
         yield
 

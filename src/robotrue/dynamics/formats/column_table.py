@@ -53,7 +53,7 @@ class ColumnTable:
     provenance: Provenance
 
     def column(self, name: str) -> Array:
-        """Returns (n,) of a column that is there."""
+        """Returns a required column, (n,)."""
         return np.asarray(self.values[:, self.names.index(name)])
 
     def line(self, row: int) -> int:
@@ -61,7 +61,7 @@ class ColumnTable:
         return self.lines[row]
 
     def stack(self, names: Sequence[str]) -> Array:
-        """Returns (n, k) of columns that are there."""
+        """Returns required columns, (n, k)."""
         return np.column_stack([self.column(name) for name in names])
 
     def fault(self, message: str, hint: str) -> FormatError:
@@ -69,7 +69,7 @@ class ColumnTable:
         return FormatError(message, source=self.source, line=self.header_line, hint=hint)
 
     def require(self, needed: Sequence[str], optional: Sequence[str] = (), hint: str = "") -> None:
-        """Passes if the needed columns are there, and no others but the optional ones.
+        """Checks that all needed columns exist, and no others but the optional ones.
 
         Raises:
             FormatError: A column that is missing, with the hint, or not known.

@@ -192,7 +192,7 @@ def _read_span(sheet: Sheet) -> Array:
 
 
 def _read_zero_taken(sheet: Sheet) -> BoolArray:
-    """Whether the zero was taken off (n,)."""
+    """Returns (n,), true where the zero was subtracted already."""
     if not sheet.has(ZERO_TAKEN):
         return np.zeros(len(sheet), dtype=bool)
     cells = [cell.lower() for cell in sheet.column(ZERO_TAKEN)]

@@ -225,7 +225,7 @@ def write_uff(path: str | Path, frf: FrequencyResponse) -> None:
 
 
 def _set(frf: FrequencyResponse, pair: str, values: ComplexArray | Array, kind: int) -> UffSet:
-    """What pyuff does not fill in by itself."""
+    """Returns the fields that pyuff does not fill in by itself."""
     step = np.diff(frf.frequency)
     is_response = kind == _RESPONSE
     return {
