@@ -156,7 +156,7 @@ def _require_steps(
     steps: Steps,
     context: Context,
 ) -> None:
-    """Passes if steps are small or allowed; else notes first why targets are left alone."""
+    """Raises if steps exceed the limit and are not allowed; reports first why targets stay."""
     try:
         ground.steps.require(steps, ground.programs[0].name)
     except StepError:
@@ -174,7 +174,7 @@ def _rewrite(
     streams: Sequence[BinaryIO],
     context: Context,
 ) -> tuple[list[Rewritten], Between | None]:
-    """Compensates the files, and looks between their targets where that is asked."""
+    """Compensates the files and, if requested, examines the moves between their targets."""
     if request.free_spin:
         require_free_spin(ground.model, ground.force)
     settings = [_settings(request, ground, force) for force in forces]
@@ -366,7 +366,7 @@ def _together(documents: Sequence[Counts]) -> dict[str, object]:
 
 
 def _frame_notes(in_use: Array, frame: PartFrame | None) -> list[str]:
-    """What to say of work frames (k, 4, 4) that are not the registered part frame."""
+    """Returns warnings about work frames (k, 4, 4) other than the registered part frame."""
     if frame is None:
         return []
     notes = []

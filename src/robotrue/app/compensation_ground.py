@@ -1,4 +1,4 @@
-"""What a compensation rests on: model, cell, part frame, force, and the programs."""
+"""Inputs of a compensation: model, cell, part frame, force, and the programs."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from robotrue.program.program_file import ProgramFile, open_job
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ground:
-    """What a request rests on: its files opened, its frame chosen, its rules checked.
+    """Opened inputs of a request: its files, frame, and rules, all checked.
 
     Attributes:
         programs: Files of one program, or its folder.
@@ -132,7 +132,7 @@ def _ground_files(request: CompensateRequest, context: Context) -> tuple[Path, P
 
 
 def _why_whole(request: CompensateRequest, ground: Ground) -> str:
-    """What asks for the whole program at once; empty if nothing does."""
+    """Returns the option that needs the whole program in memory; empty if none does."""
     model = ground.model
     asks = {
         "--force": request.force is not None,

@@ -1,4 +1,4 @@
-"""What is asked of a compensation: the program, the model, the force, and how far it may go."""
+"""Request for a compensation: program, model, force, and limits of the changes."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ ALLOW_STEPS: Final = Option(help="Write a program with larger steps all the same
 
 
 class CompensateRequest(Request):
-    """Which program to compensate, with what, and how far it may be altered."""
+    """Program to compensate, the model and frames to use, and the limits of the changes."""
 
     model: Annotated[
         Reference | None,

@@ -1,4 +1,4 @@
-"""What an operation works with: who listens to it, its inputs opened, where its outputs go."""
+"""Context of an operation: its reporter, its opened inputs, the place of its outputs."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Context(ABC):
 
     @abstractmethod
     def step(self, text: str, done: int, of: int) -> None:
-        """Reports what is done next, how much is done, and of how much; may raise to cancel."""
+        """Reports the next step and the progress, ``done`` of ``of``; may raise to cancel."""
 
     @abstractmethod
     def report(self, message: Message) -> None:
@@ -108,7 +108,7 @@ class Context(ABC):
     def unchecked_rows(
         self, cell: Cell, reference: Reference, mapping: Path | None = None
     ) -> MeasurementSet:
-        """Returns one set of measured poses as it stands, in the cell's frame, not yet checked."""
+        """Returns one set of measured poses in the cell's frame, before any check."""
 
     @abstractmethod
     def cell_file(self, reference: Reference) -> Path:

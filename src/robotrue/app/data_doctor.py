@@ -1,4 +1,4 @@
-"""The data doctor in operations: it warns beside a result, and puts rows right where asked to."""
+"""Data doctor in operations: it warns beside a result, and cures rows on request."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def examine_rows(cell: Cell, rows: MeasurementSet) -> Diagnosis | None:
 def inspect_measurements(
     path: Path, cell_file: Path, mapping: Path | None, context: Context
 ) -> PlainResult:
-    """Returns what a measurement file holds and what is wrong with it."""
+    """Returns the content of a measurement file and the faults found in it."""
     cell = context.cell(cell_file)
     rows = context.unchecked_rows(cell, path, mapping)
     diagnosis = examine_rows(cell, rows)

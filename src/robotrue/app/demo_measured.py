@@ -167,7 +167,7 @@ def _space_rows(n: int, most: int) -> Array:
 
 
 def _contest(cell: Cell, settings: FitSettings, rows: MeasurementSet, tell: Share) -> Selection:
-    """Which method wins on blocks of series A; the poses come from the whole series."""
+    """Selects the best method on held-out blocks of series A, over poses of the whole series."""
     few = rows.subset(_space_rows(len(rows), CONTEST_ROWS))
     candidates = {
         name: partial(fit, cell.measured_robot, method=name, settings=settings) for name in METHODS
@@ -194,7 +194,7 @@ def _splits(rows: MeasurementSet, seed: int) -> tuple[Split, Split, Split]:
 def _path(
     cell: Cell, model: ErrorModel, other: ErrorModel, rows: MeasurementSet, folder: Path
 ) -> PathCheck:
-    """A horizontal circle inside the measured region, compensated and judged by another model."""
+    """Compensates a horizontal circle in the measured region; checks it by another model."""
     robot = model.robot
     start = _start(forward(robot, rows.joints)[:, :3, 3], rows.joints)
     T_start = forward(robot, start[None])[0]

@@ -33,7 +33,7 @@ _AGAIN: Final = 200
 
 
 class Desk:
-    """Takes values, gives answers; what it says is on the journal's disk first.
+    """Receives values and returns answers, each written to the journal first.
 
     Args:
         session: Model and watch.
@@ -63,7 +63,7 @@ class Desk:
         self.moves = self.refusals = self.references = self.alarms = self.unread = 0
 
     def take(self, sample: SignalSample) -> dict[str, object] | None:
-        """Returns what the other side is told about a sample; None if nothing.
+        """Returns the reply to a sample; None if there is none.
 
         Raises:
             FormatError: The journal cannot be written: nothing is answered, nothing moves.
@@ -83,11 +83,11 @@ class Desk:
 
     @property
     def provenance(self) -> Provenance:
-        """Of the model and of the machine that speaks to it."""
+        """Provenance of the model merged with that of the machine."""
         return self._session.provenance
 
     def summary(self) -> str:
-        """What it came to."""
+        """Summary of the session."""
         text = (
             f"{count(self.moves, 'move')}, {count(self.refusals, 'refusal')}, "
             f"{count(self.references, 'reference')}, {count(self.alarms, 'alarm')}; model version "
@@ -155,7 +155,7 @@ class Desk:
         return document
 
     def _unread(self, cause: RobotrueError, **beside: str) -> dict[str, object]:
-        """A machine that sends what cannot be read is told so, once in a while on the console."""
+        """Returns the reply to an unreadable datagram; the console shows it from time to time."""
         document: dict[str, object] = {"status": "unread", "said": _word_fault(cause), **beside}
         self.unread += 1
         if self.unread.bit_count() == 1:

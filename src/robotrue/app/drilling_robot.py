@@ -88,7 +88,7 @@ class DrillingRobot:
                 self._recent.popleft()
 
     def move(self, found: HoleAdjustment, now: float) -> dict[str, object]:
-        """Returns where the robot has to go, as the machine is told it: deg and mm.
+        """Returns the robot's target as the machine receives it: deg and mm.
 
         Args:
             found: Tilt of the surface.
@@ -122,7 +122,7 @@ class DrillingRobot:
         }
 
     def _standing(self, now: float) -> Array:
-        """(n,) rad as displayed, of a robot that stands."""
+        """Returns (n,) rad as displayed, of a robot at rest."""
         if not self._recent or now - self._recent[-1][0] > OLDEST:
             age = now - self._recent[-1][0] if self._recent else np.inf
             raise ImplausibleDataError(

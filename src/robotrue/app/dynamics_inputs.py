@@ -1,4 +1,4 @@
-"""What operations of dynamics make of their options and files: arms, load tests, a milling pass."""
+"""Inputs of the dynamics operations: arms, load tests, a milling pass."""
 
 from __future__ import annotations
 

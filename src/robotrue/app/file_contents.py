@@ -1,4 +1,4 @@
-"""What a file holds, told from its content and not its name."""
+"""Content of a file, recognised by its bytes and not by its name."""
 
 from __future__ import annotations
 
@@ -218,7 +218,7 @@ def _part_document(part: PartTable) -> dict[str, object]:
 
 
 def _program_identity(known: ProgramIdentity) -> dict[str, object]:
-    """What the file beside a program says of it."""
+    """Returns the identity that the file beside a program states."""
     return {
         "identity": {
             "model": known.model.document(),

@@ -72,7 +72,7 @@ class FilesContext(Context):
     def unchecked_rows(
         self, cell: Cell, reference: Reference, mapping: Path | None = None
     ) -> MeasurementSet:
-        """Returns the rows of one measurement file as it stands."""
+        """Returns the rows of one measurement file, before any check."""
         from robotrue.app.measured_rows import read_rows
 
         return read_rows(cell, _path(reference), mapping, reporter=self)

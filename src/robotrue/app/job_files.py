@@ -1,4 +1,4 @@
-"""Files of a job whose result is kept: which it reads, and what its results are called."""
+"""Files of a job whose result is saved: its inputs, and the names of its results."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class FileItem(ItemVersion):
 
 
 class Places(Protocol):
-    """Where the files of a job lie."""
+    """Folders of the files of a job."""
 
     def input_files(self, field: RequestField, stated: Sequence[FileItem]) -> tuple[Path, ...]:
         """Returns the files that a field reads; of a folder the folder."""
@@ -93,7 +93,7 @@ def takes_files(field: RequestField) -> bool:
 
 
 def is_result_folder(field: RequestField) -> bool:
-    """Returns whether a field names a folder that a command writes to, which no job is told."""
+    """Returns true if a field names an output folder of the command, which jobs do not have."""
     return field.kind is Path and type(field.entry) is Option
 
 

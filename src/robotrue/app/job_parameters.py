@@ -182,7 +182,7 @@ def stated_parameters(
 def _saved_values(
     fields: Mapping[str, RequestField], stated: Mapping[str, RequestField], model: Naming
 ) -> dict[str, object]:
-    """The outputs of a job with a ``save`` of its own, by the names that it expects."""
+    """Returns the outputs of a job with its own ``save``, by the names that it expects."""
     return {
         name: Path(field.entry.saved_as)
         for name, field in fields.items()
@@ -193,7 +193,7 @@ def _saved_values(
 
 
 def _kept_values(request: type[Request], model: Naming, places: Places) -> dict[str, object]:
-    """The results of a job whose result is kept, each with where it is written.
+    """Returns the output fields of a job whose result is saved, each with its path.
 
     Raises:
         ConfigurationError: A name that cannot be, or two results of one name.

@@ -1,4 +1,4 @@
-"""The files of one job: inputs copied from the workspace, results that are kept with it."""
+"""Files of one job: inputs copied from the workspace, results saved with the job."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ RESULTS: Final = "results"
 
 
 class KeptContext(WorkspaceContext):
-    """The context of a job whose result is kept: a cell may be that of a model or a registration.
+    """Context of a job whose result is saved; the cell may be that of a model or registration.
 
     Attributes:
         nouns: Of the items that the request refers to.
@@ -103,7 +103,7 @@ INPUTS: Final = "inputs"
 
 
 class JobInputs:
-    """Where the files lie that a job reads; results are written to its folder.
+    """Paths of the input files of a job; its results go to its folder.
 
     Attributes:
         links: To the items that it rests on.
@@ -160,7 +160,7 @@ class JobInputs:
 
 
 class JobPlaces(JobInputs):
-    """The files of a job whose result is kept: results lie in a folder of their own."""
+    """Paths of a job whose result is saved; its results go to a separate folder."""
 
     def __init__(self, context: KeptContext) -> None:
         super().__init__(context)
@@ -182,7 +182,7 @@ class JobPlaces(JobInputs):
         return [path for path in found if path in written or path.name in named]
 
     def link_items(self, request: Request) -> None:
-        """Notes the items that a request refers to, and that they are there.
+        """Checks that the items of a request exist, and records the links to them.
 
         Raises:
             ConfigurationError: One is not in the workspace, or deleted.
@@ -230,7 +230,7 @@ def _texts(value: object) -> Iterator[str]:
 
 @contextmanager
 def hide_folder(folder: Path) -> Iterator[None]:
-    """Takes the folder of a job out of what a refusal says: it is of the server, and soon gone."""
+    """Removes the job's folder from error messages: it is on the server, and temporary."""
     try:
         yield
     except RobotrueError as cause:

@@ -1,4 +1,4 @@
-"""A job: an operation on items of a workspace, in a process of its own."""
+"""Runner of a job: an operation on items of a workspace, in a separate process."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files that come with the request of a job: kept as documents, so that it can be done again."""
+"""Files sent with a job's request, saved as documents so that the job can be repeated."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def find_uploads(
 
 
 def name_uploads(parameters: Mapping[str, object], paths: Mapping[str, Path]) -> dict[str, object]:
-    """Returns the parameters as they can be checked, before anything is kept."""
+    """Returns the parameters with uploads by name, so that they can be checked before saving."""
     named = {id: {"id": path.name} for id, path in paths.items()}
     return {name: _with_documents(value, named) for name, value in parameters.items()}
 
@@ -80,7 +80,7 @@ def _upload_of(value: object) -> str | None:
 
 
 def _keep_file(into: Transaction, path: Path) -> dict[str, object]:
-    """The parameter for a document with the file: the one that is there where it came before."""
+    """Returns the parameter for a document with this file, an existing one if there is one."""
     digest = sha256_of_file(path)
     asked = ItemQuery(where={"kind": INPUT, "name": path.name}, limit=LOOKED_AT)
     for each in items.search(into, DOCUMENT, asked).items:

@@ -26,7 +26,7 @@ from robotrue.errors import ConfigurationError, ObservabilityError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LearnedAlong:
-    """What a deviation says of the windows of a record.
+    """Learned deviation in the windows of a record.
 
     Attributes:
         time: (n,) s of the record's samples.

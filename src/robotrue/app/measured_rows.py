@@ -114,7 +114,7 @@ def require_mapped(mapping: Path | None, references: Sequence[Reference]) -> Non
 def read_rows(
     cell: Cell, path: Path, mapping: Path | ColumnMapping | None, *, reporter: Reporter
 ) -> MeasurementSet:
-    """Returns the rows of one file as it stands, in the cell's frame, not yet checked.
+    """Returns the rows of one file in the cell's frame, before any check.
 
     A layout that is in the tracker's own frame stays in it, whatever the cell says.
 

@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 
 
 class Result(Protocol):
-    """What every result says; it is marked as simulated by whoever shows it."""
+    """Contract of every result; whoever shows it adds the mark of simulated data."""
 
     @property
     def provenance(self) -> Provenance | None:
-        """Where the data come from that it rests on; None if it rests on none."""
+        """Provenance of the data behind the result; None without data."""
         ...
 
     def document(self) -> Mapping[str, object] | None:

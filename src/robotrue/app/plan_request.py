@@ -55,7 +55,7 @@ OF_INFORMATION: Final = (
 
 
 class PlanRequest(Request):
-    """Which poses to choose, for which work."""
+    """Cell, number of poses, and the region of work."""
 
     cell: CellFile
     output: Annotated[Path, table_output(saved_as="poses.csv", help="CSV of the poses to write.")]

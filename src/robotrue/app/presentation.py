@@ -61,7 +61,7 @@ Block: TypeAlias = Facts | Table | Note | Text
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LiveView:
-    """How a service that runs is at one moment.
+    """Snapshot of a running service.
 
     Attributes:
         line: The moment in one line.

@@ -66,7 +66,7 @@ def read_model_or_cell(path: Path) -> tuple[Cell, ErrorModel | None]:
 
 
 def provenance_used(cell: Cell | None, model: ErrorModel | None) -> Provenance:
-    """Returns where what a program is written or checked with comes from: model and part frame."""
+    """Returns the provenance of a program's sources: model and part frame."""
     return merge(
         [
             *([] if model is None else [provenance_of(model)]),
@@ -76,7 +76,7 @@ def provenance_used(cell: Cell | None, model: ErrorModel | None) -> Provenance:
 
 
 def provenance_of_file(model_path: Path | None) -> Provenance:
-    """Returns the provenance of the model in a file; no file has none of its own."""
+    """Returns the provenance of the model in a file; empty without a file."""
     return provenance_used(None, None if model_path is None else read_model(model_path).model)
 
 

@@ -1,4 +1,4 @@
-"""What a registration answers: JSON values, tables, frames to paste."""
+"""Results of a registration: JSON values, tables, and frames to paste."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def registration_document(found: RegisteredPart) -> dict[str, object]:
 def write_frames(
     frames: Sequence[FoundFrame], formats: Sequence[str], first: int
 ) -> tuple[tuple[str, ControllerFrame], ...]:
-    """Returns name and frame of each part as the controllers write it that are asked for.
+    """Returns name and frame of each part in the requested controllers' formats.
 
     Args:
         frames: Found.
@@ -81,7 +81,7 @@ def frames_document(frames: Sequence[tuple[str, ControllerFrame]]) -> list[dict[
 
 
 def _names(found: RegisteredPart) -> list[str]:
-    """Of all touches; the part's name goes before where one of them stands twice."""
+    """Returns the names of all touches, with the part's name in front where one occurs twice."""
     pairs = [(frame.name, name) for frame in found.frames for name in frame.registration.names]
     alone = len({name for _, name in pairs}) == len(pairs)
     return [name if alone else f"{part}/{name}" for part, name in pairs]
@@ -143,7 +143,7 @@ def registration_blocks(found: RegisteredPart, controller_lines: Sequence[str]) 
 
 
 def _share(frame: FoundFrame) -> str:
-    """What the region at a touch is about: without joints the arm's share is not known."""
+    """Describes the region at a touch; without joints the arm's share is unknown."""
     return "machined there" if frame.with_arm else "frame there"
 
 

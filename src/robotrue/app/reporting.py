@@ -1,4 +1,4 @@
-"""What an operation reports while it runs: messages and progress, as values."""
+"""Messages and progress that an operation reports while it runs, as values."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ def place_in_file(name: str, text: str) -> str:
 
 
 class Reporter(Protocol):
-    """Whoever listens while an operation runs: a terminal, a job, a test."""
+    """Receives the reports of a running operation: a terminal, a job, a test."""
 
     def report(self, message: Message) -> None:
         """Takes one line."""
         ...
 
     def step(self, text: str, done: int, of: int) -> None:
-        """Takes what is done next, how much is done, and of how much; may raise to cancel."""
+        """Reports the next step and the progress, ``done`` of ``of``; may raise to cancel."""
         ...
 
 

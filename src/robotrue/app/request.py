@@ -1,4 +1,4 @@
-"""Requests: what is asked of an operation; each field has default, limits and one line of help.
+"""Requests of operations; each field has a default, limits and one line of help.
 
 A field is a value, an input or an output, which its annotation says::
 
@@ -55,13 +55,13 @@ Reference: TypeAlias = Annotated[Path | ItemVersion, BeforeValidator(_item_of_te
 
 
 class Request(BaseModel):
-    """What is asked of one operation; its fields are described in the module's docstring."""
+    """Request of one operation; the module's docstring describes its fields."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
 
 class Naming(BaseModel):
-    """What every job may be given for what it leaves."""
+    """Name and note for the results of a job."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
@@ -192,17 +192,17 @@ class RequestField:
 
     @property
     def many_in_jobs(self) -> bool:
-        """Whether jobs state it as a list of values."""
+        """True if jobs state it as a list of values."""
         return self.many and not (isinstance(self.entry, Item) and self.entry.single)
 
     @property
     def choices(self) -> tuple[str, ...]:
-        """What it may say; empty for anything."""
+        """Permitted values; empty if any value is permitted."""
         return get_args(self.kind) if get_origin(self.kind) is Literal else ()
 
     @property
     def option(self) -> str:
-        """What it is called on the command line."""
+        """Its name on the command line."""
         if self.entry.argument:
             return self.entry.argument
         return next(iter(self.entry.names), f"--{self.name.replace('_', '-')}")

@@ -1,4 +1,4 @@
-"""Where the workbench is served unless somebody says otherwise."""
+"""Default address of the workbench."""
 
 from __future__ import annotations
 

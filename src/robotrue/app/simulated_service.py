@@ -128,7 +128,7 @@ async def _stoppable(run: Callable[[asyncio.Event], Awaitable[T]], seconds: floa
 
 
 def choose(text: str, known: Mapping[str, V], what: str) -> V:
-    """Returns the value that a word stands for.
+    """Returns the value that a word names.
 
     Raises:
         ConfigurationError: Another word.

@@ -1,4 +1,4 @@
-"""What a stored program was compensated for: force, start posture and part, as its job stated."""
+"""Conditions that a stored program was compensated for: force, start posture and part."""
 
 from __future__ import annotations
 

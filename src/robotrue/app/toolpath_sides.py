@@ -155,7 +155,7 @@ def note_frames(cell: Cell, frames: Sequence[PartFrame | None]) -> list[str]:
 
 
 def identity_of_frame(cell: Cell, frame: PartFrame | None, path: Path) -> ProgramIdentity | None:
-    """Returns whose frame the program stands in; a frame that nobody touched: no model's, None."""
+    """Returns the identity of the program's frame; None for a frame that was never probed."""
     if cell.part is None or frame is None:
         return None
     return ProgramIdentity(

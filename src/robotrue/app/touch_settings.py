@@ -1,4 +1,4 @@
-"""What a cell says of touches with its tool, as settings: noise, payload, priors, the tip."""
+"""Settings of touches with the cell's tool: noise, payload, priors, the tip."""
 
 from __future__ import annotations
 

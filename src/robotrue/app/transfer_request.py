@@ -1,4 +1,4 @@
-"""What is asked of a transfer: what is known, what was measured, by which method."""
+"""Request for a transfer: sources, new measurements, and the method."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ USUAL: Final = DengReadings()
 
 
 def _source_item(relation: str) -> Item:
-    """What is known from one relation: the field of a job, with items and files."""
+    """Field of a job for sources of one relation, with items and files."""
     return Item(
         noun="measurement",
         also=("model",),
@@ -44,7 +44,7 @@ def _source_item(relation: str) -> Item:
 
 
 class TransferRequest(Request):
-    """What is known, and of what: a command states sources, a job items and files by relation."""
+    """Sources and new measurements: commands state sources, jobs items and files by relation."""
 
     cell: Annotated[
         Reference | None,

@@ -55,7 +55,7 @@ class KnownSource:
 
     @property
     def is_model(self) -> bool:
-        """Whether it is a model, by its noun or by what begins its file."""
+        """True for a model, by its noun or by the first bytes of its file."""
         if self.path is None:
             return self.noun == MODEL
         workbook = self.path.suffix.lower().startswith(".xls")

@@ -143,7 +143,7 @@ class WorkspaceContext(Context):
     def unchecked_rows(
         self, cell: Cell, reference: Reference, mapping: Path | None = None
     ) -> MeasurementSet:
-        """Returns the rows of a set as it stands, or of a file that was sent along."""
+        """Returns the rows of a stored set or of a file sent with the request, before any check."""
         if isinstance(reference, Path):
             self._sent[reference] = read_rows(cell, reference, mapping, reporter=self)
             return self._sent[reference]
@@ -174,7 +174,7 @@ class WorkspaceContext(Context):
     def _keep_rows(
         self, into: Transaction, path: Path, cell: Ref | None, mapping: Path | None
     ) -> Ref:
-        """The set of the rows of a file: the one that is there where they came before."""
+        """Returns the set of a file's rows, an existing one if it was imported before."""
         rows = self._sent[path]
         same = ItemQuery(where={"data": data_hash(rows), "name": path.stem})
         for each in items.search(into, MEASUREMENT, same).items:

@@ -125,7 +125,7 @@ class Cell(Columns):
 
     @property
     def says_of_controller(self) -> bool:
-        """Whether anything programs name is given."""
+        """True if any frame or tool number that programs use is defined."""
         told = self.controller
         return bool(
             told.bases or told.tools or told.external or told.external_axes_at_rest

@@ -1,4 +1,4 @@
-"""cell.toml: the one file that says which robot stands where. Keys are in docs/reference."""
+"""cell.toml: the one file that describes robot, tool and instrument. Keys are in docs/reference."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ def read_controller(table: ControllerTable, read_file: Callable[[str], bytes]) -
 
 
 def _read_orientation(table: ControllerTable) -> OrientationRule:
-    """What angles and tool axes of G-code, APT and CSV say of the tool frame."""
+    """Reads how angles and tool axes of G-code, APT and CSV define the tool frame."""
     sign, axis = ("", *(table.cutter or "z"))[-2:]
     cutter = np.eye(3)["xyz".index(axis)] * (-1.0 if sign == "-" else 1.0)
     spin = None if table.spin_deg is None else table.spin_deg * DEG

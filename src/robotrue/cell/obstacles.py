@@ -1,4 +1,4 @@
-"""What stands in the cell besides the robot: boxes, spheres and half-spaces in the robot base."""
+"""Obstacles in the cell: boxes, spheres and half-spaces in the robot base."""
 
 from __future__ import annotations
 

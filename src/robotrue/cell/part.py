@@ -59,7 +59,7 @@ class PartFrame(Columns):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PartTable:
-    """What a registered cell knows beyond a cell: where its part stands.
+    """Part frames of a registered cell, and how they were measured.
 
     Attributes:
         frames: One per part or side; the first is the one meant where none is named.
@@ -91,7 +91,7 @@ class PartTable:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the parts or sides."""
+        """Names of the parts or sides."""
         return tuple(frame.name for frame in self.frames)
 
     def frame(self, name: str | None = None) -> PartFrame:
@@ -115,7 +115,7 @@ class PartTable:
 
 
 def part_tables(part: PartTable) -> dict[str, object]:
-    """Returns the tables; every digit of poses, covariances and residuals is kept."""
+    """Returns the tables; poses, covariances and residuals keep every digit."""
     origin = part.provenance
     return {
         "registration": {

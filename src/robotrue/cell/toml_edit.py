@@ -1,4 +1,4 @@
-"""The text of a cell.toml: written from tables, or patched so that the rest of it stays.
+"""Text of a cell.toml: written from tables, or patched without touching other lines.
 
 Comments, order and layout of a user's file survive a patch (tomlkit).
 """

@@ -1,4 +1,4 @@
-"""Where the arm is between two targets: all that the next target depends on."""
+"""State of the arm between two targets, which determines the next target."""
 
 from __future__ import annotations
 

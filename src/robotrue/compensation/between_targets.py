@@ -1,4 +1,4 @@
-"""What happens between the targets of a compensated job: how far moves bow, and splits."""
+"""Deviation between the targets of a compensated job, and the splitting of moves."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _LINES: Final = 5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SplitOptions:
-    """What was asked.
+    """Requested splitting.
 
     Attributes:
         tolerance_um: Split moves that are further off; None leaves all whole.
@@ -50,7 +50,7 @@ class SplitOptions:
 
     @property
     def asked(self) -> bool:
-        """Whether anything was asked."""
+        """True if any of it was requested."""
         return self.deviation or self.tolerance_um is not None
 
     @property
@@ -90,7 +90,7 @@ class BelowBound(TypedDict):
 
 
 class BetweenDocument(TypedDict, total=False):
-    """What lies between targets, as JSON values; of a split also what it comes to."""
+    """Deviation between targets, as JSON values; with a split also its result."""
 
     lines: int
     arcs: int
@@ -108,7 +108,7 @@ class BetweenDocument(TypedDict, total=False):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Between:
-    """A job that was looked at between its targets, split where asked.
+    """Compensated job examined between its targets, split if requested.
 
     Attributes:
         programs: To be written; those given where nothing is split.
@@ -148,7 +148,7 @@ def look_between(
     options: SplitOptions,
     reread: Reread,
 ) -> Between:
-    """Returns the compensated job with its moves kept or split.
+    """Returns the compensated job with its moves unchanged or split.
 
     Raises:
         ConfigurationError: No model, a dialect without insertion, too many targets.
@@ -224,7 +224,7 @@ def _document(job: JobMoves, deviation: MoveDeviations) -> BetweenDocument:
 
 
 def _worst(job: JobMoves, deviation: MoveDeviations, plan: SplitPlan | None) -> list[WorstMove]:
-    """The moves that are furthest off: kept whole, and split as planned or into two."""
+    """Returns the moves with the largest deviation: whole, and split as planned or in two."""
     known = np.flatnonzero(np.isfinite(deviation.size) & ~deviation.bounded)
     rows = known[np.argsort(-deviation.size[known], kind="stable")[:_WORST]]
     rows = rows[deviation.size[rows] > 0.0]

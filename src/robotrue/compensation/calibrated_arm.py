@@ -128,7 +128,7 @@ class CalibratedArm(NamedTuple):
 
     @property
     def has_closed_form(self) -> bool:
-        """Whether the nominal inverse is computed in closed form."""
+        """True if the nominal inverse has a closed form."""
         return bool(self.arms["closed"]["exists"].all())
 
 

@@ -62,7 +62,7 @@ class DaskWorkers(ChunkWorkers):
 
 
 class DaskFuture(Protocol):
-    """What this package uses of a future of distributed, which has no types.
+    """The used part of a future of distributed, which is untyped.
 
     Attributes:
         status: ``pending``, ``finished``, ``error``, ``cancelled`` or ``lost``.
@@ -80,7 +80,7 @@ class DaskFuture(Protocol):
 
 
 class DaskClient(Protocol):
-    """What this package uses of a client of distributed, which has no types."""
+    """The used part of a client of distributed, which is untyped."""
 
     def nthreads(self) -> Mapping[str, int]:
         """Returns the threads of each worker, by its address."""

@@ -43,7 +43,7 @@ _THREADS: Final = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChunkJob:
-    """What every chunk of a file needs; sent to a worker once. Arrays and plain values.
+    """Shared input of every chunk of a file, sent to a worker once. Arrays and plain values.
 
     Attributes:
         name: File name.
@@ -136,7 +136,7 @@ def compensate_chunk(
 def drive_through(
     job: ChunkJob, lines: ChunkLines, data: bytes, state: ArmState, *, alike: float = np.inf
 ) -> None:
-    """Moves ``state`` over the targets of some lines; nothing else comes of it.
+    """Advances ``state`` over the targets of some lines, without output.
 
     Whether a guessed configuration matters is found by the chunk itself, under its load; ``alike``
     is for a first look.
@@ -284,7 +284,7 @@ class ChunkProcesses(ChunkWorkers):
             self._hand_over(task)
 
     def close(self) -> None:
-        """Ends the processes; what they work on is dropped."""
+        """Ends the processes; their current work is dropped."""
         self._pool.shutdown(wait=True, cancel_futures=True)
 
 
@@ -305,7 +305,7 @@ def _single_threaded() -> Iterator[None]:
 
 @cache
 def _jobs() -> list[ChunkJob]:
-    """Returns what this worker process was begun with."""
+    """Returns the jobs that this worker process was started with."""
     return []
 
 

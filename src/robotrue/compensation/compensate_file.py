@@ -50,7 +50,7 @@ ReadLines: TypeAlias = Callable[[ChunkLines], bytes]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CompensatedFile:
-    """What came of a program file.
+    """Result of compensating a program file.
 
     Attributes:
         tally: Sums over its targets.
@@ -149,7 +149,7 @@ def compensate_file(
 
 
 def worker_count(targets: int, asked: int | None, *, alone: int = ALONE) -> int:
-    """Returns how many processes are to work: as asked, else as many as help.
+    """Returns the number of worker processes: as requested, else as many as speed it up.
 
     Args:
         targets: Of the program.
@@ -250,7 +250,7 @@ def _guess_state(job: ChunkJob, file: ProgramFile, read: ReadLines, start: ArmSt
 
 @contextlib.contextmanager
 def _open_lines(file: ProgramFile, source: str | Path) -> Iterator[ReadLines]:
-    """Gives what reads lines of a file that is cut; those of one held whole are not needed."""
+    """Yields a reader of lines for a file that is cut; a whole file needs none."""
     if file.held is not None:
         yield lambda lines: b""
         return

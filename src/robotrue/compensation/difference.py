@@ -37,7 +37,7 @@ STILL_ANGLE: Final = 1e-10
 
 
 class TargetChange(IntEnum):
-    """What became of a target."""
+    """Kinds of change of a target."""
 
     SAME = 0
     MOVED = 1
@@ -76,7 +76,7 @@ class Difference(Columns):
 
     @property
     def has_errors(self) -> bool:
-        """Whether a model spoke."""
+        """True if a model predicted the errors."""
         return len(self.error_before) == len(self.change) > 0
 
     def summary(self) -> dict[str, object]:

@@ -45,7 +45,7 @@ def invert_targets(
     work: Record,
     outcome: Outcome,
 ) -> None:
-    """Inverts the arm for some targets of a chunk, and writes what becomes of them.
+    """Inverts the arm for targets of a chunk, and writes their status and commands.
 
     Args:
         model: ``CalibratedArm``.
@@ -178,7 +178,7 @@ def write_command(
     arm: Record, chunk: Chunk, limits: InversionLimits, n: int, status: int, joints: Array,
     command: Array, target: Array, error: Array, outcome: Outcome,
 ) -> None:  # fmt: skip
-    """Writes what becomes of a target that was inverted: its status, and its command where done.
+    """Writes status and, if inverted, command of one target.
 
     Args:
         arm: Of ``ARM_DTYPE``.
@@ -228,7 +228,7 @@ def write_predicted(
     converged: BoolArray, joints: Array, command: Array, target: Array, before: Array,
     after: Array, outcome: Outcome,
 ) -> None:  # fmt: skip
-    """Writes what becomes of targets that were inverted elsewhere; columns of k rows."""
+    """Writes status and commands of targets that were inverted elsewhere; columns of k rows."""
     error = np.empty(6)
     for k in range(len(rows)):
         n = rows[k]

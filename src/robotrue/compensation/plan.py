@@ -1,4 +1,4 @@
-"""How each target of a program is to be treated, decided before any number is computed."""
+"""Treatment of each target of a program, decided before any number is computed."""
 
 from __future__ import annotations
 
@@ -180,7 +180,7 @@ def _tool_known(program: Program, rows: IntArray) -> BoolArray:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _WordChoice:
-    """What configuration words say.
+    """Configurations that the words of targets state.
 
     Attributes:
         last: (b,) those that name the branch, of the last target that has any.

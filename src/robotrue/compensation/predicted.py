@@ -1,4 +1,4 @@
-"""What only the model's ``predict`` can say: errors without flat tables, and covariances.
+"""Errors that only the model's ``predict`` gives: without flat tables, and covariances.
 
 Models without tables are inverted by chord Newton with the nominal Jacobian, all targets of a chunk
 at once: the error of a robot is a thousandth of its pose, so each step takes the miss down by about
@@ -146,7 +146,7 @@ def _query(
     joints: Array,
     approach: Array,
 ) -> Query:
-    """Returns what the model is asked at targets that have one tool."""
+    """Returns the query for the model at targets with one tool."""
     return Query(
         joints=joints,
         load=load.take(rows),

@@ -82,7 +82,7 @@ class ForceRule(Columns):
         return self._of_feed(path, out)
 
     def _of_feed(self, path: CutPath, claimed: BoolArray) -> BoolArray:
-        """Of the claimed targets those within the range of feeds."""
+        """Returns a mask of the claimed targets within the range of feeds."""
         if self.feeds is None:
             return claimed
         lost = np.flatnonzero(claimed & np.isnan(path.feed))
@@ -128,7 +128,7 @@ class ForceTable(Columns):
     program: str = ""
 
     def _check_rules(self) -> None:
-        """Refuses a place that stands twice, and a path that goes back."""
+        """Rejects a place that occurs twice, and a path that runs backwards."""
         if self.key == "path_mm":
             late = np.flatnonzero(np.diff(self.at) <= 0.0)
         else:
@@ -217,7 +217,7 @@ Part: TypeAlias = ForceRule | ForceTable
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Use:
-    """Where a part of a description was used.
+    """Range of lines to which a part of the description applies.
 
     Attributes:
         name: Of the part.
@@ -355,7 +355,7 @@ def require_one_file(force: DescribedForce, paths: Sequence[CutPath]) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StatedForce:
-    """What one program of a job is pushed with.
+    """Process force on one program of a job.
 
     Attributes:
         wrench: (1, 6) or (n, 6) N, N m on the tool in base axes; empty if none was stated.

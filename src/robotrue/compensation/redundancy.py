@@ -59,7 +59,7 @@ _BENT: Final = 8192
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FreeSpinSettings:
-    """How the free rotation is chosen.
+    """Settings for choosing the free rotation.
 
     Attributes:
         spin: Cutter axis, grid, margins, weight of joint travel.
@@ -317,7 +317,7 @@ def _as_driven(scene: _Scene, stations: IntArray, way: SpinPath) -> _Found | Non
 
 
 def _gains(scene: _Scene, found: _Found) -> bool:
-    """Whether the new spins cost less than those written, by more than a twentieth."""
+    """True if the new spins cost less than the written ones, by more than a twentieth."""
     task, at = scene.task, scene.dense.at
     length = np.diff(scene.dense.along[at], prepend=0.0)
     cost = [
@@ -335,7 +335,7 @@ def _gains(scene: _Scene, found: _Found) -> bool:
 
 
 def _posture_quality(task: _Task, joints: Array) -> PostureQuality:
-    """How the arm stands at every target, tool by tool."""
+    """Returns the quality of the arm's posture at every target, tool by tool."""
     program, n = task.program, len(joints)
     moved = np.full((n, 3), np.nan)
     known = np.isfinite(joints).all(axis=1)

@@ -1,4 +1,4 @@
-"""What choosing the free rotation anew made of a program, and what it won."""
+"""Result of choosing the free rotation of a program anew."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _SHOWN = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PostureQuality:
-    """How the arm stands at n targets; NaN where that is not known.
+    """Quality of the arm's posture at n targets; NaN where it is unknown.
 
     Attributes:
         joints: (n, 6) rad, nominal.

@@ -1,4 +1,4 @@
-"""What all targets of a program are compensated with: load, guards, the arm, its model."""
+"""Settings that all targets of a program share: load, guards, the arm, its model."""
 
 from __future__ import annotations
 

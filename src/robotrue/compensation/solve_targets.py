@@ -112,7 +112,7 @@ def solve_targets(
     state: ArmState,
     outcome: Outcome,
 ) -> tuple[Array, bool]:
-    """Writes what becomes of consecutive targets.
+    """Solves consecutive targets and writes their outcomes.
 
     Args:
         setup: Model and settings.

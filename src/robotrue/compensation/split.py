@@ -1,4 +1,4 @@
-"""Which moves are split into how many parts, and the targets that go into them."""
+"""Number of parts per move, and the targets inserted into it."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _ENDLESS: Final = 1 << 40
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SplitPlan:
-    """What to do with the k moves of a job.
+    """Plan for the k moves of a job.
 
     Attributes:
         parts: (k,) equal parts; 1 leaves the move whole.
@@ -195,7 +195,7 @@ def _vias(
 
 
 def _turning(job: JobMoves, programs: Sequence[Program]) -> BoolArray:
-    """Which moves (k,) begin with other configuration words than they end with."""
+    """Returns a mask (k,) of moves that end with other configuration words than they begin with."""
     words, moves = np.concatenate([program.words for program in programs]), job.moves
     out = np.zeros(len(moves), dtype=np.bool_)
     if programs[0].words_of not in ("", "kuka"):  # KUKA reads S and T of joint moves alone
@@ -207,7 +207,7 @@ def _turning(job: JobMoves, programs: Sequence[Program]) -> BoolArray:
 
 
 def _unspoken(job: JobMoves, programs: Sequence[Program]) -> BoolArray:
-    """Which moves (k,) change words that cannot be told in between: of an arm not known."""
+    """Returns a mask (k,) of moves whose words between the ends are unknown: of an unknown arm."""
     turning, robot = _turning(job, programs), job.model.robot
     if robot.maker == programs[0].words_of and opw_geometry(robot.nominal()) is not None:
         turning[:] = False

@@ -1,4 +1,4 @@
-"""How far every straight or circular move of a job is off between its compensated targets.
+"""Deviation of straight and circular moves between their compensated targets.
 
 A move is cut into equal parts, a part into equal steps. Every step is compensated as a target of
 its own, under the force that acts there. What the controller does instead is a straight line
@@ -70,7 +70,7 @@ class Samples:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MoveDeviations:
-    """How far the controller's way is from the compensated one, per move (k,).
+    """Deviation of the controller's path from the compensated one, per move (k,).
 
     Attributes:
         size: m, largest distance; NaN where a point could not be compensated, or is not known.

@@ -115,7 +115,7 @@ class Shapes:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JobMoves:
-    """What is needed of a compensated job to look between its targets.
+    """Parts of a compensated job that are needed to examine its moves.
 
     Attributes:
         model: Error of the robot.
@@ -272,7 +272,7 @@ def loads(shapes: Shapes, move: IntArray, t: Array) -> Array:
 
 
 def _pieces(shapes: Shapes, move: IntArray, t: Array) -> tuple[BoolArray, Array]:
-    """Which piece of an arc a fraction lies in (n,), and its fraction of that piece (n,)."""
+    """Returns the piece of an arc for each fraction (n,), and the fraction of that piece (n,)."""
     with np.errstate(invalid="ignore", divide="ignore"):
         bend = shapes.circle.second[move] / shapes.circle.third[move]
         late = np.asarray(t > bend)

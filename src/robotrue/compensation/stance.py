@@ -1,4 +1,4 @@
-"""Where the arm is before and at the first target of a program: what chooses its configuration."""
+"""Pose of the arm before and at the first target of a program, which fixes its configuration."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What became of a target, why, and what is said of it: statuses, notes by line, remedies."""
+"""Outcome of a target and its reason: statuses, notes by line, remedies."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Status(Explained):
 
 
 class Route(IntEnum):
-    """How a target is treated by the solvers."""
+    """Treatment of a target by the solvers."""
 
     SKIP = 0  # nothing is known of it
     LINEAR = 1  # pose; the arm must keep its configuration on the way

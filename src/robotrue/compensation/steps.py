@@ -79,7 +79,7 @@ class PathStep(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Steps:
-    """What the steps of a program, or of a part of it, come to.
+    """Step sizes of a program, or of a part of it.
 
     Attributes:
         count: How many there are.
@@ -245,7 +245,7 @@ def _measure_path(path: PathTargets) -> Steps:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepRule:
-    """What is allowed between a target left alone and its compensated neighbours.
+    """Permitted step between an unchanged target and its compensated neighbours.
 
     Attributes:
         max_mm: Largest step.

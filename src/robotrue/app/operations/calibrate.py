@@ -38,7 +38,7 @@ SHOWN_ROWS: Final = 10
 
 
 class CalibrateRequest(Request):
-    """What to calibrate, from what, by which method."""
+    """Cell and measurements to calibrate with, and the method."""
 
     cell: CellFile
     measurements: Annotated[
@@ -101,7 +101,7 @@ def model_blocks(model: ErrorModel) -> Iterable[Block]:
 
 
 def run(request: CalibrateRequest, context: Context) -> Calibrated:
-    """Fits the model and writes it; validates it on its own poses if a page is asked for.
+    """Fits the model and writes it; with a report, also checks it on its training poses.
 
     Raises:
         ObservabilityError: Too few measurements for what is asked.
@@ -169,7 +169,7 @@ def _fit(
 
 
 def _screened_lines(rows: MeasurementSet, screened: Sequence[int]) -> list[str]:
-    """Which lines of which files the fit left out, the first ten by number."""
+    """Returns lines and files of the rows that the fit excluded, the first ten by number."""
     lines = [
         f"screened out: line {rows.source_row[row]} of "
         f"{rows.group_names[rows.group[row]]}, too far off to be this robot"
@@ -217,7 +217,7 @@ CALIBRATE: Final = Operation(
 
 
 class CalibrateLengthsRequest(Request):
-    """What to calibrate, and from which lengths."""
+    """Cell and measured lengths to calibrate with, and the method."""
 
     cell: CellFile
     lengths: Annotated[
@@ -275,7 +275,7 @@ def calibrate_from_lengths(request: CalibrateLengthsRequest, context: Context) -
 def _length_blocks(
     model: CalibratedModel, anchors: Mapping[str, Sequence[float]]
 ) -> Iterable[Block]:
-    """What was learned, where the anchors are, and what lengths do not show."""
+    """Returns the learned parameters, the anchors, and what lengths cannot determine."""
     from robotrue.report.model_view import remarks, result_facts
 
     title = f"calibration of {model.robot.name} from lengths"

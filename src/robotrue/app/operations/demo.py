@@ -13,7 +13,7 @@ from robotrue.core.provenance import Provenance
 
 
 class DemoRequest(Request):
-    """Where the demo leaves its files, and what it runs on."""
+    """Folder for the demo's files, and the data to run on."""
 
     out: Annotated[Path, Option(help="Folder for everything the demo makes.")] = Path("demo-out")
     data: Annotated[
@@ -23,7 +23,7 @@ class DemoRequest(Request):
 
 
 def run(request: DemoRequest, context: Context) -> PlainResult:
-    """Runs the demo; every file to run it again is left in the folder.
+    """Runs the demo; the folder keeps every file needed to repeat it.
 
     Raises:
         FormatError: The data are not there, or the folder cannot be written to.

@@ -29,7 +29,7 @@ COLUMNS: Final = (
 
 
 class DiffRequest(Request):
-    """Which programs to compare, and what predicts their errors."""
+    """Programs to compare, and the model that predicts their errors."""
 
     before: Annotated[
         Reference, Item(noun="program", argument="BEFORE", help="Program as CAM made it.")
@@ -73,7 +73,7 @@ class DiffRequest(Request):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProgramDifference:
-    """What one program changes of another.
+    """Changes between two programs.
 
     Attributes:
         files: Name and difference of each file.

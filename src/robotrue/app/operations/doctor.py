@@ -113,7 +113,7 @@ def run(request: DoctorRequest, context: Context) -> PlainResult:
 
 
 def _libraries() -> tuple[list[_Library], dict[str, list[_Library]]]:
-    """What is needed, and for each extra what it lacks."""
+    """Returns the required libraries, and for each extra those that are missing."""
     from importlib.metadata import requires
 
     from packaging.requirements import Requirement

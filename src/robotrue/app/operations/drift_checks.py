@@ -1,4 +1,4 @@
-"""Whether the robot still is the one that was calibrated: poses to choose, and the check."""
+"""Drift check: choose poses that show whether the robot has changed, and check them."""
 
 from __future__ import annotations
 
@@ -170,7 +170,7 @@ MOST_CAUSES: Final = 6
 
 
 class DriftRequest(Request):
-    """Which model to check with which poses."""
+    """Model to check, and the measured poses."""
 
     model: CalibratedModel
     measurements: Annotated[

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 class DrillAdjustRequest(Request):
-    """Which model answers which readings, and who makes the move."""
+    """Drilling model, readings of one clamp, and the axes that make the move."""
 
     model: DrillModel
     reading: Annotated[str | None, Option(help="d1,d2,d3 in mm, less their zero.")] = None

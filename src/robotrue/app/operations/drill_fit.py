@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 class DrillFitRequest(Request):
-    """Which campaign to learn from, and which correction."""
+    """Campaign to learn from, and the kind of correction."""
 
     foot: Annotated[
         Path | None,

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class DrillZeroRequest(Request):
-    """Which foot, and what its sensors showed on the tool."""
+    """Foot file and sensor readings on the zero tool."""
 
     foot: Annotated[Path, InputFile(argument="FOOT", help="Foot file (TOML).")]
     readings: Annotated[
@@ -111,7 +111,7 @@ NEXT: Final = (
 
 
 class DrillPlanRequest(Request):
-    """Which foot is clamped, how often, and between which limits."""
+    """Foot, number of clamps, and their limits."""
 
     foot: Annotated[Path, InputFile(argument="FOOT", help="Foot file (TOML).")]
     output: Annotated[Path, table_output(help="Execution sheet (CSV) to write.")]
@@ -195,7 +195,7 @@ def _attitudes(plates: Plates | None) -> list[dict[str, str | float]]:
 
 
 def _plates(request: DrillPlanRequest, head: Head | None) -> Plates | None:
-    """The plates over the ranges that are asked for; None where none is."""
+    """Returns the plates for the requested ranges; None if no ranges are requested."""
     import numpy as np
 
     from robotrue.app.number_options import parse_numbers

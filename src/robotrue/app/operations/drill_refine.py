@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class DrillRefineRequest(Request):
-    """Which model to refine by which records, and whether to freeze it."""
+    """Model to refine, the reference records, and whether to freeze it."""
 
     model: DrillModel
     output: FootModelOutput
@@ -122,7 +122,7 @@ def _refine(
 
 
 def _memory_document(memory: MemoryChoice | None) -> dict[str, object] | None:
-    """What held-out references say of each memory, as JSON values."""
+    """Returns the held-out result of each memory length, as JSON values."""
     if memory is None or not memory.trials:
         return None
     trials = [

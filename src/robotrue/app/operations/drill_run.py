@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 
 class DrillRunRequest(Request):
-    """Which model answers which machine, and when a foot counts as clamped and at rest."""
+    """Drilling model, address of the machine, and the rules for a clamp at rest."""
 
     model: DrillModel
     journal: Annotated[
@@ -180,7 +180,7 @@ def _settings(request: DrillRunRequest) -> ClampSettings:
 def _replay(
     request: DrillRunRequest, model: NormalModel, kept: Journal, path: Path
 ) -> tuple[NormalModel, str]:
-    """The model brought up to its journal, and what is said of it."""
+    """Brings the model up to date with its journal; returns it with a message."""
     from robotrue.drilling.journal import replay_references
     from robotrue.drilling.model_archive import write_model
 

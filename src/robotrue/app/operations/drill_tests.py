@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 
 class DrillEvaluateRequest(Request):
-    """Which model to judge, on which clamps."""
+    """Model to evaluate, and clamps with known tilt."""
 
     model: DrillModel
     test: Annotated[Path, InputFile(argument="TEST", help="Clamps the fit has not seen.")]
@@ -85,7 +85,7 @@ DRILL_EVALUATE: Final = Operation(
 
 
 class DrillReportRequest(Request):
-    """Which model to judge, on which clamps, against which limit."""
+    """Model to evaluate, clamps with known tilt, and the limit."""
 
     model: DrillModel
     campaign: Annotated[
@@ -113,7 +113,7 @@ class DrillReportRequest(Request):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DrillJudged:
-    """What one move leaves on clamps the fit has not seen.
+    """Residual tilt after one move, on clamps that the fit has not seen.
 
     Attributes:
         result: The tilts.

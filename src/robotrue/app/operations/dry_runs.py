@@ -196,7 +196,7 @@ NAMES: Final = ("x", "y", "z", "length")
 
 
 class DryRunRequest(Request):
-    """Which points were planned, and what was measured there."""
+    """Planned points, and the measurements before and after."""
 
     sheet: Annotated[
         Path, InputFile(argument="SHEET", help="Points (CSV) that `dry-run-plan` wrote.")

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 class DynamicsFitRequest(Request):
-    """Which windows to learn from, on which arm."""
+    """Windows to learn from, and the arm."""
 
     windows: WindowsFile
     cell: Annotated[Path, InputFile(help="cell.toml with tool and joint stiffness.")]
@@ -121,7 +121,7 @@ def _fit_compliance(
 
 
 def _sizes(model: DeviationModel) -> dict[str, float | None]:
-    """What the windows share, in the units of its names; no drift where every zero was taken."""
+    """Returns the learned sizes in the units of their names; no drift if zeros were subtracted."""
     sizes = model.sizes
     return {
         "pose_um": sizes["pose_m"] / UM,

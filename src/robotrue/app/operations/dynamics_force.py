@@ -27,7 +27,7 @@ SHOWN: Final = 8
 
 
 class DynamicsForceRequest(Request):
-    """Which cut, and what is wanted of it."""
+    """Cutting conditions, and the outputs."""
 
     cut: Annotated[Path, InputFile(argument="CUT", help="Cutter, cut and material (TOML).")]
     output: Annotated[
@@ -57,7 +57,7 @@ class DynamicsForceRequest(Request):
 
 
 def run(request: DynamicsForceRequest, context: Context) -> PlainResult:
-    """Predicts or identifies; writes what was asked for.
+    """Predicts the force or identifies coefficients; writes the requested files.
 
     Raises:
         ConfigurationError: Several jobs at once, or a cut that cannot be.

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class DynamicsFrfRequest(Request):
-    """Which records or response, and what to make of them."""
+    """Hammer records or a measured response, and the outputs."""
 
     files: Annotated[
         tuple[Path, ...],
@@ -54,7 +54,7 @@ class DynamicsFrfRequest(Request):
 
 
 def run(request: DynamicsFrfRequest, context: Context) -> PlainResult:
-    """Evaluates, checks, fits; writes what was asked for.
+    """Evaluates the records, checks the response, fits modes, and writes the requested files.
 
     Raises:
         ConfigurationError: An output that is neither .csv nor .uff.
@@ -142,7 +142,7 @@ def _write(
     remarks: Sequence[str],
     context: Context,
 ) -> None:
-    """Writes figure, modes and receptance, those that were asked for."""
+    """Writes the requested ones of figure, modes and receptance."""
     from robotrue.core.archive import write_archive
     from robotrue.core.files import write_atomic
     from robotrue.dynamics.formats.frf_table import write_frf_csv

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class DynamicsPredictRequest(Request):
-    """Which response and force, and what stands between the lines."""
+    """Response and force, and the interpolation between lines."""
 
     frf: Annotated[
         Path,
@@ -104,7 +104,7 @@ def run(request: DynamicsPredictRequest, context: Context) -> PlainResult:
 def _learn(
     request: DynamicsPredictRequest, curve: ResponseCurve, record: ForceRecord
 ) -> LearnedAlong:
-    """What a deviation says of the windows of a record."""
+    """Predicts the learned deviation in the windows of a record."""
     from robotrue.app.learned_along import learned_along
     from robotrue.dynamics.deviation_file import read_learned_deviation
 
@@ -211,7 +211,7 @@ def _facts(
 
 
 def _by_axis(values: Array) -> str:
-    """Of x, y and z; a dash where an axis has no response."""
+    """Returns the values of x, y and z; a dash where an axis has no response."""
     from math import isfinite
 
     cells = zip("xyz", values, strict=True)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class DynamicsSensorRequest(Request):
-    """Which readings say what hangs on a sensor."""
+    """Readings of the force sensor at rest, in several poses."""
 
     poses: Annotated[
         Path,

@@ -37,7 +37,7 @@ NAMES: Final = {
 
 
 class DynamicsValidateRequest(Request):
-    """Which windows to judge, by a model or by what is learned from a part of them."""
+    """Windows to check on, and either a model or the arm to learn with."""
 
     windows: WindowsFile
     cell: Annotated[
@@ -118,7 +118,7 @@ def _hold_out(
 def _judge(
     request: DynamicsValidateRequest, path: Path, windows: WindowSet, context: Context
 ) -> PlainResult:
-    """What a model says of these windows, and how far off it is where they are measured."""
+    """Compares a model's estimates of these windows with the measured error."""
     from robotrue.core.files import write_atomic
     from robotrue.dynamics.deviation_file import read_learned_deviation
     from robotrue.dynamics.paper_regression import PaperModel
@@ -141,7 +141,7 @@ def _judge(
 def _describe(
     windows: WindowSet, found: DeviationPrediction, learned: str
 ) -> tuple[dict[str, object], list[tuple[str, str]]]:
-    """How far to trust the windows, and each estimate beside what was measured: JSON, facts."""
+    """Returns trust of the windows and error of each estimate, as JSON values and as facts."""
     import numpy as np
 
     from robotrue.dynamics.deviation_validation import TWO_SIDED_95

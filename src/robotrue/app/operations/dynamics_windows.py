@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 class DynamicsWindowsRequest(Request):
-    """Which records, how the sensors are mounted, and where windows lie."""
+    """Records, mounting of the sensors, and the length of the windows."""
 
     force: Annotated[
         Path,
@@ -227,7 +227,7 @@ def _mean_measured(windows: WindowSet) -> float | None:
 
 
 def _path_lengths(records: PassRecords, read: ReadForce) -> dict[str, float]:
-    """How far the tool goes in each stage, mm."""
+    """Returns the path length of the tool in each stage, mm."""
     from robotrue.dynamics.pass_windows import path_between
 
     return {name: path_between(records.joints, *part) / MM for name, part in _stages(read).items()}

@@ -22,7 +22,7 @@ HELP: Final = "File to write."
 
 
 class ExportRequest(Request):
-    """Which model to export, what may be lost, and for which point."""
+    """Model to export, permitted losses, and the point of evaluation."""
 
     form: ClassVar[Literal["urdf", "dh", "controller"]]
 
@@ -93,7 +93,7 @@ def _files(
 
 
 class ExportUrdfRequest(ExportRequest):
-    """Which model to write as a URDF."""
+    """Model to write as a URDF."""
 
     form = "urdf"
     output: Annotated[
@@ -109,7 +109,7 @@ EXPORT_URDF: Final = Operation(
 
 
 class ExportDhRequest(ExportRequest):
-    """Which model to write as a DH table."""
+    """Model to write as a DH table."""
 
     form = "dh"
     output: Annotated[Path, Output(names=NAMES, what="a CSV table", suffixes=(".csv",), help=HELP)]
@@ -123,7 +123,7 @@ EXPORT_DH: Final = Operation(
 
 
 class ExportControllerRequest(ExportRequest):
-    """Which model to write as numbers of the controller."""
+    """Model to write as parameters of the controller."""
 
     form = "controller"
     output: Annotated[

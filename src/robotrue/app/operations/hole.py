@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class HoleRequest(Request):
-    """Which points were measured, and what the drawing asks for."""
+    """Measured points of a hole, and the drawing's requirements."""
 
     before: Annotated[
         Path,
@@ -95,7 +95,7 @@ def run(request: HoleRequest, context: Context) -> PlainResult:
 
 
 def _evaluate(request: HoleRequest, path: Path) -> tuple[dict[str, float], Provenance]:
-    """What one file says, mm."""
+    """Evaluates one file, mm."""
     from robotrue.app.number_options import parse_numbers
     from robotrue.validation.hole_contour import (
         evaluate_hole,

@@ -13,7 +13,7 @@ from robotrue.app.request_fields import Columns
 
 
 class InspectRequest(Request):
-    """Which file to look into; its content says what it is, not its name."""
+    """File to inspect; its kind is recognised by content, not by name."""
 
     path: Annotated[Path, InputFile(argument="FILE", help="Model, cell, measurements or program.")]
     mapping: Columns = None

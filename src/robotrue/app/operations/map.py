@@ -27,7 +27,7 @@ SUFFIXES: Final = (".png", ".csv", ".html", ".htm")
 
 
 class MapRequest(Request):
-    """Which errors to map, and where."""
+    """Model, quantity and region of the map."""
 
     model: Annotated[
         Reference,

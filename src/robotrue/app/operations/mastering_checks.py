@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 class MasteringPlanRequest(Request):
-    """Where the point is, and how it may be touched."""
+    """Place of the point, and limits for the touches."""
 
     cell: CellOrModel
     point_mm: Annotated[str, Option(help="X,Y,Z: roughly where the point is, in base.")]
@@ -105,7 +105,7 @@ MASTERING_PLAN: Final = Operation(
 
 
 class MasteringRequest(Request):
-    """Which touches, and what is known of point and tool."""
+    """Measured touches, and the uncertainty of point and tool."""
 
     cell: CellOrModel
     touches: Annotated[
@@ -232,7 +232,7 @@ def _axes(lost: LostZeros, robot: RobotModel) -> list[tuple[str, float, float]]:
 
 
 def _sense(robot: RobotModel, joint: int) -> float:
-    """+1 or -1: which way the controller counts the joint; a zero is that of its own drive."""
+    """Returns +1 or -1, the controller's sense of the joint; a zero belongs to one drive."""
     return 1.0 if robot.controller is None else float(robot.controller.sign[joint])
 
 

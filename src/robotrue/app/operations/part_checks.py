@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class BlankCheckRequest(Request):
-    """Which part is to come out of which blank."""
+    """Part and its blank."""
 
     cell: Annotated[
         Reference, Item(noun="cell", argument="CELL", help="cell.toml, best one `register` wrote.")
@@ -222,7 +222,7 @@ BLANK_CHECK: Final = Operation(
 
 
 class DatumCheckRequest(Request):
-    """Which datums were touched, and what they must keep."""
+    """Measured datums and their tolerances."""
 
     cell: Annotated[
         Reference, Item(noun="registration", argument="CELL", help="Cell that `register` wrote.")

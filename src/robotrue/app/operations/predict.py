@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class PredictRequest(Request):
-    """Which errors to predict."""
+    """Model, and the poses at which to predict."""
 
     model: CalibratedModel
     queries: Annotated[Path, InputFile(argument="QUERIES", help="CSV of joints, wrench.")]

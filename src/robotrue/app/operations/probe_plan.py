@@ -33,7 +33,7 @@ LISTED: Final = 8
 
 
 class ProbePlanRequest(Request):
-    """What can be touched, what is machined, and how the touches are to be chosen."""
+    """Features to probe, machined points, and the goal of the choice."""
 
     cell: CellOrModel
     part: Annotated[
@@ -192,7 +192,7 @@ def _mm(value: float) -> str:
 
 
 def run(request: ProbePlanRequest, context: Context) -> PlannedTouches:
-    """Chooses the touches and writes them, with what else was asked for.
+    """Chooses the probing points and writes them with the requested files.
 
     Raises:
         ConfigurationError: A frame or an axis that cannot be, or nothing says where the part is.
@@ -252,7 +252,7 @@ def _tell(
     pages: Mapping[Path, tuple[str, bytes]],
     context: Context,
 ) -> None:
-    """Writes the pages, and says what was planned and what is against it."""
+    """Writes the pages, reports the plan and its warnings."""
     from robotrue.core.files import write_atomic
 
     plan, output, number = result.plan, result.output, len(result.plan.row)
@@ -290,7 +290,7 @@ def _task(
     candidates: TouchCandidates,
     machining: Machining,
 ) -> ProbingTask:
-    """What is believed of the arm before any touch, and what can be touched and is machined."""
+    """Returns the prior belief of the arm, the candidate points, and the machined points."""
     from robotrue.app.touch_settings import settings_for_touches
     from robotrue.calibration.nominal import NominalModel
     from robotrue.calibration.probing import before_touching
@@ -345,7 +345,7 @@ def _notes(
 def _pages(
     request: ProbePlanRequest, result: PlannedTouches, tip_axis: Array, source: Path
 ) -> dict[Path, tuple[str, bytes]]:
-    """What else is written: path, what it is, and its bytes."""
+    """Returns the other files to write: path, description, and bytes."""
     from robotrue.report.page import report_html
     from robotrue.report.probing_report import part_map, probing_content
 

@@ -39,7 +39,7 @@ SUFFIXES: Final = (
 
 
 class ProgramRequest(Request):
-    """Which tool paths to make a program of, and how the arm is to drive it."""
+    """Tool paths to convert to a program, and the motion of the arm."""
 
     cell: Annotated[
         Reference,
@@ -176,7 +176,7 @@ def run(request: ProgramRequest, context: Context) -> PlainResult:
 
 
 def _sides_table(document: ProgramDocument) -> Table:
-    """What each side asks of the arm."""
+    """Returns the motion of the arm on each side."""
     return Table(
         title=f"program {Path(document['output']).name}",
         columns=(
@@ -269,7 +269,7 @@ def _write_files(
 
 
 def _holds_targets(program: WrittenProgram, name: str) -> bool:
-    """Whether compensation writes this file besides the first, since targets stand in it."""
+    """True if compensation also writes this file, because it contains targets."""
     from robotrue.program.lang import languages
 
     first = next(iter(program.files))
@@ -350,7 +350,7 @@ def _compensate(
     program: WrittenProgram,
     identity: ProgramIdentity | None,
 ) -> dict[str, object]:
-    """Compensates the program as ``robotrue compensate`` would, from a file of its own."""
+    """Compensates the program as ``robotrue compensate`` does, from a temporary file."""
     import tempfile
 
     from robotrue.calibration.lineage import identity_of

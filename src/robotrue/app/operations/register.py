@@ -36,7 +36,7 @@ UNITS: Final = {"mm": MM, "m": 1.0, "inch": 25.4 * MM}
 
 
 class RegisterRequest(Request):
-    """Which touches to find the part from, and how sure they are."""
+    """Probing points to locate the part with, and their uncertainty."""
 
     cell: CellOrModel
     points: Annotated[Path, InputFile(argument="POINTS", help="CSV of the touches.")]

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class RegisterRoundsRequest(Request):
-    """Which rounds were touched, and the frame of the first."""
+    """Probed rounds, and the frame of the first round."""
 
     cell: CellOrModel
     rounds: Annotated[

@@ -47,7 +47,7 @@ KEPT: Final[Mapping[str, Mapping[str, str]]] = {
 
 
 class ReportRequest(Request):
-    """What to report: the first that is stated of program, registration and model."""
+    """Subject of the report: the first stated of program, registration and model."""
 
     program: Annotated[
         Reference | None, Item(noun="program", help="Compensated program to judge.")
@@ -80,7 +80,7 @@ class ReportRequest(Request):
 
     @property
     def subject(self) -> str:
-        """Which of the subjects it is about.
+        """Subject of the report.
 
         Raises:
             ConfigurationError: None.
@@ -135,7 +135,7 @@ class ItemReport:
 
 
 def run(request: ReportRequest, context: Context) -> ItemReport:
-    """Writes the report in the forms asked for.
+    """Writes the report in the requested formats.
 
     Raises:
         ConfigurationError: Nothing to report, no such language, or no workspace.
@@ -161,7 +161,7 @@ def run(request: ReportRequest, context: Context) -> ItemReport:
 
 
 def _write(draft: ReportDraft, forms: Sequence[str], subject: str, context: Context) -> list[Path]:
-    """The files asked for; a PDF that cannot be set on this machine is left out and said so."""
+    """Writes the requested files; a PDF that cannot be made here is skipped with a message."""
     from robotrue.errors import MissingExtraError
     from robotrue.report.report_files import write_reports
 
@@ -271,7 +271,7 @@ def _find_registered(place: WorkspaceContext, record: ProgramRecord) -> Path | N
 
 
 def _is_simulated(place: WorkspaceContext, models: Iterable[ModelRecord]) -> bool:
-    """Whether any was fitted to simulated data; models of today say it themselves, too."""
+    """True if any model was fitted to simulated data; new models state it themselves."""
     from robotrue.store.nouns import MEASUREMENT
     from robotrue.store.records import provenance_of_record
 

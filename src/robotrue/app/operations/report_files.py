@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class ReportCalibrationRequest(Request):
-    """Which model to certify, by which poses, with what else that counts in the budget."""
+    """Model to certify, poses to check it on, and further terms of the budget."""
 
     model: CalibratedModel
     test: Annotated[
@@ -128,7 +128,7 @@ REPORT_CALIBRATION: Final = Operation(
 
 
 class ReportProgramRequest(Request):
-    """Which program to judge, by which model and tolerance, under which force."""
+    """Program to check, the model, the tolerance, and the force."""
 
     before: Annotated[
         Reference, Item(noun="program", argument="BEFORE", help="Program as CAM made it.")
@@ -246,7 +246,7 @@ REPORT_PROGRAM: Final = Operation(
 
 
 class ReportRegistrationRequest(Request):
-    """Which registered cell to report."""
+    """Registered cell to report."""
 
     cell: Annotated[
         Reference,

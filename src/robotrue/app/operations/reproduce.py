@@ -14,7 +14,7 @@ from robotrue.errors import ConfigurationError
 
 
 class ReproduceRequest(Request):
-    """Which paper, on how many arms."""
+    """Paper to reproduce, and the number of arms."""
 
     paper: Annotated[
         str, Option(argument="PAPER", help="deng2022, feng2018, jin2022 or drill-patent.")

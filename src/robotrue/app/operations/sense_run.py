@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class SenseRunRequest(Request):
-    """What the service reads, what it knows of the arm, what it writes, how it corrects."""
+    """Sources, models of the arm, outputs and correction of the service."""
 
     cell: CellFile
     robot: Annotated[str, Option(help="Joints: rsi://, egm://, rtde:// or replay://FILE.csv")]

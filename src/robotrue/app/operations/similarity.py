@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class SimilarityRequest(Request):
-    """Which measurements, and which regions of them."""
+    """Measurements, and the regions to compare."""
 
     cell: CellFile
     measurements: Annotated[
@@ -75,7 +75,7 @@ class SimilarityRequest(Request):
 
 
 def run(request: SimilarityRequest, context: Context) -> PlainResult:
-    """Compares the regions; writes the table, and the curves and the page if they are asked for.
+    """Compares the regions; writes the table and, if requested, the curves and the page.
 
     Raises:
         ConfigurationError: Regions that overlap, or that cannot be.

@@ -27,7 +27,7 @@ NO_ANSWERS: Final = 2
 
 
 class SimulateDrillRequest(Request):
-    """Which machine to simulate, and where it sends to."""
+    """Machine to simulate, and its address."""
 
     to: Annotated[str, Option(help="Where `drill run` listens.")] = f"udp://127.0.0.1:{PORT}"
     write: Annotated[

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class SimulateRsiRequest(Request):
-    """Which controller to simulate, and where it sends to."""
+    """Simulated KUKA controller, and the address it sends to."""
 
     host: service.Target = LOCAL_HOST
     port: Annotated[int | None, Option(help="UDP port that it sends to; 0 picks a free one.")] = (
@@ -92,7 +92,7 @@ SIMULATE_RSI: Final = Operation(
 
 
 class SimulateEgmRequest(Request):
-    """Which controller to simulate, and where it sends to."""
+    """Simulated ABB controller, and the address it sends to."""
 
     host: service.Target = LOCAL_HOST
     port: Annotated[int, Option(help="UDP port that it sends to; 0 picks a free one.")] = EGM_PORT
@@ -159,7 +159,7 @@ SIMULATE_EGM: Final = Operation(
 
 
 class SimulateRtdeRequest(Request):
-    """Which controller to simulate, and where it listens."""
+    """Simulated UR controller, and the address it listens on."""
 
     host: service.Host = LOCAL_HOST
     port: Annotated[int, Option(help="TCP port; 0 takes a free one.")] = RTDE_PORT
@@ -217,7 +217,7 @@ SENSOR: Final = Provenance(simulated=True, instrument="force sensor")
 
 
 class SimulateRdtRequest(Request):
-    """Which sensor to simulate, and where it listens."""
+    """Simulated force sensor, and the address it listens on."""
 
     host: service.Host = LOCAL_HOST
     port: Annotated[int, Option(help="UDP port; 0 takes a free one.")] = RDT_PORT

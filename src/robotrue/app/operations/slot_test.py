@@ -24,7 +24,7 @@ VIRTUAL: Final = Provenance(simulated=True, instrument="virtual cell")
 
 
 class SlotTestRequest(Request):
-    """Which steps a gauge read, or which virtual cell cuts them."""
+    """Measured steps, or the virtual cell that cuts them."""
 
     measured: Annotated[
         Path | None,
@@ -212,7 +212,7 @@ def _trial_table(trial: SlotTrial) -> Table:
 
 
 def _sight(found: SlotEvaluation) -> tuple[Facts, Facts]:
-    """What the steps see, and what they do not."""
+    """Returns what the steps can detect, and what they cannot."""
     return (
         Facts(title="The steps see", rows=tuple(("", text) for text in found.sees)),
         Facts(title="The steps do not see", rows=tuple(("", text) for text in found.blind)),

@@ -26,7 +26,7 @@ REFLECTOR_SIGMA_UM: Final = 15.0
 
 
 class SpindleAxisRequest(Request):
-    """Where the reflector was measured, and where the robot stood."""
+    """Measured reflector points, and the pose of the robot."""
 
     points: Annotated[
         Path,

@@ -1,4 +1,4 @@
-"""What the service recorded: counted, checked, written as CSV."""
+"""Records of the sensing service: count, check, export as CSV."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def _note_damage(record: StreamRecord, context: Context) -> None:
 
 
 class RecordInfoRequest(Request):
-    """Which record."""
+    """Record to describe."""
 
     folder: RecordFolder
     skip_damage: SkipDamage = False
@@ -105,7 +105,7 @@ RECORD_INFO: Final = Operation(
 
 
 class RecordExportRequest(Request):
-    """Which stream of which record."""
+    """Record and stream to export."""
 
     folder: RecordFolder
     output: Annotated[Path, table_output(help="CSV to write.")]

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 class ToolPointRequest(Request):
-    """Which touches to find the tool point from."""
+    """Touches for the tool point, and their uncertainty."""
 
     cell: CellOrModel
     touches: Annotated[
@@ -163,7 +163,7 @@ TOOL_POINT: Final = Operation(
 
 
 class ToolAxisRequest(Request):
-    """Which touches to find the tool axis from."""
+    """Touches for the tool axis, and their uncertainty."""
 
     cell: CellOrModel
     touches: Annotated[

@@ -26,7 +26,7 @@ STEPS: Final = 3
 
 
 class ValidateRequest(Request):
-    """Which model to check, on which poses."""
+    """Model to check, and the measured poses."""
 
     model: CalibratedModel
     measurements: Annotated[
@@ -91,7 +91,7 @@ def _row(name: str, statistics: ErrorStatistics) -> tuple[str, ...]:
 
 
 def run(request: ValidateRequest, context: Context) -> Validated:
-    """Predicts the poses and compares; writes the report page if one is asked for."""
+    """Predicts the poses and compares; writes the report page if requested."""
     from robotrue.app.data_doctor import find_warnings
     from robotrue.calibration.lineage import provenance_of
     from robotrue.report.model_view import harmless_remark

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class WorkspaceInitRequest(Request):
-    """Where."""
+    """Folder of the workspace."""
 
     folder: Annotated[Path, Option(argument="FOLDER", help="New or empty folder.")]
 
@@ -52,7 +52,7 @@ IMPORTED: Final = ("cell", "measurement", "model", "program")
 
 
 class WorkspaceAddRequest(Request):
-    """Which files, as which noun."""
+    """Files to add, and their noun."""
 
     noun: Annotated[str, Option(argument="NOUN", help="cell, measurement, model or program.")]
     files: Annotated[tuple[Path, ...], InputFile(argument="FILE...", help="Files to import.")]
@@ -130,7 +130,7 @@ WORKSPACE_ADD: Final = Operation(
 
 
 class WorkspaceExportRequest(Request):
-    """Where to."""
+    """File to export to."""
 
     file: Annotated[
         Path,
@@ -162,7 +162,7 @@ WORKSPACE_EXPORT: Final = Operation(
 
 
 class WorkspaceImportRequest(Request):
-    """Which file."""
+    """File to import."""
 
     file: Annotated[Path, InputFile(argument="FILE", help="What `export` wrote.")]
     folder: WorkspaceFolder = HERE
@@ -195,7 +195,7 @@ WORKSPACE_IMPORT: Final = Operation(
 
 
 class WorkspaceVerifyRequest(Request):
-    """Which workspace."""
+    """Workspace to verify."""
 
     folder: WorkspaceFolder = HERE
 
@@ -249,7 +249,7 @@ SHOWN: Final = 20
 
 
 class WorkspaceEmptyBinRequest(Request):
-    """What is old enough."""
+    """Age of the items to purge."""
 
     days: Annotated[
         float, Option(names=("--older-than-days",), help="Since it was deleted.", least=0.0)

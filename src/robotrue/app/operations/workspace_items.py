@@ -39,7 +39,7 @@ WHOLE: Final = ("poses", "dof", "version", "frames", "bytes", "file_count", "ful
 
 
 class WorkspaceListRequest(Request):
-    """Which items, in which order."""
+    """Query and order of the list."""
 
     noun: Annotated[
         str | None,
@@ -144,7 +144,7 @@ WORKSPACE_LIST: Final = Operation(
 
 
 class WorkspaceShowRequest(Request):
-    """Which item, in which version."""
+    """Item and version to show."""
 
     item: ItemWord
     version: Annotated[int | None, Option(help="Default: the latest.")] = None
@@ -208,7 +208,7 @@ WORKSPACE_SHOW: Final = Operation(
 
 
 class WorkspaceHistoryRequest(Request):
-    """Of which item."""
+    """Item whose history to show."""
 
     item: Annotated[
         str | None, Option(argument="[ITEM]", help="None: everything that was done.")
@@ -262,7 +262,7 @@ WORKSPACE_HISTORY: Final = Operation(
 
 
 class WorkspaceDeleteRequest(Request):
-    """Which item."""
+    """Item to delete."""
 
     item: ItemWord
     folder: WorkspaceFolder = HERE
@@ -295,7 +295,7 @@ WORKSPACE_DELETE: Final = Operation(
 
 
 class WorkspaceUndoRequest(Request):
-    """Which item."""
+    """Item whose last change to undo."""
 
     item: ItemWord
     folder: WorkspaceFolder = HERE

@@ -31,7 +31,7 @@ TEXTS: Final = frozenset(
 
 
 class JobsSubmitRequest(Request):
-    """Which job."""
+    """Job to queue."""
 
     kind: Annotated[str, Option(argument="KIND", help="calibrate, compensate, plan or validate.")]
     parameter: Annotated[
@@ -99,7 +99,7 @@ JOBS_SUBMIT: Final = Operation(
 
 
 class JobsListRequest(Request):
-    """Which jobs."""
+    """State of the jobs to list."""
 
     state: Annotated[str | None, Option(help="queued, running, done, failed or cancelled.")] = None
     limit: Annotated[int, Option(help="Jobs shown, the newest first.")] = LIMIT
@@ -151,7 +151,7 @@ JOBS_LIST: Final = Operation(
 
 
 class JobsShowRequest(Request):
-    """Which job."""
+    """Job to show."""
 
     job: JobWord
     folder: WorkspaceFolder = HERE
@@ -194,7 +194,7 @@ JOBS_SHOW: Final = Operation(
 
 
 class JobsCancelRequest(Request):
-    """Which job."""
+    """Job to cancel."""
 
     job: JobWord
     folder: WorkspaceFolder = HERE
@@ -221,7 +221,7 @@ JOBS_CANCEL: Final = Operation(
 
 
 class JobsRunRequest(Request):
-    """How many at a time, and until when."""
+    """Number of parallel jobs, and when to stop."""
 
     until_idle: Annotated[bool, Option(help="End when nothing waits.")] = False
     slots: Annotated[int, Option(help="Jobs at a time.", least=1)] = SLOTS
@@ -283,7 +283,7 @@ def _job_document(job: Job) -> dict[str, object]:
 
 
 def _is_simulated(job: Job) -> bool:
-    """Whether the result of a job that is done says that it is simulated."""
+    """True if the result of a finished job states that it is simulated."""
     return bool((job.result or {}).get("simulated"))
 
 

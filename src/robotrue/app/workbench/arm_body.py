@@ -82,7 +82,7 @@ def controller_angles(rotation: Array) -> dict[str, Array]:
 
 
 def _bends(standard: bool, a: Array, d: Array, state: ChainState) -> Array:
-    """Where each link turns from along its joint axis to across it, (n, dof, 3) m."""
+    """Returns where each link turns from along its joint axis to across it, (n, dof, 3) m."""
     across, along = state.link_rotation[..., 0], state.link_rotation[..., 2]
     if standard:
         return np.asarray(state.link_position - across * np.asarray(a)[:, None])

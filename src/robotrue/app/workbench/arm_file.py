@@ -24,7 +24,7 @@ EXAMPLE: Final = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArmFile:
-    """What a file says of an arm.
+    """Arm as a file states it.
 
     Attributes:
         table: The keys of ``[robot]``.
@@ -36,7 +36,7 @@ class ArmFile:
 
 
 def read_arm(path: Path, *, convention: str, maker: str) -> ArmFile:
-    """Returns what the file of an arm states; whether it can be is judged with the cell.
+    """Reads the file of an arm; the cell checks whether the arm is possible.
 
     Args:
         path: TOML with the keys of ``[robot]``; a table of the columns ``theta_deg, alpha_deg,

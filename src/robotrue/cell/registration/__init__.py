@@ -1,1 +1,1 @@
-"""Where the part stands: its frame in the robot base from touches, with what is known about it."""
+"""Registration: the part's frame in the robot base from probing points, with covariance."""

@@ -1,4 +1,4 @@
-"""What every registration returns, and the fit of feature points.
+"""Result type of all registrations, and the fit of feature points.
 
 The point fit is weighted least squares (Kabsch 1976; Umeyama 1991, eq. 40-43) with its covariance
 to first order. All points count equally or by their stated noise, unlike a frame built through
@@ -34,7 +34,7 @@ UNIT_STEP: Final = 30.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Noise:
-    """How far a good touch may lie from where the frame puts it, one standard deviation per axis.
+    """Standard deviations per axis of a good touch from its fitted place.
 
     Attributes:
         touch: m, the touch itself: probe, surface, hand.
@@ -109,7 +109,7 @@ class Registration(Columns):
 
     @property
     def rms(self) -> float:
-        """Root mean square distance of the believed touches, m."""
+        """Root mean square distance of the accepted touches, m."""
         return float(np.sqrt(np.mean(self.distances[self.believed] ** 2)))
 
     @property

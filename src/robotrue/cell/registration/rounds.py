@@ -1,4 +1,4 @@
-"""Rounds at the machine: run the part's points, touch them, correct the frame, until it stands.
+"""Rounds at the machine: drive to the points, probe, correct the frame, until it is stable.
 
 The recursion of Feng, Liang, Xi 2018 as a user does it, with three differences that the paper's own
 oscillation asks for. A correction is made from the touches of all rounds together. It is made only
@@ -80,7 +80,7 @@ class Pass:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Adjustment:
-    """Where passes ended.
+    """Result of the passes.
 
     Attributes:
         T_base_part: (4, 4) the adjusted model's pose.
@@ -125,7 +125,7 @@ class Moved:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RoundsResult:
-    """Where rounds ended.
+    """Result of the rounds.
 
     Attributes:
         adjustment: Pose, covariance, passes, floor and oscillation; verdict of
@@ -312,7 +312,7 @@ def _check_turn(begun: Pass, names: tuple[str, ...]) -> None:
 def _find_motion(
     part: Array, before: Array, now: Array, sigma: float, number: int, names: tuple[str, ...]
 ) -> Moved | None:
-    """How the part moved since the rounds before; None if touching alone explains the difference.
+    """Returns the motion of the part since the last round; None if noise explains it.
 
     Raises:
         ImplausibleDataError: The points moved against each other: one was touched wrong.

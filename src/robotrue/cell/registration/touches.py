@@ -33,7 +33,7 @@ _GAIN: Final = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _OwnPlanes:
-    """One plane per touch; asked about exactly those touches, in their order.
+    """One plane per touch; valid for exactly those touches, in their order.
 
     Attributes:
         point: (m, 3) m.
@@ -246,7 +246,7 @@ def _registration(
     *,
     sigma: float | None,
 ) -> Registration:
-    """The frame with the covariance of the touches kept, scaled with their residuals or a sigma."""
+    """Returns the frame with its covariance from the accepted touches, scaled by residuals."""
     distance, normal, rows = linearise_distances(parts, T_base_part)
     weights = keep[parts.owner].astype(np.float64)
     residuals = np.zeros((len(touches), 3))
