@@ -1,4 +1,4 @@
-"""Measure a virtual KR160 with a spindle: how far off is it? Everything here is simulated."""
+"""Measure the position error of a virtual KR160 with a spindle. All data are simulated."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from robotrue.simulation.virtual_tracker import measure
 def main(out: Path) -> None:
     out.mkdir(parents=True, exist_ok=True)
     cell = deng2022(seed=1)
-    robot = cell.known.measured_robot  # what the controller believes, reflector as its tool
+    robot = cell.known.measured_robot  # nominal robot of the controller, with the reflector as tool
     joints = random_joints(robot, 60, seed=1)
     taken = measure(
         cell.robot, cell.tracker, joints, seed=1, T_flange_tool=cell.known.T_flange_target

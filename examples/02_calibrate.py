@@ -1,4 +1,4 @@
-"""Calibrate: geometry and joint compliance from 80 poses of the virtual cell."""
+"""Calibrate geometry and joint compliance from 80 poses of the virtual cell."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ def main(out: Path) -> None:
     model = fit(robot, taken, method="elastic", settings=FitSettings(payload=known.payload))
     write_model(out / "model.robotrue", model, known)
     before = np.linalg.norm(taken.position - forward(robot, joints)[:, :3, 3], axis=1) / MM
-    rest = evaluate(model, taken, payload=known.payload).after
-    after = np.linalg.norm(rest, axis=1) / MM
+    residual = evaluate(model, taken, payload=known.payload).after
+    after = np.linalg.norm(residual, axis=1) / MM
 
     figure, axes = plt.subplots(figsize=(6, 3))
     axes.semilogy(before, "o", label="before")
-    axes.semilogy(after, "o", label="after, on the poses of the fit")
+    axes.semilogy(after, "o", label="after, on the training poses")
     axes.set(xlabel="pose", ylabel="error, mm (simulated)")
     axes.legend()
     figure.savefig(out / "02_calibrate.png", bbox_inches="tight")
     error = after.std(ddof=1) / np.sqrt(len(after))
-    print(f"what the fit leaves over {after.mean():.3f} +- {error:.3f} mm (simulated)")
+    print(f"residual on the training poses {after.mean():.3f} +- {error:.3f} mm (simulated)")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Validate on poses the fit never saw: a real UR5 where the data are, else the virtual cell."""
+"""Validate on held-out poses of a real UR5, or of the virtual cell without these data."""
 
 from __future__ import annotations
 

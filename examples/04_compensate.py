@@ -1,4 +1,4 @@
-"""Compensate a KRL program and run it again on the virtual cell. Everything here is simulated."""
+"""Compensate a KRL program and re-measure it on the virtual cell. All data are simulated."""
 
 from __future__ import annotations
 

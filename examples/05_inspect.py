@@ -1,4 +1,4 @@
-"""Inspect a calibration: what each parameter is, and how well 80 poses know it. Simulated."""
+"""Show each parameter of a calibration from 80 poses with its uncertainty. Simulated."""
 
 from __future__ import annotations
 

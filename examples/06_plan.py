@@ -1,4 +1,4 @@
-"""Plan: which 30 poses to measure, what accuracy to expect of them, and what was then measured."""
+"""Plan 30 poses, predict the accuracy, and compare it with simulated measurements."""
 
 from __future__ import annotations
 
@@ -25,37 +25,37 @@ def main(out: Path) -> None:
     case = scenario("S1A", seed=1)
     known = case.cell.known
     robot = known.measured_robot
-    able = random_joints(robot, 500, seed=2)  # where the arm can be measured
-    work = random_joints(robot, 100, seed=3, region=VALIDATION)  # and where it will work
+    candidates = random_joints(robot, 500, seed=2)  # poses that the tracker can measure
+    work = random_joints(robot, 100, seed=3, region=VALIDATION)  # poses of the work
     plan = plan_poses(
         known,
         30,
         settings=PlanSettings(approach="as it comes", fit=case.settings),
-        candidates=able,
+        candidates=candidates,
         work=Postures(joints=work, load=known.payload),
     )
-    by_worth = measure_joints(case, plan.joints).subset(np.argsort(plan.rank))
+    ranked = measure_joints(case, plan.joints).subset(np.argsort(plan.rank))
     held_out = check(case)
 
-    sizes, found = (15, 20, 30), []
+    sizes, means = (15, 20, 30), []
     for n in sizes:
-        rows = by_worth.subset(np.arange(n))
+        rows = ranked.subset(np.arange(n))
         model = fit(robot, rows, method="gp", settings=case.settings)
-        rest = evaluate(model, held_out, payload=known.payload).after
-        size = np.linalg.norm(rest, axis=1) / MM
-        found.append(size.mean())
+        residual = evaluate(model, held_out, payload=known.payload).after
+        size = np.linalg.norm(residual, axis=1) / MM
+        means.append(size.mean())
 
     number = np.arange(10, 31)
     figure, axes = plt.subplots(figsize=(6, 3))
     axes.plot(number, plan.expected.mean[10:] / MM, label="expected, planned")
     axes.plot(number, plan.expected.random_mean[10:] / MM, "--", label="expected, random")
-    axes.plot(sizes, found, "o", label="then measured (simulated)")
+    axes.plot(sizes, means, "o", label="then measured (simulated)")
     axes.set(xlabel="poses", ylabel="mean error, mm", ylim=(0, None))
     axes.legend()
     figure.savefig(out / "06_plan.png", bbox_inches="tight")
     expected = plan.expected.mean[30] / MM
     error = size.std(ddof=1) / np.sqrt(len(size))
-    print(f"30 poses: {expected:.3f} mm expected, {found[-1]:.3f} +- {error:.3f} mm", end=" ")
+    print(f"30 poses: {expected:.3f} mm expected, {means[-1]:.3f} +- {error:.3f} mm", end=" ")
     print("then measured (simulated)")
 
 

@@ -1,4 +1,4 @@
-"""Transfer: a calibration of one region and five poses of another make a model of both."""
+"""Transfer a calibration to another region with up to 40 poses of that region. Simulated."""
 
 from __future__ import annotations
 

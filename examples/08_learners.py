@@ -1,4 +1,4 @@
-"""The learners by themselves: 126 poses of a source region, 16 of the target region. Simulated."""
+"""Use the learners directly: 126 poses of a source region, 16 of the target. Simulated."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MM = 1e3
 
 
 def errors(seed: int, n: int, sector: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
-    """Joints (n, 6) rad with joint 1 in a sector, and measured errors (n, 3) mm."""
+    """Returns joints (n, 6) rad with joint 1 in a sector, and measured errors (n, 3) mm."""
     cell = deng2022(seed=1)
     robot, reflector = cell.known.measured_robot, cell.known.T_flange_target
     joints = random_joints(robot, n, seed=seed).copy()
@@ -46,17 +46,17 @@ def main(out: Path) -> None:
     for name, learner in learners.items():
         mean = measured.mean(axis=0) if learner is None else learner.predict(there)
         missed[name] = np.linalg.norm(truth - mean, axis=1)
-        print(f"{name:14s} mean {missed[name].mean():.3f} mm of 100 poses held out (simulated)")
+        print(f"{name:14s} mean {missed[name].mean():.3f} mm on 100 held-out poses (simulated)")
 
     figure, axes = plt.subplots(figsize=(6, 3.5))
     axes.boxplot(list(missed.values()), tick_labels=list(missed))
-    axes.set(ylabel="error left, mm (simulated)", yscale="log")
+    axes.set(ylabel="residual error, mm (simulated)", yscale="log")
     figure.savefig(out / "08_learners.png", bbox_inches="tight")
     best = learners["transfer GP"]
     mean, deviation = best.predict(there, return_std=True)
     inside = np.mean(np.abs(truth - mean) < 1.96 * deviation)
     print(f"rho {best.rho_:.2f}, {100 * inside:.0f} % of components inside their 95 % intervals")
-    print(f"first pose held out, x: {mean[0, 0]:.3f} +- {1.96 * deviation[0, 0]:.3f} mm, ", end="")
+    print(f"first held-out pose, x: {mean[0, 0]:.3f} +- {1.96 * deviation[0, 0]:.3f} mm, ", end="")
     print(f"measured {truth[0, 0]:.3f}")
 
 

@@ -1,4 +1,4 @@
-"""From CAM to program: a vase cut from two sides, its CL files, its STL, and the KRL program."""
+"""Make a KRL program for a vase cut from two sides, from its CL files and STL."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ from robotrue.program.posts.post_writer import write_machining
 from robotrue.simulation.presets import deng2022
 from robotrue.simulation.virtual_robot import actual_pose
 
-T_BASE_PART = pose(np.eye(3), np.array([1.05, 0.0, 0.45]))  # where touching would have found it
+T_BASE_PART = pose(np.eye(3), np.array([1.05, 0.0, 0.45]))  # as registered by probing
 
 
 def radius(z):
-    """Half the width of the vase in mm at height z mm; its depth is two thirds of that."""
+    """Returns the half width of the vase in mm at height z mm; the depth is 2/3 of the width."""
     return 60 + 35 * np.sin(z / 45.0) - 0.08 * z
 
 
 def write_apt(path, sign):
-    """Lines across the whole blank, lifted from one to the next, as a relief CAM makes them."""
+    """Writes lines across the whole blank with lifts between them, like a relief CAM."""
     lines = [f"PARTNO VASE {path.stem}", "UNITS/MM", "SPINDL/12000,RPM,CLW", "MULTAX/ON"]
     for z in np.arange(5, 300, 10):
         x, wide = np.linspace(-110, 110, 56), radius(z)
@@ -67,7 +67,7 @@ def main(out: Path) -> None:
     for name, data in program.files.items():
         write_atomic(out / name, data)
     figure.savefig(out / "09_from_cam.png", bbox_inches="tight")
-    size = []  # the program run as it is, by the virtual arm
+    size = []  # errors of the uncompensated program on the virtual arm
     for s in job.sides:
         tip = actual_pose(virtual.robot, s.joints, T_flange_tool=robot.T_flange_tool)[:, :3, 3]
         size.append(np.linalg.norm(tip - apply(T_BASE_PART, s.path.position), axis=1) / MM)

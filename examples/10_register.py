@@ -1,4 +1,4 @@
-"""Register: a probing session, first touch to verdict, no tracker. Everything here is simulated."""
+"""Register a part by probing without a tracker, up to the verdict. All data are simulated."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ BOTH: tuple[virtual.Posture, ...] = ("R", "L")
 
 
 def session(cell: virtual.FengCell, path: Path) -> ProbingSet:
-    """Thirty touches, front, back and above in turn, written to a file and read back."""
+    """Probes thirty points, front, back and top in turn; writes them to a file and reads it."""
     rng = np.random.default_rng(8)
     sides = {side: virtual.touch_points(side, 10, rng) for side in virtual.START}
     joints = {side: virtual.touch(cell, points, side, rng) for side, points in sides.items()}
@@ -42,7 +42,7 @@ def session(cell: virtual.FengCell, path: Path) -> ProbingSet:
 
 
 def cut(cell: virtual.FengCell, found: RegisteredPart) -> Array:
-    """Errors (40,) mm of points cut from both sides, run by the model the frame belongs to."""
+    """Returns errors (40,) mm of points cut from both sides with the model of the frame."""
     rng, T, errors = np.random.default_rng(9), found.frames[0].registration.T_base_part, []
     for side in BOTH:
         points = virtual.touch_points(side, 20, rng)
@@ -55,18 +55,18 @@ def cut(cell: virtual.FengCell, found: RegisteredPart) -> Array:
 
 def main(out: Path) -> None:
     out.mkdir(parents=True, exist_ok=True)
-    cell, told = virtual.feng_cell(seed=5), RegistrationSettings(tolerance=0.3 * MM)
+    cell, settings = virtual.feng_cell(seed=5), RegistrationSettings(tolerance=0.3 * MM)
     touches = session(cell, out / "points.csv")
     arm, stated, done = NominalModel(robot=cell.nominal), [], []
     for n in COUNTS:
-        found = register(arm, touches.subset(np.arange(n)), settings=told)
+        found = register(arm, touches.subset(np.arange(n)), settings=settings)
         stated.append(found.frames[0].region.max() / MM)
         done.append(cut(cell, found))
         print(f"{n} touches, {found.route}: {stated[-1]:.2f} mm with 95 %, {found.verdict}")
     figure, axes = plt.subplots(figsize=(6, 3))
-    axes.semilogy(COUNTS, stated, label="stated, 95 %, worst touch")
+    axes.semilogy(COUNTS, stated, label="stated, 95 %, worst point")
     axes.semilogy(COUNTS, [np.percentile(e, 95) for e in done], "o", label="then cut, 95 %")
-    axes.set(xlabel="touches", ylabel="mm (simulated)")
+    axes.set(xlabel="probing points", ylabel="mm (simulated)")
     axes.set_yticks([0.2, 0.5, 1.0, 2.0, 4.0], ["0.2", "0.5", "1", "2", "4"])
     axes.set_yticks([], minor=True)
     axes.legend()

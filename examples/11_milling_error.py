@@ -1,4 +1,4 @@
-"""Milling error: learn what a prediction misses on one pass, use it on another. All simulated."""
+"""Fit the residual of the predicted milling error on one pass, test on another. Simulated."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ def main(out: Path) -> None:
     write_archive(out / "deviation.robotrue", fit_deviation(first, arm).to_archive())
     model = deviation_from_archive(read_archive(out / "deviation.robotrue"))
     for i, (factor, sd) in enumerate(zip(model.factors[:6], model.factors_sd[:6], strict=True)):
-        print(f"joint {i + 1}: compliance {factor:.2f} +- {sd:.2f} of what is stated")
+        print(f"joint {i + 1}: compliance {factor:.2f} +- {sd:.2f} of the stated value")
     found = model.predict(second)
-    print(f"windows at poses nobody has seen: {int((found.standing != WindowTrust.INSIDE).sum())}")
+    print(f"windows outside the training data: {int((found.standing != WindowTrust.INSIDE).sum())}")
     before, after = second.deviation / UM, (found.error - second.measured) / UM
     figure, axes = plt.subplots(figsize=(6, 3))
     place = np.arange(len(second))

@@ -1,4 +1,4 @@
-"""A drilling job: campaign, freeze, production with a gauge, a shifted zero. All simulated."""
+"""Run a drilling job: campaign, freeze, production with a gauge, a zero shift. Simulated."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from robotrue.report.drilling_report import drilling_content
 from robotrue.report.page import report_html
 from robotrue.simulation.drilling_machine import clamp, drilling_machine, random_campaign
 
-GAUGE = 0.005 * DEG  # deviation of the gauge that measures a finished hole
+GAUGE = 0.005 * DEG  # standard deviation of the gauge for finished holes
 HOLES = 60
 
 
@@ -40,7 +40,7 @@ def main(out: Path) -> None:
     head = Head(p_pivot_tip=np.array([0.0, 0.0, -350.0]) * MM)
     model, trials = fit_model(machine.foot, head, Campaign(clamps=clamps, tilt=plan.tilt))
     for trial in trials:
-        print(f"held out, {trial.kind:12}: {trial.mean / DEG:.4f} deg left")
+        print(f"held out, {trial.kind:12}: {trial.mean / DEG:.4f} deg residual tilt")
     test = random_campaign(machine, 100, random, held_out=True)
     write_model(out / "drill.robotrue", freeze_model(model, test, "test", allowed=0.1 * DEG))
     model = read_model(out / "drill.robotrue")
@@ -64,7 +64,7 @@ def main(out: Path) -> None:
     figure, axes = plt.subplots(figsize=(6, 3))
     axes.plot(np.arange(1, len(left) + 1), left, ".")
     axes.axvline(HOLES + 0.5, color="k", lw=0.8, label="zero shifted by 50, -50, 25 um")
-    axes.set(xlabel="hole", ylabel="tilt left, deg (simulated)", ylim=(0.0, None))
+    axes.set(xlabel="hole", ylabel="residual tilt, deg (simulated)", ylim=(0.0, None))
     axes.legend(fontsize=7)
     figure.savefig(out / "12_square_the_drill.png", bbox_inches="tight")
     tilts = np.hypot(*result.left.T) / DEG

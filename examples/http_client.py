@@ -1,8 +1,8 @@
-"""The workbench from a program: a cell, measurements, a calibration, a compensated program.
+"""Calibrate and compensate a program through the HTTP interface of the workbench.
 
     python examples/http_client.py http://127.0.0.1:8080 cell.toml calibration.csv part.src
 
-Needs nothing but Python. The token of ``robotrue serve --token-env`` is taken from BENCH_TOKEN.
+Requires only Python. BENCH_TOKEN holds the token of ``robotrue serve --token-env``.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from typing import Any
 
 
 class Bench:
-    """A workbench at an address."""
+    """Client of a workbench."""
 
     def __init__(self, address: str, token: str = "") -> None:
         self.address = address.rstrip("/")
         self.headers = {"Authorization": f"Bearer {token}"} if token else {}
 
     def ask(self, method: str, path: str, body: bytes | None = None, kind: str = "") -> bytes:
-        """Returns what the workbench answers; its refusals end the program in its own words."""
+        """Returns the body of the answer; an error ends the program with its message."""
         headers = self.headers | ({"Content-Type": kind} if kind else {})
         request = urllib.request.Request(  # noqa: S310
             self.address + path, data=body, method=method, headers=headers
@@ -35,22 +35,22 @@ class Bench:
             with urllib.request.urlopen(request, timeout=120) as answer:  # noqa: S310
                 return bytes(answer.read())
         except urllib.error.HTTPError as refused:
-            told = json.loads(refused.read())
-            raise SystemExit(f"{told['title']}: {told.get('detail', '')}") from None
+            problem = json.loads(refused.read())
+            raise SystemExit(f"{problem['title']}: {problem.get('detail', '')}") from None
 
     def post(self, path: str, **document: Any) -> dict[str, Any]:
-        """Returns the JSON answer to a JSON question."""
+        """Returns the JSON answer to a JSON request."""
         body = json.dumps(document).encode()
         return dict(json.loads(self.ask("POST", path, body, "application/json")))
 
     def send(self, path: Path) -> str:
-        """Returns the id of a file that was sent."""
+        """Uploads a file and returns its id."""
         where = f"/api/files?name={urllib.parse.quote(path.name)}"
         answer = self.ask("POST", where, path.read_bytes(), "application/octet-stream")
         return str(json.loads(answer)["id"])
 
     def done(self, kind: str, **parameters: Any) -> dict[str, Any]:
-        """Returns the result of a job, asked for and waited for."""
+        """Queues a job, waits for its end and returns its result."""
         job = self.post("/api/jobs", kind=kind, parameters=parameters)
         while not job["over"]:
             time.sleep(0.5)

@@ -1,4 +1,4 @@
-"""An error term from outside: drives that turn as the hall warms."""
+"""Error term of an external package: the drives turn as the hall warms up."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from robotrue.robot.forward import Sensitivity
 from robotrue.robot.model import RobotModel, parameter_slice
 
 USUAL = 303.15
-"""K, at which programs run."""
+"""K, usual temperature of programs."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,7 +35,7 @@ class WarmDrives(Term):
 
     @property
     def unit(self) -> str:
-        """Of every parameter."""
+        """Unit of every parameter."""
         return "rad/K"
 
     def _rise(self, at: ArmPostures) -> Array:
@@ -50,7 +50,7 @@ class WarmDrives(Term):
         return Effect(drive_shift=self._rise(at)[:, None] * values)
 
     def groups(self, *, few: bool) -> Sequence[PriorGroup]:
-        """Returns one group."""
+        """Returns the single prior group."""
         return [PriorGroup(name=self.name, columns=np.arange(self.dof), sd=1e-5, rest=1e-8)]
 
     def in_tables(self, tables: MeanTables, values: Array) -> MeanTables:
@@ -62,7 +62,7 @@ class WarmDrives(Term):
 
     @classmethod
     def begin(cls, robot: RobotModel, measurements: MeasurementSet, few: bool) -> WarmDrives | None:
-        """Returns the term where the temperature of all rows is known and varies by 2 K."""
+        """Returns the term if all rows have a temperature and it varies by 2 K or more."""
         known = measurements.temperature[np.isfinite(measurements.temperature)]
         if len(known) < len(measurements) or np.ptp(known) < 2.0:
             return None
@@ -73,7 +73,7 @@ class WarmDrives(Term):
         return {"coefficients": values}
 
     def document(self) -> Mapping[str, Any]:
-        """Returns the temperature at which the drives do not turn."""
+        """Returns the reference temperature, at which the drive shift is zero."""
         return {"reference_K": self.reference}
 
     @classmethod
