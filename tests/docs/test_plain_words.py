@@ -1,7 +1,8 @@
-"""README, tutorial, how-to pages and the help of every option use plain technical English."""
+"""README, guides, tutorial, how-to pages, notebooks and help use plain technical English."""
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,7 +16,7 @@ from robotrue.app.request import fields_of
 ROOT = Path(__file__).resolve().parents[2]
 PAGES: Final = sorted(
     [
-        ROOT / "README.md",
+        *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CONVENTIONS.md")),
         *(ROOT / "docs/tutorial").glob("*.md"),
         *(ROOT / "docs/howto").glob("*.md"),
     ]
@@ -31,6 +32,14 @@ INSTEAD: Final = {
     r"\bdoubts? (is|names?|says?|of)\b": "warning",
     r"\bcame of it\b": "result",
     r"\bsay(s)? of (it|them)(self|selves)\b": "state",
+    r"\b(tells?|told|begun|stood)\b": "reports, determines; started; was",
+    r"\b(somebody|anew)\b": "another user, the operator; again",
+    r"\b(becomes? of|found out|passed over|left open)\b": "result, detected, ignored, undetermined",
+    r"\bcannot say\b": "does not determine, cannot hold",
+    r"\b(how far off|a matter of)\b": "error, depends on",
+    r"\bthe other way round\b": "reversed, in reverse order",
+    r"\bstands? (still|there|twice|beside|behind)\b": "is at rest, is in, occurs",
+    r"\b(does not mind|goes on|knows nothing)\b": "does not affect, continues, ignores",
 }
 """A phrase that is not plain technical English, and what to write instead."""
 FENCE: Final = re.compile(r"^ *```.*?^ *```$|`[^`\n]*`|^ {4}.*$", re.DOTALL | re.MULTILINE)
@@ -56,6 +65,16 @@ def help_texts() -> Iterator[tuple[str, str]]:
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_a_page_uses_plain_words(page: Path) -> None:
     assert not find_phrases(FENCE.sub("", page.read_text(encoding="utf-8")))
+
+
+@pytest.mark.parametrize(
+    "notebook", sorted((ROOT / "docs/notebooks").glob("*.ipynb")), ids=lambda path: path.stem
+)
+def test_the_prose_of_a_notebook_uses_plain_words(notebook: Path) -> None:
+    cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
+    prose = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "markdown"]
+    assert prose
+    assert not find_phrases(FENCE.sub("", "\n\n".join(prose)))
 
 
 def test_every_help_uses_plain_words() -> None:
