@@ -12,6 +12,7 @@ from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, inverse, pose, pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
 from robotrue.measurement.formats.part_points import read_points
+from robotrue.robot.configuration import axis_relation
 from robotrue.robot.forward import forward
 from robotrue.robot.inverse import inverse_batch
 
@@ -72,7 +73,9 @@ def test_touches_a_page_a_picture_and_the_keys(cli, shop_floor: Path) -> None:
     first, rest = touches.read_text().split("\n", 1)
     assert first.startswith("# planned joints, nothing was touched yet")
     touches.write_text(rest)
-    back = read_points(touches).touches
+    back = read_points(touches, axis_relation(shop.nominal())).touches
+    assert "a6_deg" in rest
+    assert "j1_deg" not in rest
     assert list(back.names) == document["names"]
     np.testing.assert_allclose(back.joints / DEG, document["joints_deg"], atol=1e-5)
     tip = forward(shop.nominal(), back.joints)[:, :3, 3]

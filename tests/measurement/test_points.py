@@ -67,6 +67,21 @@ def test_joints_go_before_measured_points(tmp_path: Path) -> None:
     assert np.isnan(found.position).all()
 
 
+def test_axes_of_the_controller_are_counted_as_the_robot_says(tmp_path: Path) -> None:
+    sign = np.array([-1.0, 1.0])
+
+    def relation(axes: np.ndarray) -> np.ndarray:
+        return sign * axes
+
+    text = "name,px_mm,py_mm,pz_mm,a1_deg,a2_deg\na,1,2,3,90,180\n"
+    path = written(tmp_path / "p.csv", text)
+    np.testing.assert_allclose(read_points(path, relation).touches.joints, [[-np.pi / 2, np.pi]])
+    for few in ("a1_deg\na,1,2,3,90\n", "a1_deg,a2_deg,a3_deg\na,1,2,3,90,1,1\n"):
+        written(path, "name,px_mm,py_mm,pz_mm," + few)
+        with pytest.raises(FormatError, match="columns of axes, the robot has another number"):
+            read_points(path, relation)
+
+
 def test_a_misspelt_column_is_named(tmp_path: Path) -> None:
     text = "name,px_mm,py_mm,pz_m,x_mm,y_mm,z_mm\na,1,2,3,4,5,6\n"
     with pytest.raises(FormatError, match="unknown column 'pz_m'") as caught:

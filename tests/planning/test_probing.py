@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -37,6 +37,7 @@ from robotrue.planning.probing import ROUGH, ROUGH_TURN, Machining, ProbingTask,
 from robotrue.planning.probing_candidates import TouchLimits, touch_candidates
 from robotrue.planning.probing_frame import plan_frame_touches
 from robotrue.planning.probing_plan import spread_touches
+from robotrue.robot.configuration import axis_relation
 from robotrue.robot.forward import forward
 from robotrue_reproductions.feng2018.machining_cell import (
     EDGE,
@@ -312,16 +313,20 @@ def without_first_line(path: Path) -> None:
 
 def test_the_sheet_is_what_registering_reads(tmp_path: Path) -> None:
     plan = plan_touches(task(), 6)
+    robot = task().belief.robot
+    read = partial(read_points, relation=axis_relation(robot))
     path = tmp_path / "touches.csv"
-    path.write_bytes(touch_sheet(plan.touches, ("part",)))
+    path.write_bytes(touch_sheet(plan.touches, ("part",), robot))
     with pytest.raises(FormatError, match=r"touches.csv:1: its joints are planned ones, nothing"):
-        read_points(path)
+        read(path)
     without_first_line(path)
-    back = read_points(path).touches
+    with pytest.raises(FormatError, match=r"columns a1_deg\.\. are axes of a controller"):
+        read_points(path)
+    back = read(path).touches
     assert back.names == plan.touches.names
     np.testing.assert_allclose(back.joints, plan.touches.joints, atol=1e-8)
     np.testing.assert_allclose(back.point, plan.touches.point, atol=1e-9)
     two = replace(plan.touches, part=np.array([0, 1, 0, 1, 0, 1]))
-    path.write_bytes(touch_sheet(two, ("left", "right")))
+    path.write_bytes(touch_sheet(two, ("left", "right"), robot))
     without_first_line(path)
-    assert read_points(path).parts == ("left", "right")
+    assert read(path).parts == ("left", "right")

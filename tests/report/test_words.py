@@ -99,7 +99,7 @@ def test_an_unknown_language_key_or_value_is_refused():
         "uncertainty is too small here.",
         "The fit used rows of the same file (a.csv sha256:ab): the numbers hold only if these "
         "poses were held back.",
-        "Joint ranges of these poses: J1 50, J2 59 deg.",
+        "Axis ranges of these poses: A1 50, A2 59 deg.",
         "Temperature 19.5 to 22.1 deg C.",
     ],
 )

@@ -27,9 +27,11 @@ from robotrue.report.content import (
     TableColumn,
 )
 from robotrue.report.curve_plots import PoseCurves, PoseSeries
+from robotrue.report.labels import axis_columns
 from robotrue.report.map_plots import SideContour
 from robotrue.report.page import report_html
 from robotrue.report.warning_groups import group_unseen, without_unseen
+from robotrue.robot.configuration import controller_axes
 from robotrue.validation.contest import Selection
 from robotrue.validation.report import ValidationReport
 
@@ -100,7 +102,7 @@ def plan_page(cell: Cell, plan: PosePlan, origin: Provenance) -> str:
             sections=(
                 Section(title="Accuracy", blocks=(draw_accuracy_curve(plan),)),
                 Section(title="Candidates", blocks=(_list_rejected(plan),)),
-                Section(title="Poses", blocks=(_list_poses(plan),)),
+                Section(title="Poses", blocks=(_list_poses(cell, plan),)),
             ),
             doubts=plan.notes,
             provenance=(
@@ -143,15 +145,13 @@ def _list_rejected(plan: PosePlan) -> ReportTable:
     )
 
 
-def _list_poses(plan: PosePlan) -> ReportTable:
+def _list_poses(cell: Cell, plan: PosePlan) -> ReportTable:
+    axes = controller_axes(cell.robot, plan.joints) / DEG
     return ReportTable(
         title="The poses, in the order of measuring",
         columns=(
             TableColumn(title="pose"),
-            *(
-                TableColumn(title=f"j{i + 1}", unit="deg", digits=2)
-                for i in range(plan.joints.shape[1])
-            ),
+            *axis_columns(cell.robot.dof),
             *(TableColumn(title=axis, unit="mm", digits=1) for axis in "xyz"),
             TableColumn(title="load"),
             TableColumn(title="worth, place"),
@@ -159,7 +159,7 @@ def _list_poses(plan: PosePlan) -> ReportTable:
         rows=tuple(
             (
                 k + 1,
-                *(float(v) for v in plan.joints[k] / DEG),
+                *map(float, axes[k]),
                 *(float(v) for v in plan.position[k] / MM),
                 int(plan.load[k]),
                 int(plan.rank[k]) + 1,

@@ -145,18 +145,22 @@ def _axis_columns(robot: RobotModel, joints: Array) -> dict[str, list[str]]:
     return number_columns(axis_names(robot.dof), axes, write_six_digits)
 
 
-def touch_sheet(touches: ProbingSet, parts: Sequence[str]) -> bytes:
+def touch_sheet(touches: ProbingSet, parts: Sequence[str], robot: RobotModel) -> bytes:
     """Returns touches as CSV, one row each in their order: columns of a file of touched points.
 
-    The joints are those planned. At the machine each row gets the joints at its touch instead, and
-    the first line goes; until then the file is refused, since planned joints fit exactly.
+    The axes, as the controller displays them, are those planned. At the machine each row gets the
+    axes at its touch instead, and the first line goes; until then the file is refused, since
+    planned axes fit exactly.
 
     Args:
         touches: With joints.
         parts: Name of each part by its number; the column is left out for one part alone.
+        robot: Of the controller.
     """
-    head = f"{PLANNED}: put the joints at each touch in their place, then delete this line\n"
-    columns = point_columns(touches, parts if len(parts) > 1 else (), write_six_digits)
+    head = f"{PLANNED}: put the axes at each touch in their place, then delete this line\n"
+    named = parts if len(parts) > 1 else ()
+    axes = controller_axes(robot, touches.joints)
+    columns = point_columns(touches, named, write_six_digits, displayed=axes)
     return _write_sheet(head, columns)
 
 

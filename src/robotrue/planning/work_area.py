@@ -29,6 +29,7 @@ from robotrue.program.formats.apt import looks_like_apt
 from robotrue.program.formats.toolpath_csv import looks_like_csv
 from robotrue.program.formats.toolpaths import read_toolpath
 from robotrue.program.program import Program, Reason
+from robotrue.robot.configuration import axis_relation
 from robotrue.robot.forward import forward
 from robotrue.robot.inverse import inverse_batch
 from robotrue.robot.spin import SpinSettings
@@ -249,7 +250,11 @@ def read_machining(
 
 def _read(cell: Cell, path: Path, T_base_part: Array, tip_axis: Array) -> MachinedFile:
     head = read_bytes(path)[:_HEAD].decode("latin-1").removeprefix("\xef\xbb\xbf")
-    if "j1_deg" in head.casefold() or path.suffix.casefold() in (".xlsx", ".ods"):
+    if (
+        "j1_deg" in head.casefold()
+        or "a1_deg" in head.casefold()
+        or path.suffix.casefold() in (".xlsx", ".ods")
+    ):
         return _table(cell, path)
     if looks_like_csv(head) or looks_like_apt(head):
         return _toolpath(cell, path, T_base_part, tip_axis)
@@ -257,7 +262,7 @@ def _read(cell: Cell, path: Path, T_base_part: Array, tip_axis: Array) -> Machin
 
 
 def _table(cell: Cell, path: Path) -> MachinedFile:
-    file = read_points(path)
+    file = read_points(path, axis_relation(cell.robot))
     touches = file.touches
     if not touches.has_joints or touches.joints.shape[1] != cell.robot.dof:
         raise ModelMismatchError(

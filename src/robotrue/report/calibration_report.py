@@ -20,10 +20,10 @@ from robotrue.report.content import (
     Tone,
 )
 from robotrue.report.labels import (
+    axis_columns,
     column,
     columns,
     fact,
-    joint_columns,
     per_axis_table,
     plain_columns,
     statistics_table,
@@ -238,7 +238,7 @@ def _places(report: ValidationReport, t: ReportTexts) -> Section:
                     *columns(t, "cal.set", "cal.line"),
                     *columns(t, "before", "after", unit=_MM),
                     column(t, "cal.region", "%", 1),
-                    *joint_columns(len(report.worst[0].joints)),
+                    *axis_columns(len(report.worst[0].axes)),
                 ),
                 rows=tuple(
                     (
@@ -247,7 +247,7 @@ def _places(report: ValidationReport, t: ReportTexts) -> Section:
                         point.before / MM,
                         float(np.linalg.norm(point.after)) / MM,
                         100.0 * point.probability,
-                        *(float(q) / DEG for q in point.joints),
+                        *(float(q) / DEG for q in point.axes),
                     )
                     for point in report.worst
                 ),

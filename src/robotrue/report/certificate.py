@@ -31,10 +31,10 @@ from robotrue.report.content import (
     TableColumn,
 )
 from robotrue.report.labels import (
+    axis_columns,
     column,
     columns,
     fact,
-    joint_columns,
     statistics_table,
     tile,
     versions,
@@ -285,7 +285,7 @@ def _repeats(facts: CertificateFacts, t: ReportTexts) -> Section:
                 c.RP_l / MM,
                 *(float(v) / MM for v in c.AP_xyz),
                 pose.compensated / MM,
-                *(float(q) / DEG for q in pose.joints),
+                *(float(q) / DEG for q in pose.axes),
             )
         )
     axes = tuple(
@@ -298,7 +298,7 @@ def _repeats(facts: CertificateFacts, t: ReportTexts) -> Section:
             *(TableColumn(title=a, unit=_MM, key=k) for a, k in zip(names, keys, strict=True)),
             *axes,
             column(t, "iso.compensated", _MM),
-            *joint_columns(len(facts.repeats[0].joints)),
+            *axis_columns(len(facts.repeats[0].axes)),
         ),
         rows=tuple(rows),
         caption=t("iso.standard" if standard else "iso.few"),

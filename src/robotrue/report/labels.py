@@ -57,9 +57,9 @@ def plain_columns(*titles: str, unit: str = "", digits: int = DIGITS) -> tuple[T
     return tuple(TableColumn(title=title, unit=unit, digits=digits) for title in titles)
 
 
-def joint_columns(dof: int) -> tuple[TableColumn, ...]:
-    """Returns a column for the angle of each joint."""
-    return tuple(TableColumn(title=f"J{i + 1}", unit="deg", digits=2) for i in range(dof))
+def axis_columns(dof: int) -> tuple[TableColumn, ...]:
+    """Returns a column for each axis, as the controller displays it."""
+    return plain_columns(*(f"A{i + 1}" for i in range(dof)), unit="deg", digits=2)
 
 
 def fact(t: ReportTexts, key: str, value: str, **values: object) -> Fact:

@@ -18,8 +18,9 @@ from robotrue.report.content import (
     Section,
 )
 from robotrue.report.curve_plots import PoseCurves, PoseSeries
-from robotrue.report.labels import plain_columns
+from robotrue.report.labels import axis_columns, plain_columns
 from robotrue.report.map_plots import PartMap
+from robotrue.robot.configuration import controller_axes
 from robotrue.robot.forward import forward
 from robotrue.validation.error_map import radius_95
 
@@ -93,7 +94,7 @@ def probing_content(
                 blocks=(part_map(plan, task, tip_axis), _groups(plan, task)),
             ),
             Section(title="Against the number of touches", blocks=(_curve(plan),)),
-            Section(title="Touches", blocks=(_touches(plan),)),
+            Section(title="Touches", blocks=(_touches(plan, task),)),
         ),
         doubts=(*plan.warnings, *notes),
         provenance=(Fact(name="arm", value=source),),
@@ -141,23 +142,24 @@ def _groups(plan: ProbePlan, task: ProbingTask) -> ReportTable:
     )
 
 
-def _touches(plan: ProbePlan) -> ReportTable:
-    touches, dof = plan.touches, plan.touches.joints.shape[1]
+def _touches(plan: ProbePlan, task: ProbingTask) -> ReportTable:
+    touches = plan.touches
+    axes = controller_axes(task.belief.robot, touches.joints) / DEG
     return ReportTable(
         title="The touches, in the order of their worth",
         columns=(
             *plain_columns("touch", "feature"),
             *plain_columns(*"xyz", unit="mm", digits=1),
-            *plain_columns(*(f"j{i + 1}" for i in range(dof)), unit="deg", digits=2),
+            *axis_columns(task.belief.robot.dof),
         ),
         rows=tuple(
             (
                 k + 1,
                 touches.names[k],
                 *(float(v) for v in touches.point[k] / MM),
-                *(float(v) for v in touches.joints[k] / DEG),
+                *map(float, axes[k]),
             )
             for k in range(len(touches))
         ),
-        caption="Points in the part; joints in the sense of the robot model.",
+        caption="Points in the part; axes as the controller displays them.",
     )

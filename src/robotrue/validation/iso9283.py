@@ -16,6 +16,7 @@ from robotrue.core.arrays import Array, IntArray, frozen
 from robotrue.core.rotations import wrap
 from robotrue.errors import ShapeError
 from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.robot.configuration import controller_axes
 from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel
 
@@ -177,13 +178,13 @@ class RepeatedPose:
 
     Attributes:
         rows: Rows of the check.
-        joints: (dof,) rad, commanded.
+        axes: (dof,) rad, commanded, as the controller displays them.
         characteristics: Of the visits, against the nominal arm.
         compensated: m, distance of the mean from where the model said; NaN without predictions.
     """
 
     rows: IntArray
-    joints: Array
+    axes: Array
     characteristics: PoseCharacteristics
     compensated: float
 
@@ -224,7 +225,7 @@ def repeated_poses(
         found.append(
             RepeatedPose(
                 rows=rows,
-                joints=joints,
+                axes=controller_axes(robot, joints),
                 characteristics=pose_characteristics(commanded, measured.position[rows]),
                 compensated=float(np.linalg.norm(after[rows].mean(axis=0))),
             )

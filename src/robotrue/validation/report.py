@@ -19,6 +19,7 @@ class WorstPoint:
         group: Name of its set.
         source_row: One-based line in the source file.
         joints: (dof,) rad.
+        axes: (dof,) rad, as the controller displays them.
         position: (3,) m, measured, in base.
         before: m, length of measured minus nominal.
         after: (3,) m, measured minus predicted.
@@ -29,6 +30,7 @@ class WorstPoint:
     group: str
     source_row: int
     joints: Array
+    axes: Array
     position: Array
     before: float
     after: Array

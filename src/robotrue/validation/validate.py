@@ -14,6 +14,8 @@ from robotrue.core.rotations import matrix_from_rotation_vector
 from robotrue.core.units import DEG, MM
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.measurement.plausibility import FEWEST_POSES
+from robotrue.robot.configuration import controller_axes
+from robotrue.robot.model import RobotModel
 from robotrue.robot.statics import Load
 from robotrue.validation.coverage_parts import coverage_parts
 from robotrue.validation.evaluation import Evaluation, aligned_rows, evaluate
@@ -171,7 +173,7 @@ def validate(
         coverage=inside,
         axis_before=axis_before,
         axis_after=axis_after,
-        worst=_worst(seen),
+        worst=_worst(model.robot, seen),
         doubts=find_doubts(
             after=after,
             aligned=before_aligned,
@@ -181,7 +183,9 @@ def validate(
             summary=summary,
             measured=seen.measured,
         ),
-        notes=_notes(measurements, before_aligned is not None, axis_before is not None),
+        notes=_notes(
+            model.robot, measurements, before_aligned is not None, axis_before is not None
+        ),
         outside=outside,
         floor=floor,
         position=seen.measured.position,
@@ -199,7 +203,7 @@ def validate(
     )
 
 
-def _worst(seen: Evaluation) -> tuple[WorstPoint, ...]:
+def _worst(robot: RobotModel, seen: Evaluation) -> tuple[WorstPoint, ...]:
     length = np.linalg.norm(seen.after, axis=1)
     rows = np.argsort(-length, kind="stable")[:WORST_POINTS]
     probability = coverage_probability(seen.after[rows], seen.covariance[rows])
@@ -209,6 +213,7 @@ def _worst(seen: Evaluation) -> tuple[WorstPoint, ...]:
             group=measured.group_names[int(measured.group[row])],
             source_row=int(measured.source_row[row]),
             joints=measured.joints[row],
+            axes=controller_axes(robot, measured.joints[row]),
             position=measured.position[row],
             before=float(np.linalg.norm(seen.before[row])),
             after=seen.after[row],
@@ -246,7 +251,9 @@ def _axis_statistics(measured: Array, expected: Array) -> AxisAngles:
     )
 
 
-def _notes(measurements: MeasurementSet, aligned: bool, rotations: bool) -> tuple[str, ...]:
+def _notes(
+    robot: RobotModel, measurements: MeasurementSet, aligned: bool, rotations: bool
+) -> tuple[str, ...]:
     notes = []
     if measurements.frame == "tracker":
         notes.append(
@@ -266,10 +273,10 @@ def _notes(measurements: MeasurementSet, aligned: bool, rotations: bool) -> tupl
     if np.any(measurements.wrench):
         loaded = int(np.any(measurements.wrench, axis=1).sum())
         notes.append(f"{loaded} of {len(measurements)} poses under an external wrench.")
-    spread = np.ptp(measurements.joints, axis=0) / DEG
+    spread = np.ptp(controller_axes(robot, measurements.joints), axis=0) / DEG
     notes.append(
-        "Joint ranges of these poses: "
-        + ", ".join(f"J{i + 1} {s:.0f}" for i, s in enumerate(spread))
+        "Axis ranges of these poses: "
+        + ", ".join(f"A{i + 1} {s:.0f}" for i, s in enumerate(spread))
         + " deg."
     )
     return tuple(notes)

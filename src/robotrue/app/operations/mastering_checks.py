@@ -73,7 +73,7 @@ def plan_postures(request: MasteringPlanRequest, context: Context) -> PlainResul
         seed=request.seed,
     )
     output = context.output(request.output)
-    write_atomic(output, touch_sheet(touches, ("point",)))
+    write_atomic(output, touch_sheet(touches, ("point",), cell.robot))
     way = travel(touches.joints) / DEG
     return PlainResult(
         values={
@@ -141,6 +141,7 @@ def check_zeros(request: MasteringRequest, context: Context) -> PlainResult:
     from robotrue.calibration.nominal import NominalModel
     from robotrue.core.provenance import merge
     from robotrue.measurement.formats.part_points import read_points
+    from robotrue.robot.configuration import axis_relation
     from robotrue.validation.mastering import check_mastering
 
     point = None
@@ -148,7 +149,7 @@ def check_zeros(request: MasteringRequest, context: Context) -> PlainResult:
         point = MM * parse_numbers("--point-mm", request.point_mm, 3, form="X,Y,Z")
     cell, model = open_model(context.cell_file(request.cell))
     arm = NominalModel(robot=cell.robot.nominal()) if model is None else model
-    touches = read_points(request.touches).touches
+    touches = read_points(request.touches, axis_relation(cell.robot)).touches
     settings = settings_for_touches(cell, arm, request.touch_sigma_mm, request.tool_sigma_mm)
     found = check_mastering(
         arm, touches, settings, point=point, point_sigma=request.point_sigma_mm * MM

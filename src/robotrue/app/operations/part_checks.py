@@ -64,6 +64,7 @@ def check_blank_part(request: BlankCheckRequest, context: Context) -> PlainResul
     from robotrue.app.registered import open_model
     from robotrue.core.provenance import merge
     from robotrue.measurement.formats.part_points import read_points
+    from robotrue.robot.configuration import axis_relation
 
     source = context.cell_file(request.cell)
     cell, model = open_model(source)
@@ -78,7 +79,7 @@ def check_blank_part(request: BlankCheckRequest, context: Context) -> PlainResul
             source=source,
             hint="robotrue register CELL|MODEL POINTS -o CELL_OUT.",
         )
-    touches = read_points(request.blank).touches
+    touches = read_points(request.blank, axis_relation(cell.robot)).touches
     check = _fit_blank(request, cell, model, touches)
     if request.output is not None:
         output = context.output(request.output)
@@ -254,6 +255,7 @@ def check_datums(request: DatumCheckRequest, context: Context) -> PlainResult:
     from robotrue.calibration.nominal import NominalModel
     from robotrue.core.provenance import merge
     from robotrue.measurement.formats.part_points import read_points
+    from robotrue.robot.configuration import axis_relation
     from robotrue.validation.datum_touches import check_part
 
     source = context.registration_file(request.cell)
@@ -264,11 +266,12 @@ def check_datums(request: DatumCheckRequest, context: Context) -> PlainResult:
             source=source,
             hint="robotrue register CELL|MODEL POINTS -o CELL_OUT.",
         )
-    datums = read_points(request.datums)
+    relation = axis_relation(cell.robot)
+    datums = read_points(request.datums, relation)
     named = request.part or (datums.parts[0] if datums.parts[0] in cell.part.names else None)
     beside = source.parent / cell.part.points_file
     known = request.touches or (beside if cell.part.points_file and beside.is_file() else None)
-    file = None if known is None else read_points(known)
+    file = None if known is None else read_points(known, relation)
     if file is not None and file.digest != cell.part.points_sha256:
         raise ConfigurationError(
             "these are not the touches the cell was registered with: another SHA-256.",

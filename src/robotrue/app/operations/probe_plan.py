@@ -241,7 +241,7 @@ def run(request: ProbePlanRequest, context: Context) -> PlannedTouches:
         provenance=provenance_used(cell, model),
     )
     pages = _pages(request, result, limits.tip_axis, path)
-    write_atomic(output, touch_sheet(plan.touches, features.parts))
+    write_atomic(output, touch_sheet(plan.touches, features.parts, cell.robot))
     _tell(request, result, pages, context)
     return result
 

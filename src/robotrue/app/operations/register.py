@@ -95,6 +95,7 @@ def run(request: RegisterRequest, context: Context) -> PlainResult:
     from robotrue.calibration.nominal import NominalModel
     from robotrue.core.files import write_atomic
     from robotrue.measurement.formats.part_points import read_points
+    from robotrue.robot.configuration import axis_relation
     from robotrue.store.model_file import write_model
     from robotrue.validation.part_registration import register
 
@@ -102,7 +103,7 @@ def run(request: RegisterRequest, context: Context) -> PlainResult:
     refined_path = request.model_out or output.with_name(f"{output.stem}_model.robotrue")
     _check_request(request, source, refined_path)
     cell, model = open_model(source)
-    file = read_points(request.points)
+    file = read_points(request.points, axis_relation(cell.robot))
     found = register(
         NominalModel(robot=cell.robot) if model is None else model,
         replace(file.touches, radius=request.probe_radius_mm * MM),

@@ -76,13 +76,14 @@ def run(request: RegisterRoundsRequest, context: Context) -> PlainResult:
     from robotrue.measurement.formats.part_points import read_points
     from robotrue.planning.work_area import rough_frames
     from robotrue.program.controller_frames import controller_frame
+    from robotrue.robot.configuration import axis_relation
     from robotrue.validation.registration_rounds import register_in_rounds
 
     output, source = context.output(request.output), context.cell_file(request.cell)
     for form in request.frame_format:
         controller_frame(np.eye(4), form, number=request.frame_number)  # refuses before any work
     cell, model = open_model(source)
-    files = [read_points(path) for path in request.rounds]
+    files = [read_points(path, axis_relation(cell.robot)) for path in request.rounds]
     for path, file in zip(request.rounds, files, strict=True):
         if len(file.parts) > 1:
             raise ConfigurationError(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
@@ -72,13 +73,15 @@ def find_point(request: ToolPointRequest, context: Context) -> PlainResult:
     from robotrue.core.poses import pose
     from robotrue.core.provenance import merge
     from robotrue.measurement.formats.part_points import read_points
+    from robotrue.robot.configuration import axis_relation
     from robotrue.validation.tool_calibration import calibrate_tool
 
     _require_tool_formats(request.tool_format, request.tool_number)
     source = context.cell_file(request.cell)
     cell, model = open_model(source)
-    touches = read_points(request.touches).touches
-    table = None if request.table is None else read_points(request.table).touches
+    read = partial(read_points, relation=axis_relation(cell.robot))
+    touches = read(request.touches).touches
+    table = None if request.table is None else read(request.table).touches
     found = calibrate_tool(
         NominalModel(robot=cell.robot) if model is None else model,
         touches,
@@ -259,6 +262,7 @@ def _fit_axis(
     from robotrue.core.arrays import parse_number_list
     from robotrue.core.provenance import merge
     from robotrue.measurement.formats.part_points import read_points
+    from robotrue.robot.configuration import axis_relation
     from robotrue.validation.tool_calibration import axis_between, axis_on_plane
 
     if request.normal is not None and request.table is not None:
@@ -273,8 +277,9 @@ def _fit_axis(
             f"{'' if request.normal is None else ' with --normal'}, expected {needed}.",
             hint="SHORT.csv LONG.csv, or SQUARED.csv --normal 0,0,1",
         )
-    files = [read_points(path).touches for path in request.touches]
-    table = None if request.table is None else read_points(request.table).touches
+    read = partial(read_points, relation=axis_relation(cell.robot))
+    files = [read(path).touches for path in request.touches]
+    table = None if request.table is None else read(request.table).touches
     settings = registration_settings(cell, request.touch_sigma_mm)
     known = files if table is None else [*files, table]
     origin = merge([each.provenance for each in known])

@@ -34,10 +34,12 @@ from robotrue.measurement.formats.part_points import (
     read_points,
 )
 from robotrue.measurement.formats.sheet_file import read_sheet
+from robotrue.measurement.formats.table import AxisRelation
 from robotrue.measurement.touch_session import ProbingSession, TouchFeature
 from robotrue.planning.arm_scene import scene_of
 from robotrue.planning.plan_defaults import LEAN_DEG, ROUGH_MM
 from robotrue.planning.probing_candidates import TouchLimits, find_facing_posture, touch_candidates
+from robotrue.robot.configuration import axis_relation
 from robotrue.robot.forward import forward
 from robotrue.robot.inverse import branches_of
 from robotrue.robot.opw import opw_geometry
@@ -153,8 +155,8 @@ def _features(
     """Features of a file, and their joints where it is a plan of touches."""
     sheet = read_sheet(path)
     planned: list[tuple[tuple[float, ...], ...]] | None = None
-    if sheet.has("j1_deg") or sheet.has("x_mm"):
-        file = _points(path)
+    if sheet.has("a1_deg") or sheet.has("j1_deg") or sheet.has("x_mm"):
+        file = _points(path, axis_relation(cell.robot))
         touches = file.touches
         if touches.has_joints and touches.joints.shape[1] != cell.robot.dof:
             raise FormatError(
@@ -189,15 +191,15 @@ def _features(
     return features, planned
 
 
-def _points(path: Path) -> PointsFile:
+def _points(path: Path, relation: AxisRelation) -> PointsFile:
     """A file of points; the line that says that nothing was touched yet is as it should be here."""
     data = path.read_bytes().removeprefix(b"\xef\xbb\xbf")
     if not data.startswith(PLANNED.encode()):
-        return read_points(path)
+        return read_points(path, relation)
     with TemporaryDirectory() as folder:
         plain = Path(folder) / path.name
         plain.write_bytes(b"\n" + data.partition(b"\n")[2])
-        return read_points(plain)
+        return read_points(plain, relation)
 
 
 def _rough(

@@ -35,6 +35,7 @@ from robotrue.report.content import Fact
 from robotrue.report.page import report_html
 from robotrue.report.registration_report import registration_content
 from robotrue.report.words import Lang
+from robotrue.robot.configuration import axis_relation
 from robotrue.store import cells, models, registrations
 from robotrue.store.model_file import write_model
 from robotrue.store.nouns import DocumentRecord, RegistrationRecord
@@ -90,7 +91,7 @@ def import_readings(workspace: Workspace, id: str, version: int, path: Path) -> 
     """Returns the session with the readings of a file; those not as expected are set aside."""
     at = open_session(workspace, id, version)
     at = replace(at, session=_with_file(at, path))
-    file = read_points(path).touches.provenance
+    file = read_points(path, axis_relation(at.cell.robot)).touches.provenance
     simulated = at.session.simulated or file.simulated
     session = replace(at.session, simulated=simulated)
     return save_session(workspace, id, version, session)
@@ -200,7 +201,7 @@ def worst_place(at: Opened, known: TouchBelief) -> tuple[int, float, dict[int, f
 
 def _rows_of_file(at: Opened, path: Path) -> list[tuple[int, tuple[float, ...]]]:
     """Features and values of a file of touched points, or of lines ``name: reading``."""
-    file = read_points(path)
+    file = read_points(path, axis_relation(at.cell.robot))
     touches = file.touches
     if touches.has_joints != at.joints:
         raise FormatError(

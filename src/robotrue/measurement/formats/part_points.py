@@ -4,16 +4,17 @@ Both are CSV, TSV or workbook; columns in any order: ``name``, ``px_mm, py_mm, p
 point in the part), optionally ``nx, ny, nz`` (outward surface normal in the part: a touch fixes
 only that direction; blank at a full point) and ``part`` (part or side the row belongs to).
 
-Touched points, the file behind ``robotrue register``, also have either ``j1_deg, j2_deg, ...``
-(joints at the touch, in the robot model's sense) or ``x_mm, y_mm, z_mm`` (a measured point in
-base). Features may have ``ax, ay, az`` (outward direction in the part from which the tool can come;
-blank: along the normal, or from anywhere); a feature that can be reached from two directions has
-two rows of the same name.
+Touched points, the file behind ``robotrue register``, also have either ``a1_deg, a2_deg, ...``
+(axes at the touch, as the controller displays them), ``j1_deg, j2_deg, ...`` (joints of the robot
+model) or ``x_mm, y_mm, z_mm`` (a measured point in base). Features may have ``ax, ay, az`` (outward
+direction in the part from which the tool can come; blank: along the normal, or from anywhere); a
+feature that can be reached from two directions has two rows of the same name.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Final
@@ -25,9 +26,16 @@ from robotrue.core.columns import Column, Columns
 from robotrue.core.files import read_bytes
 from robotrue.core.units import DEG, MM
 from robotrue.errors import FormatError
-from robotrue.measurement.formats.canonical import POSITION, joint_names, joints_in
+from robotrue.measurement.formats.canonical import (
+    POSITION,
+    axes_in,
+    axis_names,
+    joint_names,
+    joints_in,
+)
 from robotrue.measurement.formats.sheet import Sheet, number_columns, write_columns
 from robotrue.measurement.formats.sheet_file import read_sheet
+from robotrue.measurement.formats.table import AxisRelation
 from robotrue.measurement.probing_set import ProbingSet
 
 POINT: Final = ("px_mm", "py_mm", "pz_mm")
@@ -40,7 +48,8 @@ UNIT: Final = (0.5, 2.0)
 """Lengths a direction may have; outside it is a coordinate."""
 FEATURES_EXAMPLE: Final = "name,px_mm,py_mm,pz_mm and, where needed, nx,ny,nz,ax,ay,az,part."
 TOUCHES_EXAMPLE: Final = (
-    "name,px_mm,py_mm,pz_mm,j1_deg,...,j6_deg or name,px_mm,py_mm,pz_mm,x_mm,y_mm,z_mm"
+    "name,px_mm,py_mm,pz_mm,a1_deg,...,a6_deg (as displayed; j1_deg.. of the robot model) or "
+    "name,px_mm,py_mm,pz_mm,x_mm,y_mm,z_mm"
 )
 PLANNED: Final = "# planned joints, nothing was touched yet"
 """First line of a file of touches that were planned; who has touched takes it out."""
@@ -119,14 +128,19 @@ def read_features(path: str | Path) -> Features:
     )
 
 
-def read_points(path: str | Path) -> PointsFile:
+def read_points(path: str | Path, relation: AxisRelation | None = None) -> PointsFile:
     """Returns the touches of a file.
 
     Where joints and measured points are both there, the joints are taken: they say more.
 
+    Args:
+        path: The file.
+        relation: Takes the controller's axes to joints, for a file with such axes.
+
     Raises:
         FormatError: A column is missing, unknown or incomplete, a cell is not a finite number, a
-            normal is no direction; with its line. The file says that nothing was touched yet.
+            normal is no direction, axes of an unknown or another robot; with its line. The file
+            says that nothing was touched yet.
     """
     sheet = read_sheet(path)
     if read_bytes(path).removeprefix(b"\xef\xbb\xbf").startswith(PLANNED.encode()):
@@ -136,23 +150,24 @@ def read_points(path: str | Path) -> PointsFile:
             line=1,
             hint="put the joints at each touch in their place, then delete this line.",
         )
-    joints = joint_names(joints_in(sheet.header))
+    displayed = axis_names(axes_in(sheet.header))
+    joints = displayed or joint_names(joints_in(sheet.header))
     optional = (NORMAL, ("part",))
     if joints:
         sheet.check_columns((NAMED,), (joints, POSITION, *optional), TOUCHES_EXAMPLE)
     else:
         sheet.check_columns(
             (NAMED, POSITION),
-            (("j1_deg", "j2_deg", "..."), *optional),
+            (("a1_deg", "a2_deg", "..."), *optional),
             TOUCHES_EXAMPLE,
-            lacking={POSITION[0]: "j1_deg.. or x_mm, y_mm, z_mm"},
+            lacking={POSITION[0]: "a1_deg.., j1_deg.. or x_mm, y_mm, z_mm"},
         )
     names, (parts, part) = sheet.words("name"), _read_parts(sheet)
     hint = "give the outward normal of the surface, e.g. 0,0,1;"
     touches = ProbingSet(
         names=names,
         point=sheet.numbers(POINT, named_by="name") * MM,
-        joints=sheet.numbers(joints, named_by="name") * DEG if joints else np.empty((0, 0)),
+        joints=_read_joints(sheet, joints, relation if displayed else _as_stated),
         position=np.empty(0) if joints else sheet.numbers(POSITION, named_by="name") * MM,
         normal=_read_directions(sheet, NORMAL, "normal of {}", hint, named_by="name"),
         part=part,
@@ -161,6 +176,30 @@ def read_points(path: str | Path) -> PointsFile:
         provenance=sheet.provenance,
     )
     return PointsFile(touches=touches, parts=parts, digest=sheet.digest)
+
+
+def _as_stated(joints: Array) -> Array:
+    """The relation of joints of the robot model."""
+    return joints
+
+
+def _read_joints(sheet: Sheet, names: Sequence[str], relation: AxisRelation | None) -> Array:
+    if not names:
+        return np.empty((0, 0))
+    if relation is None:
+        raise sheet.fault(
+            f"columns {names[0]}.. are axes of a controller, and no robot says how they count.",
+            "name joints of the robot model j1_deg, j2_deg, ...",
+        )
+    values = sheet.numbers(names, named_by="name") * DEG
+    with suppress(ValueError):  # another number of axes
+        joints = relation(values)
+        if joints.shape == values.shape:
+            return joints
+    raise sheet.fault(
+        f"{len(names)} columns of axes, the robot has another number.",
+        "one column a1_deg, a2_deg, ... for each axis.",
+    )
 
 
 def _read_parts(sheet: Sheet) -> tuple[tuple[str, ...], IntArray]:
@@ -212,7 +251,10 @@ def write_points(path: str | Path, touches: ProbingSet, parts: Sequence[str] = (
 
 
 def point_columns(
-    touches: ProbingSet, parts: Sequence[str], written: Callable[[float], str] = repr
+    touches: ProbingSet,
+    parts: Sequence[str],
+    written: Callable[[float], str] = repr,
+    displayed: Array | None = None,
 ) -> dict[str, list[str]]:
     """Returns the columns of a file of touched points by name.
 
@@ -220,8 +262,11 @@ def point_columns(
         touches: Of points and normals.
         parts: Name of each part by its number; without any the column is left out.
         written: Text of a number; all its digits if not given.
+        displayed: (n, dof) rad, axes as the controller displays them, in place of the joints.
     """
-    if touches.has_joints:
+    if displayed is not None:
+        axes, values = axis_names(displayed.shape[1]), displayed / DEG
+    elif touches.has_joints:
         axes, values = joint_names(touches.joints.shape[1]), touches.joints / DEG
     else:
         axes, values = POSITION, touches.position / MM
