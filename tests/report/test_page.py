@@ -252,7 +252,7 @@ def test_one_held_out_pose_is_a_report():
     one = validate(FakeModel(mean=wave), measured(1, error=wave))
     document = json.loads(report_json(calibration_content(one, title="t", simulated=True)))
     tables = [b for s in document["sections"] for b in s["blocks"] if b["kind"] == "table"]
-    assert any(len(t["rows"]) == 1 and len(str(t["rows"][0]).split("J")) == 7 for t in tables)
+    assert any(len(t["rows"]) == 1 and len(str(t["rows"][0]).split("'A")) == 7 for t in tables)
 
 
 def test_wrong_shapes_are_refused():
