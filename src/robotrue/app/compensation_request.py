@@ -22,10 +22,12 @@ MAX_STEP: Final = Option(
     names=("--max-step",),
     metavar="MM",
     advanced=True,
-    help="Refuse (exit 2) a larger step between a target left alone and its compensated "
-    "neighbours on a line, arc or spline.",
+    help=(
+        "Refuse (exit 2) a larger step between an uncompensated target and its "
+        "compensated neighbours on a line, arc or spline."
+    ),
 )
-ALLOW_STEPS: Final = Option(help="Write a program with larger steps all the same.")
+ALLOW_STEPS: Final = Option(help="Write the program in spite of larger steps.")
 
 
 class CompensateRequest(Request):
@@ -55,7 +57,7 @@ class CompensateRequest(Request):
             names=("--output", "-o"),
             folder=True,
             saved_as="after",
-            help="Program to write; for a job a folder, too.",
+            help="Program to write; for a job also a folder.",
         ),
     ]
     cell: Annotated[
@@ -63,7 +65,7 @@ class CompensateRequest(Request):
         Item(
             noun="cell",
             advanced=True,
-            help="Cell whose part frame the program runs in, or that knows its frames.",
+            help="Cell with the part frame or the other frames of the program.",
         ),
     ] = None
     registration: Annotated[
@@ -74,9 +76,7 @@ class CompensateRequest(Request):
             help="Registration whose part frame the program runs in.",
         ),
     ] = None
-    part: Annotated[str | None, Option(help="Which part or side, where the cell has several.")] = (
-        None
-    )
+    part: Annotated[str | None, Option(help="Part or side, if the cell has several.")] = None
     wrench: Annotated[
         str | None,
         Option(
@@ -110,15 +110,18 @@ class CompensateRequest(Request):
     free_spin: Annotated[
         bool,
         Option(
-            help="Choose the rotation about the axis of a rotating tool for stiffness and room."
+            help=(
+                "Optimize the rotation about the axis of a rotating tool for stiffness "
+                "and joint range."
+            )
         ),
     ] = False
     axis_targets: Annotated[
-        bool, Option(paired=True, help="Compensate axis targets too (PTP {A1 ..}).")
+        bool, Option(paired=True, help="Also compensate joint targets (PTP {A1 ..}).")
     ] = False
     max_shift_mm: Annotated[
         float,
-        Option(advanced=True, help="Leave a target alone if it would move further than this."),
+        Option(advanced=True, help="Do not compensate a target that would move further than this."),
     ] = MAX_SHIFT_MM
     max_step_mm: Annotated[float, MAX_STEP] = MAX_STEP_MM
     allow_steps: Annotated[bool, ALLOW_STEPS] = False
@@ -126,13 +129,16 @@ class CompensateRequest(Request):
         int | None,
         Option(
             shells=ON_COMMAND_LINE,
-            help="Processes for a long program; default: as many as help; 1: only this.",
+            help=(
+                "Processes for a long program; default: as many as reduce the time; 1: no others."
+            ),
         ),
     ] = None
     dask: Annotated[
         str | None,
         Option(
-            shells=ON_COMMAND_LINE, help="Dask scheduler whose workers do a long program, tcp://..."
+            shells=ON_COMMAND_LINE,
+            help="Dask scheduler whose workers process a long program, tcp://...",
         ),
     ] = None
     split_um: Annotated[
@@ -140,13 +146,13 @@ class CompensateRequest(Request):
         Option(
             names=("--split",),
             metavar="UM",
-            help="Put targets into lines and arcs that bow by more than UM micrometres.",
+            help=("Insert targets into lines and arcs that deviate by more than UM micrometres."),
         ),
     ] = None
     split_limit: Annotated[
-        int, Option(shells=NOT_IN_FORMS, help="With --split: targets put in at most.")
+        int, Option(shells=NOT_IN_FORMS, help="With --split: maximum number of inserted targets.")
     ] = SPLIT_LIMIT
     deviation: Annotated[
         bool,
-        Option(advanced=True, help="Report how far lines and arcs are off between their targets."),
+        Option(advanced=True, help="Report the deviation of lines and arcs between their targets."),
     ] = False

@@ -60,26 +60,26 @@ class PlanRequest(Request):
     cell: CellFile
     output: Annotated[Path, table_output(saved_as="poses.csv", help="CSV of the poses to write.")]
     poses: Annotated[
-        int, Option(names=("--poses", "-n"), offered=(4, 500), help="How many, at most.")
+        int, Option(names=("--poses", "-n"), offered=(4, 500), help="Maximum number of poses.")
     ] = POSES
     region: Annotated[
         str | None,
-        Option(help="Where the arm will work: angle_deg=A..B,radius_mm=..,height_mm=.."),
+        Option(help="Working region: angle_deg=A..B,radius_mm=..,height_mm=.."),
     ] = None
     program: Annotated[
         Reference | None,
         Item(
             noun="program",
             names=("--program-targets",),
-            help="Or the program whose targets it will work at.",
+            help="Alternative: program whose targets are the working region.",
         ),
     ] = None
     within: Annotated[
-        str | None, Option(help="Where the reflector may be while measuring, like --region.")
+        str | None, Option(help="Allowed reflector positions while measuring, like --region.")
     ] = None
     model: Annotated[
         Reference | None,
-        Item(noun="model", help="A calibration that the poses are to improve."),
+        Item(noun="model", help="Calibration to improve."),
     ] = None
     payloads: Annotated[
         tuple[str, ...],
@@ -87,7 +87,7 @@ class PlanRequest(Request):
             names=("--payload",),
             advanced=True,
             example="50,0,0,120",
-            help="KG[,X,Y,Z]: a load that can be measured with; may be repeated.",
+            help="KG[,X,Y,Z]: an available load; may be repeated.",
         ),
     ] = ()
     approach: Annotated[
@@ -96,7 +96,7 @@ class PlanRequest(Request):
     ] = "one-side"
     criterion: Annotated[
         Criterion,
-        Option(advanced=True, help="I: accuracy where the arm will work. D: parameters."),
+        Option(advanced=True, help="I: accuracy in the working region. D: parameters."),
     ] = CRITERION
     tolerance_um: Annotated[
         float,
@@ -104,7 +104,7 @@ class PlanRequest(Request):
         Option(
             advanced=True,
             offered=(0, 1000),
-            help="Stop when the next pose would gain less than this.",
+            help="Stop when the next pose would reduce the error by less than this.",
         ),
     ] = 0.0
     recorded: Annotated[
@@ -142,7 +142,9 @@ class PlanRequest(Request):
         PlanMethod,
         Option(
             shells=NOT_IN_FORMS,
-            help="information (poses that say most) or hierarchical (source grid and its images).",
+            help=(
+                "information (most informative poses) or hierarchical (source grid and its images)."
+            ),
         ),
     ] = INFORMATION
     source_region: Annotated[
@@ -160,15 +162,22 @@ class PlanRequest(Request):
     ] = SOURCE_GRID
     turns_deg: Annotated[
         str,
-        Option(shells=NOT_IN_FORMS, help="hierarchical: LOW..HIGH/STEP or one number, thrice."),
+        Option(
+            shells=NOT_IN_FORMS,
+            help="hierarchical: LOW..HIGH/STEP or one number, for each of three angles.",
+        ),
     ] = TURNS_DEG
     target_poses: Annotated[
-        int, Option(shells=NOT_IN_FORMS, least=1, help="hierarchical: in all sub-spaces.")
+        int,
+        Option(shells=NOT_IN_FORMS, least=1, help="hierarchical: target poses in all sub-spaces."),
     ] = TARGET_POSES
     further: Annotated[
         float,
         Field(ge=0.0),
-        Option(shells=NOT_IN_FORMS, help="hierarchical: share more in the furthest sub-space."),
+        Option(
+            shells=NOT_IN_FORMS,
+            help="hierarchical: fraction of additional poses in the furthest sub-space.",
+        ),
     ] = 0.0
     target_rule: Annotated[
         TargetRule,
@@ -190,7 +199,7 @@ class PlanRequest(Request):
     ] = TOOL_ABC_DEG
     posture_deg: Annotated[
         str | None,
-        Option(shells=NOT_IN_FORMS, help="hierarchical: model joints of the branch wanted."),
+        Option(shells=NOT_IN_FORMS, help="hierarchical: model joints of the arm configuration."),
     ] = None
 
 

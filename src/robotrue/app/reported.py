@@ -26,9 +26,7 @@ Outputs: TypeAlias = Annotated[
     ),
 ]
 Language: TypeAlias = Annotated[str, Option(names=("--lang",), help="en or zh.")]
-Simulated: TypeAlias = Annotated[
-    bool, Option(help="Say in the report that the data are simulated.")
-]
+Simulated: TypeAlias = Annotated[bool, Option(help="Mark the report as simulated.")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -65,7 +65,7 @@ CertificateDetails: TypeAlias = Annotated[
     Option(
         metavar="KEY=VALUE",
         example="customer=Shop 4",
-        help="Line of the head of a certificate: number, customer, robot_serial, ...; repeatable.",
+        help=("Field of the certificate's head: number, customer, robot_serial, ...; repeatable."),
     ),
 ]
 Page: TypeAlias = Annotated[
@@ -86,20 +86,21 @@ FrameFormats: TypeAlias = Annotated[
     tuple[str, ...],
     Option(help="Also print the frame: krl, rapid, fanuc, yaskawa, ur, g54, val3; repeatable."),
 ]
-FrameNumber: TypeAlias = Annotated[int, Option(help="Of the controller's frame table.")]
+FrameNumber: TypeAlias = Annotated[int, Option(help="Entry of the controller's frame table.")]
 ToolFormats: TypeAlias = Annotated[
     tuple[str, ...],
     Option(help="Also print the tool: krl, rapid, fanuc, yaskawa, ur, val3; repeatable."),
 ]
-ToolNumber: TypeAlias = Annotated[int, Option(help="Of the controller's tool table.")]
-TouchSigma: TypeAlias = Annotated[
-    float, Option(help="One standard deviation per axis of one touch.")
-]
+ToolNumber: TypeAlias = Annotated[int, Option(help="Entry of the controller's tool table.")]
+TouchSigma: TypeAlias = Annotated[float, Option(help="Standard deviation of one touch per axis.")]
 ToolSigma: TypeAlias = Annotated[
-    float | None, Option(help="Of the tip in the flange; 0: unchanged since the model was made.")
+    float | None,
+    Option(
+        help=("Standard deviation of the tip in the flange; 0: unchanged since the model was made.")
+    ),
 ]
 PartTolerance: TypeAlias = Annotated[
-    float | None, Option(help="What machined points must keep, for the verdict.")
+    float | None, Option(help="Tolerance of machined points, for the verdict.")
 ]
 AT_TARGET: Final = "target"
 """The measured point, not the tool of programs."""
@@ -109,7 +110,7 @@ WorkspaceFolder: TypeAlias = Annotated[
     Option(
         names=("--workspace", "-w"),
         variable="ROBOTRUE_WORKSPACE",
-        help="Folder of the workspace; its database is in it, or where ROBOTRUE_DB says.",
+        help="Folder of the workspace; ROBOTRUE_DB sets another database.",
     ),
 ]
 
@@ -122,13 +123,15 @@ FootModelOutput: TypeAlias = Annotated[
 ]
 ZeroFoot: TypeAlias = Annotated[
     Path | None,
-    InputFile(shells=NOT_IN_FORMS, help="Foot file, where the readings are not less their zero."),
+    InputFile(
+        shells=NOT_IN_FORMS, help="Foot file, if the zero is not subtracted from the readings."
+    ),
 ]
 ReferenceSigma: TypeAlias = Annotated[
     float, Option(help="Standard deviation of that reference in deg.")
 ]
 CarryingRobot: TypeAlias = Annotated[
-    Path | None, InputFile(help="A robot carries the foot: its calibrated model.")
+    Path | None, InputFile(help="Calibrated model of the robot that carries the foot.")
 ]
 FootAngles: TypeAlias = Annotated[
     str, Option(help="With --robot: A,B,C of the foot in the tool; default z against z.")
@@ -142,7 +145,7 @@ WAYS_BETWEEN: Final = (BETWEEN, "lines", "modes")
 
 Between: TypeAlias = Annotated[
     str,
-    Option(help="Between the lines: auto (what rebuilds them best), lines or modes."),
+    Option(help=("Interpolation between the lines: auto (the smaller error), lines or modes.")),
 ]
 StaticTest: TypeAlias = Annotated[
     str | None,
@@ -160,5 +163,5 @@ Direction: TypeAlias = Annotated[
 ]
 PredictedWith: TypeAlias = Annotated[
     Path | None,
-    InputFile(help="Response the windows were predicted with, axes of base."),
+    InputFile(help="Frequency response of the predictions in the windows, axes of base."),
 ]

@@ -27,18 +27,19 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 V = TypeVar("V")
 
-Host: TypeAlias = Annotated[str, Option(help="Its own address; 0.0.0.0 lets other computers in.")]
-Target: TypeAlias = Annotated[str, Option(help="Computer that it sends to.")]
-Seconds: TypeAlias = Annotated[float | None, Option(help="Ends then; otherwise with Ctrl-C.")]
-Seed: TypeAlias = Annotated[int, Option(help="Of the cutter and of the noise.")]
+Host: TypeAlias = Annotated[str, Option(help="Own address; 0.0.0.0 accepts other computers.")]
+Target: TypeAlias = Annotated[str, Option(help="Destination computer.")]
+Seconds: TypeAlias = Annotated[float | None, Option(help="Run time in s; default: until Ctrl-C.")]
+Seed: TypeAlias = Annotated[int, Option(help="Seed of cutter and noise.")]
 Robot: TypeAlias = Annotated[
     str | None,
-    Option(help="Preset: KR160, UR10; otherwise the arm of the virtual milling experiment."),
+    Option(help=("Preset: KR160, UR10; default: the arm of the virtual milling experiment.")),
 ]
 Faults: TypeAlias = Annotated[
     tuple[str, ...],
     Option(
-        names=("--fault",), help="KIND@START_S+DURATION_S, once or more; a wrong one says which."
+        names=("--fault",),
+        help=("Fault as KIND@START_S+DURATION_S; may be repeated; a wrong KIND lists all."),
     ),
 ]
 LABELS: Final[Mapping[str, str]] = {

@@ -77,16 +77,16 @@ class TransferRequest(Request):
     from_unit: Annotated[tuple[Reference, ...], _source_item("another arm of the type")] = ()
     model: Annotated[
         Reference | None,
-        Item(noun="model", shells=IN_JOBS, help="Model to bring up to date; it knows its cell."),
+        Item(noun="model", shells=IN_JOBS, help="Model to update; it contains its cell."),
     ] = None
     mapping: ForeignColumns = None
     report: SavedPage = None
-    curve: Annotated[bool, Option(help="Also accuracy against the number of target poses.")] = False
+    curve: Annotated[
+        bool, Option(help="Also compute the accuracy against the number of target poses.")
+    ] = False
     method: Annotated[
         TransferMethod,
-        Option(
-            help="auto (the candidate that holds) or deng2022 (the paper's Tr-GPR, checked too)."
-        ),
+        Option(help=("auto (the best candidate) or deng2022 (the paper's Tr-GPR, also checked).")),
     ] = AUTO
     sub_spaces: Annotated[
         int | None,
@@ -100,7 +100,7 @@ class TransferRequest(Request):
         Option(help="deng2022: angle_deg=A..B,radius_mm=..,height_mm=..; default: as measured."),
     ] = None
     target_region: Annotated[
-        str | None, Option(help="deng2022: where it shall hold, like --source-region.")
+        str | None, Option(help="deng2022: region of the target, like --source-region.")
     ] = None
     attitude: Annotated[
         AttitudeReading,
@@ -114,7 +114,7 @@ class TransferRequest(Request):
     ] = BOOSTING
     reading: Annotated[
         tuple[str, ...],
-        Option(help="deng2022: NAME=VALUE, how an equation is read; may be repeated."),
+        Option(help="deng2022: NAME=VALUE, reading of an equation; may be repeated."),
     ] = ()
 
 

@@ -15,7 +15,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
-    help="Makes an industrial robot cut where the CAM said.",
+    help="Calibrate industrial robots and compensate machining programs.",
 )
 
 Json = Annotated[bool, typer.Option("--json", help="Machine-readable result on stdout.")]

@@ -14,24 +14,27 @@ from robotrue.cli.app import app
 from robotrue.errors import ConfigurationError, MissingExtraError
 
 HostNames: TypeAlias = Annotated[
-    list[str] | None, typer.Option("--name", help="Host name it is reached by; may be repeated.")
+    list[str] | None, typer.Option("--name", help="Host name of the server; may be repeated.")
 ]
 
 
 @app.command()
 def serve(
     workspace: Annotated[
-        Path, typer.Argument(metavar="[WORKSPACE]", help="Folder; a new or empty one is set up.")
+        Path,
+        typer.Argument(
+            metavar="[WORKSPACE]", help="Workspace; a new or empty folder is initialized."
+        ),
     ] = Path("workspace"),
     host: Annotated[
-        str, typer.Option(help="Address to listen on; any but this machine's needs a secret.")
+        str, typer.Option(help="Address to listen on; all but loopback need a secret.")
     ] = HOST,
-    port: Annotated[int, typer.Option(help="Port; 0 takes a free one.")] = PORT,
+    port: Annotated[int, typer.Option(help="Port; 0 picks a free one.")] = PORT,
     password_env: Annotated[
-        str | None, typer.Option(help="Environment variable that holds the password of people.")
+        str | None, typer.Option(help="Environment variable with the password of users.")
     ] = None,
     token_env: Annotated[
-        str | None, typer.Option(help="Environment variable that holds the token of programs.")
+        str | None, typer.Option(help="Environment variable with the token of programs.")
     ] = None,
     name: HostNames = None,
     tls_cert: Annotated[Path | None, typer.Option(help="Certificate (PEM), for https.")] = None,
@@ -41,13 +44,13 @@ def serve(
         typer.Option(
             "--sense",
             metavar="ws://HOST:PORT",
-            help="Sensing service on another computer; is sent ROBOTRUE_WS_TOKEN. May be repeated.",
+            help="Sensing service on another computer; gets ROBOTRUE_WS_TOKEN. May be repeated.",
         ),
     ] = None,
     upload_mb: Annotated[int, typer.Option(help="Largest file accepted, MB.")] = 1024,
     upload_total_mb: Annotated[
         int | None,
-        typer.Option(help="All files not yet used, MB; four times --upload-mb if not given."),
+        typer.Option(help="All unused files together, MB; default: four times --upload-mb."),
     ] = None,
     open_browser: Annotated[bool, typer.Option("--open", help="Open a browser.")] = False,
 ) -> None:

@@ -55,7 +55,7 @@ class CalibrateRequest(Request):
         str | None,
         Option(
             shells=ON_COMMAND_LINE,
-            help="Put right a cause the data doctor named; files stay untouched.",
+            help="Correct a cause that the data doctor reported; files stay unchanged.",
         ),
     ] = None
     report: SavedPage = None
@@ -234,7 +234,7 @@ class CalibrateLengthsRequest(Request):
     ] = "elastic"
     points: Annotated[
         Path | None,
-        InputFile(help="Measured points beside the lengths: they know the base."),
+        InputFile(help="Measured points in addition to the lengths: they determine the base."),
     ] = None
 
 

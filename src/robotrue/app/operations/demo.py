@@ -15,7 +15,7 @@ from robotrue.core.provenance import Provenance
 class DemoRequest(Request):
     """Folder for the demo's files, and the data to run on."""
 
-    out: Annotated[Path, Option(help="Folder for everything the demo makes.")] = Path("demo-out")
+    out: Annotated[Path, Option(help="Folder for all files of the demo.")] = Path("demo-out")
     data: Annotated[
         Path | None, Option(help="Folder of measured data: the same job on a real UR10.")
     ] = None

@@ -35,7 +35,7 @@ class DiffRequest(Request):
         Reference, Item(noun="program", argument="BEFORE", help="Program as CAM made it.")
     ]
     after: Annotated[
-        Reference, Item(noun="program", argument="AFTER", help="The same, compensated.")
+        Reference, Item(noun="program", argument="AFTER", help="The compensated program.")
     ]
     model: Annotated[
         Reference | None,
@@ -49,24 +49,24 @@ class DiffRequest(Request):
         Item(noun="cell", also=("registration",), help="Registered cell with the part frame."),
     ] = None
     wrench: Annotated[
-        str | None, Option(help="With --model: process force, as compensate takes it.")
+        str | None, Option(help="With --model: process force, as for compensate.")
     ] = None
     force: Annotated[
-        Path | None, InputFile(help="With --model: process force, as compensate takes it.")
+        Path | None, InputFile(help="With --model: process force, as for compensate.")
     ] = None
     cutter: Annotated[
         str | None, Option(help="Axis of the tool from spindle to tip, as for compensate.")
     ] = None
-    start: Annotated[
-        str | None, Option(help="With --model: start posture, as compensate takes it.")
-    ] = None
+    start: Annotated[str | None, Option(help="With --model: start posture, as for compensate.")] = (
+        None
+    )
     output: Annotated[
         Path | None,
         Output(
             names=("-o", "--output"),
             what="a CSV table",
             suffixes=(".csv",),
-            help="Every target as CSV.",
+            help="CSV of all targets to write.",
         ),
     ] = None
 

@@ -31,9 +31,9 @@ class DriftPlanRequest(Request):
     model: CalibratedModel
     output: Annotated[Path, table_output(saved_as="check_poses.csv", help="Sheet (CSV) to write.")]
     poses: Annotated[
-        int, Option(offered=(FEWEST_DRIFT_POSES, 20), help="How many; 4 at least.")
+        int, Option(offered=(FEWEST_DRIFT_POSES, 20), help="Number of poses; at least 4.")
     ] = DRIFT_POSES
-    seed: Annotated[int, Option(advanced=True, help="Of the draw of candidates.")] = 0
+    seed: Annotated[int, Option(advanced=True, help="Seed of the candidates.")] = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -185,7 +185,7 @@ class DriftRequest(Request):
     ]
     level: Annotated[
         float,
-        Option(advanced=True, help="Share of checks that may call an unchanged robot changed."),
+        Option(advanced=True, help="False-alarm rate."),
     ] = DRIFT_LEVEL
     mapping: Columns = None
 

@@ -29,12 +29,14 @@ class DrillAdjustRequest(Request):
     """Drilling model, readings of one clamp, and the axes that make the move."""
 
     model: DrillModel
-    reading: Annotated[str | None, Option(help="d1,d2,d3 in mm, less their zero.")] = None
+    reading: Annotated[str | None, Option(help="d1,d2,d3 in mm, minus their zero.")] = None
     raw: Annotated[
         str | None,
         Option(
-            help="In place of --reading: raw1,raw2,raw3 as the sensors show them, in counts where "
-            "the foot file has zero_counts, else in mm; with --foot."
+            help=(
+                "Instead of --reading: raw1,raw2,raw3 as the sensors show them, in "
+                "counts if the foot file has zero_counts, else in mm; with --foot."
+            )
         ),
     ] = None
     foot: ZeroFoot = None
@@ -44,10 +46,10 @@ class DrillAdjustRequest(Request):
     xy: Annotated[
         str | None, Option(help="X,Y of the machine in mm, for a model that uses them.")
     ] = None
-    approach: Annotated[str, Option(help="How the foot came down; default the usual way.")] = ""
+    approach: Annotated[str, Option(help="Approach of the foot; default: the usual one.")] = ""
     robot: CarryingRobot = None
     joints_deg: Annotated[
-        str | None, Option(help="With --robot: its joints now, in the model's sense.")
+        str | None, Option(help="With --robot: its present joints, in the model's sense.")
     ] = None
     foot_abc_deg: FootAngles = FOOT_ABC_DEG
     language: Annotated[

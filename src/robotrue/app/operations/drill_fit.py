@@ -57,20 +57,24 @@ class DrillFitRequest(Request):
     kind: Annotated[
         Literal["auto", Kind],
         Option(
-            help="auto (what wins on held-out forces and tilts), patent, interactions, quadratic, "
-            "cubic, gp or physics."
+            help=(
+                "auto (the best on held-out forces and tilts), patent, interactions, "
+                "quadratic, cubic, gp or physics."
+            )
         ),
     ] = "auto"
     inputs: Annotated[
         Inputs,
         Option(
-            help="Machine positions among the causes: auto (what wins on held-out blocks), none, "
-            "AB, XY or XYAB; columns X_mm, Y_mm, axis_A_deg, axis_B_deg."
+            help=(
+                "Machine positions as inputs: auto (the best on held-out blocks), none,"
+                " AB, XY or XYAB; columns X_mm, Y_mm, axis_A_deg, axis_B_deg."
+            )
         ),
     ] = MACHINE_INPUTS
     corrects: Annotated[
         Corrects,
-        Option(help="What is corrected: readings, or joints (the targets of A and B)."),
+        Option(help="Corrected quantity: readings, or joints (the targets of A and B)."),
     ] = CORRECTS
 
 

@@ -27,8 +27,10 @@ class DrillZeroRequest(Request):
         Path,
         InputFile(
             argument="READINGS",
-            help="raw1_mm, ... or raw1_counts, ... on the tool (CSV or workbook); seat names each "
-            "time it was put on.",
+            help=(
+                "raw1_mm, ... or raw1_counts, ... on the tool (CSV or workbook); seat "
+                "names each mounting."
+            ),
         ),
     ]
     output: Annotated[
@@ -115,23 +117,25 @@ class DrillPlanRequest(Request):
 
     foot: Annotated[Path, InputFile(argument="FOOT", help="Foot file (TOML).")]
     output: Annotated[Path, table_output(help="Execution sheet (CSV) to write.")]
-    clamps: Annotated[int, Option(help="How many; 15 at least.")] = 60
+    clamps: Annotated[int, Option(help="Number of clamps; at least 15.")] = 60
     forces_N: Annotated[str, Option(names=("--forces-n",), help="Clamp forces in N.")] = (
         "0,250,500,750,1000"
     )
     z_mm: Annotated[str, Option(help="Heights in mm.")] = "-100,0,100"
     tilt_deg: Annotated[float, Option(help="Largest tilt in deg.")] = 4.0
     by: Annotated[By, Option(help="information or chance.")] = CHOSEN_BY
-    seed: Annotated[int, Option(help="Of tilts and order.")] = 0
+    seed: Annotated[int, Option(help="Seed of tilts and order.")] = 0
     axis_a_deg: Annotated[
         str | None,
         Option(
-            help="Range of the machine's A that plates face over, such as -30,30: what A itself "
-            "does, a sag, can then be learned."
+            help=(
+                "Range of the machine's A over which the plates are placed, such as "
+                "-30,30; the fit can then include the effect of A itself, a sag."
+            )
         ),
     ] = None
-    axis_b_deg: Annotated[str | None, Option(help="Range of the machine's B likewise.")] = None
-    plates: Annotated[int, Option(help="With such a range: how many plates.")] = PLATES
+    axis_b_deg: Annotated[str | None, Option(help="The same for the machine's B.")] = None
+    plates: Annotated[int, Option(help="With such a range: number of plates.")] = PLATES
 
 
 def plan_clamps(request: DrillPlanRequest, context: Context) -> PlainResult:

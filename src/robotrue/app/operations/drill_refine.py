@@ -32,22 +32,27 @@ class DrillRefineRequest(Request):
         Path | None,
         InputFile(
             argument="[RECORDS]",
-            help="Holes that MODEL moved, with left_a_deg, left_b_deg as a reference measured "
-            "them; with --freeze it may be left out.",
+            help=(
+                "Holes that MODEL moved, with the left_a_deg, left_b_deg of a "
+                "reference; optional with --freeze."
+            ),
         ),
     ] = None
     truth: Annotated[
-        str, Option(help="What measured what was left: a mandrel plane, a hole gauge, ...")
+        str,
+        Option(
+            help=("Reference that measured the residual tilts: a mandrel plane, a hole gauge, ...")
+        ),
     ] = ""
     sigma_deg: Annotated[ReferenceSigma, Field(gt=0.0)] = REFERENCE_SIGMA_DEG
     freeze: Annotated[
         Path | None,
-        InputFile(help="Then freeze the model, if it does well on these clamps."),
+        InputFile(help="Then freeze the model if it passes on these clamps."),
     ] = None
     allowed_deg: Annotated[
         float,
         Field(gt=0.0),
-        Option(help="With --freeze: 95 % of the tilts left must be within."),
+        Option(help="With --freeze: limit for 95 % of the residual tilts."),
     ] = LIMIT_DEG
     foot: ZeroFoot = None
 

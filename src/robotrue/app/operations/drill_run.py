@@ -48,36 +48,47 @@ class DrillRunRequest(Request):
     model: DrillModel
     journal: Annotated[
         Path,
-        InputFile(help="What is answered and learned, a line each; gone on with if there."),
+        InputFile(
+            help=(
+                "Journal of answers and updates, one line each; an existing journal is continued."
+            )
+        ),
     ]
     address: Annotated[
-        str, Option(names=("--from",), help="Where the machine's values come in.")
+        str, Option(names=("--from",), help="Address that receives the machine's values.")
     ] = f"udp://127.0.0.1:{PORT}"
     output: Annotated[
         Path | None,
         model_output(renews="model", help="Model file, written after every reference."),
     ] = None
     foot: ZeroFoot = None
-    approach: Annotated[str, Option(help="How the foot comes down; default the usual way.")] = ""
+    approach: Annotated[str, Option(help="Approach of the foot; default: the usual one.")] = ""
     truth: Annotated[
-        str, Option(help="What measures the tilts left, where they do not say so.")
+        str,
+        Option(
+            help=("Reference that measures the residual tilts, if the datagrams do not name it.")
+        ),
     ] = ""
     sigma_deg: Annotated[ReferenceSigma, Field(gt=0.0)] = REFERENCE_SIGMA_DEG
     clamp_force_N: Annotated[
         float,
         Option(names=("--clamp-force-n",), help="Force above which the foot is clamped, N."),
     ] = CLAMP_FORCE_N
-    quiet_ms: Annotated[float, Option(help="Time in which nothing may move.")] = QUIET_MS
-    steady_um: Annotated[float, Option(help="What a reading may move by in that time.")] = STEADY_UM
+    quiet_ms: Annotated[float, Option(help="Rest period.")] = QUIET_MS
+    steady_um: Annotated[float, Option(help="Maximum change of a reading in that period.")] = (
+        STEADY_UM
+    )
     steady_N: Annotated[
-        float, Option(names=("--steady-n",), help="What the force may move by in that time.")
+        float, Option(names=("--steady-n",), help="Maximum change of the force in that period.")
     ] = STEADY_N
-    patience_s: Annotated[float, Option(help="Then a restless clamp is given up.")] = PATIENCE_S
-    seconds: Annotated[float | None, Option(help="End after so long.")] = None
+    patience_s: Annotated[
+        float, Option(help="A clamp without a rest period is refused after this time.")
+    ] = PATIENCE_S
+    seconds: Annotated[float | None, Option(help="Run time in s; default: until Ctrl-C.")] = None
     robot: CarryingRobot = None
     joints: Annotated[
         str | None,
-        Option(help="With --robot: where its joints come from, rsi://, egm:// or rtde://."),
+        Option(help="With --robot: source of its joints, rsi://, egm:// or rtde://."),
     ] = None
     foot_abc_deg: FootAngles = FOOT_ABC_DEG
 

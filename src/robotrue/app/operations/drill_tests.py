@@ -41,7 +41,7 @@ class DrillEvaluateRequest(Request):
     """Model to evaluate, and clamps with known tilt."""
 
     model: DrillModel
-    test: Annotated[Path, InputFile(argument="TEST", help="Clamps the fit has not seen.")]
+    test: Annotated[Path, InputFile(argument="TEST", help="Clamps that the fit did not use.")]
     foot: ZeroFoot = None
 
 
@@ -90,7 +90,7 @@ class DrillReportRequest(Request):
     model: DrillModel
     campaign: Annotated[
         Reference,
-        Item(noun="document", argument="TEST", sent=True, help="Clamps the fit has not seen."),
+        Item(noun="document", argument="TEST", sent=True, help="Clamps that the fit did not use."),
     ]
     output: Annotated[
         Path,
@@ -100,12 +100,12 @@ class DrillReportRequest(Request):
             help="Report to write: .html, .pdf or .json.",
         ),
     ]
-    limit_deg: Annotated[
-        float, Field(gt=0.0), Option(help="95 % of the holes are to be within.")
-    ] = LIMIT_DEG
+    limit_deg: Annotated[float, Field(gt=0.0), Option(help="Limit for 95 % of the holes.")] = (
+        LIMIT_DEG
+    )
     simulated: Annotated[
         bool,
-        Option(help="Say on the page that the test is simulated.", shells=NOT_IN_FORMS),
+        Option(help="Mark the test as simulated.", shells=NOT_IN_FORMS),
     ] = False
     foot: ZeroFoot = None
     lang: Language = DEFAULT_LANG

@@ -47,9 +47,12 @@ class DryRunPlanRequest(Request):
             help="Sheet (CSV) to write.",
         ),
     ]
-    points: Annotated[int, Option(help="How many; 2 at least.")] = DRY_RUN_POINTS
+    points: Annotated[int, Option(help="Number of points; at least 2.")] = DRY_RUN_POINTS
     after: Annotated[
-        Reference | None, Item(noun="program", help="Its compensated copy: commands of both.")
+        Reference | None,
+        Item(
+            noun="program", help="Its compensated copy; the sheet then holds the commands of both."
+        ),
     ] = None
     model: Annotated[
         Reference | None, Item(noun="model", help="Model file: predicted errors and their band.")
@@ -198,9 +201,7 @@ NAMES: Final = ("x", "y", "z", "length")
 class DryRunRequest(Request):
     """Planned points, and the measurements before and after."""
 
-    sheet: Annotated[
-        Path, InputFile(argument="SHEET", help="Points (CSV) that `dry-run-plan` wrote.")
-    ]
+    sheet: Annotated[Path, InputFile(argument="SHEET", help="Points (CSV) of `dry-run-plan`.")]
     before: Annotated[
         Path,
         InputFile(

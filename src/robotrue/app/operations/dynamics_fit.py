@@ -41,8 +41,10 @@ class DynamicsFitRequest(Request):
     method: Annotated[
         Literal["compliance", "jin2022"],
         Option(
-            help="compliance (joints that give way, and a residual) or jin2022 (components and "
-            "support vectors of the paper, with its tables 1 to 3)."
+            help=(
+                "compliance (compliant joints and a residual) or jin2022 (components "
+                "and support vectors of the paper, with its tables 1 to 3)."
+            )
         ),
     ] = "compliance"
     direction: Direction = DIRECTION

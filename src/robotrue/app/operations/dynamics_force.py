@@ -42,7 +42,7 @@ class DynamicsForceRequest(Request):
     ] = None
     slots: Annotated[
         Path | None,
-        InputFile(help="Mean forces of slots at several feeds: gives the coefficients."),
+        InputFile(help="Mean forces of slots at several feeds, to identify the coefficients."),
     ] = None
     along: Annotated[
         Path | None,
@@ -50,7 +50,7 @@ class DynamicsForceRequest(Request):
     ] = None
     measured: Annotated[
         Path | None,
-        InputFile(help="A recorded force of the same cut, set beside the model."),
+        InputFile(help="A recorded force of the same cut, to compare with the model."),
     ] = None
     rate_hz: Annotated[float, Option(help="Samples per second of the record.")] = 20000.0
     duration_s: Annotated[float, Option(help="Length of the record.")] = 1.0

@@ -49,7 +49,7 @@ class DynamicsFrfRequest(Request):
     ] = None
     static_um_per_n: StaticTest = None
     report: Annotated[
-        Path | None, Output(help="Also draw size, phase, coherence (PNG, SVG or PDF).")
+        Path | None, Output(help="Also plot magnitude, phase, coherence (PNG, SVG or PDF).")
     ] = None
 
 

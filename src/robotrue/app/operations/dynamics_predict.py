@@ -36,18 +36,21 @@ class DynamicsPredictRequest(Request):
     between: Between = BETWEEN
     padding_s: Annotated[
         float | None,
-        Option(help="Zeros behind the record; default: twice as long as it rings."),
+        Option(help="Zero padding after the record; default: twice the ringing time."),
     ] = None
     deviation: Annotated[
-        Path | None, InputFile(help="Of `dynamics fit`: add what it learned, window by window.")
+        Path | None,
+        InputFile(help="Model of `dynamics fit`: add the learned deviation, window by window."),
     ] = None
     joints: Annotated[
         Path | None,
-        InputFile(help="For --deviation: t_s and j1_deg.. (model) or a1_deg.. (displayed)."),
+        InputFile(
+            help=("For --deviation, the joints: t_s and j1_deg.. (model) or a1_deg.. (displayed).")
+        ),
     ] = None
-    spindle_rpm: Annotated[float | None, Option(help="For --deviation.")] = None
+    spindle_rpm: Annotated[float | None, Option(help="Spindle speed, for --deviation.")] = None
     report: Annotated[
-        Path | None, Output(help="Also draw force, error and response (PNG, SVG or PDF).")
+        Path | None, Output(help="Also plot force, error and response (PNG, SVG or PDF).")
     ] = None
 
 

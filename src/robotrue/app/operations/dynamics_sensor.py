@@ -25,7 +25,9 @@ class DynamicsSensorRequest(Request):
         Path,
         InputFile(argument="POSES", help="Readings at rest, one row per pose of the wrist (CSV)."),
     ]
-    output: Annotated[Path | None, model_output("Mass, centre and offsets to write.")] = None
+    output: Annotated[Path | None, model_output("File of mass, centre and offsets to write.")] = (
+        None
+    )
 
 
 def run(request: DynamicsSensorRequest, context: Context) -> PlainResult:

@@ -41,23 +41,23 @@ class DynamicsValidateRequest(Request):
 
     windows: WindowsFile
     cell: Annotated[
-        Path | None, InputFile(help="cell.toml: learn from a part, judge on the rest.")
+        Path | None, InputFile(help="cell.toml: fit to part of the windows, check on the others.")
     ] = None
     model: Annotated[
-        Path | None, InputFile(help="Model of `dynamics fit`: judge it on these windows.")
+        Path | None, InputFile(help="Model of `dynamics fit` to check on these windows.")
     ] = None
     output: Annotated[
-        Path | None, table_output("With --model: CSV of every window's estimate.")
+        Path | None, table_output("With --model: CSV of the estimates of all windows.")
     ] = None
     split: Annotated[
         tuple[str, ...],
-        Option(help="random, blocks, passes or unseen; default: all that the data allow."),
+        Option(help="random, blocks, passes or unseen; default: all that the data support."),
     ] = ()
     known: Annotated[
         str | None, Option(help="Pass that `unseen` learns from; default: the first.")
     ] = None
     direction: Direction = DIRECTION
-    seed: Annotated[int, Option(help="Of the random split.")] = 0
+    seed: Annotated[int, Option(help="Seed of the random split.")] = 0
     frf: PredictedWith = None
 
 

@@ -44,40 +44,39 @@ class DynamicsWindowsRequest(Request):
         Path,
         InputFile(help="Joints of the pass, t_s and j1_deg.. (model) or a1_deg.. (displayed)."),
     ]
-    frf: Annotated[Path, InputFile(help="Response to predict with, axes of base.")]
+    frf: Annotated[Path, InputFile(help="Frequency response for the prediction, axes of base.")]
     spindle_rpm: Annotated[float, Option(help="Speed of the spindle.")]
     output: Annotated[Path, table_output("CSV of the windows to write.")]
     laser: Annotated[
         Path | None,
         InputFile(help="Displacement along --direction: t_s and d_um or d_mm."),
     ] = None
-    dry_laser: Annotated[Path | None, InputFile(help="The same of the dry run.")] = None
+    dry_laser: Annotated[Path | None, InputFile(help="The same for the dry run.")] = None
     dry_joints: Annotated[Path | None, InputFile(help="Joints of the dry run.")] = None
-    onto: Annotated[
-        Path | None, InputFile(help="Windows of earlier passes, to stand before these.")
-    ] = None
-    name: Annotated[str, Option(help="Of the pass.")] = "1"
+    onto: Annotated[Path | None, InputFile(help="Windows of earlier passes, to prepend.")] = None
+    name: Annotated[str, Option(help="Name of the pass.")] = "1"
     carried_by: Annotated[
         Literal["base", "tool", "spindle"],
-        Option(help="What carries the dynamometer: base, tool, or spindle (it rotates)."),
+        Option(help="Mounting of the dynamometer: base, tool, or spindle (rotating)."),
     ] = "base"
-    sensor_axes: Annotated[str, Option(help="Where its x, y, z point on that; as -y,x,z.")] = (
-        "x,y,z"
-    )
+    sensor_axes: Annotated[
+        str,
+        Option(help=("Directions of its x, y, z in the frame of its mounting, such as -y,x,z.")),
+    ] = "x,y,z"
     spindle_angle: Annotated[
-        Path | None, InputFile(help="For a rotating one: t_s,angle_deg about the tool's z.")
+        Path | None, InputFile(help="For a rotating dynamometer: t_s,angle_deg about the tool's z.")
     ] = None
-    on_part: Annotated[bool, Option(help="It reads the force on the part, not on the tool.")] = (
-        False
-    )
+    on_part: Annotated[
+        bool, Option(help="The dynamometer measures the force on the part, not on the tool.")
+    ] = False
     keep_zero: Annotated[
-        bool, Option(help="Do not take the zero off that it shows before and behind the cut.")
+        bool, Option(help="Do not subtract its zero before and after the cut.")
     ] = False
     window_s: Annotated[
         float | None, Option(help="Length of a window, rounded to whole turns; default 1.")
     ] = None
     edges: Annotated[
-        Path | None, InputFile(help="Windows as start_s,end_s instead, clock of the force.")
+        Path | None, InputFile(help="Windows as start_s,end_s instead, in times of the force.")
     ] = None
     joints_shift_s: Annotated[
         float, Option(help="Added to times of the joints, for those of the force.")

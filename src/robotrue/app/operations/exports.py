@@ -31,8 +31,10 @@ class ExportRequest(Request):
     lossy: Annotated[
         str,
         Option(
-            help="Parts that may be left out: "
-            "geometry, gear, compliance, ripple, backlash, residual."
+            help=(
+                "Parts that the export may omit: geometry, gear, compliance, ripple, "
+                "backlash, residual."
+            )
         ),
     ] = ""
     at: Annotated[
@@ -102,7 +104,7 @@ class ExportUrdfRequest(ExportRequest):
 
 
 EXPORT_URDF: Final = Operation(
-    help="Write a URDF of the calibrated arm, and what URDF cannot hold as JSON beside it.",
+    help="Write a URDF of the calibrated arm, and the parameters outside URDF as JSON beside it.",
     request=ExportUrdfRequest,
     run=export_arm,
 )

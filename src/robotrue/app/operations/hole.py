@@ -35,7 +35,7 @@ class HoleRequest(Request):
         Path | None,
         InputFile(argument="[AFTER]", help="The same hole of the compensated program."),
     ] = None
-    diameter_mm: Annotated[float, Field(gt=0.0), Option(help="Nominal.")]
+    diameter_mm: Annotated[float, Field(gt=0.0), Option(help="Nominal diameter.")]
     centre_mm: Annotated[str, Option(help="X,Y of the nominal axis in part axes.")] = HOLE_CENTRE_MM
     probe_sigma_um: Annotated[
         float,
@@ -45,7 +45,7 @@ class HoleRequest(Request):
     wall_mm: Annotated[
         float,
         Field(gt=0.0),
-        Option(help="Of a scan: points within it of the nominal wall are taken."),
+        Option(help="For a scan: largest distance of used points from the nominal wall."),
     ] = WALL_MM
 
 

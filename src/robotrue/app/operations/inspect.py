@@ -19,9 +19,7 @@ class InspectRequest(Request):
     mapping: Columns = None
     doctor: Annotated[
         Path | None,
-        InputFile(
-            shells=ON_COMMAND_LINE, help="Cell of measurements: say what is wrong with them."
-        ),
+        InputFile(shells=ON_COMMAND_LINE, help="Cell of the measurements: report faults in them."),
     ] = None
 
 

@@ -1,4 +1,4 @@
-"""Map the predicted error and its 95 % bound over a region, sector against sector."""
+"""Map the predicted error and its 95 % bound over a region, and compare its sectors."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class MapRequest(Request):
         str, Option(help="KUKA A,B,C of the point in base; for turning at angle 0.")
     ] = TOOL_ABC_DEG
     posture_deg: Annotated[
-        str | None, Option(help="Model joints of the branch wanted; default: as trained.")
+        str | None, Option(help="Model joints of the arm configuration; default: as trained.")
     ] = None
     at: Annotated[
         Literal["target", "tool"], Option(help="target (the measured point) or tool.")

@@ -29,17 +29,17 @@ class MasteringPlanRequest(Request):
     """Place of the point, and limits for the touches."""
 
     cell: CellOrModel
-    point_mm: Annotated[str, Option(help="X,Y,Z: roughly where the point is, in base.")]
+    point_mm: Annotated[str, Option(help="X,Y,Z: approximate position of the point in base.")]
     output: Annotated[Path, table_output(help="CSV of the touches to write.")]
-    postures: Annotated[int, Option(names=("--postures", "-n"), help="How many.")] = (
+    postures: Annotated[int, Option(names=("--postures", "-n"), help="Number of postures.")] = (
         MASTERING_TOUCHES
     )
-    tool_lean_deg: Annotated[float, Option(help="Largest lean of the tool off straight down.")] = (
+    tool_lean_deg: Annotated[float, Option(help="Largest lean of the tool from vertical.")] = (
         TOOL_LEAN_DEG
     )
     touch_sigma_mm: TouchSigma = TOUCH_MM
     tool_sigma_mm: ToolSigma = None
-    seed: Annotated[int, Option(help="Of the attitudes that are tried.")] = SEED
+    seed: Annotated[int, Option(help="Seed of the attitudes.")] = SEED
 
 
 def plan_postures(request: MasteringPlanRequest, context: Context) -> PlainResult:
@@ -117,13 +117,15 @@ class MasteringRequest(Request):
     point_mm: Annotated[
         str | None,
         Option(
-            help="X,Y,Z in base: the point as the arm touched it while it was good; only with it "
-            "axis 1 shows."
+            help=(
+                "X,Y,Z in base: the point as the arm probed it before the fault; "
+                "required to determine axis 1."
+            )
         ),
     ] = None
-    point_sigma_mm: Annotated[
-        float, Option(help="One standard deviation per axis of that point.")
-    ] = POINT_SIGMA_MM
+    point_sigma_mm: Annotated[float, Option(help="Standard deviation of that point per axis.")] = (
+        POINT_SIGMA_MM
+    )
 
 
 def check_zeros(request: MasteringRequest, context: Context) -> PlainResult:

@@ -31,7 +31,8 @@ class BlankCheckRequest(Request):
     """Part and its blank."""
 
     cell: Annotated[
-        Reference, Item(noun="cell", argument="CELL", help="cell.toml, best one `register` wrote.")
+        Reference,
+        Item(noun="cell", argument="CELL", help="cell.toml, preferably written by `register`."),
     ]
     blank: Annotated[
         Path,
@@ -42,10 +43,10 @@ class BlankCheckRequest(Request):
     part: Annotated[
         str | None, Option(help="Part frame the part will be cut in; default: the only one.")
     ] = None
-    leave_mm: Annotated[float, Option(help="What must be left over the part everywhere.")] = (
+    leave_mm: Annotated[float, Option(help="Minimum stock over the part on every face.")] = (
         LEFT_OVER_MM
     )
-    probe_radius_mm: Annotated[float, Option(help="Of the probe's ball.")] = PROBE_RADIUS_MM
+    probe_radius_mm: Annotated[float, Option(help="Radius of the probe's ball.")] = PROBE_RADIUS_MM
     touch_sigma_mm: TouchSigma = TOUCH_MM
     output: Annotated[
         Path | None, cell_output("Also write the registered cell with the part shifted.")
@@ -229,12 +230,14 @@ class DatumCheckRequest(Request):
         Reference, Item(noun="registration", argument="CELL", help="Cell that `register` wrote.")
     ]
     datums: Annotated[
-        Path, InputFile(argument="DATUMS", help="CSV of the datums as touched, like the touches.")
+        Path, InputFile(argument="DATUMS", help="CSV of the probed datums, like the touches.")
     ]
-    tolerance_mm: Annotated[float, Option(help="What the part may be off.")]
+    tolerance_mm: Annotated[float, Option(help="Tolerance on the position of the part.")]
     touches: Annotated[
         Path | None,
-        InputFile(help="CSV the cell was registered with; default: the one it names, beside it."),
+        InputFile(
+            help=("CSV of the registration; default: the file that the cell names, in its folder.")
+        ),
     ] = None
     part: Annotated[
         str | None, Option(help="Part frame to check; default: of the same name, or the only one.")

@@ -1,4 +1,4 @@
-"""Choose the poses worth measuring, with the accuracy to expect."""
+"""Choose the most informative poses to measure, with the expected accuracy."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ class PredictRequest(Request):
     """Model, and the poses at which to predict."""
 
     model: CalibratedModel
-    queries: Annotated[Path, InputFile(argument="QUERIES", help="CSV of joints, wrench.")]
+    queries: Annotated[Path, InputFile(argument="QUERIES", help="CSV of joints and wrenches.")]
     output: Annotated[Path, table_output(help="CSV to write.")]
     mapping: Columns = None
 

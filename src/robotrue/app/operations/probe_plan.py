@@ -36,9 +36,7 @@ class ProbePlanRequest(Request):
     """Features to probe, machined points, and the goal of the choice."""
 
     cell: CellOrModel
-    part: Annotated[
-        Path, InputFile(names=("--part",), help="CSV of the features that can be touched.")
-    ]
+    part: Annotated[Path, InputFile(names=("--part",), help="CSV of the candidate features.")]
     machined: Annotated[
         tuple[Path, ...],
         InputFile(
@@ -47,10 +45,12 @@ class ProbePlanRequest(Request):
         ),
     ]
     output: Annotated[Path, table_output(help="CSV of the touches to write.")]
-    touches: Annotated[int, Option(names=("--touches", "-n"), help="How many, at most.")] = 20
+    touches: Annotated[
+        int, Option(names=("--touches", "-n"), help="Maximum number of touches.")
+    ] = 20
     frame: Annotated[
         str | None,
-        Option(help="X,Y,Z,A,B,C: roughly where the part stands; default: what CELL says."),
+        Option(help="X,Y,Z,A,B,C: approximate part frame; default: from CELL."),
     ] = None
     run: Annotated[
         Literal["compensated", "unchanged"],
@@ -58,7 +58,9 @@ class ProbePlanRequest(Request):
     ] = "compensated"
     goal: Annotated[
         Literal["mean", "worst"],
-        Option(help="mean: least rms uncertainty. worst: that of the worst point."),
+        Option(
+            help=("mean: smallest RMS uncertainty. worst: smallest uncertainty of the worst point.")
+        ),
     ] = GOAL
     tolerance_mm: Annotated[
         float,
@@ -68,10 +70,10 @@ class ProbePlanRequest(Request):
     tool_sigma_mm: ToolSigma = None
     lean_deg: Annotated[
         float,
-        Option(help="By which touches lean off the machined attitudes."),
+        Option(help="Lean of the touches from the machined attitudes."),
     ] = LEAN_DEG
     tip_axis: Annotated[
-        str, Option(help="The way to the tip in the tool frame: +z, or +x on many KUKA.")
+        str, Option(help="Direction to the tip in the tool frame: +z, or +x on many KUKA.")
     ] = TIP_AXIS
     report: Page = None
     picture: Annotated[
@@ -79,7 +81,7 @@ class ProbePlanRequest(Request):
         Output(
             what="a picture",
             suffixes=(".png",),
-            help="Also write the uncertainty over the part (PNG).",
+            help="Also plot the uncertainty over the part (PNG).",
         ),
     ] = None
 

@@ -47,7 +47,7 @@ class ProgramRequest(Request):
             noun="cell",
             also=("registration",),
             argument="CELL",
-            help="cell.toml, best one `register` wrote.",
+            help="cell.toml, preferably written by `register`.",
         ),
     ]
     toolpaths: Annotated[
@@ -60,16 +60,16 @@ class ProgramRequest(Request):
             names=("--output", "-o"),
             what="a robot program",
             suffixes=SUFFIXES,
-            help="Program to write; its suffix says the language: .src is KRL, .mod RAPID, ...",
+            help=(
+                "Program to write; its suffix selects the language: .src is KRL, .mod RAPID, ..."
+            ),
         ),
     ]
     language: Annotated[
         str | None,
-        Option(help="Post that writes it, by name, where the suffix does not say which."),
+        Option(help="Name of the post processor, if the suffix does not determine it."),
     ] = None
-    post: Annotated[
-        Path | None, InputFile(help="Your own post description (TOML) that writes it.")
-    ] = None
+    post: Annotated[Path | None, InputFile(help="Your own post description (TOML).")] = None
     model: Annotated[
         Reference | None, Item(noun="model", help="Also compensate the program with this model.")
     ] = None
@@ -87,10 +87,12 @@ class ProgramRequest(Request):
             help="rough or finish, once for each tool path; default: finish, cut as it is.",
         ),
     ] = ()
-    stock_mm: Annotated[float, Option(help="What roughing passes leave along the tool axis.")] = (
+    stock_mm: Annotated[float, Option(help="Stock of roughing passes along the tool axis.")] = (
         STOCK_MM
     )
-    margin_mm: Annotated[float, Option(help="How far outside the contour points are kept.")] = 0.0
+    margin_mm: Annotated[
+        float, Option(help="Margin outside the contour within which points are kept.")
+    ] = 0.0
     cutter: Annotated[
         str | None,
         Option(help="Axis of [tool] from spindle to tip: x, y, z, -x, -y, -z; default z."),
@@ -98,16 +100,16 @@ class ProgramRequest(Request):
     lift_mm: Annotated[
         float, Option(help="Height over part and paths before and after each side.")
     ] = LIFT_MM
-    home_deg: Annotated[str | None, Option(help="A1,..,A6 where the job begins and ends.")] = None
+    home_deg: Annotated[str | None, Option(help="A1,..,A6 at the start and end of the job.")] = None
     rapid_mm_per_s: Annotated[float, Option(help="Speed of rapid points.")] = 200.0
     feed_mm_per_min: Annotated[
-        float | None, Option(help="Feed of points that cut before any is stated.")
+        float | None, Option(help="Feed of cutting points before the first stated feed.")
     ] = None
     blend_mm: Annotated[
-        float, Option(help="How far a corner may be cut; 0 stops at every point.")
+        float, Option(help="Blending distance at corners; 0 stops at every point.")
     ] = BLEND_MM
     max_shift_mm: Annotated[
-        float, Option(help="With --model: leave a target alone that would move further.")
+        float, Option(help="With --model: do not compensate a target that would move further.")
     ] = MAX_SHIFT_MM
     max_step_mm: Annotated[float, MAX_STEP] = MAX_STEP_MM
     allow_steps: Annotated[bool, ALLOW_STEPS] = False

@@ -43,14 +43,17 @@ class RegisterRequest(Request):
     output: Annotated[Path, cell_output("Registered cell to write.")]
     touch_sigma_mm: TouchSigma = TOUCH_MM
     robot_sigma_mm: Annotated[
-        float | None, Option(help="Of the arm over the part; default: what its model says.")
+        float | None,
+        Option(help="Standard deviation of the arm over the part; default: from its model."),
     ] = None
     tool_sigma_mm: ToolSigma = None
     tolerance_mm: PartTolerance = None
-    probe_radius_mm: Annotated[float, Option(help="Of the probe's ball.")] = PROBE_RADIUS_MM
+    probe_radius_mm: Annotated[float, Option(help="Radius of the probe's ball.")] = PROBE_RADIUS_MM
     fit: Annotated[
         Literal["auto", "frame", "joint"],
-        Option(help="auto; frame: leave the arm as it is; joint: arm, tool and frame."),
+        Option(
+            help=("auto; frame: the arm stays unchanged; joint: estimates arm, tool and frame.")
+        ),
     ] = REGISTRATION_FIT
     method: Annotated[
         Literal["touches", "feng2018", "three-two-one"],
@@ -68,7 +71,7 @@ class RegisterRequest(Request):
         Output(
             what="a robotrue file",
             suffixes=(".robotrue",),
-            help="Refined model, where touching moved the arm; default: beside the cell.",
+            help="Refined model, if probing refined the arm; default: beside the cell.",
         ),
     ] = None
     frame_format: FrameFormats = ()

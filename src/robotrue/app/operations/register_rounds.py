@@ -40,7 +40,7 @@ class RegisterRoundsRequest(Request):
     output: Annotated[Path, cell_output("Cell with the frame for the next run.")]
     frame: Annotated[
         str | None,
-        Option(help="X,Y,Z,A,B,C of the part in the first run; default: what CELL says."),
+        Option(help="X,Y,Z,A,B,C of the part in the first run; default: from CELL."),
     ] = None
     method: Annotated[
         Literal["touches", "feng2018"],

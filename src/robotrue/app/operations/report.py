@@ -50,7 +50,7 @@ class ReportRequest(Request):
     """Subject of the report: the first stated of program, registration and model."""
 
     program: Annotated[
-        Reference | None, Item(noun="program", help="Compensated program to judge.")
+        Reference | None, Item(noun="program", help="Compensated program to check.")
     ] = None
     registration: Annotated[
         Reference | None, Item(noun="registration", help="Registration to report.")
@@ -58,23 +58,21 @@ class ReportRequest(Request):
     model: Annotated[Reference | None, Item(noun="model", help="Model to certify.")] = None
     measurements: Annotated[
         tuple[Reference, ...],
-        Item(noun="measurement", help="Poses the calibration has not seen."),
+        Item(noun="measurement", help="Held-out poses."),
     ] = ()
     tolerance_mm: Annotated[
         float | None,
         Field(gt=0.0),
         Option(
             offered=(0.001, 1000.0),
-            help="Largest distance of a target or pose from where it should be.",
+            help="Tolerance on the position error of a target or pose.",
         ),
     ] = None
     lang: Language = DEFAULT_LANG
-    strict: Annotated[bool, Option(help="Axis targets count as targets that are not proven.")] = (
-        False
-    )
+    strict: Annotated[bool, Option(help="Joint targets count as unproven.")] = False
     forms: Annotated[
         tuple[Literal["html", "pdf", "json", "xml"], ...],
-        Option(help="html, pdf, json, xml (DCC); default: the first three, as far as possible."),
+        Option(help="html, pdf, json, xml (DCC); default: the first three, if possible."),
     ] = ()
     detail: CertificateDetails = ()
 

@@ -28,7 +28,7 @@ class ReportCalibrationRequest(Request):
     model: CalibratedModel
     test: Annotated[
         tuple[Reference, ...],
-        Item(noun="measurement", argument="[TEST...]", help="Poses the calibration has not seen."),
+        Item(noun="measurement", argument="[TEST...]", help="Held-out poses."),
     ] = ()
     output: Annotated[
         tuple[Path, ...],
@@ -41,10 +41,10 @@ class ReportCalibrationRequest(Request):
     tolerance_mm: Annotated[
         float | None,
         Field(gt=0.0),
-        Option(help="Say whether 95 % of the held-out poses keep it."),
+        Option(help="Tolerance to check for 95 % of the held-out poses."),
     ] = None
     cell: Annotated[
-        Reference | None, Item(noun="registration", help="Registered cell whose part counts.")
+        Reference | None, Item(noun="registration", help="Registered cell with the part frame.")
     ] = None
     part: Annotated[str | None, Option(help="Part frame of --cell.")] = None
     force_sigma_N: Annotated[
@@ -121,7 +121,7 @@ def draft_certificate(
 
 
 REPORT_CALIBRATION: Final = Operation(
-    help="Write the calibration certificate of a model, best with held-out poses.",
+    help="Write the calibration certificate of a model, preferably with held-out poses.",
     request=ReportCalibrationRequest,
     run=report_calibration,
 )
@@ -133,18 +133,16 @@ class ReportProgramRequest(Request):
     before: Annotated[
         Reference, Item(noun="program", argument="BEFORE", help="Program as CAM made it.")
     ]
-    after: Annotated[Reference, Item(noun="program", argument="AFTER", help="The compensated one.")]
+    after: Annotated[Reference, Item(noun="program", argument="AFTER", help="Compensated program.")]
     model: Annotated[
         Reference,
         Item(noun="model", also=("registration",), help="Model file, or a registered cell."),
     ]
-    tolerance_mm: Annotated[
-        float, Option(help="Largest distance of a target from where it should be.")
-    ]
+    tolerance_mm: Annotated[float, Option(help="Tolerance on the position error of a target.")]
     output: reported.Outputs
     lang: reported.Language = DEFAULT_LANG
     cell: Annotated[
-        Reference | None, Item(noun="registration", help="Registered cell whose part counts.")
+        Reference | None, Item(noun="registration", help="Registered cell with the part frame.")
     ] = None
     wrench: Annotated[
         str | None, Option(help="Process force FX,FY,FZ[,MX,MY,MZ] in N, N m, base axes.")
@@ -154,11 +152,9 @@ class ReportProgramRequest(Request):
         str | None, Option(help="Axis of [tool] from spindle to tip, for --force.")
     ] = None
     start: Annotated[
-        str | None, Option(help="Start posture A1,..,A6 in deg, as compensate takes it.")
+        str | None, Option(help="Start posture A1,..,A6 in deg, as for compensate.")
     ] = None
-    strict: Annotated[bool, Option(help="Axis targets count as targets that are not proven.")] = (
-        False
-    )
+    strict: Annotated[bool, Option(help="Joint targets count as unproven.")] = False
     simulated: reported.Simulated = False
 
 

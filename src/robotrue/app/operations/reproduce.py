@@ -19,9 +19,9 @@ class ReproduceRequest(Request):
     paper: Annotated[
         str, Option(argument="PAPER", help="deng2022, feng2018, jin2022 or drill-patent.")
     ]
-    robots: Annotated[int, Option(help="Simulated arms.")] = 20
+    robots: Annotated[int, Option(help="Number of simulated arms.")] = 20
     scenario: Annotated[
-        str, Option(help="deng2022: S0, S1, S2 or S4 with A or B, how rough the arms are.")
+        str, Option(help="deng2022: S0, S1, S2 or S4 (scatter of the arms) with A or B.")
     ] = "S2A"
     quick: Annotated[
         bool, Option(help="A part of the tables, fewer layouts, a shallower hole.")
@@ -34,7 +34,7 @@ class ReproduceRequest(Request):
         Path | None,
         Option(help="deng2022: write one arm's cell and measurements to this folder instead."),
     ] = None
-    seed: Annotated[int, Option(least=0, help="Arm of --data.")] = 1
+    seed: Annotated[int, Option(least=0, help="Seed of the arm of --data.")] = 1
 
 
 def run(request: ReproduceRequest, context: Context) -> PlainResult:

@@ -21,8 +21,10 @@ if TYPE_CHECKING:
 class SenseAlignRequest(Request):
     """Two records of one jog."""
 
-    joints: Annotated[Path, InputFile(argument="JOINTS.csv", help="Recorded jog, joints.")]
-    force: Annotated[Path, InputFile(argument="FORCE", help="The same jog, force: CSV or TDMS.")]
+    joints: Annotated[Path, InputFile(argument="JOINTS.csv", help="Recorded joints of the jog.")]
+    force: Annotated[
+        Path, InputFile(argument="FORCE", help="Recorded force of the same jog: CSV or TDMS.")
+    ]
     output: Annotated[
         Path,
         Output(
@@ -32,7 +34,7 @@ class SenseAlignRequest(Request):
             help="Clock file to write (JSON).",
         ),
     ]
-    most_s: Annotated[float, Option(help="How far apart the clocks may be.")] = 1.0
+    most_s: Annotated[float, Option(help="Largest shift between the clocks.")] = 1.0
 
 
 def run(request: SenseAlignRequest, context: Context) -> PlainResult:

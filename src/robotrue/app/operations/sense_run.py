@@ -29,61 +29,66 @@ class SenseRunRequest(Request):
     force: Annotated[str, Option(help="Force: rdt://, egm://, rtde:// or replay://FILE.csv|.tdms")]
     out: Annotated[
         tuple[str, ...],
-        Option(help="Sink, as often as wanted: csv:FILE, mqtt://, opcua://, ws://"),
+        Option(help="Output, may be repeated: csv:FILE, mqtt://, opcua://, ws://"),
     ] = ()
     record: Annotated[
         Path | None, Option(help="Folder of the record: every sample and every estimate.")
     ] = None
-    resume: Annotated[bool, Option(help="Go on with the record and the files that are there.")] = (
-        False
-    )
+    resume: Annotated[bool, Option(help="Continue an existing record and its files.")] = False
     rate_hz: Annotated[
-        float | None, Option(help="Force samples per second, where no address says it.")
+        float | None, Option(help="Force samples per second, if no address states it.")
     ] = None
     model: Annotated[
-        Reference | None, Item(noun="model", help="Model of `calibrate`: stiffness.")
+        Reference | None, Item(noun="model", help="Model of `calibrate`, for the stiffness.")
     ] = None
     frf: Annotated[Path | None, InputFile(help="Frequency response of the tool.")] = None
     frf_joints: Annotated[
         str | None, Option(help="A1,..,A6 in deg, as displayed at the hammer test.")
     ] = None
-    frf_frame: Annotated[str | None, Option(help="Its axes: base or tool.")] = None
+    frf_frame: Annotated[str | None, Option(help="Axes of the response: base or tool.")] = None
     tool: Annotated[
-        Path | None, InputFile(help="Held tool, of `dynamics sensor`: weight and offset.")
+        Path | None, InputFile(help="File of `dynamics sensor`: weight and offset.")
     ] = None
     sensor: Annotated[
-        str | None, Option(help="Force sensor on the flange, X,Y,Z,A,B,C in mm and deg.")
+        str | None,
+        Option(help="Pose of the force sensor on the flange, X,Y,Z,A,B,C in mm and deg."),
     ] = None
-    deviation: Annotated[Path | None, InputFile(help="Of `dynamics fit`.")] = None
-    spindle_rpm: Annotated[float | None, Option(help="For --deviation.")] = None
+    deviation: Annotated[Path | None, InputFile(help="Model of `dynamics fit`.")] = None
+    spindle_rpm: Annotated[float | None, Option(help="Spindle speed, for --deviation.")] = None
     force_most_n: Annotated[float | None, Option(help="Range of the force sensor.")] = None
-    clock: Annotated[Path | None, InputFile(help="Of `sense align`.")] = None
+    clock: Annotated[Path | None, InputFile(help="Clock file of `sense align`.")] = None
     correct: Annotated[bool, Option(help="Send corrections to the robot. Read the how-to.")] = False
     limit_mm: Annotated[float | None, Option(help="Largest correction.")] = None
-    rate_mm_per_s: Annotated[float | None, Option(help="Its fastest change.")] = None
-    watchdog_ms: Annotated[float, Option(help="Oldest estimate that is acted on.")] = 100.0
+    rate_mm_per_s: Annotated[float | None, Option(help="Fastest change of the correction.")] = None
+    watchdog_ms: Annotated[
+        float, Option(help="Corrections ramp to zero when the newest estimate is older than this.")
+    ] = 100.0
     recover: Annotated[
-        bool, Option(help="After a fault begin again from zero, once all is well.")
+        bool, Option(help="After a fault restart from zero, once estimates are valid.")
     ] = False
     peer: Annotated[
         str | None,
-        Option(help="Address of the controller; other senders are ignored. Needed to correct."),
+        Option(
+            help=("Address of the controller; other senders are ignored. Required with --correct.")
+        ),
     ] = None
     trust_restart: Annotated[
         bool,
         Option(help="RSI: a Delay near zero after a pause is a new RSI_ON without correction."),
     ] = False
-    confirm_zero: Annotated[bool, Option(help="I have checked: the robot holds no correction.")] = (
+    confirm_zero: Annotated[bool, Option(help="Confirm that the robot holds no correction.")] = (
         False
     )
-    low_pass_hz: Annotated[float, Option(help="Of the correction.")] = 2.0
+    low_pass_hz: Annotated[
+        float, Option(help="Cut-off frequency of the low-pass on corrections.")
+    ] = 2.0
     correct_in: Annotated[
         str, Option(help="Axes of the controller's correction: base, tool, path, A,B,C in deg.")
     ] = "base"
-    name: Annotated[str | None, Option(help="Of the cell, in topics and pages.")] = None
-    note: Annotated[str, Option(help="Shown beside every estimate: `simulated` for one.")] = ""
-    nodesets: Annotated[Path | None, InputFile(help="OPC UA NodeSet files.")] = None
-    seconds: Annotated[float | None, Option(help="How long; default: until Ctrl-C.")] = None
+    name: Annotated[str | None, Option(help="Name of the cell in topics and pages.")] = None
+    note: Annotated[str, Option(help="Note shown with every estimate, such as `simulated`.")] = ""
+    nodesets: Annotated[Path | None, InputFile(help="Folder of OPC UA NodeSet files.")] = None
+    seconds: Annotated[float | None, Option(help="Run time in s; default: until Ctrl-C.")] = None
 
 
 def run(request: SenseRunRequest, context: Context) -> PlainResult:

@@ -54,15 +54,15 @@ class SimilarityRequest(Request):
         int,
         Option(
             least=2,
-            help="Without --region and --by-set: sectors and boxes the points are divided into.",
+            help="Without --region and --by-set: number of sectors and boxes.",
         ),
     ] = SIMILARITY_REGIONS
     reading: Annotated[
         SimilarityReading,
-        Option(help="How eq. 9-10 are read where one number is shown; the table has all."),
+        Option(help="Reading of eq. 9-10 where one number is shown; the table has all."),
     ] = SIMILARITY_READING
     apart_mm: Annotated[
-        float, Option(help="Points correspond if they lie nearer in their own regions.")
+        float, Option(help="Largest distance of corresponding points, each in its own region.")
     ] = APART_MM
     mapping: ForeignColumns = None
     curves: Annotated[

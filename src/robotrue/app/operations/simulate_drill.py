@@ -1,4 +1,4 @@
-"""Simulated drilling head: clamps, requests its move, turns, and has the hole measured."""
+"""Simulated drilling head: clamps, requests its move, turns, and measures the hole."""
 
 from __future__ import annotations
 
@@ -29,33 +29,37 @@ NO_ANSWERS: Final = 2
 class SimulateDrillRequest(Request):
     """Machine to simulate, and its address."""
 
-    to: Annotated[str, Option(help="Where `drill run` listens.")] = f"udp://127.0.0.1:{PORT}"
+    to: Annotated[str, Option(help="Address of `drill run`.")] = f"udp://127.0.0.1:{PORT}"
     write: Annotated[
         Path | None,
-        Option(help="Writes foot, campaign and test of this machine to a folder and ends."),
+        Option(help="Write foot, campaign and test of this machine to a folder and end."),
     ] = None
-    holes: Annotated[int, Option(help="How many it clamps.")] = HOLES
-    pause_s: Annotated[float, Option(help="Between two holes, s.")] = 0.5
+    holes: Annotated[int, Option(help="Number of holes.")] = HOLES
+    pause_s: Annotated[float, Option(help="Pause between two holes, s.")] = 0.5
     damaged: Annotated[
-        float, Option(help="Share of datagrams that are lost, repeated or cut short.")
+        float, Option(help="Share of datagrams that are lost, repeated or truncated.")
     ] = 0.0
     shift_at: Annotated[
-        int, Option(help="Hole from which a sensor's zero is shifted; 0 for never.")
+        int, Option(help="First hole with a shifted zero of a sensor; 0 for none.")
     ] = 0
-    shift_um: Annotated[float, Option(help="By how much.")] = SHIFT_UM
+    shift_um: Annotated[float, Option(help="Shift of the zero.")] = SHIFT_UM
     gauge_deg: Annotated[
-        float, Option(help="Scatter of the gauge that measures each hole; 0 for no gauge.")
+        float, Option(help="Standard deviation of the gauge at each hole; 0 for no gauge.")
     ] = 0.005
-    nonlinear: Annotated[bool, Option(help="A foot that bends with force and tilt.")] = False
-    friction: Annotated[bool, Option(help="With friction in the foot's joint.")] = False
+    nonlinear: Annotated[
+        bool, Option(help="Foot that deflects nonlinearly with force and tilt.")
+    ] = False
+    friction: Annotated[bool, Option(help="Friction in the foot's joint.")] = False
     foot: Annotated[
         Path | None,
         InputFile(
-            help="Foot file with the sensors and the head of the machine; three on 60 mm without."
+            help=(
+                "Foot file with sensors and head of the machine; default: three sensors at 60 mm."
+            )
         ),
     ] = None
     seconds: Seconds = None
-    seed: Annotated[int, Option(help="Of the machine, its surfaces and its noise.")] = 0
+    seed: Annotated[int, Option(help="Seed of the machine, its surfaces and its noise.")] = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

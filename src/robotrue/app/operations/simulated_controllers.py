@@ -24,14 +24,12 @@ class SimulateRsiRequest(Request):
     """Simulated KUKA controller, and the address it sends to."""
 
     host: service.Target = LOCAL_HOST
-    port: Annotated[int | None, Option(help="UDP port that it sends to; 0 picks a free one.")] = (
-        None
-    )
+    port: Annotated[int | None, Option(help="Destination UDP port; 0 picks a free one.")] = None
     config: Annotated[
-        Path | None, InputFile(help="EthernetConfig.xml; otherwise the usual one.")
+        Path | None, InputFile(help="EthernetConfig.xml; default: the usual one.")
     ] = None
-    cycle_ms: Annotated[int, Option(help="4 (IPO_FAST) or 12 (IPO).")] = RSI_CYCLE_MS
-    mode: Annotated[str, Option(help="Of corrections: absolute or relative.")] = "absolute"
+    cycle_ms: Annotated[int, Option(help="Cycle, 4 (IPO_FAST) or 12 (IPO).")] = RSI_CYCLE_MS
+    mode: Annotated[str, Option(help="Mode of corrections: absolute or relative.")] = "absolute"
     robot: service.Robot = None
     seconds: service.Seconds = None
     seed: service.Seed = 0
@@ -95,9 +93,9 @@ class SimulateEgmRequest(Request):
     """Simulated ABB controller, and the address it sends to."""
 
     host: service.Target = LOCAL_HOST
-    port: Annotated[int, Option(help="UDP port that it sends to; 0 picks a free one.")] = EGM_PORT
-    robotware: Annotated[int, Option(help="6 or 7: their messages differ.")] = 7
-    no_force: Annotated[bool, Option(help="Sends no measured force.")] = False
+    port: Annotated[int, Option(help="Destination UDP port; 0 picks a free one.")] = EGM_PORT
+    robotware: Annotated[int, Option(help="RobotWare version, 6 or 7; the messages differ.")] = 7
+    no_force: Annotated[bool, Option(help="Send no measured force.")] = False
     robot: service.Robot = None
     seconds: service.Seconds = None
     seed: service.Seed = 0
@@ -162,7 +160,7 @@ class SimulateRtdeRequest(Request):
     """Simulated UR controller, and the address it listens on."""
 
     host: service.Host = LOCAL_HOST
-    port: Annotated[int, Option(help="TCP port; 0 takes a free one.")] = RTDE_PORT
+    port: Annotated[int, Option(help="TCP port; 0 picks a free one.")] = RTDE_PORT
     robot: service.Robot = "UR10"
     seconds: service.Seconds = None
     seed: service.Seed = 0
@@ -220,22 +218,22 @@ class SimulateRdtRequest(Request):
     """Simulated force sensor, and the address it listens on."""
 
     host: service.Host = LOCAL_HOST
-    port: Annotated[int, Option(help="UDP port; 0 takes a free one.")] = RDT_PORT
+    port: Annotated[int, Option(help="UDP port; 0 picks a free one.")] = RDT_PORT
     rate: Annotated[float, Option(help="Records per second.")] = RATE_HZ
-    device: Annotated[str, Option(help="net or axia: their status words differ.")] = "net"
+    device: Annotated[str, Option(help="Device, net or axia; the status words differ.")] = "net"
     page_port: Annotated[
-        int | None, Option(help="Serves netftapi2.xml over HTTP there; 0 takes a free one.")
+        int | None, Option(help="Port that serves netftapi2.xml over HTTP; 0 picks a free one.")
     ] = None
     scale: Annotated[
         Path | None,
-        Output(what="XML", suffixes=(".xml",), help="Writes netftapi2.xml to this file."),
+        Output(what="XML", suffixes=(".xml",), help="Write netftapi2.xml to this file."),
     ] = None
     poses: Annotated[
         Path | None,
         Output(
             what="a CSV table",
             suffixes=(".csv",),
-            help="Writes readings at rest in six attitudes, for `dynamics sensor`.",
+            help="Write readings at rest in six attitudes, for `dynamics sensor`.",
         ),
     ] = None
     robot: service.Robot = None

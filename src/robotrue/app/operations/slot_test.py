@@ -33,7 +33,7 @@ class SlotTestRequest(Request):
     seed: Annotated[int, Option(help="Seed of the virtual cell.")] = 1
     way: Annotated[
         str,
-        Option(help="Way shown beside the paper's: calibrated, planned-30, per-side, ..."),
+        Option(help=("Method compared with the paper's: calibrated, planned-30, per-side, ...")),
     ] = "calibrated"
     output: Annotated[
         Path | None,
@@ -52,7 +52,7 @@ class SlotTestRequest(Request):
     ] = "0,-90,-90"
     second_abc_deg: Annotated[str, Option(help="Measured: the same, second side.")] = "0,-90,90"
     per_side: Annotated[
-        bool, Option(help="Measured: each side had a frame or clamping its own.")
+        bool, Option(help="Measured: each side had a separate frame or clamping.")
     ] = False
 
 

@@ -1,4 +1,4 @@
-"""Find the axis of a spindle from a reflector that it turns: direction and point in the flange."""
+"""Identify the axis of a spindle from a reflector on it: direction and point in the flange."""
 
 from __future__ import annotations
 
@@ -44,12 +44,14 @@ class SpindleAxisRequest(Request):
         InputFile(help="The points are in base: calibrated model, or cell.toml (nominal arm)."),
     ] = None
     joints_deg: Annotated[
-        str | None, Option(help="With --robot: its joints meanwhile, in the model's sense.")
+        str | None, Option(help="With --robot: its joints during the turn, in the model's sense.")
     ] = None
     length_mm: Annotated[
-        float, Option(help="From the circle's plane along the axis to the tool's tip.")
+        float, Option(help="Distance from the circle's plane along the axis to the tool's tip.")
     ] = 0.0
-    cell: Annotated[Path | None, InputFile(help="cell.toml to take the tool from the axis.")] = None
+    cell: Annotated[Path | None, InputFile(help="cell.toml that gets the tool from the axis.")] = (
+        None
+    )
     output: Annotated[
         Path | None,
         cell_output("With --cell: cell.toml to write, with this [tool].", renews="cell"),

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 RecordFolder: TypeAlias = Annotated[
     Path, InputFile(argument="RECORD", folder=True, help="Folder of `sense --record`.")
 ]
-SkipDamage: TypeAlias = Annotated[bool, Option(help="Go on behind damage inside a segment.")]
+SkipDamage: TypeAlias = Annotated[bool, Option(help="Continue after damage inside a segment.")]
 
 
 def _damage_document(record: StreamRecord) -> list[dict[str, object]]:

@@ -41,8 +41,10 @@ class ToolPointRequest(Request):
     table: Annotated[
         Path | None,
         InputFile(
-            help="CSV of the probe's touches of the table, in joints; [tool] of CELL is the probe. "
-            "None: all touches are of one fixed point."
+            help=(
+                "CSV of the probe's touches of the table, in joints; [tool] of CELL is "
+                "the probe. Default: all touches are of one fixed point."
+            )
         ),
     ] = None
     output: Annotated[
@@ -51,7 +53,8 @@ class ToolPointRequest(Request):
     touch_sigma_mm: TouchSigma = TOUCH_MM
     tool_sigma_mm: ToolSigma = None
     tolerance_mm: Annotated[
-        float | None, Option(help="What the tool point must be known to, for the verdict.")
+        float | None,
+        Option(help="Tolerance on the uncertainty of the tool point, for the verdict."),
     ] = None
     tool_format: ToolFormats = ()
     tool_number: ToolNumber = TOOL_NUMBER
@@ -179,22 +182,25 @@ class ToolAxisRequest(Request):
     table: Annotated[
         Path | None,
         InputFile(
-            help="CSV of the probe's touches of the table, in joints; [tool] of CELL is the probe. "
-            "The gauges then touch points of it. None: each touches a fixed point."
+            help=(
+                "CSV of the probe's touches of the table, in joints; [tool] of CELL is "
+                "the probe. The gauges then touch points of the table. Default: each "
+                "touches a fixed point."
+            )
         ),
     ] = None
     normal: Annotated[
-        str | None, Option(help="x,y,z in base: normal of the plane that the tool was squared on.")
+        str | None, Option(help="x,y,z in base: normal of the plane of the squarings.")
     ] = None
     x_along: Annotated[
-        str, Option(help="x,y,z in the flange: what x of the tool frame is turned towards.")
+        str, Option(help="x,y,z in the flange: direction for x of the tool frame.")
     ] = "1,0,0"
     output: Annotated[
         Path | None, cell_output("Also write the cell with z of [tool] along the axis.")
     ] = None
     touch_sigma_mm: TouchSigma = TOUCH_MM
     square_sigma_deg: Annotated[
-        float, Option(help="One standard deviation per axis of one squaring.")
+        float, Option(help="Standard deviation of one squaring per axis.")
     ] = SQUARE_DEG
     tool_format: ToolFormats = ()
     tool_number: ToolNumber = TOOL_NUMBER

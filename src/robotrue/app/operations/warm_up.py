@@ -1,4 +1,4 @@
-"""Compile the numeric kernels once, so that the first program does not wait for it."""
+"""Compile the numeric kernels once, so that the first program does not wait for them."""
 
 from __future__ import annotations
 

@@ -56,12 +56,10 @@ class WorkspaceAddRequest(Request):
 
     noun: Annotated[str, Option(argument="NOUN", help="cell, measurement, model or program.")]
     files: Annotated[tuple[Path, ...], InputFile(argument="FILE...", help="Files to import.")]
-    cell: Annotated[str | None, Option(help="Cell the measurements were made in: id or name.")] = (
-        None
-    )
+    cell: Annotated[str | None, Option(help="Cell of the measurements: id or name.")] = None
     mapping: Annotated[Path | None, InputFile(help="Column mapping (TOML) of measurements.")] = None
-    name: Annotated[str | None, Option(help="Default: that of the file.")] = None
-    note: Annotated[str, Option(help="Kept with it.")] = ""
+    name: Annotated[str | None, Option(help="Name of the item; default: that of the file.")] = None
+    note: Annotated[str, Option(help="Note saved with the item.")] = ""
     folder: WorkspaceFolder = HERE
 
 
@@ -164,7 +162,7 @@ WORKSPACE_EXPORT: Final = Operation(
 class WorkspaceImportRequest(Request):
     """File to import."""
 
-    file: Annotated[Path, InputFile(argument="FILE", help="What `export` wrote.")]
+    file: Annotated[Path, InputFile(argument="FILE", help="File of `export`.")]
     folder: WorkspaceFolder = HERE
 
 
@@ -188,7 +186,7 @@ def import_workspace(request: WorkspaceImportRequest, context: Context) -> Plain
 
 
 WORKSPACE_IMPORT: Final = Operation(
-    help="Import everything of an exported file; ids stay.",
+    help="Import all items of an exported file; ids stay.",
     request=WorkspaceImportRequest,
     run=import_workspace,
 )
@@ -252,7 +250,8 @@ class WorkspaceEmptyBinRequest(Request):
     """Age of the items to purge."""
 
     days: Annotated[
-        float, Option(names=("--older-than-days",), help="Since it was deleted.", least=0.0)
+        float,
+        Option(names=("--older-than-days",), help="Minimum days since the deletion.", least=0.0),
     ] = 30.0
     yes: Annotated[bool, Option(help="Do not ask.")] = False
     folder: WorkspaceFolder = HERE
@@ -321,7 +320,7 @@ def _discarded_items(items: Sequence[Discarded]) -> list[dict[str, str]]:
 
 
 WORKSPACE_EMPTY_BIN: Final = Operation(
-    help="Remove old deleted items for good, with the files nothing else needs.",
+    help="Remove old deleted items permanently, with files that no other item needs.",
     request=WorkspaceEmptyBinRequest,
     run=empty_recycle_bin,
 )

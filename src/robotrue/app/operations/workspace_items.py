@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 ItemWord: TypeAlias = Annotated[
-    str, Option(argument="ITEM", help="Id, the first characters of one, or a name.")
+    str, Option(argument="ITEM", help="Id, its first characters, or a name.")
 ]
 COLUMNS: Final = {
     "robot": ("maker", "dof"),
@@ -45,17 +45,15 @@ class WorkspaceListRequest(Request):
         str | None,
         Option(
             argument="[NOUN]",
-            help="cell, measurement, model, program, ...; none: how many of each there are.",
+            help="cell, measurement, model, program, ...; default: the number of each.",
         ),
     ] = None
     text: Annotated[str, Option(help="Part of the name or the note.")] = ""
-    where: Annotated[
-        tuple[str, ...], Option(help="FIELD=VALUE that must hold; may be repeated.")
-    ] = ()
-    sort: Annotated[str, Option(help="Field; with - before it greatest first.")] = SORT
-    offset: Annotated[int, Option(help="Items left out before the first.")] = 0
+    where: Annotated[tuple[str, ...], Option(help="Condition FIELD=VALUE; may be repeated.")] = ()
+    sort: Annotated[str, Option(help="Sort field; with a leading -, largest first.")] = SORT
+    offset: Annotated[int, Option(help="Number of items to skip.")] = 0
     limit: Annotated[int, Option(help="Items shown.")] = LIMIT
-    deleted: Annotated[bool, Option(help="Those that are deleted.")] = False
+    deleted: Annotated[bool, Option(help="Show deleted items.")] = False
     folder: WorkspaceFolder = HERE
 
 
@@ -147,7 +145,7 @@ class WorkspaceShowRequest(Request):
     """Item and version to show."""
 
     item: ItemWord
-    version: Annotated[int | None, Option(help="Default: the latest.")] = None
+    version: Annotated[int | None, Option(help="Version; default: the latest.")] = None
     output: Annotated[
         Path | None, Option(names=("--output", "-o"), help="Folder to copy its files to.")
     ] = None
@@ -210,9 +208,9 @@ WORKSPACE_SHOW: Final = Operation(
 class WorkspaceHistoryRequest(Request):
     """Item whose history to show."""
 
-    item: Annotated[
-        str | None, Option(argument="[ITEM]", help="None: everything that was done.")
-    ] = None
+    item: Annotated[str | None, Option(argument="[ITEM]", help="Item; default: all changes.")] = (
+        None
+    )
     limit: Annotated[int, Option(help="Entries shown, the newest first.")] = LIMIT
     folder: WorkspaceFolder = HERE
 

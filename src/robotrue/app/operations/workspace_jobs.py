@@ -223,12 +223,12 @@ JOBS_CANCEL: Final = Operation(
 class JobsRunRequest(Request):
     """Number of parallel jobs, and when to stop."""
 
-    until_idle: Annotated[bool, Option(help="End when nothing waits.")] = False
-    slots: Annotated[int, Option(help="Jobs at a time.", least=1)] = SLOTS
+    until_idle: Annotated[bool, Option(help="End when no job is queued.")] = False
+    slots: Annotated[int, Option(help="Number of jobs at a time.", least=1)] = SLOTS
     dask: Annotated[
         str | None,
         Option(
-            variable="ROBOTRUE_DASK", help="Address of a Dask scheduler whose workers do the jobs."
+            variable="ROBOTRUE_DASK", help="Address of a Dask scheduler whose workers run the jobs."
         ),
     ] = None
     folder: WorkspaceFolder = HERE
