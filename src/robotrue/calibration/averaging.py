@@ -52,7 +52,7 @@ class _Member:
 
     @property
     def scale(self) -> float:
-        """What its root is multiplied by in the root of the average."""
+        """Factor of its root in the root of the average."""
         return float(np.sqrt(self.weight * self.model.inflation))
 
 
@@ -208,7 +208,7 @@ def _arrange(belief: Belief, terms: tuple[Term, ...]) -> Belief:
 
 
 def _station_shifts(models: Sequence[CalibratedModel], station: int) -> Array:
-    """Where each model's base is, (k, 6) m and rad, seen from that of the first."""
+    """Returns the base of each model, (k, 6) m and rad, relative to that of the first."""
     back = inverse(models[0].T_tracker_base[station])
     moved = [back @ model.T_tracker_base[station] for model in models]
     turns = rotation_vector_from_matrix(np.stack([T[:3, :3] for T in moved]))
@@ -247,7 +247,7 @@ def _add_places(model: CalibratedModel, root: Array) -> tuple[Array, dict[int, A
 
 
 def _average_place(members: Sequence[_Member], number: int) -> tuple[Array, Array]:
-    """Where a further reflector is, and the root over it along its own axes."""
+    """Returns the place of a further reflector, and its root covariance along its own axes."""
     stated: list[Reflector] = [m.model.reflectors[number] for m in members]
     share = np.array([m.weight for m in members])
     points = np.array([r.T_flange_tool[:3, 3] for r in stated])

@@ -167,7 +167,7 @@ def _reflector(archive: Archive, number: int, dof: int) -> Reflector:
 
 
 def _are_sizes(values: Array, dof: int, largest: float, heaviest: float) -> bool:
-    """Whether no error is beyond what an arm may have; moments are in kg m, the rest in m, rad."""
+    """True if all errors are plausible for an arm; moments are in kg m, the rest in m, rad."""
     bound = np.full(len(values), largest)
     bound[moment_slice(dof)] = heaviest
     return bool((np.abs(values) <= bound).all())

@@ -126,7 +126,7 @@ class DriftEvidence:
         return total, slopes, y, moved
 
     def plain_noise(self, log_scale: Array) -> Array:
-        """What full weight would take from the noise in K (m, m); negative or zero."""
+        """Returns the change of the noise in K (m, m) under full weight; negative or zero."""
         plain = np.exp(2.0 * log_scale[1]) * np.diag(self._stack.white) + self._stack.known
         return np.asarray(plain - np.exp(2.0 * log_scale[1]) * self._white - self._known)
 

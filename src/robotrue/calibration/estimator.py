@@ -51,7 +51,7 @@ NOISE_FLOOR: Final = 1e-18
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Posterior:
-    """Where the estimator stopped.
+    """Result of the estimator.
 
     Attributes:
         layout: The parameter vector.
@@ -92,7 +92,7 @@ class _Point:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Scales:
-    """What the inner loop moves besides the step."""
+    """Scales that the inner loop updates besides the step."""
 
     noise: Array
     sd: Array
@@ -307,7 +307,7 @@ def _noise_sums(
     covariance: Array,
     loss: Loss,
 ) -> tuple[Array, Array]:
-    """What some rows say of each white variance: power (2,) of N^-1 r, and trace (2,) it should be.
+    """Returns per white variance of some rows the power (2,) of N^-1 r and its expected trace.
 
     Args:
         item: The rows.

@@ -69,7 +69,7 @@ class PriorGroup:
 
     @property
     def learned(self) -> bool:
-        """Whether the scale moves."""
+        """True if the scale is learned."""
         return self.rest > 0.0
 
     @property
@@ -80,7 +80,7 @@ class PriorGroup:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sums:
-    """What the rows of one noise channel say.
+    """Sufficient statistics of the rows of one noise channel.
 
     Attributes:
         gram: (p, p) F'F of the whitened rows.
@@ -102,7 +102,7 @@ class Sums:
 
     @property
     def few(self) -> bool:
-        """Whether the rows are kept."""
+        """True if the rows themselves are stored."""
         return len(self.values) > 0
 
     def misfit(self, mean: Array) -> float:
@@ -122,7 +122,7 @@ class Sums:
         )
 
     def without(self, other: Sums) -> Sums:
-        """Returns the sums with some of their rows taken away; the rows are not kept."""
+        """Returns the sums without some of their rows; the rows are not stored."""
         return Sums(
             gram=self.gram - other.gram,
             pull=self.pull - other.pull,

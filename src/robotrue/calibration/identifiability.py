@@ -1,4 +1,4 @@
-"""What the data see, what they do not, by name, and which measurement would show it.
+"""Identifiability: determined and undetermined combinations, and measurements that help.
 
 In coordinates scaled by the prior an eigenvalue of the data's information is the number of times
 the data know a direction better than the prior does. Directions below :data:`UNSEEN` are the

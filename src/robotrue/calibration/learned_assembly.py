@@ -1,4 +1,4 @@
-"""From the joint posterior of the linear model to the error model that is kept.
+"""Assembly of the error model from the joint posterior of the linear model.
 
 Parameters return to the robot, ripple and smooth weights to their tables, and the root of the
 covariance to the columns of :class:`CalibratedModel`. The base gets the shift between two days,

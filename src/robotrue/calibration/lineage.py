@@ -1,4 +1,4 @@
-"""Where a model came from and which one it is: its steps, oldest first, and its hash."""
+"""Lineage of a model: its steps, oldest first, and its hash."""
 
 from __future__ import annotations
 

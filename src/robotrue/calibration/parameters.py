@@ -1,4 +1,4 @@
-"""What is estimated: one named vector made of blocks, and the state it moves.
+"""Estimated parameters: one named vector of blocks, and the state that it updates.
 
 Blocks: ``robot`` (the error vector of :class:`RobotModel`, 9 dof + 12), ``station/k`` (6: pose of a
 tracker frame that is not known, or of a part that is touched; 3: a place that has no axes of its
@@ -20,7 +20,7 @@ from robotrue.robot.model import PER_JOINT, POSE_TERMS, RobotModel, parameter_na
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ParameterLayout:
-    """Where each block stands in the parameter vector.
+    """Position of each block in the parameter vector.
 
     Attributes:
         dof: Number of joints.

@@ -1,4 +1,4 @@
-"""What is known before the data: Gaussian scales in physical units, learnable per group.
+"""Priors: Gaussian scales in physical units, learnable per group.
 
 The defaults are those of a production industrial arm. A scale that is learned moves to where the
 data put it (marginal likelihood), held by a weak pull to the default

@@ -131,7 +131,7 @@ def estimate_probing(
 
 
 def _check_still_held(touches: ProbingSet, keep: BoolArray, in_base: Array, rows: NewRows) -> None:
-    """Passes if the touches that are believed still fix every frame."""
+    """Checks that the accepted touches still determine every frame."""
     believed = keep[: len(touches)]
     for k, T in rows.T_tracker_base.items():
         if k not in touches.sockets:
@@ -200,7 +200,7 @@ def _sigma(belief: Belief, settings: ProbingSettings) -> float:
 
 
 def _condition(prior: Belief, rows: NewRows, keep: BoolArray) -> tuple[Belief, NewRows]:
-    """The posterior of the trusted rows, linearised where it stands, and the rows moved there."""
+    """Returns the posterior of the accepted rows, linearised at its mean, and the rows there."""
     trusted = keep.astype(np.float64)
     return condition_on_rows(prior, rows, prior.noise, trusted, steps=STEPS, still=STILL)
 
@@ -226,7 +226,7 @@ def _condition_on_agreeing(
 def _find_agreeing(
     prior: Belief, at: Belief, rows: NewRows, touches: ProbingSet, settings: ProbingSettings
 ) -> BoolArray:
-    """Which touches agree; with noise above the stated one where that is what the crowd says."""
+    """Returns a mask of consistent touches; the noise may grow if the majority requires it."""
     n = len(touches)
     stack, noise = stack_rows(rows.pieces(at)), prior.noise
     found = find_agreeing_touches(stack, prior, noise, n)
@@ -243,7 +243,7 @@ def _find_agreeing(
 def _check_majority(
     prior: Belief, at: Belief, rows: NewRows, touches: ProbingSet, settings: ProbingSettings
 ) -> BoolArray:
-    """Which rows agree.
+    """Returns a mask of consistent rows.
 
     Raises:
         ImplausibleDataError: Half of a part's touches or more do not.

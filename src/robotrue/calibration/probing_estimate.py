@@ -1,4 +1,4 @@
-"""What an estimate from touches is given, what it returns, and how the refined model reports it.
+"""Input and result of an estimate from touches, and the report of the refined model.
 
 Arm and frames are known together; so are their uncertainties.
 """
@@ -32,7 +32,7 @@ from robotrue.robot.statics import NO_LOAD, Load
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProbingSettings:
-    """What the estimate is told besides the arm and the touches.
+    """Settings of the estimate besides the arm and the touches.
 
     Attributes:
         touch_sigma: m per axis of one touch: probe, surface, hand; without the arm.
@@ -116,16 +116,16 @@ class ProbingEstimate:
 
     @property
     def believed(self) -> BoolArray:
-        """(n,) True where the touch was believed."""
+        """(n,) True where the touch was accepted."""
         return np.array([label not in self.outliers for label in self.touches.labels])
 
     @property
     def rms(self) -> float:
-        """Root mean square length of the believed residuals, m."""
+        """Root mean square length of the accepted residuals, m."""
         return float(np.sqrt(np.mean(self.distances[self.believed] ** 2)))
 
     def columns(self, part: int) -> slice:
-        """Returns where the frame of a part stands in the belief.
+        """Returns the columns of a part's frame in the belief.
 
         Raises:
             ModelMismatchError: No such part.

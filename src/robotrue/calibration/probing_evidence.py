@@ -1,4 +1,4 @@
-"""What touches say of themselves: which agree, how far this arm errs, and how noisy they are.
+"""Evidence in touches: their consistency, the error of this arm, and their noise.
 
 Touch i is compared with what all others say of it
 (:func:`robotrue.calibration.new_rows.left_out_lengths`). A bound then needs no guess of how much
@@ -30,7 +30,7 @@ FAINT: Final = 1e-6
 
 
 def surprise(stack: Stack, belief: Belief, noise: Array) -> float:
-    """Returns how far the rows lie from what was believed, over how far they were expected to.
+    """Returns the distance of the rows from the prior, relative to the expected distance.
 
     About 1 where belief and noise hold; the frames, of which nothing was known, take their share.
     NaN where nothing is left over.

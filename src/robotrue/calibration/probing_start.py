@@ -1,4 +1,4 @@
-"""Where the parts roughly stand: a frame for each from the touches alone, and what forbids one.
+"""Rough frames of the parts: one for each from the touches alone, or the reason against it.
 
 Nominal points go to the tips that the believed arm puts there, by a rigid fit that survives wrong
 touches. Everything that would end in a wrong frame without a word is refused here: too few or
@@ -42,7 +42,7 @@ def tips(belief: Belief, joints: Array, payload: Load) -> Array:
 def start_frames(
     touches: ProbingSet, in_base: Array, stated: Mapping[int, Array], *, robust: bool
 ) -> dict[int, Array]:
-    """Returns where each part roughly stands, ``T_base_part`` (4, 4) by its number.
+    """Returns the rough frame of each part, ``T_base_part`` (4, 4) by part number.
 
     Args:
         touches: Of all parts.

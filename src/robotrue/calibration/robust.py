@@ -1,4 +1,4 @@
-"""How far a row may be off before it counts less, and before it does not count.
+"""Robust weights: the distance at which a row counts less, and at which it does not count.
 
 The rule, on the length r of a row's whitened residual of m numbers (chi with m degrees):
 

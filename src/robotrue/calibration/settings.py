@@ -1,4 +1,4 @@
-"""What a fit is told besides the robot and the measurements."""
+"""Settings of a fit besides the robot and the measurements."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ sd sigma per axis l is Maxwell distributed: mean 1.5958 sigma, sd 0.6734 sigma."
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SolverSettings:
-    """How the fixed point is found.
+    """Settings of the fixed-point iteration.
 
     Attributes:
         loss: Robust rule of :mod:`robotrue.calibration.robust`.

@@ -62,7 +62,7 @@ SAME: Final = 1e-6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TransferSource:
-    """What is known from elsewhere.
+    """Prior knowledge from another calibration.
 
     Attributes:
         measurements: Rows of the source; fitted by the transfer. Either these or ``model``.
@@ -79,7 +79,7 @@ class TransferSource:
     name: str = "source"
 
     def __post_init__(self) -> None:
-        """Checks that exactly one kind of knowledge is there."""
+        """Checks that exactly one kind of knowledge is given."""
         if (self.measurements is None) == (self.model is None):
             raise ConfigurationError(
                 f"source {self.name!r} needs either measurements or a model, not both or none."
@@ -173,7 +173,7 @@ def _join(lead: Belief, other: Belief, relation: Relation, *, again: bool) -> Be
 
 
 def _with_waves(lead: Belief, other: Belief, count: int) -> Belief:
-    """The lead with harmonics that only another source has, as unknown as they are there."""
+    """Returns the lead with harmonics that only another source has, with that source's prior."""
     before, wider = len(lead.ripple.cycles), with_harmonics(lead, count)
     if before == count:
         return lead
@@ -185,7 +185,7 @@ def _with_waves(lead: Belief, other: Belief, count: int) -> Belief:
 
 
 def _shared_columns(lead: Belief, other: Belief, relation: Relation) -> IntArray:
-    """Columns two sources share: the arm's own, without stands, reflectors and smooth weights."""
+    """Returns columns two sources share: the arm, without stations, reflectors, smooth weights."""
     smooth = lead.place("smooth").start
     able = (lead.variance[:smooth] > 0.0) & (other.variance[:smooth] > 0.0)
     for frame in ("base", "tool"):

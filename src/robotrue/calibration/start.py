@@ -1,4 +1,4 @@
-"""Where the estimator starts: tracker frames, further reflectors and target orientation."""
+"""Initial values of the estimator: tracker frames, further reflectors, target orientation."""
 
 from __future__ import annotations
 

@@ -75,7 +75,7 @@ SEED: Final = 21
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Landing:
-    """What the target rows made of the prior.
+    """Posterior of the prior given the target rows.
 
     Attributes:
         belief: Posterior, nuisances at its end.
@@ -234,7 +234,7 @@ def _add_target_rows(
 def _weights(
     drift: SourceDrift, problem: DriftEvidence, row: IntArray, u: Array, loss: Loss, *, first: bool
 ) -> Array:
-    """Robust weights of the learning rows, each judged by all others.
+    """Returns robust weights of the learning rows, each from the prediction by all others.
 
     In the first turn the scales are the defaults: lengths are taken in units of their median, so
     that a drift larger than expected makes no outlier of a good row.

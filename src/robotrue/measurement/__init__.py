@@ -1,1 +1,1 @@
-"""What was measured: the MeasurementSet, instruments' covariance, import, screening."""
+"""Measurements: the MeasurementSet, instruments' covariance, import, screening."""

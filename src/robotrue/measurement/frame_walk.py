@@ -60,7 +60,7 @@ class MonumentShots(Columns):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameWalk:
-    """How the frame of one set-up moved.
+    """Motion of the frame of one set-up.
 
     Attributes:
         shift_step: m per axis and square root of a moment.
@@ -198,7 +198,7 @@ def _shared_time(first: Array, second: Array) -> Array:
 
 
 def _levers(arm: Array, turns: bool) -> Array:
-    """What a shift and a turn about the centre do to points at ``arm`` (n, 3): (n, 3, 6)."""
+    """Returns the effect of shift and turn about the centre on ``arm`` (n, 3): (n, 3, 6)."""
     lever = np.zeros((len(arm), 3, 6))
     lever[:, :, :3] = np.eye(3)
     if turns:

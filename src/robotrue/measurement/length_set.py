@@ -58,7 +58,7 @@ class LengthSet(Columns):
     provenance: Provenance = MEASURED
 
     def _check_rules(self) -> None:
-        """Every length ends at an anchor that is there, or at another pose.
+        """Checks that every length ends at an existing anchor, or at another pose.
 
         Raises:
             ShapeError: It does not, or a length or its sigma is zero or less.
@@ -139,7 +139,7 @@ def _second_poses(sheet: Sheet, names: tuple[str, ...], wanted: Array) -> Array:
 
 
 def _places(sheet: Sheet, number: Array, count: int) -> Array:
-    """Where the anchors are, (k, 3) m."""
+    """Returns the places of the anchors, (k, 3) m."""
     places = np.zeros((count, 3))
     for k in range(count):
         rows = np.flatnonzero(number == k).tolist()

@@ -109,7 +109,7 @@ class ProbingSet(Columns):
 
     @property
     def has_joints(self) -> bool:
-        """Whether the robot was the probe and its joints are known."""
+        """True if the robot was the probe and its joints are known."""
         return len(self.joints) > 0
 
     @property

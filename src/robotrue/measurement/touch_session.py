@@ -45,7 +45,7 @@ class TouchFeature:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TouchReading:
-    """What was entered for a feature.
+    """Entered reading of a feature.
 
     Attributes:
         feature: Its number.
@@ -127,7 +127,7 @@ class ProbingSession:
         return found._count_last_kept() if reading.state == "kept" else found
 
     def decide(self, state: Literal["kept", "dropped", "skipped"]) -> ProbingSession:
-        """Returns the session in which the reading that waits is kept, dropped, or its point left.
+        """Returns the session with the pending reading accepted, dropped, or its point skipped.
 
         Raises:
             ConfigurationError: None waits.
@@ -168,7 +168,7 @@ class ProbingSession:
         return replace(self, readings=readings)
 
     def _count_last_kept(self) -> ProbingSession:
-        """One reading of each feature counts: the last that was kept."""
+        """Counts one reading of each feature: the last accepted one."""
         last = {each.feature: k for k, each in enumerate(self.readings) if each.state == "kept"}
         found = self
         for k, each in enumerate(self.readings):

@@ -1,4 +1,4 @@
-"""What an instrument's data sheet says about one measured point, as a covariance matrix.
+"""Covariance of one measured point from an instrument's data sheet.
 
 In the tracker's spherical frame, with r the range (static error of a polar instrument):
 

@@ -1,4 +1,4 @@
-"""How far compensation may alter a program, without the libraries that do it."""
+"""Default limits of compensation, without the libraries that perform it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a file that a controller saves holds of frames and tools, and how its numbers are written.
+"""Frames and tools in a file that a controller saves, and the format of its numbers.
 
 They are printed to 1e-4 mm and 1e-6 deg, and never as a minus zero.
 """
@@ -23,7 +23,7 @@ NUMBER: Final = r"[-+]?(?:\d++\.?+\d*+|\.\d++)(?:[eE][-+]?\d+)?"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ControllerFile:
-    """What one file holds.
+    """Content of one file.
 
     Attributes:
         name: File name.

@@ -173,7 +173,7 @@ def _arc_steps(arrive: Array, before: Array, tangent: Array, chord: Array, via: 
 
 
 def _fill_directions(direction: Array, leave: Array, feeding: BoolArray) -> Array:
-    """A target reached without a way: the direction it is left in, else that of the one before."""
+    """Fills in directions: a target without a path takes that of its exit, else the last one."""
     lost = feeding & ~np.isfinite(direction[:, 0])
     direction[lost] = leave[lost]
     lost = feeding & ~np.isfinite(direction[:, 0])

@@ -24,7 +24,7 @@ COUNT = 6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExternalAxis:
-    """One axis beside the arm's, as it stands in the robot base while all axes are ``at``.
+    """One external axis, in the robot base while all axes are ``at``.
 
     Attributes:
         number: 1 to 6: E1.. of KUKA, eax_a.. of ABB, the order of the values elsewhere.

@@ -1,4 +1,4 @@
-"""What words of orientation say of the tool frame, where a language leaves it to the machine.
+"""Meaning of orientation words where a language leaves it to the machine.
 
 G-code prints angles whose meaning is data of the control, or a tool axis alone; APT and CSV paths
 print a tool axis or nothing. Neither is a pose of a robot's tool. The cell states what is missing
@@ -22,7 +22,7 @@ Angles: TypeAlias = Literal["", "rpy", "kuka"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OrientationRule:
-    """What the cell states; nothing by default.
+    """Orientation rule of the cell; by default nothing is stated.
 
     Attributes:
         angles: What three printed angles are: the orientation of the tool frame in the work frame.
@@ -57,7 +57,7 @@ class OrientationRule:
 
     @property
     def stated(self) -> bool:
-        """Whether anything but the default is stated."""
+        """True if anything but the default is stated."""
         return bool(self.angles) or self.spin is not None or not self.cutter[2] == 1.0
 
     def rotations(self, axis: Array) -> Array:

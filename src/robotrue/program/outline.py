@@ -1,4 +1,4 @@
-"""The outer boundary of a drawing of straight segments: what is left of a shadow's edges outside.
+"""The outer boundary of a drawing of straight segments: the visible edges of a shadow.
 
 The segments are cut at all their crossings, and the drawing is walked once around from its lowest
 left point, taking at every crossing the rightmost way. Points nearer to each other than a tenth of

@@ -25,7 +25,7 @@ FixedTool: TypeAlias = Literal["", "tool_in_part", "part_in_tool"]
 
 
 class Motion(IntEnum):
-    """How the controller moves to a target."""
+    """Motion type of the controller to a target."""
 
     PTP = 0
     LIN = 1
@@ -51,7 +51,7 @@ class Reason(Explained):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Program(Columns):
-    """n targets in file order and the file they stand in.
+    """n targets in file order and the file that contains them.
 
     Attributes:
         name: File name.

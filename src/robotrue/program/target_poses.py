@@ -1,4 +1,4 @@
-"""Where the targets of a program are in the robot's base, also of a part that the robot holds.
+"""Poses of a program's targets in the robot base, also of a part that the robot holds.
 
 The target of a part that the robot carries to a tool that stands in the cell is printed as the tool
 in the part frame; the robot moves the part. Inside, it is the part frame in that tool: the frame

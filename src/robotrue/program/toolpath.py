@@ -107,7 +107,7 @@ class Toolpath(Columns):
     def with_points(
         self, pick: IntArray, *, position: Array, rapid: BoolArray, notes: Iterable[str] = ()
     ) -> Toolpath:
-        """Returns the path with another list of points, each taking the rest from an old one.
+        """Returns the path with another list of points; other values come from an old point each.
 
         Args:
             pick: (m,) index of the old point each new one takes axis, feed, line and operation of.

@@ -1,4 +1,4 @@
-"""What a certificate states besides its numbers: number, dates, customer, robot, instrument, place.
+"""Head of a certificate: number, dates, customer, robot, instrument, place.
 
 Stated in a ``[report]`` table of a TOML file, or key by key; every key may be left out.
 """

@@ -1,4 +1,4 @@
-"""What a report says, before anyone decides how it looks.
+"""Content of a report, independent of its layout.
 
 A page and a JSON file are two views of the same :class:`ReportContent`. Whoever has results builds
 one (:func:`robotrue.report.calibration_report.calibration_content` does it for a validation) and

@@ -171,7 +171,7 @@ class PoseCurves(Plot):
 
 
 class Look(TypedDict):
-    """How Matplotlib draws a curve."""
+    """Style of a curve in Matplotlib."""
 
     color: str
     marker: str

@@ -1,4 +1,4 @@
-"""What both demos leave behind: their files, numbers and page."""
+"""Result of both demos: their files, numbers and page."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from robotrue.validation.metrics import ErrorStatistics, error_statistics
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DemoResult:
-    """What a demo leaves behind.
+    """Files and numbers of a demo.
 
     Attributes:
         folder: Where the files are.

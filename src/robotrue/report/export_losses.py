@@ -1,4 +1,4 @@
-"""What a format cannot say of a calibrated robot, and how large that is; nothing is lost silently.
+"""Parts of a calibrated robot that a format cannot express, and their size.
 
 The size of a loss is measured on poses spread over the training range, with the cell's payload:
 the distance between where the model says the tool point is with that part and without it.
@@ -29,7 +29,7 @@ from robotrue.validation.error_map import known_places
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Loss:
-    """One part that is left out.
+    """One omitted part.
 
     Attributes:
         name: As in ``--lossy``.
@@ -177,7 +177,7 @@ def without(tables: MeanTables, names: Sequence[str]) -> MeanTables:
 
 
 def _holds(tables: MeanTables, name: str) -> bool:
-    """Whether tables change where a part is left out."""
+    """True if tables change when a part is omitted."""
     rest = without(tables, (name,))
     return not np.array_equal(rest.robot.errors, tables.robot.errors) or any(
         not np.array_equal(getattr(rest, field), getattr(tables, field))
@@ -206,7 +206,7 @@ class LeftOutRow(TypedDict):
 
 
 class LossDocument(TypedDict):
-    """What an export leaves out, see :func:`loss_document`."""
+    """Parts that an export omits, see :func:`loss_document`."""
 
     left_out: list[LeftOutRow]
     together_rms_mm: float

@@ -116,7 +116,7 @@ def inline_svg(drawing: Drawing, *, key: str, label: str) -> str:
 
 
 def standalone_svg(inline: str, family: str) -> str:
-    """Returns an element of :func:`inline_svg` as a file of its own, in the light palette.
+    """Returns an element of :func:`inline_svg` as a separate file, in the light palette.
 
     Args:
         inline: The element.

@@ -82,7 +82,7 @@ def report_document(content: ReportContent) -> Mapping[str, object]:
 
 
 def _head(content: ReportContent) -> Mapping[str, object]:
-    """What the first page states, where it states anything; the picture by its hash."""
+    """Returns the facts of the first page; the picture by its hash."""
     if not content.head:
         return {}
     head: dict[str, object] = {"head": _facts(content.head)}

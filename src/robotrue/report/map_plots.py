@@ -306,7 +306,7 @@ def _step_scale(values: Array, signed: bool) -> tuple[Colormap, BoundaryNorm]:
 
 
 def _cell_edges(centre: Array) -> Array:
-    """Returns edges of the cells about grid values; one alone gets a cell of its own size."""
+    """Returns edges of the cells about grid values; a single value gets a default size."""
     if len(centre) == 1:
         half = 0.5 * max(abs(float(centre[0])), 1.0) * 0.1
         return np.array([centre[0] - half, centre[0] + half])

@@ -100,7 +100,7 @@ def _typst() -> ModuleType:
 
 
 def _document(content: ReportContent, fonts: tuple[str, ...]) -> dict[str, object]:
-    """What the template prints: the document of the page, its drawings as files of their own."""
+    """Returns the template's data: the document of the page, its drawings as separate files."""
     document = page_document(content, lambda svg: standalone_svg(svg, ", ".join(fonts)))
     kind, _, logo = content.logo.partition(";base64,")
     return document | {

@@ -123,7 +123,7 @@ class _Targets:
 
 
 def _apart(joined: _Targets, t: ReportTexts) -> str:
-    """What is said of targets that were not judged."""
+    """Returns the sentence about targets that were not checked."""
     return "" if not joined.axis_targets else t("prog.apart", n=joined.axis_targets)
 
 

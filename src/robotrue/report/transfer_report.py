@@ -1,4 +1,4 @@
-"""The page of a transfer: who was believed about the target, and how many poses it takes."""
+"""The page of a transfer: the source used for the target, and the number of poses it takes."""
 
 from __future__ import annotations
 

@@ -95,7 +95,7 @@ def _pattern(english: str) -> re.Pattern[str]:
 
 
 def in_chinese(sentence: str) -> str:
-    """Returns the sentence in Chinese, part by part where several are known, or as it stands."""
+    """Returns the sentence in Chinese, part by part where several are known, else unchanged."""
     for pattern, chinese in _sentences():
         match = pattern.fullmatch(sentence)
         if match is None:

@@ -225,7 +225,7 @@ def renew_words(maker: Maker, written: IntArray, before: IntArray, after: IntArr
 
 
 def _axis_fits(maker: Maker, axis: int, value: Array, word: IntArray) -> BoolArray:
-    """Whether axis values (n,) rad of the controller have the turn of a word (n,)."""
+    """True where axis values (n,) rad of the controller have the turn of a word (n,)."""
     low, high = (_axis_word(maker, axis, value + shift, word) for shift in (-EDGE, EDGE))
     return np.asarray((word == NO_WORD) | low | high)
 

@@ -286,7 +286,7 @@ def _columns(state: ChainState, which: slice) -> Array:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sensitivity:
-    """How m observed numbers of n postures answer to what an error of the arm can move.
+    """Derivative of m observed numbers of n postures by the errors of the arm.
 
     Attributes:
         errors: (n, m, 9 dof + 12) by the error vector of the robot.

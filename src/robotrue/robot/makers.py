@@ -1,4 +1,4 @@
-"""How each maker counts the axes of a six-axis arm with a spherical wrist.
+"""Axis conventions of the makers for a six-axis arm with a spherical wrist.
 
 In the angles of :class:`robotrue.robot.opw.OpwGeometry` (arm and forearm straight up at zero, axes
 2, 3 and 5 turning forward, 1, 4 and 6 about the upward line) every arm of a maker counts alike,

@@ -67,7 +67,7 @@ def parameter_names(dof: int) -> tuple[str, ...]:
 
 
 def parameter_slice(dof: int, group: str) -> slice:
-    """Returns where a group (a name of ``PER_JOINT``, ``"base"`` or ``"tool"``) stands.
+    """Returns the slice of a group (a name of ``PER_JOINT``, ``"base"`` or ``"tool"``).
 
     Raises:
         ConfigurationError: No such group.
@@ -90,7 +90,7 @@ def moment_slice(dof: int) -> slice:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Configuration:
-    """How the controller counts its axes, for programs: ``A = coupling @ (sign * q + offset)``.
+    """Axis convention of the controller, for programs: ``A = coupling @ (sign * q + offset)``.
 
     Attributes:
         sign: (n,) +1 or -1.

@@ -208,7 +208,7 @@ def _from_table(convention: Convention, table: bytes) -> OpwGeometry | None:
 
 
 def is_unimodular(matrix: Array) -> bool:
-    """Whether whole turns of q are whole turns of theta and the other way round."""
+    """True if whole turns of q are whole turns of theta and vice versa."""
     whole = bool(np.all(matrix == np.rint(matrix)))
     return whole and bool(np.isclose(abs(np.linalg.det(matrix)), 1.0))
 

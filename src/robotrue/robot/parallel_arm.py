@@ -39,7 +39,7 @@ _ROUNDING: Final = 1e-12
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ParallelGeometry(Columns):
-    """An arm with axes 2 to 4 parallel, as it stands with all joints at zero.
+    """An arm with axes 2 to 4 parallel, at zero joints.
 
     Attributes:
         axis: (6, 3) unit vectors in base.
@@ -167,7 +167,7 @@ def _first_angles(arm: ParallelGeometry, moved: Array) -> list[Array]:
 
 
 def _turn_back(arm: ParallelGeometry, first: Array, moved: Array) -> Array:
-    """What joints 2 to 6 are to do, (n, 4, 4): ``moved`` without joint 1."""
+    """Returns the required motion of joints 2 to 6, (n, 4, 4): ``moved`` without joint 1."""
     back = matrix_from_rotation_vector(-first[:, None] * arm.axis[0])
     out = moved.copy()
     out[:, :3, :3] = back @ moved[:, :3, :3]
@@ -179,7 +179,7 @@ def _turn_back(arm: ParallelGeometry, first: Array, moved: Array) -> Array:
 def _wrist_angles(
     arm: ParallelGeometry, seen: Array, sign: float, known6: Array
 ) -> tuple[Array, Array]:
-    """Joints 5 and 6: the angle between axes 4 and 6, and where axis 4 stands in the hand."""
+    """Joints 5 and 6: the angle between axes 4 and 6, and the direction of axis 4 in the hand."""
     two, five, six = arm.axis[1], arm.axis[4], arm.axis[5]
     along6 = seen[:, :3, :3] @ six
     cosine = along6 @ two

@@ -50,7 +50,7 @@ TRIES: Final = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpinSettings(Columns):
-    """How rotations about the tool axis are chosen.
+    """Settings for choosing rotations about the tool axis.
 
     Attributes:
         cutter: (3,) the way from the spindle to the tip, in the tool frame; normalised. KUKA's
@@ -87,7 +87,7 @@ class SpinSettings(Columns):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Grid:
-    """What can be taken at every station.
+    """Permitted rotations at every station.
 
     Attributes:
         joints: (m, b, k, 6) rad per station, branch and spin, any turn; NaN where there are none.

@@ -22,7 +22,7 @@ from robotrue.robot.model import RobotModel
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Load(Columns):
-    """What the arm carries and what pushes on it, at n poses or (n = 1) at all.
+    """Payload and external wrench of the arm, at n poses or (n = 1) at all.
 
     Attributes:
         mass: (n,) kg, payload at the flange.
@@ -44,7 +44,7 @@ class Load(Columns):
         return Load(mass=mass, com=com, wrench=wrench)
 
     def fill_rows(self, mass: Array, wrench: Array, com: Array | None = None) -> Load:
-        """Returns the load of n rows; what a row does not say is that of this payload.
+        """Returns the load of n rows; missing values of a row are those of this payload.
 
         Args:
             mass: (n,) kg at the flange; NaN where not stated.

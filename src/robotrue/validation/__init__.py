@@ -1,1 +1,1 @@
-"""How far to believe a calibration: splits, error statistics, coverage, choice of method."""
+"""Validation of a calibration: splits, error statistics, coverage, choice of method."""

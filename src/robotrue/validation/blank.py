@@ -1,4 +1,4 @@
-"""A finished part inside its blank: how much is left on every touched face, and where least.
+"""A finished part inside its blank: the allowance on every touched face, and the smallest.
 
 The blank is what its touched faces say: planes in the part's own coordinates, in the frame the part
 will be cut in. What was not touched, as the side it lies on, bounds nothing. Where two faces look

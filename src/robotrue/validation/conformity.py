@@ -1,4 +1,4 @@
-"""Whether a predicted error keeps a tolerance, with the uncertainty counted against it.
+"""Conformity of a predicted error with a tolerance, the uncertainty counted against it.
 
 Three answers::
 
@@ -24,7 +24,7 @@ from robotrue.errors import ConfigurationError, ObservabilityError
 
 
 class Conformity(IntEnum):
-    """What may be said of a target."""
+    """Verdict on a target."""
 
     CONFORMS = 0
     UNDECIDED = 1
@@ -74,5 +74,5 @@ def to_judge(axis_target: BoolArray, *, strict: bool) -> BoolArray:
 
 
 def all_conform(states: IntArray) -> bool:
-    """Returns whether targets were judged, and every one of them conforms."""
+    """Returns true if there are checked targets, and every one of them conforms."""
     return bool(len(states) and (states == Conformity.CONFORMS).all())

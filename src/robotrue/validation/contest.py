@@ -1,4 +1,4 @@
-"""Who won: held-out results compared in pairs, and the sentence that says why."""
+"""Comparison of methods: held-out results in pairs, and the sentence with the reason."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _RARE: Final = ("unsettled", "stopped")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CandidateScore:
-    """How one method did on held-out poses.
+    """Held-out result of one method.
 
     Attributes:
         name: Method.

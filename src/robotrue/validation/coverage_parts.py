@@ -132,7 +132,7 @@ def _by_direction(residuals: Array, covariances: Array, position: Array) -> list
 
 
 def _by_distance(inside: BoolArray, joints: Array, joint_range: Array) -> list[CoveragePart]:
-    """In the middle of the training joint ranges, near an end of one, outside."""
+    """Coverage in the middle of the training joint ranges, near an end of one, outside."""
     low, high = joint_range
     half = np.maximum(0.5 * (high - low), 1e-9)
     off = (np.abs(joints - 0.5 * (low + high)) / half).max(axis=1)

@@ -1,4 +1,4 @@
-"""What the data doctor found, in words and JSON values, and in the summary of a model."""
+"""Findings of the data doctor, as text and JSON values, and in the summary of a model."""
 
 from __future__ import annotations
 

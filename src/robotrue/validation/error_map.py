@@ -188,7 +188,7 @@ def error_map(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SectorSimilarity:
-    """How alike the errors of two sectors are at corresponding points, -1 to 1.
+    """Similarity of the errors of two sectors at corresponding points, -1 to 1.
 
     Attributes:
         first: Sector, from 0.
@@ -223,7 +223,7 @@ def sector_similarities(found: WorkspaceMap) -> tuple[SectorSimilarity, ...]:
 
 
 def _sort_errors(found: WorkspaceMap, sector: int) -> Array:
-    """Errors of a sector in the order of its own grid; rows are already in that order."""
+    """Returns the errors of a sector in the order of its grid."""
     return np.asarray(found.error[found.sector == sector])
 
 
@@ -249,7 +249,7 @@ def _cosine(a: Array, b: Array) -> float:
 
 
 def build_prior_model(robot: RobotModel, settings: FitSettings) -> CalibratedModel:
-    """Returns what is believed of an arm before any measurement: stated stiffness, prior scales.
+    """Returns the prior model of an arm before any measurement: stated stiffness, prior scales.
 
     The mean is the deflection of the stated stiffness (nothing without one), the covariance that
     of the joint errors; base and tool are taken as known.

@@ -1,4 +1,4 @@
-"""The guard against negative transfer: sources are believed only as far as target poses agree.
+"""The guard against negative transfer: sources count only as far as target poses agree.
 
 Candidates compete on target poses held out in turn; sources are in every training part. The first
 candidate, the transfer, is believed until another beats it by more than the noise, and those that
@@ -60,7 +60,7 @@ NEAR: Final = 0.05
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GuardVerdict:
-    """What the guard found.
+    """Verdict of the guard.
 
     Attributes:
         winner: The candidate used.
@@ -256,7 +256,7 @@ def _verdict(
 
 
 def _harm(selection: Selection, trials: Trials, transfers: tuple[str, ...]) -> list[str]:
-    """What became of the transfer that was believed first, if it was not used."""
+    """Reports what happened to the first preferred transfer, if it was not used."""
     if selection.winner in transfers[:1] or not transfers:
         return []
     first, winner = transfers[0], selection.winner

@@ -191,7 +191,7 @@ def _richest(
 
 
 def _elsewhere(source: TransferSource, target: MeasurementSet) -> bool:
-    """Whether the target's tracker set-up is one the source cannot know."""
+    """True if the source cannot know the target's tracker set-up."""
     return target.frame == "tracker" and source.relation != "region"
 
 
@@ -243,7 +243,7 @@ def _carry_as_it_is(
 
 
 def _require_frame(source: TransferSource, model: ErrorModel, rows: MeasurementSet | None) -> None:
-    """Refuses to pool positions in base with those of a tracker whose stand is not known.
+    """Refuses to pool positions in base with those of a tracker at an unknown station.
 
     Raises:
         ModelMismatchError: They are.

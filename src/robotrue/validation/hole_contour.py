@@ -66,7 +66,7 @@ class HoleResult(Columns):
 
     @property
     def diameter(self) -> float:
-        """Of the fitted cylinder, m."""
+        """Diameter of the fitted cylinder, m."""
         return 2.0 * self.cylinder.radius
 
     @property
@@ -118,7 +118,7 @@ WIDEST_GAP: Final = np.radians(240.0)
 
 
 def require_turn(points: Array, centre: Array, *, source: str) -> None:
-    """Passes if points (n, 3) m stand around enough of the hole about ``centre`` (2,) m.
+    """Checks that points (n, 3) m surround enough of the hole about ``centre`` (2,) m.
 
     Raises:
         ImplausibleDataError: They lie on less than a third of the turn.
@@ -171,7 +171,7 @@ def hole_uncertainty(points: Array, result: HoleResult, probe_sigma: float) -> t
 
 
 def _free_columns(points: Array, radius: float) -> list[int]:
-    """Of the derivative: centre, radius and, where the points are tall enough, the slopes."""
+    """Columns of the derivative: centre, radius and, for points of enough height, the slopes."""
     return [0, 1, 4, 2, 3] if np.ptp(points[:, 2]) > _TALL * radius else [0, 1, 4]
 
 

@@ -33,7 +33,7 @@ FEWEST_HELD: Final = 10
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LearningCurve(Columns):
-    """What every candidate makes of so many target poses.
+    """Held-out error of every candidate against the number of target poses.
 
     Attributes:
         names: (c,) candidates.

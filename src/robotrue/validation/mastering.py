@@ -1,4 +1,4 @@
-"""Which axis lost its zero, from touches of one fixed point: no tracker is needed.
+"""Mastering check: the axis that lost its zero, from touches of one fixed point.
 
     tip(q; w, d) = p + noise,    w ~ belief in the arm,    p ~ nothing known (or touched before),
     d_j ~ N(0, s^2) for the axes a hypothesis says have lost their zero, 0 for the others
@@ -85,7 +85,7 @@ class LostZeros:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MasteringCheck(Columns):
-    """What touches of one point say of the zeros of the axes.
+    """Evidence from touches of one point on the zeros of the axes.
 
     Attributes:
         verdict: ``holds``, ``lost`` or ``undecided``.
@@ -214,7 +214,7 @@ def _as_socket(touches: ProbingSet) -> ProbingSet:
 def _find_noise(
     before: Belief, rows: NewRows, touches: ProbingSet, loose: float
 ) -> tuple[BoolArray, float]:
-    """Which touches agree with some offsets of all axes, and by how much noisier they are."""
+    """Returns the touches that agree with some offsets of all axes, and the noise factor."""
     everyone = np.ones(len(touches), dtype=bool)
     every = tuple(range(before.robot.dof))
     prior = loosen_zeros(before, every, SIZES[-1], rows.nuisances, loose)

@@ -1,4 +1,4 @@
-"""Touches of one fixed point under a hypothesis: these zeros are unknown, all others are kept."""
+"""Touches of one fixed point under a hypothesis: these zeros are unknown, the others known."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def loosen_zeros(
 
 
 def _shift(prior: Belief, moved: Array) -> Belief:
-    """The prior about a point that was moved: what was believed of it stays behind."""
+    """Returns the prior about a point that was moved: knowledge of its old place is dropped."""
     return replace(prior, mean=np.concatenate([prior.mean[: prior.end], -moved]))
 
 

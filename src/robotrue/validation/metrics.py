@@ -19,7 +19,7 @@ FREEDOM: Final = 8.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ErrorStatistics:
-    """What n error vectors amount to. Lengths ``e_i = |error_i|`` in m.
+    """Statistics of n error vectors. Lengths ``e_i = |error_i|`` in m.
 
     Attributes:
         n: Number of points.

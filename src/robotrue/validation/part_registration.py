@@ -1,4 +1,4 @@
-"""``register``: from touches to the part's frame, checked, judged, and tied to a model of the arm.
+"""``register``: the part's frame from touches, checked and tied to a model of the arm.
 
 Touches in joints are taken through the model that is given: a calibrated one or the nominal arm.
 Where there are enough of them arm, tool and frames are estimated together; else the model stays as

@@ -1,4 +1,4 @@
-"""How alike the measured errors of regions are, cylinder sectors and boxes: eq. 9-10 of Deng 2022.
+"""Similarity of the measured errors of regions, cylinder sectors or boxes: eq. 9-10 of Deng 2022.
 
 The equations compare a reference region with others point by point. A point of another region
 corresponds to the reference point at the same place in its own region: the same angle, radius and

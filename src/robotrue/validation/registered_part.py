@@ -84,7 +84,7 @@ class FoundFrame(Columns):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RegisteredPart:
-    """What touching told.
+    """Result of probing a part.
 
     Attributes:
         route: How.
@@ -187,7 +187,7 @@ def _find_reasons(frame: FoundFrame, tolerance: float | None) -> Iterator[str]:
 
 
 def _find_doubts(frame: FoundFrame) -> Iterator[str]:
-    """What the touches cannot tell."""
+    """Yields warnings about what the touches cannot determine."""
     fit = frame.registration
     if fit.degrees_of_freedom < 1:
         yield "No touch is left over that could contradict the frame: touch one or two more."
@@ -204,14 +204,14 @@ def _find_doubts(frame: FoundFrame) -> Iterator[str]:
 
 
 def _many_just_beyond(fit: Registration) -> tuple[str, ...]:
-    """Touches not believed that are not far off either, if many: a bound through the good ones."""
+    """Warns of many rejected touches close to the bound: it cuts through the good ones."""
     far = _distances(fit)
     near = tuple(k for k in fit.outliers if far[k] < 3.0 * GAUSS_POINT * fit.sigma)
     return near if len(near) > max(2, FEW_BEYOND * len(fit.names)) else ()
 
 
 def _stray(fit: Registration) -> tuple[str, ...]:
-    """Touches within the noise stated that stand out among the others: the arm's share is wide."""
+    """Warns of touches within the stated noise that stand out among the others."""
     if len(fit.names) < 6:
         return ()
     usual = float(np.median(fit.distances)) / 1.5382  # median of a chi with 3 degrees of freedom

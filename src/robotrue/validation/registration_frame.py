@@ -291,7 +291,7 @@ def _with_arm(
 
 
 def arm_belief(arm: ErrorModel, settings: RegistrationSettings) -> Belief | None:
-    """Returns what is believed of the arm; None for a model that keeps no joint covariance."""
+    """Returns the prior of the arm; None for a model without joint covariance."""
     if arm.calibrated:
         belief = arm.belief()
         if belief is None:

@@ -194,7 +194,7 @@ def _tool_sigma(
     touches: ProbingSet,
     settings: RegistrationSettings,
 ) -> tuple[float, tuple[str, ...]]:
-    """How well the tip is known, m per axis, and what is assumed or not seen of it."""
+    """Returns the uncertainty of the tip, m per axis, and notes on assumptions about it."""
     doubts: list[str] = []
     known = settings.tool_sigma
     if known is None:

@@ -1,4 +1,4 @@
-"""``register-rounds``: a part touched again after each run, until nothing is left to correct."""
+"""``register-rounds``: a part probed again after each run, until no correction remains."""
 
 from __future__ import annotations
 

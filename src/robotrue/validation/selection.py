@@ -1,4 +1,4 @@
-"""Which method to use: the simplest one that nothing richer beats on poses held back.
+"""Choice of the method: the simplest one that no richer one beats on held-out poses.
 
 Candidates come simplest first. Each is fitted on the training part of every split and scored on the
 held-out part. A richer one replaces the one chosen so far only if its mean held-out error is lower
@@ -196,7 +196,7 @@ def _fold_fits(
     fold: Split,
     train: IntArray,
 ) -> dict[str, Callable[[], ErrorModel]]:
-    """How each candidate gets its model without the fold: a refit, or a fit of its ``train`` rows.
+    """Returns a model without the fold for each candidate: a refit, or a fit of its ``train`` rows.
 
     Candidates whose fits of all rows are one and the same share one refit.
     """

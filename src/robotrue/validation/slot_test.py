@@ -84,7 +84,7 @@ class SlotTest(Columns):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlotEvaluation:
-    """What a slot test says.
+    """Result of a slot test.
 
     Attributes:
         slots: (k,) m, mean step of each slot, signed.
@@ -170,7 +170,7 @@ def _uneven(step: Array, slots: Array) -> float:
 
 
 def _sentences(frames: Frames, gain: float) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """What the step sees, and what it does not."""
+    """Returns which errors the step detects, and which it does not."""
     sees = [
         "The difference of the arm's own error between the two postures, across the slot.",
     ]

@@ -1,4 +1,4 @@
-"""How well a model holds a ball in sockets it never saw: accuracy without any instrument.
+"""Accuracy of a model at sockets it never saw, without any instrument.
 
 The ball does not move while the arm takes attitude after attitude; where a model says it does, the
 model is wrong. The place of the socket is not known, so the tips are compared with their own mean,
@@ -29,7 +29,7 @@ FitTouches: TypeAlias = Callable[[ProbingSet], ErrorModel]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SocketSpread(Columns):
-    """Where a model puts the ball, touch by touch.
+    """Predicted places of the ball, touch by touch.
 
     Attributes:
         distance: (n,) m from the mean of the touch's own socket.
@@ -50,7 +50,7 @@ class SocketSpread(Columns):
 
     @property
     def coverage(self) -> float:
-        """Share of touches inside their 95 % regions; NaN where none was asked for."""
+        """Share of touches inside their 95 % regions; NaN if none was requested."""
         return float(self.inside.mean()) if len(self.inside) else float("nan")
 
     @property

@@ -1,4 +1,4 @@
-"""What is wrong with a source, said in words before and after it is fitted."""
+"""Faults of a source, reported before and after it is fitted."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ DRIFTED: Final = 5.0
 def admit_sources(
     robot: RobotModel, sources: Sequence[TransferSource]
 ) -> tuple[tuple[TransferSource, ...], tuple[str, ...]]:
-    """Returns the sources that can be this robot's, and why the others are left out."""
+    """Returns the sources that fit this robot, and the reasons why the others are excluded."""
     kept, doubts = [], []
     for source in sources:
         try:

@@ -1,4 +1,4 @@
-"""What is wrong with touches before any frame is made of them: units, names, mirrors, patterns.
+"""Faults of touches before a frame is fitted: units, names, mirrors, patterns.
 
 Every check names the touches at fault. A frame from touches that are wrong in one of these ways may
 leave small residuals, so each raises; what is only a doubt comes back as a sentence.

@@ -73,7 +73,7 @@ class TouchBelief:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExpectedTouch:
-    """What touches should read, in base.
+    """Expected reading of touches, in base.
 
     Attributes:
         position: (n, 3) m of the tip, as the model or the instrument has it.
@@ -108,7 +108,7 @@ class CheckedTouch:
 
     @property
     def outlier(self) -> bool:
-        """Whether a good touch would hardly read so."""
+        """True if a good touch is unlikely to read so."""
         return self.sigmas > GOOD
 
 
@@ -121,7 +121,7 @@ def update_belief(
     rough_sigma: float,
     joints: bool,
 ) -> TouchBelief:
-    """Returns arm and frames as believed after the touches; none yet: the rough place.
+    """Returns arm and frames after the touches; without touches, at the rough place.
 
     Args:
         arm: That touches.
@@ -225,7 +225,7 @@ def _step(T: Array, to: Array) -> Array:
 
 
 def _arm_columns(known: TouchBelief, touches: ProbingSet) -> Array:
-    """Derivative (n, 3, k) of the readings by what is not known of the arm; k is 0 without."""
+    """Returns the derivative (n, 3, k) of the readings by the arm's unknowns; k is 0 without."""
     belief = known.belief
     if belief is None:
         return np.zeros((len(touches), 3, 0))

@@ -44,7 +44,7 @@ class Alarm:
 
     @property
     def document(self) -> dict[str, object]:
-        """As JSON values."""
+        """Returns JSON values."""
         return {
             "key": self.key,
             "axis": self.axis,

@@ -111,7 +111,7 @@ class FrontProtocol(HttpToolsProtocol):
         super().on_message_complete()
 
     def handle_websocket_upgrade(self) -> None:
-        """Hands the connection over; its WebSocket has limits of its own."""
+        """Hands the connection over; its WebSocket has separate limits."""
         self._note_progress()
         super().handle_websocket_upgrade()
 

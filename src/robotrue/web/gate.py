@@ -127,7 +127,7 @@ class Gate:
         return self._sessions.holds(session_name(headers))
 
     def _is_logged_out(self, scope: Scope) -> bool:
-        """Whether a request that waited for its answer has lost its session meanwhile."""
+        """True if a waiting request has lost its session meanwhile."""
         if not self._settings.guarded or scope["path"] == "/logout":
             return False
         return not self._is_known(scope, Headers(scope=scope))

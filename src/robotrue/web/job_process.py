@@ -1,4 +1,4 @@
-"""The process that does the workspace's jobs while the server runs, each in a process of its own.
+"""The process that runs the workspace's jobs while the server runs, each in a child process.
 
 It is there only while there is something to do: started when a job waits, gone when none does. If
 it dies, its job is queued again by whoever works next; if the server dies, it ends with it.
@@ -41,7 +41,7 @@ class JobProcess:
         self._orphans = True  # an earlier server may have left jobs of dead workers
 
     def wake(self) -> None:
-        """Looks at once: a job has just been asked for."""
+        """Wakes the process: a job has just been queued."""
         self._wake.set()
 
     async def watch(self) -> None:
@@ -59,7 +59,7 @@ class JobProcess:
             self.stop()
 
     def stop(self) -> None:
-        """Ends the process; its job is begun anew by the next."""
+        """Ends the process; the next one restarts its job."""
         if self._process is not None and self._process.is_alive():
             self._process.kill()
             self._process.join(5.0)

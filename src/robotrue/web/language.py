@@ -53,7 +53,7 @@ class Wording:
         return self._words.get(key, name)
 
     def group(self, name: str) -> dict[str, str]:
-        """Returns all texts of a group by the rest of their keys, for scripts."""
+        """Returns all texts of a group by the remaining part of their keys, for scripts."""
         start = f"{name}."
         return {k.removeprefix(start): v for k, v in self._words.items() if k.startswith(start)}
 

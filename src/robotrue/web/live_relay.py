@@ -37,7 +37,7 @@ _WAITS: Final = (0.5, 1.0, 2.0, 5.0)
 
 
 class HealthFrame(TypedDict):
-    """What of a frame on the health of a service this server changes."""
+    """Fields that this server changes in a frame on a service's health."""
 
     dropped: int
 
@@ -158,7 +158,7 @@ class Relay:
                 self._take(frame)
 
     def _take(self, frame: str | bytes) -> None:
-        """Passes a frame on; what is none of a sensing service is left out."""
+        """Relays a frame; frames that are not of a sensing service are dropped."""
         if isinstance(frame, bytes):
             return
         try:
@@ -185,7 +185,7 @@ class Relay:
             viewer.waiting.put(frame)
 
     def _give_health(self, found: HealthFrame) -> None:
-        """What each viewer could not take is added to what this server could not."""
+        """Adds the frames that this server dropped per viewer to the service's own count."""
         before = int(found["dropped"])
         for viewer in self._viewers:
             found["dropped"] = before + viewer.waiting.dropped
@@ -207,7 +207,7 @@ class Relay:
             self._alarms.put_nowait(each)
 
     async def _keep(self) -> None:
-        """Writes alarms one after the other; where the database is away, until it is there."""
+        """Writes alarms one after the other; waits while the database is unreachable."""
         while True:
             alarm = await self._alarms.get()
             while True:
@@ -275,7 +275,7 @@ def _alarm_frame(alarm: Alarm) -> str:
 
 
 def _refusals() -> tuple[type[Exception], ...]:
-    """What a connection may end with; its library is loaded by the first source there is."""
+    """Returns the errors a connection may end with; the first source loads their library."""
     try:
         from websockets.exceptions import WebSocketException
     except ImportError as cause:

@@ -1,4 +1,4 @@
-"""Where live data come from: sensing services by address, with their limits and alarms."""
+"""Sources of live data: sensing services by address, with their limits and alarms."""
 
 from __future__ import annotations
 

@@ -82,12 +82,12 @@ def _render_plain(request: Request, template: str, **values: object) -> str:
 
 
 def missing_page(request: Request) -> HTMLResponse:
-    """Returns what an address says at which there is no page: so much, and the way back."""
+    """Returns the not-found page, with the way back."""
     return HTMLResponse(_render_plain(request, "missing_page.html"), status_code=404)
 
 
 def is_page(request: Request) -> bool:
-    """Returns whether a person's browser asked for a page, and not a script for a file."""
+    """Returns true if a person's browser requested a page, and not a script a file."""
     wants = "text/html" in request.headers.get("accept", "")
     return wants and not request.url.path.startswith(("/api", "/static", "/vendor"))
 

@@ -1,4 +1,4 @@
-"""Which model the pages show: that of the address, else the one chosen for all, else the first.
+"""Model shown by the pages: of the address, else the one chosen for all, else the first.
 
 The model in use changes when somebody chooses another one, never because another one was made.
 """
@@ -36,7 +36,7 @@ class ShownModel:
 
 
 async def shown_model(workspace: Workspace, asked: str | None) -> ShownModel:
-    """Returns the model of a page, by the id that stands in its address or without one."""
+    """Returns the model of a page, by the id in its address or without one."""
     return await asyncio.to_thread(_find_models, workspace, asked)
 
 

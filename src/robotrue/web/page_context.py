@@ -1,4 +1,4 @@
-"""What pages and the HTTP interface are given: the workspace, the user's choices, the words."""
+"""Context of pages and the HTTP interface: workspace, user's choices, texts."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ JUST_NOW: Final = timedelta(seconds=15)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ServerContext:
-    """What all pages and the HTTP interface share while the server runs.
+    """State that all pages and the HTTP interface share while the server runs.
 
     Attributes:
         settings: What was asked for at the start.
@@ -91,12 +91,12 @@ class PageContext:
 
     @property
     def folder(self) -> str:
-        """Of the workspace, as queries take it."""
+        """Folder of the workspace, as queries take it."""
         return str(self.server.workspace.folder)
 
     @property
     def kept_choices(self) -> dict[str, str]:
-        """What this page's address chooses that holds on the next page, too."""
+        """Choices in this page's address that also hold on the next page."""
         named = {name: self.query[name] for name in KEPT_CHOICES if self.query.get(name)}
         if self.model is None or named.get("model") != self.model.id:
             named.pop("model", None)
@@ -125,7 +125,7 @@ class PageContext:
         return int(stated) if stated.isdigit() and len(stated) < 10 else 0
 
     async def ask(self, question: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
-        """Returns the answer of the store, asked in a thread so that other pages go on."""
+        """Returns the answer of the store, from a thread so that other pages continue."""
         return await asyncio.to_thread(question, *args, **kwargs)
 
     async def items(self, noun: Noun[Item], query: ItemQuery) -> tuple[Item, ...]:

@@ -1,4 +1,4 @@
-"""How one person wants to see things: language, light, angles, unit of errors. Kept by the browser.
+"""Preferences of one user: language, theme, angles, unit of errors. Saved by the browser.
 
 The choice travels in a cookie of its own, which says nothing about who somebody is; anything in it
 that is not one of the known choices counts as not chosen.
@@ -42,7 +42,7 @@ class Preferences:
 
     @property
     def letters(self) -> str:
-        """What the numbers of an orientation are called."""
+        """Names of the numbers of an orientation."""
         return ", ".join(ANGLE_NAMES[self.angles])
 
     @property

@@ -47,7 +47,7 @@ OF_COMMANDS: Final = ("--", "robotrue workspace ")
 
 
 class MissingError(ConfigurationError):
-    """Something asked for by name that is not in the workspace."""
+    """Raised for a name that is not in the workspace."""
 
 
 @contextmanager
@@ -60,7 +60,7 @@ def missing_if_unknown() -> Iterator[None]:
 
 
 class Problem(BaseModel):
-    """What was wrong, and one thing to try (RFC 9457)."""
+    """An error, and one thing to try (RFC 9457)."""
 
     type: str
     title: str
@@ -96,7 +96,7 @@ def problem(
     headers: dict[str, str] | None = None,
     **facts: object,
 ) -> JSONResponse:
-    """Returns a problem document; facts that are None are left out."""
+    """Returns a problem document; facts that are None are omitted."""
     body = {"type": "about:blank", "title": title, "status": status, "detail": detail, **facts}
     return JSONResponse(
         {k: v for k, v in body.items() if v is not None and v != ""},

@@ -1,4 +1,4 @@
-"""How the workbench is served: where, to whom, and how large a file may be."""
+"""Settings of the workbench's server: address, users, and limits of files."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def service_address(text: str) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """What one client may take of the server before it is refused or dropped.
+    """Resources that one client may use before it is refused or dropped.
 
     Attributes:
         head_bytes: Of one request head.
@@ -63,7 +63,7 @@ class Limits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ServeSettings:
-    """What ``robotrue serve`` was asked for.
+    """Options of ``robotrue serve``.
 
     Attributes:
         workspace: Folder (or address) of the workspace.
@@ -139,15 +139,15 @@ class ServeSettings:
 
     @property
     def loopback(self) -> bool:
-        """Whether only this machine can reach the address."""
+        """True if only this machine can reach the address."""
         return is_loopback(self.host)
 
     @property
     def guarded(self) -> bool:
-        """Whether anybody is asked who they are."""
+        """True if users must log in."""
         return bool(self.password or self.token)
 
     @property
     def secure(self) -> bool:
-        """Whether the connection is encrypted."""
+        """True if the connection is encrypted."""
         return self.certificate is not None

@@ -47,7 +47,7 @@ VENDORED: Final = {"vue": "static", "three": "elements/scene/dist"}
 
 
 def serve(settings: ServeSettings, *, ready: Callable[[str], None]) -> None:
-    """Serves a workspace until the process is told to end.
+    """Serves a workspace until the process is stopped.
 
     Args:
         settings: Where and to whom.
@@ -106,7 +106,7 @@ def open_workspace(folder: Path) -> Workspace:
 
 
 def listening(settings: ServeSettings) -> socket.socket:
-    """Returns a socket that listens on the address asked for.
+    """Returns a socket that listens on the requested address.
 
     Raises:
         ConfigurationError: Another process has the port, or the address is not of this machine.
@@ -204,7 +204,7 @@ def _add_page(app: FastAPI, server: ServerContext, screen: Screen) -> None:
 
 
 async def _build_page(context: PageContext, part: Build | None) -> str:
-    """A page or a part of it; where what it is about is not there, a card that says so."""
+    """Builds a page or a part of it; a missing item gets a not-found card."""
     try:
         return await (context.screen.build if part is None else part)(context)
     except RobotrueError as error:

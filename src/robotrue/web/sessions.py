@@ -1,4 +1,4 @@
-"""Who is logged in, and how often a wrong password may be tried."""
+"""Logged-in sessions, and the limit of password guesses."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ WINDOW: Final = 60.0
 
 
 class Sessions:
-    """Sessions by their random names; kept in memory, so a restart logs everybody out."""
+    """Sessions by random names; in memory, so a restart logs all users out."""
 
     def __init__(self, *, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
@@ -49,7 +49,7 @@ class Sessions:
         return True
 
     def close(self, name: str) -> None:
-        """Ends a session and what was opened with it; one that is not open stays so."""
+        """Ends a session and everything opened with it; unknown names are ignored."""
         self._until.pop(name, None)
         for end in self._at_end.pop(name, set()):
             end()

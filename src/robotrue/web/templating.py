@@ -59,7 +59,7 @@ def format_time(moment: datetime) -> str:
 
 
 def _is_simulated(record: ItemRecord) -> bool:
-    """Whether a record says that it rests on simulated data."""
+    """True if a record states that it rests on simulated data."""
     return provenance_of_record(record).simulated
 
 

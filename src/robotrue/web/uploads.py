@@ -1,4 +1,4 @@
-"""Files on their way in: written to disk as they come, kept until something is made of them."""
+"""Uploads: written to disk as they arrive, kept until a request uses them."""
 
 from __future__ import annotations
 

@@ -183,7 +183,7 @@ class Answers:
         self._asked: dict[Key, asyncio.Task[bytes]] = {}
 
     async def once(self, call: Callable[P, bytes], *args: P.args, **kwargs: P.kwargs) -> bytes:
-        """Returns the answer; the arguments must name versions, so that it can be kept.
+        """Returns the cached answer; the arguments must name versions, so that it stays valid.
 
         Raises:
             RobotrueError: What the function raised; it is called again next time.

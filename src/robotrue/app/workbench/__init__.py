@@ -1,1 +1,1 @@
-"""What the workbench in a browser asks and does, computed beside its server."""
+"""Queries and actions of the workbench, computed in processes beside its server."""

@@ -1,4 +1,4 @@
-"""A cell from a form or from its text: shown before it is kept, refused beside the field."""
+"""A cell from a form or from its text: previewed before saving, errors beside the field."""
 
 from __future__ import annotations
 

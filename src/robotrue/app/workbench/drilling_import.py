@@ -1,4 +1,4 @@
-"""What is dropped on the page Drilling: a campaign with its foot, a model, a journal."""
+"""Imports of the page Drilling: a campaign with its foot, a model, a journal."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ from robotrue.validation.validation_defaults import FEWEST_DRIFT_POSES
 
 
 def import_cell(workspace: Workspace, paths: Sequence[Path], name: str) -> CellRecord:
-    """Returns the record of a cell.toml taken in with the files it names beside it."""
+    """Imports a cell.toml with the files it names beside it; returns its record."""
     main = [path for path in paths if path.suffix.lower() == ".toml"]
     if len(main) != 1:
         raise ConfigurationError(
@@ -60,7 +60,7 @@ def import_measurements(
     cell_id: str,
     mapping: Mapping[str, object] | None,
 ) -> MeasurementRecord:
-    """Returns the record of measured poses, read, checked for plausibility and taken in.
+    """Imports measured poses after plausibility checks; returns their record.
 
     Args:
         workspace: Where they go.
@@ -229,7 +229,7 @@ def _join_two(
 
 
 def _read_preview(cell: Cell, path: Path, layout: ColumnMapping | None) -> dict[str, object]:
-    """What the rows come to once they are read, or why they cannot be what they are said to be."""
+    """Returns a summary of the rows as read, or why they cannot be read so."""
     try:
         rows, remarks = read_sets(cell, [path], layout)
     except ConfigurationError:
@@ -248,7 +248,7 @@ def _read_preview(cell: Cell, path: Path, layout: ColumnMapping | None) -> dict[
 
 
 def _guess(header: Sequence[str]) -> dict[str, object]:
-    """Columns whose names say what they hold; what they do not say is left open."""
+    """Returns the columns recognised by their names; others are left open."""
     joints, axes = guess_columns(header)
     return {
         "joints": [joints.get(k, "") for k in range(1, max(joints, default=6) + 1)],

@@ -41,7 +41,7 @@ from robotrue.validation.validation_defaults import REGISTRATION_FIT
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TouchWords:
-    """What a session was begun with; None where the arm or the tolerance is not stated.
+    """Settings of a session at its start; None if the arm or the tolerance is not stated.
 
     Attributes:
         touch_sigma_mm: Of a touch.
@@ -90,17 +90,17 @@ class Opened:
 
     @property
     def arm(self) -> ErrorModel:
-        """What touches, as ``robotrue register`` takes it."""
+        """Model of the touching arm, as ``robotrue register`` takes it."""
         return NominalModel(robot=self.cell.robot) if self.model is None else self.model
 
     @property
     def words(self) -> TouchWords:
-        """What was stated when the session began."""
+        """Settings stated when the session began."""
         return decode(TouchWords, self.session.settings, key="settings")
 
     @property
     def joints(self) -> bool:
-        """Whether readings are joints."""
+        """True if readings are joints."""
         return self.session.reads == "joints"
 
     @property
@@ -152,7 +152,7 @@ def settings_from(words: TouchWords, cell: Cell) -> RegistrationSettings:
 
 
 def require_same_arm(cell: Cell, model: ErrorModel | None) -> None:
-    """Passes if a model is of the arm that stands in the cell.
+    """Checks that a model is of the arm in the cell.
 
     Raises:
         ModelMismatchError: It is of another.
@@ -263,7 +263,7 @@ def select_trusted(
 
 
 def belief_after(at: Opened, readings: Sequence[TouchReading]) -> TouchBelief:
-    """Returns arm and frames as believed after readings."""
+    """Returns the estimate of arm and frames after readings."""
     return update_belief(
         at.arm,
         touches_of(at, readings),

@@ -1,4 +1,4 @@
-"""What the workbench asks of the numeric libraries, called in a process beside its server.
+"""Calls of the workbench to the numeric libraries, run in a process beside its server.
 
 The server imports this file and none of what it calls: each function imports its own when it runs.
 Answers for a script of a page are JSON text, everything else is a record of the store. Nothing is
@@ -187,7 +187,7 @@ def begin_probing(folder: str, stated: Mapping[str, object]) -> DocumentRecord:
 
 
 def show_probing(folder: str, id: str, version: int, feature: int) -> bytes:
-    """Returns a probing session: what to probe next, what it should read, what is known."""
+    """Returns a probing session: next point, expected reading, present estimate."""
     from robotrue.app.workbench.probing_view import show_probing as answer
 
     return _ask(answer, folder, id, version, feature)

@@ -215,7 +215,7 @@ def learner(readings: DengReadings) -> GaussianProcess:
 
 @dataclass(frozen=True, slots=True)
 class _CommitteeDocument:
-    """What of a :class:`Committee` is no array."""
+    """Fields of a :class:`Committee` that are not arrays."""
 
     amplitude: float
     noise: float
@@ -227,7 +227,7 @@ class _CommitteeDocument:
 def restore_committee(
     document: Mapping[str, object], arrays: Mapping[str, Array], prefix: str
 ) -> Committee:
-    """Returns the committee kept by :meth:`Committee.document` and :meth:`Committee.arrays`.
+    """Returns the committee stored by :meth:`Committee.document` and :meth:`Committee.arrays`.
 
     Raises:
         KeyError: A part is missing.

@@ -105,7 +105,7 @@ class Domains:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pairs:
-    """Which source row each target row of a sub-space is the image of (rule 1).
+    """Source row of which each target row of a sub-space is the image (rule 1).
 
     Attributes:
         source: (m,) rows of the source.

@@ -32,7 +32,7 @@ Outside: TypeAlias = Literal["raise", "nearest"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DengReadings:
-    """How the ambiguous or faulty equations are read; the defaults are the readings that work.
+    """Readings of the ambiguous or faulty equations; the defaults are the readings that work.
 
     What each switch does was measured on simulated arms; ``robotrue reproduce deng2022`` prints it.
 

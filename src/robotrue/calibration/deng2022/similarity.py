@@ -1,4 +1,4 @@
-"""How alike the errors of two regions are: normalisation and cosine, eq. 9 and 10 (Table 4).
+"""Similarity of the errors of two regions: normalisation and cosine, eq. 9 and 10 (Table 4).
 
 Equation 9 prints minimum and maximum the wrong way round, and equation 10 calls "coordinates" what
 the text before it calls errors. The readings:
@@ -86,7 +86,7 @@ def _normalise(errors: Array, low: Array, high: Array) -> Array:
 
 
 def _mean_cosine(a: Array, b: Array, over: int) -> float:
-    """Mean of the cosines along an axis; a point whose vector is zero has none and is left out."""
+    """Mean of the cosines along an axis; a point with a zero vector is excluded."""
     length = np.linalg.norm(a, axis=over) * np.linalg.norm(b, axis=over)
     some = length > 0.0
     if not some.any():

@@ -179,7 +179,7 @@ def _attitude_doubts(
     readings: DengReadings,
     alignments: tuple[Alignment, ...],
 ) -> list[str]:
-    """Whether target poses are images of source poses under the other convention of attitude."""
+    """Warns if target poses are images of source poses under the other attitude convention."""
     other: AttitudeReading = "fixed" if readings.attitude == "turning" else "turning"
     there = np.concatenate(
         [

@@ -240,7 +240,7 @@ class GaussianProcess(ProcessRegressor):
         np.fill_diagonal(self.output_correlation_, 1.0)
 
     def _fixed_theta(self, columns: int) -> Array:
-        """Returns theta of what is given, NaN where something is to be learned."""
+        """Returns theta of the fixed parameters, NaN for parameters to be learned."""
         if not self.optimise:
             for name in ("length", "amplitude", "noise"):
                 if getattr(self, name) is None:

@@ -142,7 +142,7 @@ def _right_factor(z: Array) -> Array:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProcessPosterior:
-    """What a fitted process knows, ready for prediction.
+    """State of a fitted process, ready for prediction.
 
     Attributes:
         centre: (d,) of the inputs.

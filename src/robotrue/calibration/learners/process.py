@@ -72,7 +72,7 @@ class TrainingRows:
 
     @property
     def paired(self) -> bool:
-        """Whether there are rows of a source."""
+        """True if there are rows of a source."""
         return not self.target.all()
 
     def trend(self) -> Array:
@@ -84,7 +84,7 @@ class TrainingRows:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProcessParts:
-    """What theta says.
+    """Kernel parameters decoded from theta.
 
     Attributes:
         length: (d,).
@@ -118,7 +118,7 @@ def centre_rows(
     repeats: bool = False,
     target: BoolArray | None = None,
 ) -> TrainingRows:
-    """Returns training rows (n, d), (n, k) with centre and spread; zero weights are left out."""
+    """Returns training rows (n, d), (n, k) with centre and spread; no rows of zero weight."""
     used = weight > 0.0
     inputs, outputs, weight = inputs[used], outputs[used], weight[used]
     share = weight / weight.sum()

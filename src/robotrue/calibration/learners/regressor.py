@@ -1,4 +1,4 @@
-"""What all learners share: parameters and rows as scikit-learn wants them, and prediction."""
+"""Base of all learners: scikit-learn's parameters and rows, and prediction."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ _JUDGED = 3
 
 
 class TransferGaussianProcess(ProcessRegressor):
-    """Process of the target = rho times the process of the source + a difference of its own.
+    """Process of the target = rho times the process of the source + a separate difference.
 
     All outputs share the hyper-parameters and must have one unit. rho = 0 learns from target rows
     alone, rho = 1 without difference pools both. A hyper-parameter that is given is held.
@@ -205,7 +205,7 @@ class TransferGaussianProcess(ProcessRegressor):
         )
 
     def _fixed_theta(self, columns: int) -> Array:
-        """Returns theta of what is given, NaN where something is to be learned."""
+        """Returns theta of the fixed parameters, NaN for parameters to be learned."""
         rho = np.nan if self.rho is None else float(self.rho)
         count = columns if self.kernel == "ard" else 1
         return np.concatenate(

@@ -42,7 +42,7 @@ class Backlash(Term):
 
     @property
     def unit(self) -> str:
-        """Of every parameter, per unit of approach."""
+        """Unit of every parameter, per unit of approach."""
         return "rad"
 
     def columns(self, robot: RobotModel, at: ArmPostures, by: Sensitivity, values: Array) -> Array:

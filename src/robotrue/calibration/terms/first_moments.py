@@ -1,4 +1,4 @@
-"""What the links weigh: first moments that torques of gravity show, and what is known before.
+"""First moments of the links' masses: gravity torques that show them, and their prior.
 
 The torque of gravity on the drives is linear in two first moments for each link
 (:func:`robotrue.robot.statics.weight_torque`), the wind-up of a drive the product of its compliance
@@ -123,7 +123,7 @@ def _axes(robot: RobotModel) -> tuple[Array, Array]:
 
 
 def _have_effect(robot: RobotModel) -> Array:
-    """Which moments (2 n,) load any drive in some posture: not those about a vertical axis."""
+    """Returns a mask (2 n,) of moments that load a drive in some posture."""
     nominal = robot.nominal()
     joints = np.random.default_rng(0).uniform(-np.pi, np.pi, (_POSTURES, robot.dof))
     weight = weight_torque(nominal, walk(nominal, joints))

@@ -101,7 +101,7 @@ class Ripple(Term):
 
     @property
     def unit(self) -> str:
-        """Of every parameter."""
+        """Unit of every parameter."""
         return "rad"
 
     @property
@@ -115,7 +115,7 @@ class Ripple(Term):
         return waves[:, :, 0], waves[:, :, 1]
 
     def with_cycles(self, count: int) -> tuple[Ripple, IntArray]:
-        """Returns ripple of N = 1 .. count, and where the old parameters stand in it."""
+        """Returns ripple of N = 1 .. count, and the indices of the old parameters in it."""
         h = len(self.cycles)
         within = np.arange(2 * min(h, count))
         places = (2 * count * np.arange(self.dof)[:, None] + within).ravel()

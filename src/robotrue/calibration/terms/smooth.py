@@ -77,7 +77,7 @@ class SmoothBasis(Columns):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SmoothScales:
-    """What was learned on the sample.
+    """Scales learned on the sample.
 
     Attributes:
         length: (2 dof,) of sin q, then of cos q.
@@ -199,7 +199,7 @@ class SmoothResidual(Term):
 
     @property
     def unit(self) -> str:
-        """Of every parameter."""
+        """Unit of every parameter."""
         return "m"
 
     def with_basis(self, basis: SmoothBasis) -> tuple[SmoothResidual, IntArray]:

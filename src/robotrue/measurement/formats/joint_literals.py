@@ -24,7 +24,7 @@ _LIST: Final = rf"\s*{_NUMBER}(?:\s*,\s*{_NUMBER})*\s*"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Language:
-    """How joints are written.
+    """Notation of joints in a language.
 
     Attributes:
         name: Of the language.
@@ -115,7 +115,7 @@ def read_joint_literals(path: str | Path) -> tuple[Sheet, bool] | None:
 
 
 def _is_live(text: str, hit: re.Match[str], language: _Language) -> bool:
-    """Whether no comment begins before the literal on its line."""
+    """True if no comment begins before the literal on its line."""
     begun = text.rfind("\n", 0, hit.start()) + 1
     return language.comment not in text[begun : hit.start()]
 

@@ -132,7 +132,7 @@ class MappedSheet:
             raise self.fault(row, name, f"{values[row, k]:g}, expected {expected}")
 
     def fault(self, row: int, name: str, what: str) -> FormatError:
-        """Returns the error for one cell: file, line, column and what is there."""
+        """Returns the error for one cell: file, line, column and content."""
         return self.sheet.fault(
             f"column {name!r} is {what}.", "correct or delete that row.", row=row
         )

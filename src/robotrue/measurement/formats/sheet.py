@@ -77,7 +77,7 @@ class Sheet:
         return replace(self, cells=cells, lines=tuple(self.lines[i] for i in chosen))
 
     def column(self, name: str) -> tuple[str, ...]:
-        """Returns the cells (n,) of a column that is there."""
+        """Returns the cells (n,) of an existing column."""
         index = self._index[column_key(name)]
         return tuple(row[index] for row in self.cells)
 
@@ -139,7 +139,7 @@ class Sheet:
         *,
         lacking: Mapping[str, str] | None = None,
     ) -> None:
-        """Passes if needed groups of columns are there, and optional ones whole or not at all.
+        """Checks that needed groups of columns exist, and optional ones whole or not at all.
 
         Args:
             needed: Groups of names.

@@ -218,7 +218,7 @@ def _text_rows(
 
 
 def _is_remark(line: str, mark: str, header: str) -> bool:
-    """Whether a line begins with a semicolon and is no row of the table, nor of its header."""
+    """True if a line begins with a semicolon and is neither a row of the table nor its header."""
     if not line.lstrip().startswith(";"):
         return False
     as_long = line.count(mark) == header.count(mark)
@@ -241,7 +241,7 @@ def _sniff_decimal(cells: tuple[tuple[str, ...], ...]) -> str:
 
 
 def _is_comment(row: tuple[str, ...]) -> bool:
-    """Whether a row of a workbook is a comment line of a text file that was saved as one."""
+    """True if a row of a workbook is the comment line of a text file that was saved as one."""
     return bool(row) and row[0].startswith((*_COMMENTS, ";")) and not any(row[1:])
 
 

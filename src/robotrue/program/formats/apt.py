@@ -99,7 +99,7 @@ def looks_like_apt(text: str) -> bool:
 
 
 class _Reader:
-    """What is in force while the file is read, and the points found so far."""
+    """Modal state while the file is read, and the points found so far."""
 
     def __init__(self, source: str) -> None:
         self.source = source
@@ -338,7 +338,7 @@ class _Reader:
         self._keep(statement, known=True)
 
     def _comment(self, statement: AptStatement) -> None:
-        """Names of operations and machining axis systems stand in comments in some systems."""
+        """Reads operations and machining axis systems, which some systems put in comments."""
         found = _OPERATION.search(statement.comment)
         if found:
             self._operation(found[1].strip())

@@ -1,4 +1,4 @@
-"""What stays in force in APT and CL data: machining axis systems, feed and spindle.
+"""Modal state of APT and CL data: machining axis systems, feed and spindle.
 
 Three systems say in three ways in which frame the points stand: ``$$*CATIA0`` with a name and three
 rows in comments, ``MSYS/``, and ``$$-> CSYS /`` with twelve numbers. The points are left in that
@@ -60,7 +60,7 @@ class AxisSystems:
             self._row(self._rows, text, line, points=points)
 
     def _row(self, rows: list[float], text: str, line: int, *, points: bool) -> None:
-        """One of three rows of four numbers; the name of the system stands before the first."""
+        """Reads one of three rows of four numbers; the name of the system precedes the first."""
         words = text.split()
         if len(words) == 4 and all(map(is_number, words)):
             rows.extend(to_number(word) for word in words)

@@ -230,7 +230,7 @@ class _Reader:
         return found if len(found) == count else None
 
     def points(self, found: _Points, part: slice) -> None:
-        """Takes lines that are points; nothing else stands between them."""
+        """Reads lines that are points, without other statements between them."""
         if part.stop <= part.start:
             return
         value = np.array(found.value[part])

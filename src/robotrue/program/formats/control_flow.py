@@ -217,7 +217,7 @@ class ControlFlow:
     # Answers
 
     def handlers(self) -> list[str]:
-        """Returns the handlers that set something asked for: it may differ at any place."""
+        """Returns the handlers that set a requested variable: it may differ at any place."""
         return self._setting_handlers(self._solved.values())
 
     def _setting_handlers(self, solved: Iterable[Reaching]) -> list[str]:
@@ -323,7 +323,7 @@ class ControlFlow:
         return False
 
     def _pass_node(self, key: Hashable, node: int, mark: int) -> int:
-        """Returns what is in force behind a node from what is behind its calls."""
+        """Returns the state after a node from the state after its calls."""
         return mark
 
     def _versions_behind(
@@ -380,7 +380,7 @@ class _DataFlow:
             queued.update(wake)
 
     def _through(self, node: int, mark: int) -> int:
-        """Returns what holds behind a node and what is set behind it; remembers what in between."""
+        """Returns state and assignments after a node; stores those in between."""
         if mark == _UNREACHED:
             return mark
         for routine in self.flow._pass_through(self.key, node):
@@ -429,7 +429,7 @@ class _DataFlow:
         return 0 if self.flow._is_certain(self.key) else _JOINED - node
 
     def _entries(self) -> list[int]:
-        """Returns what each routine is entered with; one that nothing here calls, version 0."""
+        """Returns the entry state of each routine; version 0 for one without a caller here."""
         flow = self.flow
         calls = [
             (node, routine)

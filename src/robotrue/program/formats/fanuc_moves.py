@@ -1,4 +1,4 @@
-"""What the statements of a Fanuc LS program do with its positions.
+"""Use of positions by the statements of a Fanuc LS program.
 
 A statement is ``n: ... ;`` and may go over lines. J, L, C (via and end in one statement), A (one
 point of an arc per statement) and S (spline) move to ``P[n]``. Words after the target say what
@@ -68,7 +68,7 @@ _TAILS: Final = 4096
 
 @dataclass(slots=True)
 class FanucMoves:
-    """What is known of every position that a statement names.
+    """Motion, flags and paths of every position that a statement names.
 
     Attributes:
         motion: How each row is moved to, by row.
@@ -233,7 +233,7 @@ class _Walk:
         self.out.written = joined
 
     def _uses_apart(self, row: int, uses: list[int], path: IntArray) -> list[int]:
-        """Returns the moves to a record whose target needs a row of its own.
+        """Returns the moves to a record whose target needs a separate row.
 
         The record serves the moves of one kind, if no other statement and no move that is not
         understood uses it; then all the others get positions of their own.

@@ -42,7 +42,7 @@ _BRACKETS: Final = re.compile(rb"\[[^\]]*\]")
 
 
 class TargetOffset(NamedTuple):
-    """By what a move shifts its target.
+    """Offset of a move's target.
 
     Attributes:
         in_frame: (x, y, z) mm in the user frame.
@@ -79,12 +79,12 @@ class MoveTarget(NamedTuple):
 
     @property
     def alike(self) -> tuple[object, ...]:
-        """What moves to one and the same target have in common."""
+        """Key that moves to the same target share."""
         return self.row, self.offset, self.pose, self.in_force
 
 
 def read_offset(tail: bytes, state: State, frame: int) -> tuple[TargetOffset | None, bytes, str]:
-    """Returns the offset of a move, what else stands behind its target, and why it is not known.
+    """Returns the offset of a move, the other words behind its target, and why it is unknown.
 
     Args:
         tail: What stands behind the target.
@@ -181,7 +181,7 @@ def in_another_language(data: bytes, statements: tuple[int, int]) -> bool:
 
 
 def words_behind(tail: bytes) -> bytes:
-    """Returns what stands behind a target, in capitals, without the names in brackets.
+    """Returns the words behind a target, in capitals, without the names in brackets.
 
     What is called at a time before or after the end of the move stands last, and is left out.
     """
@@ -193,7 +193,7 @@ def words_behind(tail: bytes) -> bytes:
 
 
 def cut_timed(tail: bytes) -> bytes:
-    """Returns what stands behind a target up to what is called at a time."""
+    """Returns the words behind a target, up to a timed call."""
     words = _BRACKETS.sub(lambda match: b"[" + b" " * (len(match[0]) - 2) + b"]", tail.upper())
     timed = _TIMED.search(words)
     return tail[: timed.start()] if timed else tail

@@ -140,7 +140,7 @@ class _Builder:
         )
 
     def _tokens(self) -> TargetTokens:
-        """Returns where the numbers stand; those of rows without a record stand nowhere."""
+        """Returns the places of the numbers; rows without a record have none."""
         found, written = self.scan, self.walk.written
         nowhere = np.zeros((len(written), 6), np.int64)
         own = [

@@ -1,4 +1,4 @@
-"""Where the registers of a Fanuc LS program begin: ``POSREG.VA`` beside it, and its own statements.
+"""Initial registers of a Fanuc LS program: ``POSREG.VA`` beside it, and its own statements.
 
 A register of the file counts as a taught position where no program given sets it and none calls a
 program that is not given; the file says what it held when it was saved.

@@ -1,4 +1,4 @@
-"""What the registers of a Fanuc LS program hold at its moves, over every way that leads there.
+"""Registers of a Fanuc LS program at its moves, over all control-flow paths.
 
 A block is a run of statements without a label, a jump or a branch. What is known where a block
 begins is what every way to it agrees on; the blocks are gone through until nothing changes any
@@ -56,7 +56,7 @@ _MOST: Final = 4_000_000
 
 
 def effective_statements(data: bytes, first: int, last: int) -> list[Statement]:
-    """Returns the statements between two places; comments and remarked ones are left out."""
+    """Returns the statements between two places; comments and remarked ones are excluded."""
     found = ((match.end(2), match[2].lstrip()) for match in list_statements(data, first, last))
     return [
         (end - len(text), text.rstrip())
@@ -99,7 +99,7 @@ def list_effects(files: Sequence[tuple[str, bytes]], harmless: Sequence[str]) ->
 
 
 def _set_names(text: bytes) -> frozenset[str]:
-    """Returns what some statements may set; ``PR*`` stands for any position register."""
+    """Returns the registers that statements may set; ``PR*`` is any position register."""
     out = {_name(*each) for each in _ASSIGNS.findall(text)}
     if _SETS_FRAME.search(text):
         out |= {"UF", "UT"}

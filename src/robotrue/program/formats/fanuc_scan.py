@@ -63,7 +63,7 @@ _UNITS: Final = ((b"mm", b"mm", b"mm", b"deg", b"deg", b"deg"), (b"deg",) * 6)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FanucScan:
-    """What stands where; rows are the records with a group 1, in file order.
+    """Places of the contents; rows are the records with a group 1, in file order.
 
     Attributes:
         data: The bytes.

@@ -1,4 +1,4 @@
-"""What the registers of a Fanuc LS program hold: values, and the arithmetic of its statements.
+"""Values of the registers of a Fanuc LS program, and the arithmetic of its statements.
 
 A position register is known as a whole or not at all: six numbers in the Cartesian form with the
 text of its CONFIG. Sums and differences go component by component, as the controller forms them.

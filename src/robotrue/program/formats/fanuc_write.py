@@ -51,7 +51,7 @@ MOST: Final = 32_766
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FanucSpans:
-    """Where the numbers stand.
+    """Places of the numbers.
 
     Attributes:
         tokens: The six numbers of each position.
@@ -65,7 +65,7 @@ class FanucSpans:
 
 
 def read_config(text: bytes) -> tuple[list[int], list[tuple[int, int]]] | None:
-    """Returns the six words of CONFIG's text and where each stands in it, if it has this form."""
+    """Returns the six words of CONFIG's text and their places, if it has this form."""
     match = _CONFIG.fullmatch(text)
     if match is None:
         return None

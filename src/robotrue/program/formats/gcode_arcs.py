@@ -24,7 +24,7 @@ _SMALL_CHORD: Final = 0.01
 
 
 class Centre(IntEnum):
-    """What tells where the centre is."""
+    """Forms of an arc's centre."""
 
     FROM_START = 0
     ABSOLUTE = 1

@@ -1,4 +1,4 @@
-"""What the blocks of a program say: the plain ones read compiled, the odd ones one by one."""
+"""Meaning of a program's blocks: plain ones read by compiled code, odd ones one by one."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Take = Callable[[int, int, bytes], None]
 
 @dataclass(slots=True)
 class Findings:
-    """What the slow reader found, by block.
+    """Results of the slow reader, by block.
 
     Attributes:
         groups: States that programs of the control can set.
@@ -77,7 +77,7 @@ class Findings:
         self.state[block, int(group)] = value
 
     def barrier(self, block: int) -> None:
-        """Forgets everything: what runs between this block and the next is not read."""
+        """Discards the modal state: code between this block and the next is not read."""
         self.shifts.clear()
         for group in self.groups:
             self.state.setdefault((block, int(group)), UNCERTAIN)

@@ -146,7 +146,7 @@ class OddReader:
         return self._words
 
     def _skippable(self, block: int, first: int, text: bytes, lead: int) -> None:
-        """``/`` blocks run or not by a switch: what they set is not certain behind them."""
+        """Marks what ``/`` blocks set as uncertain: a switch decides whether they run."""
         rest = lead + 1 + (text[lead + 1 : lead + 2].isdigit() and 1)
         inner = Findings(names=self.found.names, groups=self.found.groups)
         reader = OddReader(self._words, inner)

@@ -24,7 +24,7 @@ _ANEW: Final = (
 
 
 def in_force(blocks: Blocks) -> IntArray:
-    """Returns the state (l, groups) that holds in every block; 0 before anything is said."""
+    """Returns the state (l, groups) in force in every block; 0 before any is set."""
     out = np.empty_like(blocks.state)
     rows = np.arange(len(out))
     for group in Modal:
@@ -117,7 +117,7 @@ class Words:
         self._present = set(np.flatnonzero(np.bincount(blocks.column, minlength=1)).tolist())
 
     def numbers(self, columns: tuple[int, ...]) -> tuple[Numbers, BoolArray]:
-        """Returns the numbers (m, w) of some columns, and which of them stand there."""
+        """Returns the numbers (m, w) of some columns, and a mask of those present."""
         shape = (self._count, len(columns))
         if self._present.isdisjoint(columns):
             return _make_empty(shape), np.zeros(shape, np.bool_)

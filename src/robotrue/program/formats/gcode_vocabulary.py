@@ -1,4 +1,4 @@
-"""What the words of a G-code do, as tables: one vocabulary per control.
+"""Words of G-code as tables: one vocabulary per control.
 
 A code that only sets a state stands in a group; a code that does something of its own is *odd* and
 goes to the slow reader (:mod:`.gcode_odd`). What stands in neither is odd, too: nobody here knows
@@ -56,7 +56,7 @@ class Drive(IntEnum):
 
 
 class WordColumn(IntEnum):
-    """Words with a number that is kept."""
+    """Words with a stored number."""
 
     X = 0
     Y = 1

@@ -217,7 +217,7 @@ class ConversationalReader:
         self.found.words += [(block, column, *word) for column, word in words.items()]
 
     def _use_pole(self, block: int, words: dict[int, tuple[int, int, float]]) -> None:
-        """The centre of an arc stands in the block before; used twice it cannot be moved."""
+        """Uses the arc centre of the block before; a centre used twice cannot be moved."""
         if len(self._pole) < 2:
             return
         if self._user >= 0:

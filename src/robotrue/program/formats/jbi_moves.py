@@ -1,4 +1,4 @@
-"""What the instructions of a JBI job do with its points: moves, arcs, shifts, computed points."""
+"""Use of points by the instructions of a JBI job: moves, arcs, shifts, computed points."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ _TAILS: Final = 4096
 
 @dataclass(slots=True)
 class JbiMoves:
-    """What is known of every point that a move names.
+    """Motion, frames and paths of every point that a move names.
 
     Attributes:
         motion: How each row is moved to, by row.
@@ -177,7 +177,7 @@ class _Walk:
         self.out.notes.append(sentence)
 
     def _is_plain(self, tail: bytes) -> bool:
-        """Whether a move's tail names no point and no second group; tails repeat themselves."""
+        """True if a move's tail names no point and no second group; tails repeat themselves."""
         known = self._tails.get(tail)
         if known is None:
             known = not (b"+" in tail or _POINTS.search(tail) or _COMPUTED.search(tail))

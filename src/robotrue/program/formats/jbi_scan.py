@@ -38,7 +38,7 @@ _BOM: Final = b"\xef\xbb\xbf"
 
 
 class Header(NamedTuple):
-    """What holds for the points after a header line.
+    """Header state for the points that follow.
 
     Attributes:
         user: Number of the user frame, empty if none was said.
@@ -57,7 +57,7 @@ class Header(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JbiScan:
-    """What stands where; rows are the robot points in file order.
+    """Places of the contents; rows are the robot points in file order.
 
     Attributes:
         data: The bytes.
@@ -206,7 +206,7 @@ class _Reader:
             more = self._other()
 
     def _pass_arguments(self) -> None:
-        """Passes over what stands in ``//ARGINFO``: kinds of arguments and text for people."""
+        """Skips the content of ``//ARGINFO``: kinds of arguments and text for people."""
         at, line = self.at, self.line
         while (text := self._next()) is not None:
             if text.startswith(b"//") and not text.startswith(b"///"):

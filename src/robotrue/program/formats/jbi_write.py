@@ -22,7 +22,7 @@ from robotrue.program.program import Program, Replacement
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JbiSpans:
-    """Where the numbers stand and which RCONF holds.
+    """Places of the numbers, and the RCONF in force.
 
     Attributes:
         tokens: The six numbers of each point.

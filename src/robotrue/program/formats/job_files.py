@@ -15,7 +15,7 @@ from robotrue.program.language import Language
 
 @dataclass(frozen=True, slots=True)
 class JobFiles:
-    """What is read together.
+    """Files that are read together.
 
     Attributes:
         folder: Where the files lie.
@@ -84,7 +84,7 @@ def _files_below(folder: Path) -> list[Path]:
 
 
 def _is_compensated(path: Path) -> bool:
-    """Returns whether a file is a compensated program by what stands beside it."""
+    """Returns true if the file beside a program marks it as compensated."""
     if not identity_path(path).is_file():
         return False
     identity = read_identity(path, read_bytes(path))
@@ -92,7 +92,7 @@ def _is_compensated(path: Path) -> bool:
 
 
 def name_in_job(path: Path, root: Path | None) -> str:
-    """Returns what a file of a job is called: with its folders where the job is a folder."""
+    """Returns the name of a file in a job: with its folders if the job is a folder."""
     return path.name if root is None else path.relative_to(root).as_posix()
 
 

@@ -230,7 +230,7 @@ class Builder:
         )
 
     def _find_held(self, state: IntArray, is_axis: BoolArray) -> BoolArray:
-        """Returns the rows whose part the robot carries along a tool that stands; empty: none."""
+        """Returns the rows whose part the robot carries along a fixed tool; empty: none."""
         on_robot = state[:, ON_ROBOT] == 1
         if self.given.fixed_tool != "tool_in_part" or not on_robot.any():
             return np.zeros(0, np.bool_)

@@ -1,4 +1,4 @@
-"""Which frames are in force at each place of a KRL program, over every way it can take.
+"""Frames in force at each place of a KRL program, over all control-flow paths.
 
 Places are twice the line: there calls, branches and loops stand; what a line sets is one behind.
 Behind a call of a routine in no given file base and tool are not known until they are set again.
@@ -112,7 +112,7 @@ class KrlFlow(ControlFlow):
             self._restores[node] = self._saved.pop()
 
     def is_harmless(self, name: str) -> bool:
-        """Returns whether a routine leaves frames alone wherever it stands."""
+        """Returns true if a routine never changes frames, wherever it is called."""
         return name.partition("@")[0] in self._harmless
 
     # Routines followed once for every call
@@ -202,7 +202,7 @@ class KrlFlow(ControlFlow):
     # Data flow
 
     def _enter(self, key: Hashable, node: int) -> list[int]:
-        """A trigger starts its routine; the values of variables then are not asked for."""
+        """Enters the routine of a trigger; values of variables are not requested then."""
         if node in self._triggers and key not in _KEYS:
             return []
         return super()._enter(key, node)

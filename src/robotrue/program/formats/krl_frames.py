@@ -69,7 +69,7 @@ UNSURE: Final = 2
 
 
 class Setting(NamedTuple):
-    """What a WITH clause says of ``$BASE``, ``$TOOL`` or ``$IPO_MODE``.
+    """Assignment of ``$BASE``, ``$TOOL`` or ``$IPO_MODE`` in a WITH clause.
 
     Attributes:
         side: ``base``, ``tool`` or ``ipo_mode``.
@@ -210,7 +210,7 @@ class Frames:
         )
 
     def find_expression(self, side: str, line: int, text: str) -> int | None:
-        """Returns the index of what stands right of ``$BASE=`` or ``$TOOL=``, not an aggregate.
+        """Returns the index of the right-hand side of ``$BASE=`` or ``$TOOL=``, not an aggregate.
 
         None is returned of what has to be evaluated.
         """
@@ -243,7 +243,7 @@ class Frames:
         )
 
     def reserve(self, side: str) -> int:
-        """Returns a new index that stands for a frame not known yet."""
+        """Returns a new index for a frame that is not known yet."""
         self.matrices[side].append(np.full((4, 4), np.nan))
         return len(self.matrices[side]) - 1
 
@@ -303,7 +303,7 @@ class Frames:
         self._data[side, plain_key(number)] = index
 
     def inline_frames(self, line: int, inline: Inline) -> tuple[int, int, bool]:
-        """Returns (base, tool, on robot) an inline form's numbers stand for."""
+        """Returns (base, tool, on robot) that an inline form's numbers select."""
         return (
             self.number("base", line, inline.base, coupled=True),
             self.number("tool", line, inline.tool),

@@ -99,7 +99,7 @@ def _copy_move(copy: MoveCopy) -> list[Stretch]:
 
 
 def _whole(data: bytes, statement: TrailStatement) -> TrailStatement:
-    """Returns the statement of a plain line with where its target stands."""
+    """Returns the statement of a plain line with the place of its target."""
     if statement.target >= 0:
         return statement
     line = _LINE.match(data, statement.begin)
@@ -164,7 +164,7 @@ class _Reader:
         return True
 
     def _advance(self, number: int) -> int:
-        """Returns the first row of the file that stands in a line or behind it."""
+        """Returns the first row of the file in a line or behind it."""
         while self.next < len(self.lines) and self.lines[self.next] < number:
             self.next += 1
         return self.next
@@ -191,7 +191,7 @@ class _Reader:
             self.trail.lose()
 
     def _unclear(self, begin: int, end: int) -> bool:
-        """Whether a statement may move the robot: a call, or a label jumped to."""
+        """True if a statement may move the robot: a call, or a jump label."""
         text = self.data[begin:end].strip()
         return text.endswith(b":") or _CALL.search(text) is not None
 
@@ -222,7 +222,7 @@ class _Reader:
         self.trail.move(via, rows[-1], number, statement, obstacle)
 
     def _inline(self, number: int) -> list[int]:
-        """Returns the job rows that stand in a line, in order."""
+        """Returns the job rows in a line, in order."""
         self._advance(number)
         out = []
         while self.next < len(self.lines) and self.lines[self.next] == number:
@@ -273,7 +273,7 @@ def _find_stored(job: Sequence[Program]) -> dict[bytes, list[int]]:
 
 
 def _find_literal(program: Program, row: int) -> bytes:
-    """Returns the braces that the numbers of a row stand in."""
+    """Returns the braces that contain the numbers of a row."""
     data, start = program.data, program.spans.numbers.start[row]
     at = int(start[start >= 0].min())
     return data[data.rfind(b"{", 0, at) : data.find(b"}", at) + 1]

@@ -24,7 +24,7 @@ _HIGHEST_OUTPUT: Final = 4096
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trigger:
-    """How the instrument is told to measure.
+    """Trigger for the instrument.
 
     Attributes:
         output: Number of the digital output.

@@ -1,4 +1,4 @@
-"""Where the targets of a KRL motion stand, and which stored points they name."""
+"""Targets of a KRL motion: their places, and the stored points they name."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Called(NamedTuple):
 
 @dataclass(slots=True)
 class ParsedKrl:
-    """What the walk collects.
+    """Results of the walk.
 
     Attributes:
         definitions: Every stored point.
@@ -112,7 +112,7 @@ class MotionStatement(NamedTuple):
 
 
 def first_aggregates(found: Scan) -> IntArray:
-    """Returns (l + 1,) how many aggregates stand before each line, and at last how many in all."""
+    """Returns (l + 1,) the number of aggregates before each line, and at last of all."""
     first = np.zeros(len(found.line_kind) + 1, np.int64)
     np.cumsum(np.bincount(found.agg_line, minlength=len(first) - 1), out=first[1:])
     return first

@@ -212,7 +212,7 @@ class _Text:
 
     @property
     def names(self) -> list[str]:
-        """Of the files."""
+        """Names of the files."""
         return [name for name, _ in self.files]
 
     def owners(self) -> list[tuple[int, str]]:

@@ -1,4 +1,4 @@
-"""One pass over the bytes of a KRL file: lines, aggregates, and where each number stands.
+"""One pass over the bytes of a KRL file: lines, aggregates, and the place of each number.
 
 The scanner knows only what bytes tell: comments (``;``), strings, ``&`` headers, braces, and the
 aggregates ``{[TYPE:] X 1.0,Y 2.0,...}`` whose members are position, axis, status or turn
@@ -69,7 +69,7 @@ _PIECE: Final = 1 << 18
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scan:
-    """What stands where in one file; all offsets count bytes from its start.
+    """Places of the contents of one file; all offsets count bytes from its start.
 
     Attributes:
         data: The bytes.

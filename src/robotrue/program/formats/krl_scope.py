@@ -1,4 +1,4 @@
-"""Which file a name belongs to where several ``.dat`` of a job give it a value."""
+"""Scope of names: the file of a name that several ``.dat`` of a job define."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class Scope:
 
     @property
     def store(self) -> int:
-        """The line, negative, that stands for the data file being read."""
+        """Negative line number that represents the data file being read."""
         return -len(self._stores)
 
     def name_in(self, text: str, line: int) -> str:

@@ -112,7 +112,7 @@ class KrlValues:
             self._locals[routine].update(names)
 
     def routine_at(self, line: int) -> str:
-        """Returns the routine a line stands in; empty before the first."""
+        """Returns the routine that contains a line; empty before the first."""
         at = bisect_right(self._starts, line, key=lambda start: start[0]) - 1
         return self._starts[max(at, 0)][1]
 

@@ -280,21 +280,21 @@ class KrlWalk(KrlPoints):
             self.flow.take_pending(2 * line)
 
     def _index_number(self, side: str, line: int, number: str) -> int:
-        """Returns the index of a numbered frame; what is computed is known later."""
+        """Returns the index of a numbered frame; a computed number is resolved later."""
         number = number.strip()
         if number.isdecimal() or not number:
             return self.frames.number(side, line, number or None)
         return self._defer(side, line, number, numbered=True)
 
     def _defer(self, side: str, line: int, text: str, *, numbered: bool = False) -> int:
-        """Returns the index that stands for a frame until everything has been read."""
+        """Returns the index of a frame that is resolved after the whole job is read."""
         index = self.frames.reserve(side)
         stored = self.frames.stored_numbers()
         self.deferred.append(DeferredFrame(side, index, line, text, numbered, stored))
         return index
 
     def _expression(self, side: str, line: int, text: str) -> int:
-        """Returns the index of what stands right of ``$BASE=`` or ``$TOOL=``, not an aggregate."""
+        """Returns the index of the right side of ``$BASE=`` or ``$TOOL=``, not an aggregate."""
         index = self.frames.find_expression(side, line, text)
         return self._defer(side, line, text) if index is None else index
 

@@ -44,7 +44,7 @@ _BESIDE: Final = 8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KrlSpans(TableSpans):
-    """Where the numbers stand: X..C or A1..A6, S and T, and E1..E6 if the file has any.
+    """Places of the numbers: X..C or A1..A6, S and T, and E1..E6 if the file has any.
 
     Attributes:
         partial: (p,) rows with components left out that they inherit, in the order of motion.

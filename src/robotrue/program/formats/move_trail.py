@@ -80,7 +80,7 @@ class Trail:
         self.lose()
 
     def tie(self) -> None:
-        """Something is tied to the next move: a trigger that stands before it."""
+        """Attaches a statement to the next move: a trigger that precedes it."""
         self._event = True
 
     def routine(self) -> None:
@@ -89,7 +89,7 @@ class Trail:
         self.lose()
 
     def arrive(self, row: int) -> None:
-        """The robot moves to a target on a way of its own."""
+        """Ends the segment at a target that the robot reaches on its own path."""
         self._here, self._event = row, False
         self._used.append(row)
 
@@ -225,7 +225,7 @@ def put_in(programs: Sequence[Program], edits: Sequence[list[Stretch]]) -> list[
 
 
 def line_start(data: bytes, place: int) -> int:
-    """Returns the first byte of the line a byte stands in."""
+    """Returns the first byte of the line that contains a byte."""
     return max(data.rfind(b"\n", 0, place), data.rfind(b"\r", 0, place)) + 1
 
 
@@ -238,13 +238,13 @@ def line_end(data: bytes) -> bytes:
 
 
 def indentation(data: bytes, place: int) -> bytes:
-    """Returns the blanks a line begins with, up to a byte; nothing if other text stands there."""
+    """Returns the blanks at the beginning of a line, up to a byte; nothing behind text."""
     text = data[line_start(data, place) : place]
     return b"" if text.strip() else text
 
 
 class Literals:
-    """Which job row a literal is, by the place of its first number.
+    """Job row of a literal, by the place of its first number.
 
     Args:
         starts: For each file, the first byte of the first number of its rows, -1 without.

@@ -79,7 +79,7 @@ def copy_bytes(out: Bytes, k: int, buf: Bytes, start: int, end: int) -> int:
 def place(
     out: Bytes, k: int, buf: Bytes, cursor: int, start: int, end: int, text: Bytes, size: int
 ) -> int:
-    """Copies up to a token and writes ``text[:size]``, its column kept where blanks allow."""
+    """Copies up to a token and writes ``text[:size]``, in the same column where blanks permit."""
     lead = 0
     while start - lead - 1 >= cursor and buf[start - lead - 1] == 32:
         lead += 1
@@ -217,7 +217,7 @@ def literal_numbers(
     length: IntArray,
     value: Array,
 ) -> None:
-    """Fills in where the numbers of literals (n,) stand and what they say.
+    """Fills in places and values of the numbers of literals (n,).
 
     A value stays NaN where it has more than fifteen digits or a large exponent: only a slow way
     reads it to the last bit.

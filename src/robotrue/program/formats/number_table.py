@@ -1,4 +1,4 @@
-"""The numbers of all targets of a program as one table: where each stands and what it says."""
+"""The numbers of all targets of a program as one table: their places and values."""
 
 from __future__ import annotations
 

@@ -77,7 +77,7 @@ class NumberedFrames:
         )
 
     def number(self, side: str, number: str, line: int) -> int:
-        """Returns the index of a numbered frame; ``line`` is where it is first asked for."""
+        """Returns the index of a numbered frame; ``line`` is its first use."""
         printed, number = number.strip(), plain_key(number)
         if (side, number) in self._changed:
             return self.unknown(

@@ -1,4 +1,4 @@
-"""What Yaskawa jobs and Fanuc programs have in common when targets are put into them.
+"""Insertion of targets into Yaskawa jobs and Fanuc programs: the shared part.
 
 Both keep positions by number apart from the moves. An arc is either one statement with two
 positions, or two statements of a run (MOVC, A) with one each. Their jobs are one file.

@@ -206,7 +206,7 @@ class _Reader:
         return np.asarray(out)
 
     def _switches(self, begin: int, end: int) -> bool:
-        """Whether a block does anything but move to a point."""
+        """True if a block does anything but move to a point."""
         block = _BLOCK.match(self.data, begin, end)
         text = block[0] if block else b""
         for pattern in (_NUMBERED, _CENTRE, _POINT, _FEED, _DRIVE):
@@ -311,7 +311,7 @@ def _resume_arcs(program: Program, rows: IntArray) -> list[Stretch]:
 
 
 def _complete_words(program: Program, row: int) -> list[Stretch]:
-    """Returns the words a row leaves out, to stand behind its others."""
+    """Returns the words that a row omits, to be written behind its others."""
     words: PathWords = program.spans
     missing: IntArray = np.flatnonzero(
         (words.numbers.start[row, : _width(words, row)] < 0)

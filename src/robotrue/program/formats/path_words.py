@@ -1,4 +1,4 @@
-"""Points of a path as words: three coordinates and, printed or kept from before, an orientation.
+"""Points of a path as words: three coordinates and a printed or modal orientation.
 
 For languages that print a point as X, Y, Z and either three angles, a tool axis, or nothing more,
 and leave out what stays the same: G-code, APT, CSV. What is inherited is resolved by the reader.
@@ -24,7 +24,7 @@ AXIS_MISS: Final = 0.01
 
 
 class Turn(IntEnum):
-    """How the orientation of a point is told."""
+    """Forms of a point's orientation."""
 
     FIXED = 0  # not in the program: a tool axis that stays
     ANGLES = 1
@@ -34,7 +34,7 @@ class Turn(IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PathWords:
-    """Where the words of n points stand and what they say.
+    """Places and values of the words of n points.
 
     Attributes:
         numbers: (n, 6) X, Y, Z and orientation, or six axis values; as printed.

@@ -289,7 +289,7 @@ def path_losses(program: Program, replacement: Replacement) -> tuple[str, ...]:
 def arc_deviation(
     program: Program, replacement: Replacement, words: PathWords, changed: BoolArray
 ) -> tuple[IntArray, Array]:
-    """Returns rows (k,) of middles of corrected plane arcs, and m (k,) they are left off.
+    """Returns rows (k,) of middles of corrected plane arcs, and their remaining error (k,) m.
 
     Args:
         program: As it was read.

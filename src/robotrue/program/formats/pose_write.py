@@ -1,4 +1,4 @@
-"""What changed targets shall say, checked, for languages whose numbers stand in a table."""
+"""Checked new text of changed targets, for languages with a table of numbers."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Spans = TypeVar("Spans")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PrintedForm:
-    """How a language prints targets: three coordinates and its turns, or axis values.
+    """Printed form of targets: three coordinates and three turns, or axis values.
 
     Attributes:
         length: m per unit of a coordinate.
@@ -65,7 +65,7 @@ def changed_rows(program: Program, replacement: Replacement) -> BoolArray:
 
 
 def new_words(program: Program, replacement: Replacement) -> BoolArray:
-    """Returns the configuration words (n, w) that change: asked for, and known before."""
+    """Returns the configuration words (n, w) that change: requested, and known before."""
     new = np.asarray(replacement.words, dtype=np.int64)
     told = (new != NO_WORD) & (program.words != NO_WORD) & (new != program.words)
     return np.asarray(changed_rows(program, replacement)[:, None] & told)

@@ -30,7 +30,7 @@ _NOT_CONNECTED: Final = 8.9e9
 
 
 def _worse(one: IntArray, other: IntArray) -> IntArray:
-    """Returns what is not 0 of two columns; where neither is, that of the second."""
+    """Returns the nonzero value of two columns; if both are zero, that of the second."""
     return np.where(other != 0, other, one)
 
 

@@ -62,7 +62,7 @@ _READS_FRAMES: Final = re.compile(
 
 @dataclass(slots=True)
 class ParsedRapid(ParsedPoints):
-    """What the walk collects; kinds are ``POSE``, ``AXIS`` and ``NOTHING``.
+    """Results of the walk; kinds are ``POSE``, ``AXIS`` and ``NOTHING``.
 
     Attributes:
         settings: The (tool, work object) pairs motions name, and the byte that first does.
@@ -84,7 +84,7 @@ class ParsedRapid(ParsedPoints):
 
 
 class Data:
-    """What declarations and assignments say, while a module is read.
+    """Values of declarations and assignments while a module is read.
 
     Attributes:
         data: The bytes.
@@ -226,7 +226,7 @@ class Data:
         return True
 
     def mention(self, start: int, end: int, word: str) -> None:
-        """Marks what takes part in something that is not followed, an instruction if not empty."""
+        """Marks the names in a construct that is not followed, with its instruction if any."""
         text = _SIZE_OF.sub(b"", self.data[start:end])
         if not text or text.isspace():
             return
@@ -258,7 +258,7 @@ class Data:
                 self.values.change(self.scope, lower, RapidChange(self.place, "", "", None))
 
     def follow_derived(self) -> None:
-        """Marks what is read by what is not followed, over any number of steps."""
+        """Marks names whose values depend on marked ones, over any number of steps."""
         waiting, scope = self.derived, self.scope
         while True:
             fresh = [each for each in waiting if self._is_read(each[0])]

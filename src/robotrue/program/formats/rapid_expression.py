@@ -194,14 +194,14 @@ def _target(value: RapidValue) -> tuple[RapidValue, ...]:
 
 
 def _offs(given: list[RapidValue], _: dict[str, RapidValue]) -> RapidValue:
-    """In the axes of the work object."""
+    """Evaluates Offs, in the axes of the work object."""
     target = _target(given[0])
     moved = _vector(target[0], 3) + [_number(each) for each in given[1:]]
     return (tuple(moved.tolist()), *target[1:])
 
 
 def _reltool(given: list[RapidValue], options: dict[str, RapidValue]) -> RapidValue:
-    """In the axes of the tool: first the shift, then turns about x, the new y and the new z."""
+    """Evaluates RelTool, in tool axes: the shift, then turns about x, the new y and the new z."""
     target = _target(given[0])
     if set(options) - {"rx", "ry", "rz"}:
         raise NotConstantError("RelTool(..) with this option is not evaluated")

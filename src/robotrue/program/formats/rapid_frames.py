@@ -43,7 +43,7 @@ Member: TypeAlias = Array | bool | str | None
 
 @dataclass(slots=True)
 class _Variable:
-    """Where it is declared, and what every member is given, in the order it is given."""
+    """Line of declaration, and the values of every member in order of assignment."""
 
     line: int
     versions: dict[str, list[Member]] = field(default_factory=lambda: defaultdict(list))
@@ -61,7 +61,7 @@ class _Variable:
 
     @property
     def changed(self) -> bool:
-        """Whether a member was given more than what its declaration says."""
+        """True if a member was assigned besides its declaration."""
         return any(len(given) > 1 for given in self.versions.values())
 
     def lose(self) -> None:

@@ -190,7 +190,7 @@ class _Reader:
         return True
 
     def _obstacle(self, word: str, found: Arguments) -> Obstacle:
-        """What of a motion's word and arguments keeps it whole."""
+        """Returns the word or argument of a motion that prevents splitting it."""
         if word not in _PLAIN:
             return Obstacle.EVENT
         if "t" in found.options:
@@ -227,7 +227,7 @@ class _Reader:
 
 
 def _literal(program: Program, row: int) -> bytes:
-    """Returns the brackets a row stands in, on one line and without comments."""
+    """Returns the brackets that contain a row, on one line and without comments."""
     at = int(program.spans.numbers.start[row, 0])
     begin = program.data.rfind(b"[", 0, program.data.rfind(b"[", 0, at))
     match = ROBTARGET.match(program.data, begin)

@@ -104,7 +104,7 @@ def move_of(word: str) -> Move | None:
 
 
 def read_tail(data: bytes, start: int, end: int, move: Move, *, given: int) -> Tail | None:
-    """Returns what stands between two bytes of a motion instruction.
+    """Returns the arguments between two bytes of a motion instruction.
 
     None is returned where brackets do not match or another statement begins before the end.
 

@@ -79,7 +79,7 @@ def _read_module(
 
 
 def _is_wide(data: bytes) -> bool:
-    """Whether a module is written in UTF-8 with letters that take more than one byte."""
+    """True if a module is UTF-8 with letters of more than one byte."""
     if data.isascii():
         return False
     try:

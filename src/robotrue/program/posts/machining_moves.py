@@ -1,4 +1,4 @@
-"""What a program that machines has to say, before any language: joint moves, paths, speeds."""
+"""Content of a machining program before any language: joint moves, paths, speeds."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class SideMoves(Columns):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JobSpeeds:
-    """What a tool path does not say.
+    """Speeds that a tool path does not state.
 
     Attributes:
         rapid: m/s of rapid points.

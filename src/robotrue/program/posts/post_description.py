@@ -81,7 +81,7 @@ class FileTable(_Table):
 
 
 class PostFile(_Table):
-    """A post description as it stands in its file."""
+    """A post description as read from its file."""
 
     name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
     language: str
@@ -135,7 +135,7 @@ class FileText:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Post:
-    """How programs that machine are written in one language.
+    """Format of machining programs in one language.
 
     Attributes:
         stated: The description as it stands in its file.
@@ -155,7 +155,7 @@ class Post:
 
     @property
     def words_of(self) -> Maker:
-        """Whose configuration words it writes."""
+        """Maker whose configuration words it writes."""
         return self.stated.configuration
 
 

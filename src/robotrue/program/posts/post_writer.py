@@ -307,7 +307,7 @@ class _JobWriter:
                     )
 
     def _remarks(self, stream: _Stream, path: Toolpath) -> tuple[dict[int, list[str]], list[int]]:
-        """Lines to stand before each point, and the points before which the arm stands still."""
+        """Lines to insert before each point, and the points before which the arm stops."""
         out: dict[int, list[str]] = {}
         halts: list[int] = []
         for remark in path.remarks:
@@ -374,7 +374,7 @@ def choose_blends(path: Toolpath, speeds: JobSpeeds, halts: list[int]) -> BoolAr
 
 
 def _event_of(remark: Remark) -> tuple[str, dict[str, float | str]]:
-    """What a statement of the tool path asks for besides its comment; empty for nothing."""
+    """Returns the event of a tool-path statement besides its comment; empty for none."""
     text = remark.text
     wait, tool, coolant = (each.fullmatch(text) for each in (_WAIT, _TOOL, _COOLANT))
     spindle = _SPINDLE.fullmatch(text)

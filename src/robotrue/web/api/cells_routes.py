@@ -1,4 +1,4 @@
-"""Cells from a form and from their text: shown before they are kept, never overwritten."""
+"""Cells from a form and from their text: previewed before saving, never overwritten."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Typed = Annotated[str, Field(max_length=40)] | float | int | None
 
 
 class Form(BaseModel):
-    """What was typed into the form of a cell.
+    """Values typed into the form of a cell.
 
     Attributes:
         robot: Name of a preset; empty: the arm is that of a file.
@@ -68,7 +68,7 @@ def router(server: ServerContext) -> APIRouter:
 
     @routes.post("/cells/form")
     async def describe_cell(form: Form) -> Response:
-        """The cell.toml of a form, or what is wrong with which field; nothing is kept."""
+        """The cell.toml of a form, or the faults of its fields; nothing is saved."""
         stated = {**form.numbers, **form.model_dump(exclude={"numbers", "arm"})}
         if form.arm is not None:
             stated["arm"] = str(find_upload(workspace, form.arm))

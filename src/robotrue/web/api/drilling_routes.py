@@ -1,4 +1,4 @@
-"""Drilling: campaigns, models and journals taken in, journals followed."""
+"""Drilling: campaigns, models and journals imported, journals followed."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def router(server: ServerContext) -> APIRouter:
 
     @routes.get("/drilling/kept-journals/{id}")
     def read_journal(id: Annotated[str, Path(max_length=40)], after: After = 0) -> Entries:
-        """Lines of a journal that was taken in, from a byte on."""
+        """Lines of an imported journal, from a byte on."""
         record = get_item(workspace, DOCUMENT.name, id)
         files = record.files("file")
         if getattr(record, "kind", "") != JOURNAL or len(files) != 1:

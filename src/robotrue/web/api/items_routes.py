@@ -1,4 +1,4 @@
-"""What is in the workspace: listed, looked at, downloaded, deleted and brought back."""
+"""Items of the workspace: listed, shown, downloaded, deleted and restored."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ CSV: Final[dict[int | str, dict[str, Any]]] = {
 
 
 class ItemListing(BaseModel):
-    """Some of what was asked for."""
+    """One page of a query's result."""
 
     items: list[dict[str, object]]
     total: int
@@ -41,7 +41,7 @@ class ItemListing(BaseModel):
 
 
 class Change(BaseModel, extra="forbid"):
-    """Another name or note; what is left out stays."""
+    """Another name or note; an omitted field stays."""
 
     name: str | None = None
     note: str | None = None
@@ -138,7 +138,7 @@ def _offer_changes(routes: APIRouter, workspace: Workspace) -> None:
         offset: Annotated[int, Query(ge=0, le=10_000_000)] = 0,
         limit: Annotated[int, Query(ge=1, le=items.MOST)] = LIMIT,
     ) -> ItemListing:
-        """What was done and when, the newest first."""
+        """Journal of changes, the newest first."""
         page = journal.entries(workspace, item=item, offset=offset, limit=limit)
         shown = [
             {

@@ -1,4 +1,4 @@
-"""Jobs: asked for, watched, cancelled."""
+"""Jobs: requested, followed, cancelled."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def router(server: ServerContext) -> APIRouter:
 
     @routes.get("/jobs/{id}")
     def show_job(id: Id) -> dict[str, object]:
-        """A job as it stands."""
+        """Current state of a job."""
         return job_document(get_job(id))
 
     @routes.post("/jobs/{id}/cancel")
@@ -102,14 +102,14 @@ def router(server: ServerContext) -> APIRouter:
 async def start_job(
     server: ServerContext, kind: str, parameters: Mapping[str, object]
 ) -> dict[str, object]:
-    """Returns a job that now waits, as JSON values; whoever does jobs is told."""
+    """Queues a job, wakes the job process, and returns the job as JSON values."""
     id = await asyncio.to_thread(submit_job, server.workspace, kind, parameters)
     server.job_process.wake()
     return job_document(await asyncio.to_thread(jobs.status, server.workspace, id))
 
 
 def submit_job(workspace: Workspace, kind: str, parameters: Mapping[str, object]) -> jobs.JobId:
-    """Returns the id of a job that waits; what came with it is kept as documents it rests on.
+    """Queues a job and returns its id; files sent with it are saved as documents.
 
     Raises:
         ConfigurationError: Parameters that cannot be, or no such upload; nothing is kept then.

@@ -1,4 +1,4 @@
-"""What the 3-D view draws: cells, models, measured sets, programs, plans."""
+"""Contents of the 3-D view: cells, models, measured sets, programs, plans."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ async def _draw_item(
     *args: P.args,
     **kwargs: P.kwargs,
 ) -> Response:
-    """What a call answers about one version of an item, the latest if none is named."""
+    """Answers a call about one version of an item, the latest if none is stated."""
     record = await asyncio.to_thread(get_item, server.workspace, noun, id, version)
     folder = str(server.workspace.folder)
     answer = await server.answers.once(draw, folder, id, record.version, *args, **kwargs)

@@ -1,4 +1,4 @@
-"""Sessions at the part: begun, read, entered into, decided, finished."""
+"""Probing sessions: started, read, entered into, decided, finished."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class Entered(BaseModel):
 
 
 class Decision(BaseModel):
-    """What becomes of the reading that waits, of a feature, or of what was entered last."""
+    """Decision on the pending reading, a feature, or the last entry."""
 
     version: Version
     decision: Literal["keep", "retake", "skip", "undo"]
@@ -115,7 +115,7 @@ def router(server: ServerContext) -> APIRouter:
         id: Id,
         feature: Annotated[int, Query(ge=-1, le=100_000)] = -1,
     ) -> Response:
-        """What to touch next, what it should read, and where the part stands as far as is known."""
+        """Next point, its expected reading, and the present estimate of the part's frame."""
         record = await _read_session(server, id)
         answer = await server.answers.once(calls.show_probing, folder, id, record.version, feature)
         return Response(answer, media_type=JSON)

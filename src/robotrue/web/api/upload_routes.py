@@ -115,7 +115,7 @@ def router(server: ServerContext) -> APIRouter:
 
     @routes.post("/drift-checks", tags=["drift checks"], status_code=202)
     async def check_drift(asked: CheckPoses) -> dict[str, object]:
-        """The job that judges the poses; they stand as a measurement set already."""
+        """Queues the check of the poses, which are a measurement set already."""
         for each in asked.uploads:
             find_upload(server.workspace, each)
         await asyncio.to_thread(get_item, server.workspace, MODEL.name, asked.model)
@@ -129,7 +129,7 @@ def router(server: ServerContext) -> APIRouter:
 async def import_files(
     server: ServerContext, call: Callable[[str, Files, str], R], asked: FromFiles
 ) -> R:
-    """Returns what a call makes of uploads, in a process of its own."""
+    """Returns the result of a call on uploads, in a separate process."""
     folder = str(server.workspace.folder)
     return await use_uploads(
         server, asked.uploads, lambda paths: server.workers.ask(call, folder, paths, asked.name)

@@ -35,7 +35,7 @@ async def _build(context: PageContext) -> str:
 
 
 async def _certificate(context: PageContext, model: ModelRecord) -> Reports:
-    """The certificates of a model; poses it has not seen make one worth more."""
+    """The certificates of a model; with unseen poses one is more meaningful."""
     used = {each.id for each in model.refs("data")}
     found = await context.items(MEASUREMENT, ItemQuery(limit=50))
     unseen = [each for each in found if each.id not in used]
@@ -72,7 +72,7 @@ async def _form(context: PageContext) -> dict[str, object]:
 
 
 async def _show_learned(context: PageContext) -> str:
-    """What the model of the page learned."""
+    """Shows the learned parameters of the page's model."""
     model = context.model
     if model is None:
         return ""
@@ -100,7 +100,7 @@ class _Doubts:
 
 
 def _warnings(context: PageContext, stated: _Doubts) -> list[Markup]:
-    """What the data cannot tell, in the reader's language.
+    """Warnings about undetermined combinations, in the reader's language.
 
     The combination of parameters is the same in every language; it stands out.
     """

@@ -1,4 +1,4 @@
-"""The cell: the arm where it stands, what was measured, and what the model says of the rest."""
+"""The cell: the arm, the measured errors, and the predictions of the model elsewhere."""
 
 from __future__ import annotations
 

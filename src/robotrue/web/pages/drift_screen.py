@@ -61,7 +61,7 @@ async def _build(context: PageContext) -> str:
 
 
 async def _check_fields(context: PageContext) -> Markup:
-    """Fields that ask for a check of a set that is there already; none where there is no set."""
+    """Fields to request a check of a stored set; none without a set."""
     sets = await context.items(MEASUREMENT, ItemQuery(limit=50))
     form = RequestForm(
         context=context,
@@ -118,14 +118,14 @@ def _cause(context: PageContext, name: str, lines: Sequence[int]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class _CauseTerms:
-    """By how much each term of a cause moved, and its standard deviation; units in the names."""
+    """Shift of each term of a cause, and its standard deviation; units in the names."""
 
     shift: dict[str, float]
     sd: dict[str, float]
 
 
 def _shifts(cause: _CauseTerms) -> list[str]:
-    """By how much each of its terms moved, with a standard deviation."""
+    """Returns the shift of each term, with a standard deviation."""
     shown = []
     for key, value in cause.shift.items():
         term, _, unit = key.rpartition("_")

@@ -1,4 +1,4 @@
-"""What was done and when, what was deleted and how it comes back."""
+"""History: changes with their time, deleted items and their restoration."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def _describe_entry(
 
 
 def kind_name(say: Wording, kind: str) -> str:
-    """Returns what a kind of job is called: in the words of the reader, or by its command."""
+    """Returns the name of a kind of job in the reader's language, else its command."""
     known = say.word("history.kind", kind)
     return known if known != kind else kind.replace("_", " ")
 

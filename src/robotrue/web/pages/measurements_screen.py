@@ -1,4 +1,4 @@
-"""Measured poses: dropped, looked at before they are taken in, judged by a model."""
+"""Measured poses: uploaded, previewed before import, checked by a model."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ async def _list(context: PageContext) -> str:
 
 
 async def _judge(context: PageContext) -> str:
-    """How the model of the page sees a set."""
+    """Errors of a set under the page's model."""
     record, model = await _record(context), context.model
     if model is None:
         return ""

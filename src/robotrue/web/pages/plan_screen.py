@@ -64,7 +64,7 @@ async def _record(context: PageContext) -> DocumentRecord:
 
 
 async def _show_promise(context: PageContext) -> str:
-    """What a plan promises, and how the instrument sees its poses."""
+    """Expected accuracy of a plan, and the instrument's view of its poses."""
     record = await _record(context)
     found = await context.answer(calls.show_plan, record.id, record.version)
     words = ReportTexts(lang="zh" if context.say.language == "zh" else "en")

@@ -1,4 +1,4 @@
-"""Programs: dropped, judged by predicted errors, compensated, downloaded."""
+"""Programs: uploaded, checked by predicted errors, compensated, downloaded."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Registration: sessions at the part, and what came of them."""
+"""Registration: probing sessions and their results."""
 
 from __future__ import annotations
 

@@ -112,7 +112,7 @@ async def _form(
 
 
 async def _kept_files(context: PageContext) -> dict[str, Sequence[ItemRecord]]:
-    """Items with files, by the heading they stand under; those without files left out."""
+    """Items with files, by their heading; items without files are left out."""
     say, asked = context.say, ItemQuery(limit=OFFERED)
     sent = ItemQuery(where={"kind": INPUT}, limit=OFFERED)
     made = await context.items(DOCUMENT, asked)
@@ -180,7 +180,7 @@ async def _show_run(context: PageContext, listing: Listing, id: str) -> str:
 async def _find_linked(
     context: PageContext, refs: Sequence[Ref]
 ) -> list[tuple[str, ItemRecord, str]]:
-    """Noun, record and address of items; of a document its files are there instead."""
+    """Noun, record and address of items; a document is replaced by its files."""
     found = []
     for ref in refs:
         noun, id = await context.ask(items.resolve, context.workspace, ref.id)

@@ -1,1 +1,1 @@
-"""What several pages show: the frame around them, tiles, tables, the scene, charts."""
+"""Parts that several pages share: the frame around them, tiles, tables, the scene, charts."""

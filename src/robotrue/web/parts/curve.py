@@ -43,7 +43,7 @@ class Line:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Paper:
-    """Where counts and values lie: counts evenly, values by their logarithm."""
+    """Coordinates of a chart: counts evenly, values by their logarithm."""
 
     first: float
     last: float

@@ -109,7 +109,7 @@ class GeneratedForm(RequestForm):
         return each.is_required(JOB) and not isinstance(each.entry, Output)
 
     def list_files(self, each: RequestField) -> Mapping[str, Sequence[ItemRecord]]:
-        """Returns the kept files to choose from: beside items only those that were sent before."""
+        """Returns the stored files to choose from: items, and files that were sent before."""
         if isinstance(each.entry, InputFile):
             return self.files
         heading = self.context.say("tools.kept_inputs")
@@ -124,12 +124,12 @@ class GeneratedForm(RequestForm):
         return is_list(each)
 
     def first_value(self, each: RequestField) -> str:
-        """Returns the number that stands in a field at first."""
+        """Returns the initial number of a field."""
         value = self.stated.get(each.name, each.default)
         return f"{value:g}" if isinstance(value, int | float) else ""
 
     def first_texts(self, each: RequestField) -> list[str]:
-        """Returns the texts that stand in a field at first, with room for more of a list."""
+        """Returns the initial texts of a field, with room for more of a list."""
         stated = self.stated.get(each.name, each.default)
         if not each.many:
             return ["" if stated is None else str(stated)]

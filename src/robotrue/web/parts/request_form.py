@@ -22,7 +22,7 @@ TEMPLATE = "request_form.html"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RequestForm:
-    """What the fields of a request look like for one reader.
+    """Fields of a request's form for one reader.
 
     Attributes:
         context: Of the page.
@@ -79,12 +79,12 @@ class RequestForm:
         return self.context.say(f"{self.group}.{name}")
 
     def hint(self, name: str) -> str:
-        """Returns what stands below a field; empty: nothing."""
+        """Returns the text below a field; empty for none."""
         key = f"{self.group}.{name}_hint"
         return self.context.say(key) if self.context.say.has(key) else ""
 
     def first_value(self, each: RequestField) -> str:
-        """Returns the number that stands in a field at first."""
+        """Returns the initial number of a field."""
         stated = self.values.get(each.name, each.default)
         return "" if stated is None else f"{stated:g}"
 
@@ -94,7 +94,7 @@ class RequestForm:
         return not (each.entry.advanced or free)
 
     def step(self, each: RequestField) -> str:
-        """Returns by what a number is stepped."""
+        """Returns the step of a number field."""
         return "1" if each.kind is int else "any"
 
     def bounds(self, each: RequestField) -> Iterator[tuple[str, str]]:
