@@ -1,4 +1,4 @@
-"""README, guides, tutorial, how-to pages, notebooks and help use plain technical English."""
+"""README, guides, pages, notebooks and help use plain technical English."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ PAGES: Final = sorted(
         *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CONVENTIONS.md")),
         *(ROOT / "docs/tutorial").glob("*.md"),
         *(ROOT / "docs/howto").glob("*.md"),
+        *(ROOT / "docs/explanation").glob("*.md"),
     ]
 )
 INSTEAD: Final = {
