@@ -22,11 +22,12 @@ from robotrue.core.arrays import Array
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
-from robotrue.measurement.formats.canonical import joint_names, write_canonical
+from robotrue.measurement.formats.canonical import axis_names, write_canonical
 from robotrue.measurement.formats.part_points import write_points
 from robotrue.measurement.formats.sheet_file import read_sheet
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.measurement.probing_set import ProbingSet
+from robotrue.robot.configuration import axis_relation
 from robotrue.robot.model import parameter_slice
 from robotrue.simulation.plans import random_joints
 from robotrue.simulation.presets import (
@@ -139,7 +140,7 @@ mm = {cell.known.repeatability / MM:.4f}
 def write_touches(folder: Path, cell: VirtualCell, planned: Path, lost: str) -> None:
     """Writes ``touched.csv``: the planned touches as the arm without its zeros reads them."""
     sheet = read_sheet(planned)
-    joints = sheet.numbers(joint_names(6)) * DEG
+    joints = axis_relation(cell.known.robot)(sheet.numbers(axis_names(6)) * DEG)
     rng = np.random.default_rng([cell.seed, 71])
     controller = cell.known.robot.controller
     sign = np.ones(6) if controller is None else controller.sign
