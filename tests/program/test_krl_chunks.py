@@ -85,7 +85,7 @@ def test_blocks_are_the_whole_file(tmp_path: Path) -> None:
     found = require_same(path)
     assert len(found.chunks) == found.targets // 40 + 1
     assert all(b.targets >= 40 for b in found.chunks[:-1])
-    assert len(found.content.table) == 1
+    assert len(found.content.program) == 1
     again = outline(path, FrameTable(), targets=10**6)
     assert len(again.chunks) == 1
 

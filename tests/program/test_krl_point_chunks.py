@@ -99,22 +99,22 @@ def test_blocks_are_the_whole(tmp_path: Path, end: str) -> None:
     found = require_same(job(tmp_path, dat(), end=end))
     assert found.targets == 501
     assert len(found.chunks) == 13
-    assert len(found.content.table) == 4
+    assert len(found.content.program) == 7
 
 
 def test_points_without_their_program(tmp_path: Path) -> None:
     found = require_same(job(tmp_path, dat(), src=None), place=0)
-    assert (found.content.table[:, 4] == Motion.LIN).all()
+    assert (found.content.program.motion == Motion.LIN).all()
 
 
 def test_what_the_program_does_with_them_is_judged(tmp_path: Path) -> None:
     src = SRC.replace("LIN gf[i] C_VEL", "LIN gf[i] C_VEL\ngf[i].X=gf[i].X+1\nPTP gf[i+1]")
     found = require_same(job(tmp_path, dat(), src=src.replace("$BASE={X 200", "$BASE=y;{X 200")))
-    assert Reason.EXPRESSION in found.content.table[:, 2]
-    assert Reason.UNKNOWN_FRAME in found.content.table[:, 2]
-    assert Motion.PTP in found.content.table[:, 4]
+    assert Reason.EXPRESSION in found.content.program.reason
+    assert Reason.UNKNOWN_FRAME in found.content.program.reason
+    assert Motion.PTP in found.content.program.motion
     unused = require_same(job(tmp_path, dat(), src=SRC.replace("LIN gf[i] C_VEL", "HALT")))
-    assert unused.content.table[0, 4] == Motion.UNUSED
+    assert unused.content.program.motion[0] == Motion.UNUSED
 
 
 @pytest.mark.parametrize("window", [300, 1111])
@@ -127,7 +127,7 @@ def test_windows_do_not_show(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, wi
     other = require_same(path)
     assert isinstance(one, ProgramFile)
     assert [b.lines.start for b in one.chunks] == [b.lines.start for b in other.chunks]
-    np.testing.assert_array_equal(one.content.table, other.content.table)
+    np.testing.assert_array_equal(one.content.program.line, other.content.program.line)
 
 
 @pytest.mark.parametrize(

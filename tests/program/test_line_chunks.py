@@ -120,8 +120,8 @@ def test_blocks_are_the_whole(tmp_path: Path, name: str, lines: list[str], end: 
     path.write_bytes(end.join([*lines, ""]).encode())
     found = require_same(path)
     assert len(found.chunks) > 10
-    assert len(found.content.table) > 4
-    assert set(found.content.table[:, 2].tolist()) >= {Reason.NONE, Reason.UNKNOWN_FRAME}
+    assert len(found.content.program) > 4
+    assert set(found.content.program.reason.tolist()) >= {Reason.NONE, Reason.UNKNOWN_FRAME}
 
 
 def test_windows_do_not_show(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

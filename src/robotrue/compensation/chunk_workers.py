@@ -27,7 +27,7 @@ from robotrue.core.archive import archive_from
 from robotrue.core.progress import Progress, unheard
 from robotrue.errors import ConfigurationError, RobotrueError
 from robotrue.program.program import Program, Reason
-from robotrue.program.program_chunk import ChunkLines, ChunkRules
+from robotrue.program.program_chunk import ChunkLines, Skeleton
 from robotrue.program.program_file import read_chunk, write_chunk
 from robotrue.robot.statics import Load
 
@@ -55,7 +55,7 @@ class ChunkJob:
     name: str
     setup: CompensationSetup
     archive: bytes
-    content: Program | ChunkRules
+    content: Program | Skeleton
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -17,7 +17,7 @@ from robotrue.core.arrays import Array
 from robotrue.errors import ConfigurationError
 from robotrue.program.insertion import Inserter
 from robotrue.program.program import FrameTable, Program, Replacement
-from robotrue.program.program_chunk import ChunkRules, ReadChunk, Whole
+from robotrue.program.program_chunk import ReadChunk, Skeleton, Whole
 
 if TYPE_CHECKING:
     from robotrue.program.controller_files import ControllerFile
@@ -36,7 +36,7 @@ class Cutter(Protocol):
         """Returns the survey of a file of this name, not yet run, or why it cannot be cut."""
         ...
 
-    def read_lines(self, data: bytes, rules: ChunkRules) -> ReadChunk:
+    def read_lines(self, data: bytes, skeleton: Skeleton) -> ReadChunk:
         """Returns the targets of some lines; lines, frames and reasons are those of the lines."""
         ...
 

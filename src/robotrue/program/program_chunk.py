@@ -5,9 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numpy as np
-
-from robotrue.core.arrays import Array, IntArray, frozen
 from robotrue.program.program import Program
 
 
@@ -27,28 +24,15 @@ class Whole:
         return f"line {self.line}: {self.why}" if self.line else self.why
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ChunkLines:
-    """Some whole lines of a file.
-
-    Attributes:
-        start: First byte.
-        end: Byte after the last.
-        line: Zero-based line of the first byte.
-        rule_from: (s,) zero-based lines from which another rule holds; the first is not after any
-            target of the lines.
-        rule: (s,) rows of ``ChunkRules.table``.
-    """
+class ChunkLines(NamedTuple):
+    """Some whole lines of a file: first byte, byte after the last, zero-based first line."""
 
     start: int
     end: int
     line: int
-    rule_from: IntArray
-    rule: IntArray
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ProgramChunk:
+class ProgramChunk(NamedTuple):
     """Lines to be compensated, and the lines before them that say where the arm comes from.
 
     Attributes:
@@ -65,30 +49,19 @@ class ProgramChunk:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ChunkRules:
+class Skeleton:
     """All that reading a chunk takes besides its bytes; small, the same for every chunk.
 
     Attributes:
-        name: File name.
-        dialect: Registered name of the dialect.
-        table: (s, 5) frame, tool, reason of a pose and of an axis target, and the motion, -1 where
-            the target itself says it.
-        T_base_frame: (f, 4, 4) as in :class:`Program`.
-        T_flange_tool: (t, 4, 4).
+        program: The skeleton of the file as the ordinary reader reads it, without its bytes. Its
+            targets stand in the file; the last one not after another says what holds there.
+        stored: The targets are stored points: the program says how they are moved to.
         external_axes_at_rest: As in :class:`~robotrue.program.program.FrameTable`.
     """
 
-    name: str
-    dialect: str
-    table: IntArray
-    T_base_frame: Array
-    T_flange_tool: Array
+    program: Program
+    stored: bool
     external_axes_at_rest: bool
-
-    def __post_init__(self) -> None:
-        """Checks shapes and freezes."""
-        table = frozen(self.table, (None, 5), "table", dtype=np.int64)
-        object.__setattr__(self, "table", table)
 
 
 class ReadChunk(NamedTuple):

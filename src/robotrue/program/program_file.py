@@ -19,7 +19,7 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array, IntArray
+from robotrue.core.arrays import Array
 from robotrue.core.files import sha256
 from robotrue.errors import ConfigurationError, FormatError
 from robotrue.program.formats import detect, read_job
@@ -30,9 +30,9 @@ from robotrue.program.language import Cutter, Language
 from robotrue.program.program import FrameTable, Program, Reason, Replacement
 from robotrue.program.program_chunk import (
     ChunkLines,
-    ChunkRules,
     ProgramChunk,
     ReadChunk,
+    Skeleton,
     Whole,
 )
 
@@ -76,7 +76,7 @@ class ProgramFile:
     start: Array
     notes: tuple[str, ...]
     chunks: tuple[ProgramChunk, ...]
-    content: Program | ChunkRules
+    content: Program | Skeleton
     held: Program | None = field(init=False)
 
     def __post_init__(self) -> None:
@@ -88,17 +88,13 @@ class ProgramFile:
     def frames_in_use(self) -> Array:
         """(k, 4, 4) work frames of targets that can be compensated."""
         content = self.content
-        if isinstance(content, Program):
-            frame: IntArray = content.frame[content.reason == Reason.NONE]
-        else:
-            frame = content.table[content.table[:, 2] == Reason.NONE, 0]
-        return np.asarray(content.T_base_frame[frame])
+        program = content if isinstance(content, Program) else content.program
+        return np.asarray(program.T_base_frame[program.frame[program.reason == Reason.NONE]])
 
 
 def hold_program(program: Program) -> ProgramFile:
     """Returns the file of a program that is held whole: one chunk."""
-    nothing = np.empty(0, np.int64)
-    lines = ChunkLines(start=0, end=len(program.data), line=0, rule_from=nothing, rule=nothing)
+    lines = ChunkLines(0, len(program.data), 0)
     return ProgramFile(
         name=program.name,
         dialect=program.dialect,
@@ -219,9 +215,9 @@ def outline_job(
     programs = language.read_job(job.files, frames=frames)
     place = [name for name, _ in job.files].index(longest.name)
     skeleton = programs[place]
-    table = survey.judge(skeleton, [file for k, file in enumerate(job.files) if k != place])
-    if isinstance(table, Whole):
-        return table
+    refused = survey.judge(skeleton, [file for k, file in enumerate(job.files) if k != place])
+    if refused is not None:
+        return refused
     outlined = ProgramFile(
         name=longest.name,
         dialect=language.name,
@@ -232,12 +228,9 @@ def outline_job(
         start=skeleton.start,
         notes=tuple(_COUNT.sub("targets", note) for note in (*skeleton.notes, *beside)),
         chunks=survey.chunks,
-        content=ChunkRules(
-            name=longest.name,
-            dialect=language.name,
-            table=table,
-            T_base_frame=skeleton.T_base_frame,
-            T_flange_tool=skeleton.T_flange_tool,
+        content=Skeleton(
+            program=replace(skeleton, data=b"", spans=None, notes=()),
+            stored=survey.stored,
             external_axes_at_rest=frames.external_axes_at_rest,
         ),
     )
@@ -248,10 +241,10 @@ def outline_job(
     )
 
 
-def read_chunk(data: bytes, lines: ChunkLines, content: Program | ChunkRules) -> ReadChunk:
+def read_chunk(data: bytes, lines: ChunkLines, content: Program | Skeleton) -> ReadChunk:
     """Returns the targets of some lines, as they stand in the program of the whole file.
 
-    Statements are not read again: the rules say what they bring about.
+    Statements are not read again: the skeleton says what they bring about.
 
     Args:
         data: The bytes of the lines; those of a program that is held are not needed.
@@ -263,22 +256,20 @@ def read_chunk(data: bytes, lines: ChunkLines, content: Program | ChunkRules) ->
     """
     if isinstance(content, Program):
         return ReadChunk(content)
-    rules = content
-    program, head, foot = _require_cutter(rules.dialect).read_lines(data, rules)
+    whole = content.program
+    program, head, foot = _require_cutter(whole.dialect).read_lines(data, content)
     line = program.line + lines.line
-    stretch = np.searchsorted(lines.rule_from, line - 1, side="right") - 1
-    rule = rules.table[lines.rule[stretch]]
-    axis = program.reason == Reason.JOINT_TARGET
-    own = (program.reason != Reason.NONE) & ~axis
+    same = np.searchsorted(whole.line, line, side="right") - 1
+    own = ~np.isin(program.reason, (Reason.NONE, Reason.JOINT_TARGET))
     stated = replace(
         program,
         line=line,
-        reason=np.where(own, program.reason, np.where(axis, rule[:, 3], rule[:, 2])),
-        motion=np.where(rule[:, 4] < 0, program.motion, rule[:, 4]),
-        frame=rule[:, 0],
-        tool=rule[:, 1],
-        T_base_frame=rules.T_base_frame,
-        T_flange_tool=rules.T_flange_tool,
+        reason=np.where(own, program.reason, whole.reason[same]),
+        motion=whole.motion[same] if content.stored else program.motion,
+        frame=whole.frame[same],
+        tool=whole.tool[same],
+        T_base_frame=whole.T_base_frame,
+        T_flange_tool=whole.T_flange_tool,
         notes=(),
     )
     return ReadChunk(stated, head, foot)

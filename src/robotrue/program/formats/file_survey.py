@@ -1,9 +1,9 @@
 """One pass over a long file: stretches, chunks, and the skeleton that stands for it.
 
 A *stretch* is lines whose targets share all that statements decide; comments, and statements that
-no target depends on, may stand between. In the skeleton a few targets stand for each stretch; all
-its other lines are empty there, so that line numbers stay. Chunks begin with a target that leaves
-nothing out.
+no target depends on, may stand between. In the skeleton a line stands for each stretch, or its
+first and last one where it is stored points; all its other lines are empty there, so that line
+numbers stay. Chunks begin with a target that leaves nothing out.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import BinaryIO, ClassVar, Final, NamedTuple
 import numpy as np
 
 from robotrue.core.arrays import BoolArray, IntArray
-from robotrue.program.program import Program
+from robotrue.program.program import Motion, Program
 from robotrue.program.program_chunk import ChunkLines, ProgramChunk, Whole
 
 WINDOW: Final = 1 << 23
@@ -25,6 +25,7 @@ WINDOW: Final = 1 << 23
 LEAD: Final = 256
 """Targets before a chunk that say where the arm comes from."""
 MOST_STRETCHES: Final = 50_000
+NO_KEY: Final = -1
 _LONGEST_LINE: Final = 1 << 26
 _LONGEST_CHUNK: Final = 4  # times the targets asked for
 
@@ -38,8 +39,9 @@ class WindowLines(NamedTuple):
         end: (l,) byte after the last of its code.
         targets: (l,) how many targets stand in it.
         opens: (l,) a chunk may begin with it.
+        partial: (l,) no stretch may begin with it.
         event: (l,) it may matter to the targets after it: the skeleton has it, a stretch ends.
-        begins: (l,) it is plain, and the first of its stretch.
+        key: (l,) the same for all targets of a stretch, ``NO_KEY`` where none stands.
     """
 
     data: bytes
@@ -47,8 +49,9 @@ class WindowLines(NamedTuple):
     end: IntArray
     targets: IntArray
     opens: BoolArray
+    partial: BoolArray
     event: BoolArray
-    begins: BoolArray
+    key: IntArray
 
     def code(self, line: int) -> bytes:
         """Returns the text of a line."""
@@ -63,18 +66,21 @@ class Survey(ABC):
         size: Bytes so far.
         lines: Lines so far.
         targets: Targets so far.
-        stretch: Zero-based line at which each stretch begins.
-        shown: (line, stretch) of every target of the skeleton.
+        stretches: Stretches so far.
+        shown: Zero-based line, and number of its stretch, of every target of the skeleton.
     """
 
     events: ClassVar[str]
     """What lines that end a stretch are called."""
+    stored: ClassVar[bool] = False
+    """The targets are stored points."""
 
     def __init__(self, name: str, targets: int) -> None:
         self.name, self._asked = name, targets
         self._hash = hashlib.sha256()
-        self.size = self.lines = self.targets = self._events = 0
-        self.stretch: list[int] = []
+        self.size = self.lines = self.targets = self.stretches = self._events = 0
+        self._key = NO_KEY
+        self._last: tuple[int, bytes] | None = None  # last line of the stretch that is open
         self.shown: list[tuple[int, int]] = []
         self._skeleton: list[bytes] = []
         self._written = 0
@@ -86,17 +92,9 @@ class Survey(ABC):
     def _sort_lines(self, data: bytes) -> WindowLines | Whole:
         """Returns the lines of a window, or why they cannot be cut."""
 
-    @abstractmethod
-    def _begin_stretch(self, lines: WindowLines, line: int) -> None:
-        """Writes what stands for a stretch, from its first line, into the skeleton."""
-
-    def _continue_stretch(self, lines: WindowLines, since: int, until: int) -> None:
-        """Looks at the lines after the begin of a stretch, in one window."""
-        return
-
-    def _end_stretch(self) -> None:
-        """Writes what still stands for a stretch into the skeleton."""
-        return
+    def _stand_in(self, lines: WindowLines, line: int) -> tuple[bytes, int]:
+        """Returns the code that stands for a stretch that begins with a line, and its targets."""
+        return lines.code(line), int(lines.targets[line])
 
     def run(self, path: Path) -> Whole | None:
         """Goes through a file; returns why it cannot be cut, if so.
@@ -131,10 +129,9 @@ class Survey(ABC):
         lines = self._sort_lines(data)
         if isinstance(lines, Whole):
             return lines
-        self._events += int(lines.event.sum())
-        if max(self._events, len(self.stretch) + int(lines.begins.sum())) > MOST_STRETCHES:
-            return Whole(why=f"more than {MOST_STRETCHES} {self.events}", line=self.lines + 1)
-        self._write_window(lines)
+        refused = self._write_window(lines)
+        if refused is not None:
+            return refused
         self._cut(lines)
         self.size += len(data)
         self.lines += len(lines.start)
@@ -147,29 +144,48 @@ class Survey(ABC):
             )
         return None
 
-    def _write_window(self, lines: WindowLines) -> None:
+    def _write_window(self, lines: WindowLines) -> Whole | None:
         """Writes the statements and the stretches of a window into the skeleton."""
+        marks = np.flatnonzero(lines.event | (lines.key != NO_KEY))
+        keys = np.append(self._key, np.where(lines.event, NO_KEY, lines.key)[marks])
+        differs = lines.event[marks] | (keys[1:] != keys[:-1])
+        self._key = int(keys[-1])
+        lost = marks[differs & lines.partial[marks]]
+        if len(lost):
+            why = "a target leaves components out that no motion just before it gives"
+            return Whole(why=why, line=self.lines + int(lost[0]) + 1)
+        self._events += int(lines.event.sum())
+        changes = np.flatnonzero(differs)
+        if max(self._events, self.stretches + len(changes)) > MOST_STRETCHES:
+            return Whole(why=f"more than {MOST_STRETCHES} {self.events}", line=self.lines + 1)
         since = 0
-        for mark in np.flatnonzero(lines.event | lines.begins).tolist():
-            self._continue_stretch(lines, since, mark)
-            self._end_stretch()
-            if lines.event[mark]:
-                self._write(mark, lines.code(mark))
-            else:
-                self.stretch.append(self.lines + mark)
-                self._begin_stretch(lines, mark)
-            since = mark + 1
-        self._continue_stretch(lines, since, len(lines.start))
+        for place in [*changes.tolist(), len(marks)]:
+            if self.stored and place > since:
+                last = int(marks[place - 1])
+                self._last = (self.lines + last, lines.code(last))
+            since = place + 1
+            if place < len(marks):
+                self._end_stretch()
+                self._begin_stretch(lines, int(marks[place]))
+        return None
 
-    def _represent(self, line: int, code: bytes, targets: int = 1) -> None:
-        """Writes targets that stand for the last stretch into the skeleton."""
-        self.shown += [(self.lines + line, len(self.stretch) - 1)] * targets
-        self._write(line, code)
+    def _begin_stretch(self, lines: WindowLines, line: int) -> None:
+        code, targets = lines.code(line), 0
+        if not lines.event[line]:
+            self.stretches += 1
+            code, targets = self._stand_in(lines, line)
+        self._write(self.lines + line, code, targets)
 
-    def _write(self, line: int, code: bytes) -> None:
-        blank = self.lines + line - self._written
-        self._skeleton.append(b"\n" * blank + code + b"\n")
-        self._written += blank + 1
+    def _end_stretch(self) -> None:
+        """Writes the last of several stored points into the skeleton."""
+        if self._last is not None:
+            self._write(*self._last, 1)
+        self._last = None
+
+    def _write(self, line: int, code: bytes, targets: int) -> None:
+        self.shown += [(line, self.stretches)] * targets
+        self._skeleton.append(b"\n" * (line - self._written) + code + b"\n")
+        self._written = line + 1
 
     def _cut(self, lines: WindowLines) -> None:
         """Begins chunks where they are due."""
@@ -194,8 +210,8 @@ class Survey(ABC):
             return Whole(why="no targets that stand in place or in arrays")
         return None
 
-    def judge(self, skeleton: Program, others: Sequence[tuple[str, bytes]]) -> IntArray | Whole:
-        """Returns the rule of every stretch, ``ChunkRules.table``, or why there is none.
+    def judge(self, skeleton: Program, others: Sequence[tuple[str, bytes]]) -> Whole | None:
+        """Returns why the targets of the skeleton cannot stand for the others, if so.
 
         Args:
             skeleton: As the ordinary reader reads it.
@@ -203,21 +219,18 @@ class Survey(ABC):
         """
         if skeleton.held.any():
             return Whole(why="the robot carries the part")
-        shown = np.array([line for line, _ in self.shown], np.int64)
+        shown, stretch = np.array(self.shown, np.int64).reshape(-1, 2).T
         if not np.array_equal(skeleton.line - 1, shown):
             extra = np.setdiff1d(skeleton.line - 1, shown)
             at = int(extra[0]) + 1 if len(extra) else 0
             return Whole(why="a target that is stored or has its own clauses", line=at)
-        stretch = self._shown_stretch
-        table = np.full((len(self.stretch), 5), -1)
-        table[stretch, 0], table[stretch, 1] = skeleton.frame, skeleton.tool
-        table[stretch, reason_column(skeleton)] = skeleton.reason
-        return table
-
-    @property
-    def _shown_stretch(self) -> IntArray:
-        """(t,) stretch of every target of the skeleton."""
-        return np.array([number for _, number in self.shown], np.int64)
+        # No frame is in force where no motion goes.
+        frames = np.column_stack([skeleton.frame, skeleton.tool])
+        frames[skeleton.motion == Motion.UNUSED] = -1
+        use = np.column_stack([skeleton.reason, frames, skeleton.motion])
+        if self.stored and ((use[1:] != use[:-1]).any(axis=1) & (np.diff(stretch) == 0)).any():
+            return Whole(why="points of one array are used in different ways")
+        return None
 
     @property
     def chunks(self) -> tuple[ProgramChunk, ...]:
@@ -225,33 +238,15 @@ class Survey(ABC):
         ends = [*self._cuts[1:], (self.size, self.lines, self.targets)]
         return tuple(
             ProgramChunk(
-                lines=self._chunk_lines(start, end, line, last),
-                lead=self._chunk_lines(lead, start, lead_line, line),
+                lines=ChunkLines(start, end, line),
+                lead=ChunkLines(lead, start, lead_line),
                 first=first,
                 targets=after - first,
             )
-            for (start, line, first), (end, last, after), (lead, lead_line) in zip(
+            for (start, line, first), (end, _, after), (lead, lead_line) in zip(
                 self._cuts, ends, self._leads, strict=True
             )
         )
-
-    def _chunk_lines(self, start: int, end: int, line: int, last: int) -> ChunkLines:
-        begins = np.array(self.stretch, np.int64)
-        first = max(int(np.searchsorted(begins, line, side="right")) - 1, 0)
-        until = max(int(np.searchsorted(begins, last)), first + 1)
-        return ChunkLines(
-            start=start,
-            end=end,
-            line=line,
-            rule_from=begins[first:until],
-            rule=np.arange(first, min(until, len(begins))),
-        )
-
-
-def reason_column(program: Program) -> IntArray:
-    """Returns (n,) the column of ``ChunkRules.table`` for the reason of each target."""
-    axis_targets = np.isfinite(program.axes).any(axis=1)
-    return np.where(axis_targets, 3, 2)
 
 
 def _windows(stream: BinaryIO, window: int) -> Iterator[bytes]:

@@ -1,23 +1,34 @@
-"""Long KRL files: the survey of a program with its motions inline, and the chunks of any file.
+"""Long KRL files: the surveys of a ``.src`` with its motions inline and of points in a ``.dat``.
 
-A stretch is what stands between two statements that may change frames, move the robot or branch. In
-the skeleton one pose and one axis target stand for it.
+A stretch of motions is what stands between two statements that may change frames, move the robot or
+branch, poses or axis targets. A stretch of points is assignments to elements of one array,
+``name[k]={X ..}`` with nothing left out, by growing ``k``; whatever the program does with an
+element it chose by a computed number it does with all of them. An array with an element that a file
+names by a written number is not surveyed.
 """
 
 from __future__ import annotations
 
 import re
+from abc import abstractmethod
+from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
+from itertools import groupby, pairwise
+from operator import itemgetter
+from typing import Final, NamedTuple
 
 import numpy as np
 
-from robotrue.core.arrays import BoolArray, IntArray
-from robotrue.program.formats.file_survey import Survey, WindowLines
+from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.errors import FormatError
+from robotrue.program.formats.file_survey import NO_KEY, Survey, WindowLines
 from robotrue.program.formats.krl_build import Builder
-from robotrue.program.formats.krl_columns import count_parts
+from robotrue.program.formats.krl_columns import count_parts, target_numbers
 from robotrue.program.formats.krl_frames import Frames
+from robotrue.program.formats.krl_operands import first_aggregates
 from robotrue.program.formats.krl_scan import (
+    EMPTY,
     INLINE_ARC,
     INLINE_LIN,
     INLINE_PTP,
@@ -27,10 +38,9 @@ from robotrue.program.formats.krl_scan import (
     Scan,
     scan,
 )
-from robotrue.program.formats.krl_surveys import KrlSurvey, PointSurvey, as_motions, line_edges
 from robotrue.program.formats.krl_walk import KrlWalk
-from robotrue.program.program import FrameTable
-from robotrue.program.program_chunk import ChunkRules, ReadChunk, Whole
+from robotrue.program.program import FrameTable, Program
+from robotrue.program.program_chunk import ReadChunk, Skeleton, Whole
 
 NOTHING, FULL, PARTIAL, ODD, MIXED = 0, 1, 2, 3, 4
 """What a line holds: no plain motion; one that leaves nothing out; one that leaves something out;
@@ -57,6 +67,148 @@ _CLAUSED: Final = re.compile(
 _HOW: Final = {b"PTP": INLINE_PTP, b"LIN": INLINE_LIN, b"SPL": INLINE_SPLINE, b"CIRC": INLINE_ARC}
 
 
+_MOST_DIGITS: Final = 9
+_NAME: Final = re.compile(rb"([^\"'\[]*+)(?:\[([\d \t]*+)\])?+([^\"'\[]*+)")
+_ELEMENT: Final = re.compile(rb"\b(\w++)\s*+\[\s*+(\d++)\s*+\]")
+_NO_POINT: Final = re.compile(
+    rb"\$|\b(?:BASE_DATA|TOOL_DATA|LOAD_DATA|FDAT_ACT|PDAT_ACT|LDAT_ACT|FDAT|PDAT|LDAT|LOAD)\b",
+    re.IGNORECASE,
+)
+
+
+class KrlSurvey(Survey):
+    """One pass over a KRL file."""
+
+    def __init__(self, name: str, targets: int, *, axes_at_rest: bool) -> None:
+        super().__init__(name, targets)
+        self._axes_at_rest = axes_at_rest
+        self._external = ExternalAxes()
+
+    @abstractmethod
+    def _sort_scan(self, found: Scan) -> WindowLines | Whole:
+        """Returns the lines of a window, or why they cannot be cut."""
+
+    def _sort_lines(self, data: bytes) -> WindowLines | Whole:
+        try:
+            return self._sort_scan(scan(data, name=self.name))
+        except FormatError as cause:
+            line = None if cause.line is None else cause.line + self.lines
+            raise FormatError(cause.message, source=self.name, line=line, hint=cause.hint) from None
+
+    def _check_end(self) -> Whole | None:
+        moves = self._external.away and not (self._axes_at_rest and self._external.steady)
+        why = Whole(why="external axes are away from zero") if moves else None
+        return super()._check_end() or why
+
+
+class ExternalAxes:
+    """Whether the external axes are away from zero, and the same at all targets so far."""
+
+    def __init__(self) -> None:
+        self._first: Array = np.empty((0, 6))
+        self.away, self.steady = False, True
+
+    def add(self, found: Scan, plain: BoolArray) -> None:
+        """Looks at the targets of plain lines (l,)."""
+        aggregates = np.flatnonzero(plain[found.agg_line])
+        if not len(aggregates):
+            return
+        numbers, _, _ = target_numbers(found, aggregates)
+        values = numbers.value[:, 8:] if numbers.value.shape[1] > 8 else np.full((1, 6), np.nan)
+        self.away |= bool(np.nan_to_num(values).any())
+        values = np.where(np.isnan(values), np.inf, values)
+        self._first = self._first if len(self._first) else values[:1]
+        self.steady &= bool((values == self._first).all())
+
+
+class MotionSurvey(KrlSurvey):
+    """One pass over a ``.src``."""
+
+    events = "statements that may change frames or branch"
+
+    def _sort_scan(self, found: Scan) -> WindowLines | Whole:
+        found = with_clauses(found)
+        targets, kind, is_axis = _motions(found)
+        moves = kind != NOTHING
+        self._external.add(found, moves)
+        if (kind == MIXED).any():
+            mixed = int(np.argmax(kind == MIXED))
+            return Whole(why="an arc through axis values", line=self.lines + mixed + 1)
+        event = np.zeros(len(kind), np.bool_)
+        for line in np.flatnonzero(found.line_kind == STATEMENT).tolist():
+            start, end = int(found.line_start[line]), int(found.line_end[line])
+            event[line] = not _IDLE.fullmatch(found.data, start, end)
+        return WindowLines(
+            data=found.data,
+            start=found.line_start.astype(np.int64),
+            end=found.line_end.astype(np.int64),
+            targets=targets,
+            opens=np.asarray((kind == FULL) & (found.line_kind != INLINE_ARC)),
+            partial=np.asarray(kind == PARTIAL),
+            event=event,
+            key=np.where(moves, is_axis.astype(np.int64), NO_KEY),
+        )
+
+    def _stand_in(self, lines: WindowLines, line: int) -> tuple[bytes, int]:
+        return _AXIS_LINE if lines.key[line] else _POSE_LINE, 1
+
+
+class PointSurvey(KrlSurvey):
+    """One pass over a ``.dat``."""
+
+    events = "statements that are no elements of arrays"
+    stored = True
+
+    def __init__(self, name: str, targets: int, *, axes_at_rest: bool) -> None:
+        super().__init__(name, targets, axes_at_rest=axes_at_rest)
+        self._shape: Shape | None = None
+        self._count = 0
+
+    def _sort_scan(self, found: Scan) -> WindowLines:
+        plain, begins, self._shape = _point_lines(found, self._shape)
+        self._external.add(found, plain)
+        number = self._count + np.cumsum(begins)
+        self._count = int(number[-1]) if len(number) else self._count
+        return WindowLines(
+            data=found.data,
+            start=found.line_start.astype(np.int64),
+            end=found.line_end.astype(np.int64),
+            targets=plain.astype(np.int64),
+            opens=plain,
+            partial=np.zeros(len(plain), np.bool_),
+            event=np.asarray((found.line_kind == STATEMENT) & ~plain),
+            key=np.where(plain, number, NO_KEY),
+        )
+
+    def judge(self, skeleton: Program, others: Sequence[tuple[str, bytes]]) -> Whole | None:
+        """Returns why the first and last point of every stretch cannot stand for it, if so."""
+        lines, spans = self.skeleton.split(b"\n"), defaultdict(list)
+        for _, ends in groupby(self.shown, key=itemgetter(1)):
+            elements = [_ELEMENT.search(lines[line]) for line, _ in ends]
+            if elements[0] is not None:
+                name = elements[0][1].lower()
+                spans[name].append([int(element[2]) for element in elements if element])
+        for name, numbers in spans.items():
+            if any(one[-1] >= other[0] for one, other in pairwise(sorted(numbers))):
+                return Whole(why=f"an element of {name.decode('latin-1')} is given twice")
+        refused = super().judge(skeleton, others)
+        if refused is not None:
+            return refused
+        for name in (name for name, numbers in spans.items() if max(map(len, numbers)) > 1):
+            by_number = re.compile(rb"\b" + re.escape(name) + rb"\s*\[[\s\d,]*\]", re.IGNORECASE)
+            if any(by_number.search(data) for _, data in others):
+                return Whole(why=f"an element of {name.decode('latin-1')} is named by its number")
+        return None
+
+
+class Shape(NamedTuple):
+    """What a point is called: all before it but its index, whether it is of axes, index or -1."""
+
+    letters: bytes
+    is_axis: bool
+    number: int
+
+
 def with_clauses(found: Scan) -> Scan:
     """Returns the scan with motions that have an angle or speeds of their own as plain ones."""
     stated = found.line_kind[found.agg_line] == STATEMENT
@@ -74,71 +226,6 @@ def with_clauses(found: Scan) -> Scan:
     return replace(found, line_kind=kind)
 
 
-class MotionSurvey(KrlSurvey):
-    """One pass over a ``.src``."""
-
-    events = "statements that may change frames or branch"
-
-    def __init__(self, name: str, targets: int, *, axes_at_rest: bool) -> None:
-        super().__init__(name, targets, axes_at_rest=axes_at_rest)
-        self._event = self._full = -1  # line of the last statement, of the last full motion
-        self._open = False
-        self._axis_first: BoolArray = np.zeros(0, np.bool_)
-        self._second = b""
-
-    def _sort_scan(self, found: Scan) -> WindowLines | Whole:
-        found = with_clauses(found)
-        targets, kind, self._axis_first = _motions(found)
-        moves = kind != NOTHING
-        self._external.add(found, moves)
-        if (kind == MIXED).any():
-            mixed = int(np.argmax(kind == MIXED))
-            return Whole(why="an arc through axis values", line=self.lines + mixed + 1)
-        event = np.zeros(len(kind), np.bool_)
-        for line in np.flatnonzero(found.line_kind == STATEMENT).tolist():
-            start, end = int(found.line_start[line]), int(found.line_end[line])
-            event[line] = not _IDLE.fullmatch(found.data, start, end)
-        refused = self._check_inherited(np.flatnonzero(event), kind)
-        if refused is not None:
-            return refused
-        after = np.cumsum(event)
-        some, first = np.unique(after[moves], return_index=True)
-        first = np.flatnonzero(moves)[first[some > 0] if self._open else first]
-        begins = np.zeros(len(kind), np.bool_)
-        begins[first] = True
-        self._open = bool(moves[after == after[-1]].any()) or (self._open and not after[-1])
-        opens = np.asarray((kind == FULL) & (found.line_kind != INLINE_ARC))
-        return WindowLines(found.data, *line_edges(found), targets, opens, event, begins)
-
-    def _begin_stretch(self, lines: WindowLines, line: int) -> None:
-        both = [_POSE_LINE, _AXIS_LINE]
-        one, self._second = both[::-1] if self._axis_first[line] else both
-        self._represent(line, one)
-
-    def _continue_stretch(self, lines: WindowLines, since: int, until: int) -> None:
-        if self._second and until > since:
-            self._represent(since, self._second)
-            self._second = b""
-
-    def _end_stretch(self) -> None:
-        self._second = b""
-
-    def _check_inherited(self, events: IntArray, kind: IntArray) -> Whole | None:
-        """Refuses a target that inherits components from before the last of the statements."""
-        events = np.concatenate([[self._event], events + self.lines])
-        partial, full = (np.flatnonzero(kind == what) + self.lines for what in (PARTIAL, FULL))
-        given = np.concatenate([[self._full], full])
-        self._event, self._full = int(events[-1]), int(given[-1])
-        giver = given[np.searchsorted(given, partial) - 1]
-        lost = giver <= events[np.searchsorted(events, partial) - 1]
-        if not lost.any():
-            return None
-        return Whole(
-            why="a target leaves components out that no motion just before it gives",
-            line=int(partial[np.argmax(lost)]) + 1,
-        )
-
-
 def _motions(found: Scan) -> tuple[IntArray, IntArray, BoolArray]:
     """Returns targets and kind of every line, and whether its first target has axis values."""
     pose, axis = count_parts(found)
@@ -149,11 +236,64 @@ def _motions(found: Scan) -> tuple[IntArray, IntArray, BoolArray]:
     what[(of_line == INLINE_ARC) & (axis > 0)] = MIXED
     plain = np.flatnonzero(of_line > STATEMENT)
     lines, count = found.agg_line[plain], len(found.line_kind)
-    kind, axis_first = np.zeros(count, np.int64), np.zeros(count, np.bool_)
+    kind, is_axis = np.zeros(count, np.int64), np.zeros(count, np.bool_)
     np.maximum.at(kind, lines, what[plain])
     some, first = np.unique(lines, return_index=True)
-    axis_first[some] = axis[plain[first]] > 0
-    return np.bincount(lines, minlength=count), kind, axis_first
+    is_axis[some] = axis[plain[first]] > 0
+    return np.bincount(lines, minlength=count), kind, is_axis
+
+
+def as_motions(found: Scan) -> Scan:
+    """Returns a scan in which points of stretches stand as plain motions, and nothing else does."""
+    plain, _, _ = _point_lines(found, None)
+    line_kind = np.where(plain, INLINE_LIN, EMPTY).astype(np.uint8)
+    return replace(found, line_kind=line_kind)
+
+
+def _point_lines(found: Scan, last: Shape | None) -> tuple[BoolArray, BoolArray, Shape | None]:
+    """Returns which lines are plain points, where a stretch begins, and what the last was called.
+
+    Args:
+        found: Lines of a ``.dat``.
+        last: What the point before them was called, None if a stretch cannot go on.
+    """
+    pose, axis = count_parts(found)
+    whole = (pose + axis == 6) & ((pose == 0) | (axis == 0)) & (found.agg_flag == 0)
+    first = first_aggregates(found)
+    lines = np.flatnonzero(found.line_kind != EMPTY)
+    plain, begins = np.zeros((2, len(found.line_kind)), np.bool_)
+    if not len(whole):
+        return plain, begins, None if len(lines) else last
+    agg = np.minimum(first[lines], max(len(whole) - 1, 0))
+    may = (found.line_kind[lines] == STATEMENT) & (np.diff(first)[lines] == 1)
+    may[may] &= whole[agg[may]]
+    columns = (may, found.line_start[lines], found.agg_open[agg], found.agg_close[agg],
+               found.line_end[lines], axis[agg] > 0)  # fmt: skip
+    for line, one, *place in zip(lines.tolist(), *(each.tolist() for each in columns), strict=True):
+        shape = _read_shape(found.data, *place) if one else None
+        goes_on = shape and last and shape[:2] == last[:2] and shape.number > max(last.number, -1)
+        if shape is not None and not goes_on and _NO_POINT.search(shape.letters.partition(b"=")[0]):
+            shape = None
+        plain[line], begins[line] = shape is not None, shape is not None and not goes_on
+        last = shape
+    return plain, begins, last
+
+
+def _read_shape(
+    data: bytes, start: int, opened: int, closed: int, end: int, is_axis: bool
+) -> Shape | None:
+    """Returns what the point of a line is called; None if it is more, or part of a structure."""
+    name = _NAME.fullmatch(data, start, opened)
+    if name is None or data[closed + 1 : end].lstrip(b" \t")[:1] not in (b"", b",", b"}"):
+        return None
+    head, digits, tail = name.groups()
+    letters = (head + tail if digits is None else head + b"[]" + tail).lower()
+    if digits is None:
+        return Shape(letters, is_axis, -1) if b"=" in letters else None
+    digits = digits.translate(None, b" \t")
+    if b"=" not in letters or not 1 <= len(digits) <= _MOST_DIGITS:
+        return None
+    return Shape(letters, is_axis, int(digits))
 
 
 class KrlCutter:
@@ -168,12 +308,13 @@ class KrlCutter:
         of_file = PointSurvey if name.lower().endswith(".dat") else MotionSurvey
         return of_file(name, targets, axes_at_rest=frames.external_axes_at_rest)
 
-    def read_lines(self, data: bytes, rules: ChunkRules) -> ReadChunk:
+    def read_lines(self, data: bytes, skeleton: Skeleton) -> ReadChunk:
         """Returns the targets of some lines of a ``.src`` or ``.dat``."""
-        frames = FrameTable(external_axes_at_rest=rules.external_axes_at_rest)
-        lines = scan(data, name=rules.name)
-        lines = as_motions(lines) if rules.name.lower().endswith(".dat") else with_clauses(lines)
-        walk = KrlWalk([lines], [rules.name], Frames(frames, rules.name))
+        frames = FrameTable(external_axes_at_rest=skeleton.external_axes_at_rest)
+        name = skeleton.program.name
+        lines = scan(data, name=name)
+        lines = as_motions(lines) if skeleton.stored else with_clauses(lines)
+        walk = KrlWalk([lines], [name], Frames(frames, name))
         return ReadChunk(Builder(walk, 0, frames).program(0))
 
 

@@ -117,9 +117,9 @@ def _inserter() -> Inserter:
 
 
 def _cutter() -> Cutter:
-    from robotrue.program.formats.rapid_chunks import CUTTER
+    from robotrue.program.formats.line_chunks import RAPID
 
-    return CUTTER
+    return RAPID
 
 
 LANGUAGE: Final = Language(

@@ -106,9 +106,9 @@ def _inserter() -> Inserter:
 
 
 def _cutter() -> Cutter:
-    from robotrue.program.formats.urscript_chunks import CUTTER
+    from robotrue.program.formats.line_chunks import URSCRIPT
 
-    return CUTTER
+    return URSCRIPT
 
 
 LANGUAGE: Final = Language(
