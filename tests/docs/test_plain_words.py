@@ -20,6 +20,7 @@ PAGES: Final = sorted(
         *(ROOT / "docs/tutorial").glob("*.md"),
         *(ROOT / "docs/howto").glob("*.md"),
         *(ROOT / "docs/explanation").glob("*.md"),
+        *(ROOT / "docs/adr").glob("*.md"),
     ]
 )
 INSTEAD: Final = {
