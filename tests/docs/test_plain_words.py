@@ -17,10 +17,11 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGES: Final = sorted(
     [
         *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CONVENTIONS.md")),
-        *(ROOT / "docs/tutorial").glob("*.md"),
-        *(ROOT / "docs/howto").glob("*.md"),
-        *(ROOT / "docs/explanation").glob("*.md"),
-        *(ROOT / "docs/adr").glob("*.md"),
+        *(
+            page
+            for folder in ("tutorial", "howto", "explanation", "reference", "adr")
+            for page in (ROOT / "docs" / folder).glob("*.md")
+        ),
     ]
 )
 INSTEAD: Final = {
