@@ -7,8 +7,9 @@ one reflector or several, need no case of their own.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
@@ -25,6 +26,9 @@ from robotrue.calibration.terms.ripple import Ripple
 from robotrue.calibration.terms.smooth import SmoothBasis, SmoothResidual
 from robotrue.calibration.terms.term import Term
 from robotrue.core.arrays import Array, BoolArray, IntArray
+
+MOST_NUMBERS: Final = 20_000
+"""Numbers beyond which the rows are not kept in memory side by side."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,6 +48,17 @@ class WhitenedRows:
     lower: Array
     instrument: Array
     rows: IntArray
+
+    def part(self, chosen: BoolArray) -> WhitenedRows:
+        """Returns the rows of a mask over the measurement set."""
+        mine = chosen[self.rows]
+        return WhitenedRows(
+            columns=self.columns[mine],
+            values=self.values[mine],
+            lower=self.lower[mine],
+            instrument=self.instrument[mine],
+            rows=self.rows[mine],
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,8 +124,18 @@ class Design:
         """Physical parameters of the state, counted from the prior mean."""
         return difference(self.layout, self.state, self.prior.centre)[self.free]
 
-    def rows(self, chosen: BoolArray | None = None) -> Iterator[WhitenedRows]:
-        """Yields the rows (of a mask over the measurement set, or all), some hundred at a time."""
+    def rows(
+        self, chosen: BoolArray | None = None, kept: Sequence[WhitenedRows] = ()
+    ) -> Iterator[WhitenedRows]:
+        """Yields the rows (of a mask over the measurement set, or all), some hundred at a time.
+
+        Args:
+            chosen: Mask; all if None.
+            kept: From :meth:`keep_rows`.
+        """
+        if kept:
+            yield from kept if chosen is None else (item.part(chosen) for item in kept)
+            return
         about = np.zeros(self.layout.size)
         about[self.free] = self.offset
         learned = self.layout.size + np.arange(len(self.values))
@@ -127,6 +152,11 @@ class Design:
                 instrument=item.covariance,
                 rows=item.rows,
             )
+
+    def keep_rows(self) -> tuple[WhitenedRows, ...]:
+        """Returns all rows, to be used again; none where they are too many for the memory."""
+        numbers = sum(o.covariance.shape[1] * len(o.rows) for o in self.observations)
+        return tuple(self.rows()) if numbers <= MOST_NUMBERS else ()
 
     def with_centres(self, basis: SmoothBasis) -> Design:
         """Returns the design with centres of a smooth residual, where it had none."""
@@ -161,12 +191,19 @@ class Design:
         noise[: len(tau)] = tau * (known + noise[: len(tau)]) - known
         return noise
 
-    def sums(self, chosen: BoolArray | None = None) -> list[Sums]:
-        """Returns the sums of lengths and, where orientations were measured, of angles."""
+    def sums(
+        self, chosen: BoolArray | None = None, kept: Sequence[WhitenedRows] = ()
+    ) -> list[Sums]:
+        """Returns the sums of lengths and, where orientations were measured, of angles.
+
+        Args:
+            chosen: Mask over the measurement set; all rows if None.
+            kept: From :meth:`keep_rows`.
+        """
         size = int(self.active.sum())
         posed = any(o.rotation is not None for o in self.observations)
         builders = [SumsBuilder(size) for _ in range(CHANNELS if posed else 1)]
-        for item in self.rows(chosen):
+        for item in self.rows(chosen, kept):
             numbers = item.values.shape[1]
             weight = self.weights[item.rows]
             root = np.sqrt(weight)[:, None]

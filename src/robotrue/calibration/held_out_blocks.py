@@ -36,7 +36,7 @@ from typing import Final
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
-from robotrue.calibration.design import Design
+from robotrue.calibration.design import Design, WhitenedRows
 from robotrue.calibration.evidence import Sums, Weights, learn, spread
 from robotrue.calibration.robust import CUT, LEVEL, chi_point, student_factor
 from robotrue.core.arrays import Array, BoolArray, IntArray
@@ -128,11 +128,12 @@ def predict_held_out(
         np.zeros((count, 3)),
         *np.zeros((3, count, 3, 3)),
     )
+    kept = design.keep_rows()
     for k in np.unique(fold):
         chosen = fold == k
-        others = sums_without(design, sums, chosen)
+        others = sums_without(design, sums, chosen, kept)
         weights = learn(others, fit.groups, fit.noise, steps=STEPS)
-        for item in design.rows(chosen):
+        for item in design.rows(chosen, kept):
             lower, columns = item.lower[:, :3, :3], item.columns[:, :3]
             back = np.swapaxes(lower, 1, 2)
             off = item.values[:, :3] - columns @ weights.mean
@@ -151,17 +152,23 @@ def label_blocks(rows: int) -> IntArray:
     return np.asarray(np.arange(rows) * blocks // rows)
 
 
-def sums_without(design: Design, sums: Sequence[Sums], left_out: BoolArray) -> list[Sums]:
+def sums_without(
+    design: Design,
+    sums: Sequence[Sums],
+    left_out: BoolArray,
+    kept: Sequence[WhitenedRows] = (),
+) -> list[Sums]:
     """Returns the sums of the rows that are not left out.
 
     Args:
         design: The linear model.
         sums: Of all rows.
         left_out: Mask over the measurement set.
+        kept: All rows, from :meth:`Design.keep_rows`.
     """
     if all(s.few for s in sums):
-        return design.sums(~left_out)
-    return [a.without(b) for a, b in zip(sums, design.sums(left_out), strict=True)]
+        return design.sums(~left_out, kept)
+    return [a.without(b) for a, b in zip(sums, design.sums(left_out, kept), strict=True)]
 
 
 def count_freedom(sums: Sequence[Sums], fit: Weights, physical: int) -> float:
@@ -246,8 +253,6 @@ def match_quantile(found: HeldOutRows) -> float:
 
 AMPLITUDES: Final = (1.0, 0.5, 0.25)
 """Tried, in units of the amplitude that was learned on the held-out errors."""
-MOST_NUMBERS: Final = 20_000
-"""Numbers beyond which the rows are not kept in memory side by side."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -319,12 +324,12 @@ def _collect_rows(design: Design, weights: Weights, counted: BoolArray) -> _Whit
     fresh = np.zeros(len(design.active), dtype=bool)
     fresh[place] = True
     fresh = fresh[design.active]
-    numbers = sum(o.covariance.shape[1] * len(o.rows) for o in design.observations)
-    if numbers > MOST_NUMBERS:
+    kept = design.keep_rows()
+    if not kept:
         return None
     known, smooth, residual, row, unit, position = [], [], [], [], [], []
     lower = np.zeros((len(counted), 3, 3))
-    for item in design.rows(counted):
+    for item in design.rows(counted, kept):
         n, m = item.values.shape
         scale = np.sqrt(design.weights[item.rows][:, None] / np.repeat(weights.noise, 3)[:m])
         columns = item.columns * scale[:, :, None]

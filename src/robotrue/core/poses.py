@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from robotrue.core.arrays import Array
+from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.rotations import matrix_from_abc, skew
 
 
@@ -57,22 +57,22 @@ def propagate_covariance(covariance: Array, lever: Array) -> Array:
     return np.asarray(columns @ covariance @ np.swapaxes(columns, -1, -2))
 
 
-def fit_rigid(points_b: Array, points_a: Array, weights: Array | None = None) -> Array:
-    """Returns the ``T_a_b`` (4, 4) that best takes points in b to points in a.
+def fit_rigid(points_b: Array, points_a: Array, weights: Array | BoolArray | None = None) -> Array:
+    """Returns the ``T_a_b`` (..., 4, 4) that best takes points in b to points in a.
 
     Weighted least squares over proper rotations (Kabsch 1976; Umeyama 1991, eq. 40-43, no scale).
 
     Args:
-        points_b: (n, 3) m.
-        points_a: (n, 3) m.
-        weights: (n,) non-negative; equal if not given.
+        points_b: (..., n, 3) m.
+        points_a: (..., n, 3) m.
+        weights: (..., n) non-negative, or the points that count; equal if not given.
 
     Fails when: the points lie on one line; the rotation about it is then arbitrary.
     """
-    w = np.ones(len(points_b)) if weights is None else np.asarray(weights, dtype=np.float64)
-    w = w / w.sum()
-    mean_b, mean_a = w @ points_b, w @ points_a
-    u, _, vt = np.linalg.svd(((points_a - mean_a) * w[:, None]).T @ (points_b - mean_b))
-    u[:, 2] *= np.sign(np.linalg.det(u @ vt))
+    w = np.ones(points_b.shape[:-1]) if weights is None else np.asarray(weights, dtype=np.float64)
+    w = (w / w.sum(axis=-1, keepdims=True))[..., None]
+    mean_b, mean_a = (np.swapaxes(w, -1, -2) @ points for points in (points_b, points_a))
+    u, _, vt = np.linalg.svd(np.swapaxes((points_a - mean_a) * w, -1, -2) @ (points_b - mean_b))
+    u[..., 2] *= np.sign(np.linalg.det(u @ vt))[..., None]
     rotation = u @ vt
-    return pose(rotation, mean_a - rotation @ mean_b)
+    return pose(rotation, (mean_a - mean_b @ np.swapaxes(rotation, -1, -2))[..., 0, :])

@@ -19,16 +19,16 @@ from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel
 from robotrue.validation.doctor_case import open_case
 from robotrue.validation.doctor_evidence import Evidence, fit_rows, learn, weigh_noise
-from robotrue.validation.doctor_groups import SCATTERED, RepeatedRows
+from robotrue.validation.doctor_groups import SCATTERED, find_repeats
 from robotrue.validation.doctor_joints import Clock, JointsEarly
-from robotrue.validation.doctor_readings import JointOffset, JointTurn, Misread
+from robotrue.validation.doctor_readings import JointOffset, Misread, find_turns
 from robotrue.validation.doctor_segments import SEGMENTS, Drift
 from robotrue.validation.doctor_suspicion import HOPELESS, DataSuspicion, Hypothesis
 
 SUSPICIONS: Final[tuple[DataSuspicion, ...]] = (
     *SEGMENTS, Drift(), *SCATTERED, JointsEarly(), Clock(), Misread(), JointOffset(),
 )  # fmt: skip
-CERTAIN: Final[tuple[DataSuspicion, ...]] = (RepeatedRows(), JointTurn())
+CERTAIN: Final = (find_repeats, find_turns)
 FEWEST_ROWS: Final = 15
 """Rows below which nothing is suspected but repeats."""
 PRIOR: Final = 0.05
@@ -100,13 +100,13 @@ def diagnose(
     if len(rows) < FEWEST_ROWS:
         return Diagnosis(findings=(), considered=(), error=np.nan, examined=0, rows=len(rows))
     clean = _fit_clean(robot, standing, used)
-    for suspicion in CERTAIN:
-        for hypothesis in suspicion.look(standing, clean, clean.case):
+    for find_certain in CERTAIN:
+        for hypothesis in find_certain(standing, robot):
             found.append(_weigh_certain(hypothesis, robot, used, clean))
             standing = standing if hypothesis.cured is None else hypothesis.cured
     if found:
         clean = _fit_clean(robot, standing, used)
-    compared = _compare(standing, clean)
+    compared = _compare(clean)
     error = _mean_error(clean)
     named = _name_best(compared)
     if named is not None:
@@ -129,12 +129,9 @@ def _fit_clean(robot: RobotModel, rows: MeasurementSet, settings: FitSettings) -
     return fit_rows(open_case(robot, rows, settings))
 
 
-def _compare(rows: MeasurementSet, clean: Evidence) -> list[Hypothesis]:
+def _compare(clean: Evidence) -> list[Hypothesis]:
     """Every suspicion's hypotheses, the best of them fitted anew, the likeliest first."""
-    case = clean.case
-    tried: list[Hypothesis] = []
-    for suspicion in SUSPICIONS:
-        tried.extend(suspicion.look(rows, clean, case))
+    tried = [hypothesis for suspicion in SUSPICIONS for hypothesis in suspicion.look(clean)]
     tried.sort(key=lambda each: -each.log_odds)
     refitted = [
         _refit(each, clean)
@@ -197,7 +194,7 @@ def _refine_cure(
         return hypothesis, _error_after(hypothesis, robot, settings)
     best = _fit_clean(robot, hypothesis.cured, settings)
     for _ in range(REFINEMENTS):
-        refined = hypothesis.refine(hypothesis.cured, best)
+        refined = hypothesis.refine(best)
         if refined is None or refined.cured is None:
             break
         trial = _fit_clean(robot, refined.cured, settings)
@@ -205,7 +202,7 @@ def _refine_cure(
         if gain > 0.0:
             best = trial
             hypothesis = replace(
-                hypothesis, text=refined.text, cured=refined.cured, refine=refined.refine
+                hypothesis, text=refined.text, cure=refined.cure, refine=refined.refine
             )
         if gain < WORTHWHILE:
             break

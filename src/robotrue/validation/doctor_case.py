@@ -8,6 +8,7 @@ left beyond them is what a suspicion has to explain.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -16,11 +17,10 @@ from robotrue.calibration.observations import observations_of
 from robotrue.calibration.parameters import ParameterLayout, State, difference, retract
 from robotrue.calibration.priors import build_prior, free_groups, typical_ripple
 from robotrue.calibration.settings import FitSettings
-from robotrue.core.arrays import Array, IntArray
-from robotrue.core.poses import apply, fit_rigid, pose
-from robotrue.core.rotations import skew
+from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.poses import fit_rigid
 from robotrue.measurement.measurement_set import MeasurementSet
-from robotrue.robot.forward import sensitivity_of, walk
+from robotrue.robot.forward import ChainState, drive_jacobian, sensitivity_of, walk
 from robotrue.robot.model import RobotModel, parameter_slice
 
 MOST_ROWS: Final = 120
@@ -36,44 +36,82 @@ FAR_OUT: Final = 5.0
 """Residual over the median residual from which a row does not move the linearisation."""
 LOOSE: Final = 1.0
 """m, rad: sd of base, tracker frame and reflector; the doctor learns nothing about them."""
+SMOOTH: Final = 1e-4
+"""m, usual size of the smooth residual."""
+JOINT_SD: Final = 4e-5
+"""rad, scatter of a drive that a healthy arm may have."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Case:
     """Some rows, linearised.
 
     Attributes:
         robot: Nominal arm with the measured reflector.
         settings: Of the fit.
-        rows: The whole set, positions alone.
+        rows: The whole set.
+        count: Its number of rows.
         chosen: (n,) rows of it that are examined, rising.
         state: Where they are linearised.
         values: (n, 3) m, measured minus what the nominal arm at its start predicts (linear part).
         columns: (n, 3, p) of robot, frames and reflectors, each over its prior sd.
         geometric: (p,) True where the prior scale may be learned.
         drive: (n, 3, dof) m/rad, by a shift of each drive.
-        turn: (n, 3, 3) flange to the frame of the measurement.
-        kernel: (n, n) of the smooth residual over postures, unit variance.
+        ripple: (n, 3, k) by sine and cosine of each joint, over their usual sd.
         covariance: (n, 3, 3) m^2, instrument and repeatability.
     """
 
     robot: RobotModel
     settings: FitSettings
     rows: MeasurementSet
+    count: int
     chosen: IntArray
     state: State
     values: Array
     columns: Array
-    geometric: Array
+    geometric: BoolArray
     drive: Array
-    turn: Array
-    kernel: Array
+    ripple: Array
     covariance: Array
 
-    @property
-    def chosen_rows(self) -> MeasurementSet:
-        """The rows examined."""
-        return self.rows.subset(self.chosen)
+    @cached_property
+    def chain(self) -> ChainState:
+        """The fitted arm at all rows of the set."""
+        return walk(self.state.robot, self.rows.joints)
+
+    @cached_property
+    def drives(self) -> Array:
+        """How each drive moves the points of the whole set (N, 3, dof) m/rad, in their frame."""
+        return self._turn_to_frame(drive_jacobian(self.state.robot, self.chain)[:, :3])
+
+    @cached_property
+    def flange_turn(self) -> Array:
+        """Rotation (N, 3, 3) of the flange in the frame of the measurement."""
+        return self._turn_to_frame(self.chain.flange_rotation)
+
+    @cached_property
+    def covariances(self) -> dict[str, Array]:
+        """The covariances (3 n, 3 n) that scales multiply, and the one they do not."""
+        m = self.values.size
+        columns, ripple = self.columns.reshape(m, -1), self.ripple.reshape(m, -1)
+        geometry, loose = columns[:, self.geometric], columns[:, ~self.geometric]
+        drive = self.drive @ np.swapaxes(self.drive, 1, 2)
+        kernel = _posture_kernel(self.rows.joints[self.chosen])
+        return {
+            "loose": loose @ loose.T + spread_blocks(self.covariance),
+            "geometry": geometry @ geometry.T,
+            "ripple": ripple @ ripple.T,
+            "smooth": np.asarray(SMOOTH**2 * np.kron(kernel, np.eye(3))),
+            "joints": JOINT_SD**2 * spread_blocks(drive),
+        }
+
+    def _turn_to_frame(self, columns: Array) -> Array:
+        """Columns (N, 3, k) in base, taken to the frame of each row."""
+        turned = columns.copy()
+        for k, T in self.state.T_tracker_base.items():
+            mine = self.rows.station == k
+            turned[mine] = T[:3, :3] @ columns[mine]
+        return turned
 
 
 def open_case(
@@ -87,11 +125,12 @@ def open_case(
         settings: Loads, priors, repeatability.
         chosen: Rows to examine; evenly spaced ones if None.
     """
-    points = replace(rows, rotation=np.full((len(rows), 3, 3), np.nan))
+    count = len(rows)
     if chosen is None:
-        count = min(len(rows), MOST_ROWS)
-        chosen = np.unique(np.linspace(0, len(rows) - 1, count).astype(np.int64))
-    part = points.subset(chosen)
+        chosen = np.unique(np.linspace(0, count - 1, min(count, MOST_ROWS)).astype(np.int64))
+    part = rows.subset(chosen)
+    if part.has_rotation.any():
+        part = replace(part, rotation=np.full((len(chosen), 3, 3), np.nan))
     layout, start = _start(robot, part)
     groups = [g for g in free_groups("elastic") if not (layout.stations and g == "base")]
     prior = build_prior(
@@ -129,53 +168,40 @@ def open_case(
         state = retract(layout, state, whole)
     item = observation.linearise(layout, state)
     about = difference(layout, state, prior.centre)[free]
+    drive = sensitivity_of(state.robot, item.jacobian).drive
     return Case(
         robot=robot,
         settings=settings,
-        rows=points,
+        rows=rows,
+        count=count,
         chosen=chosen,
         state=state,
         values=item.residual + item.jacobian[:, :, free] @ about,
         columns=item.jacobian[:, :, free] * sd[free],
-        geometric=(free < of_joints).astype(np.float64),
-        drive=sensitivity_of(state.robot, item.jacobian).drive,
-        turn=flange_turn(state, part),
-        kernel=_posture_kernel(part.joints),
+        geometric=free < of_joints,
+        drive=drive,
+        ripple=_ripple_columns(robot, part.joints, drive),
         covariance=item.covariance,
     )
 
 
-def flange_turn(state: State, rows: MeasurementSet) -> Array:
-    """Returns the rotation (n, 3, 3) of the flange in the frame of the measurement."""
-    turn = walk(state.robot, rows.joints).flange_rotation.copy()
-    for k, T in state.T_tracker_base.items():
-        mine = rows.station == k
-        turn[mine] = T[:3, :3] @ turn[mine]
-    return turn
-
-
-def frame_columns(rows: MeasurementSet, about: Array, size: float) -> Array:
-    """Returns how a rigid motion of the instrument moves the points (n, 3, 6).
-
-    Args:
-        rows: The points.
-        about: (3,) m, where the motion does not turn them.
-        size: m, lever at which a turn weighs as much as a shift.
-    """
-    turns = -skew((rows.position - about) / size)
-    return np.concatenate([np.broadcast_to(np.eye(3), turns.shape), turns], axis=2)
-
-
-def ripple_columns(case: Case) -> Array:
-    """Returns how sine and cosine of each joint move the points (n, 3, k), over their usual sd."""
-    joints = case.chosen_rows.joints
-    size = typical_ripple(case.robot, HARMONICS)
+def _ripple_columns(robot: RobotModel, joints: Array, drive: Array) -> Array:
+    """How sine and cosine of each joint move the points (n, 3, k), over their usual sd."""
+    size = typical_ripple(robot, HARMONICS)
     waves = [
-        case.drive * (wave(joints * (k + 1)) * size[k])[:, None, :]
+        drive * (wave(joints * (k + 1)) * size[k])[:, None, :]
         for k in range(HARMONICS)
         for wave in (np.sin, np.cos)
     ]
     return np.concatenate(waves, axis=2)
+
+
+def spread_blocks(blocks: Array) -> Array:
+    """Returns the block diagonal (3 n, 3 n) of (n, 3, 3)."""
+    n = len(blocks)
+    spread = np.zeros((n, 3, n, 3))
+    spread[np.arange(n), :, np.arange(n), :] = blocks
+    return spread.reshape(3 * n, 3 * n)
 
 
 def _posture_kernel(joints: Array) -> Array:
@@ -212,38 +238,32 @@ def _start(robot: RobotModel, rows: MeasurementSet) -> tuple[ParameterLayout, St
 
 
 def robust_frame(points: Array, seen: Array, draws: int = DRAWS) -> Array:
-    """Returns T_tracker_base (4, 4) that half of the rows agree on, fitted to those.
+    """Returns T_tracker_base (..., 4, 4) that half of the rows agree on, fitted to those.
 
     Args:
-        points: (n, 3) m in base.
+        points: (..., n, 3) m in base.
         seen: (n, 3) m, the same points as the instrument saw them.
         draws: Groups of five rows that are tried besides all rows.
     """
-    whole = fit_rigid(points, seen)
-    gap = np.linalg.norm(apply(whole, points) - seen, axis=1)
-    if len(points) > 6:
-        rng = np.random.default_rng(0)
-        rows = rng.integers(0, len(points), (draws, 5))
-        trials = _fit_groups(points[rows], seen[rows])
-        gaps = np.linalg.norm(
-            points @ np.swapaxes(trials[:, :3, :3], 1, 2) + trials[:, None, :3, 3] - seen, axis=2
-        )
-        sizes = np.median(gaps, axis=1)
-        k = int(sizes.argmin())
-        if sizes[k] < 0.7 * np.median(gap):  # else all rows agree, and know better than five
-            gap = gaps[k]
-    near = gap <= max(3.0 * float(np.median(gap)), 1e-6)
-    return fit_rigid(points[near], seen[near])
+    n = len(seen)
+    gap = _distances(fit_rigid(points, seen), points, seen)
+    if n > 6:
+        groups = np.random.default_rng(0).integers(0, n, (draws, 5))
+        trials = fit_rigid(points[..., groups, :], seen[groups])
+        gaps = _distances(trials, points[..., None, :, :], seen)
+        sizes = np.median(gaps, axis=-1)
+        best = np.take_along_axis(gaps, sizes.argmin(axis=-1)[..., None, None], axis=-2)[..., 0, :]
+        # Unless a group does much better all rows agree, and know better than five.
+        clear = sizes.min(axis=-1) < 0.7 * np.median(gap, axis=-1)
+        gap = np.where(clear[..., None], best, gap)
+    near = gap <= np.maximum(3.0 * np.median(gap, axis=-1, keepdims=True), 1e-6)
+    return fit_rigid(points, seen, near)
 
 
-def _fit_groups(points: Array, seen: Array) -> Array:
-    """Rigid motions (k, 4, 4) of k groups of points (k, m, 3)."""
-    middle, centre = points.mean(axis=1), seen.mean(axis=1)
-    spread = np.swapaxes(points - middle[:, None], 1, 2) @ (seen - centre[:, None])
-    u, _, vt = np.linalg.svd(spread)
-    vt[:, 2] *= np.sign(np.linalg.det(u @ vt))[:, None]
-    turn = np.swapaxes(u @ vt, 1, 2)
-    return pose(turn, centre - (turn @ middle[:, :, None])[:, :, 0])
+def _distances(T: Array, points: Array, seen: Array) -> Array:
+    """Distances (..., n) m of points (..., n, 3), moved by T (..., 4, 4), from those seen."""
+    placed = points @ np.swapaxes(T[..., :3, :3], -1, -2) + T[..., None, :3, 3]
+    return np.asarray(np.linalg.norm(placed - seen, axis=-1))
 
 
 def _robust_step(

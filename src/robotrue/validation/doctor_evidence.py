@@ -20,12 +20,10 @@ from scipy.linalg import solve_triangular
 from scipy.special import gammaln
 
 from robotrue.core.arrays import Array, IntArray
-from robotrue.validation.doctor_case import Case, ripple_columns
+from robotrue.validation.doctor_case import JOINT_SD, Case, spread_blocks
 
 WIDTHS: Final = np.array([0.1e-3, 0.5e-3, 2e-3, 10e-3, 100e-3])
 """m, sd of the effect of a hypothesis on a point; each is as likely."""
-JOINT_SD: Final = 4e-5
-"""rad, scatter of a drive that a healthy arm may have."""
 WHITE: Final = 2e-5
 """m per axis, white noise beyond instrument and repeatability that is usual."""
 FACTORS: Final = (4.0, 2.0, 2.0, 1.4, 1.4, 1.2)
@@ -59,7 +57,6 @@ class Scales:
 
 USUAL: Final = Scales(geometry=1.0, ripple=1.0, smooth=0.3, joints=0.3, white=1.0)
 NAMES: Final = ("white", "geometry", "smooth", "ripple", "joints")
-SMOOTH: Final = 1e-4
 
 
 @dataclass(frozen=True)
@@ -109,12 +106,6 @@ class Evidence:
         gap = covariance @ self.pull.reshape(n, 3, 1)
         return gap[:, :, 0], covariance
 
-    def prediction(self) -> Array:
-        """Returns what is said of the arm itself at the rows (n, 3) m, hypothesis left out."""
-        parts = _components(self.case)
-        kernel = sum(getattr(self.scales, name) ** 2 * parts[name] for name in _ARM)
-        return np.asarray(((kernel + parts["loose"]) @ self.pull).reshape(-1, 3))
-
     def coefficients(self) -> Array:
         """Returns the mean (q,) of the coefficients of ``extra``, over their sd."""
         return np.asarray(self.extra.T @ self.pull)
@@ -137,9 +128,8 @@ def learn(case: Case, extra: Array | None = None, start: Scales | None = None, *
     columns = np.zeros((m, 0)) if extra is None else extra.reshape(m, -1)
     fixed = columns @ columns.T
     if noise is not None:
-        fixed = fixed + _spread_blocks(noise)
-    clean = _components(case)
-    parts = {**clean, "loose": clean["loose"] + fixed}
+        fixed = fixed + spread_blocks(noise)
+    parts = {**case.covariances, "loose": case.covariances["loose"] + fixed}
     scales = USUAL if start is None else start
     best = _density(case, parts, scales)
     for factor in FACTORS if start is None else FACTORS[2:]:
@@ -156,10 +146,10 @@ def fit_rows(case: Case) -> Evidence:
 
 def weigh_noise(case: Case, scales: Scales, noise: Array | None = None) -> float:
     """Returns the log density of the rows with scales held and noise (n, 3, 3) m^2 added."""
-    parts = _components(case)
-    if noise is None:
-        return _density(case, parts, scales)
-    return _density(case, {**parts, "loose": parts["loose"] + _spread_blocks(noise)}, scales)
+    parts = case.covariances
+    if noise is not None:
+        parts = {**parts, "loose": parts["loose"] + spread_blocks(noise)}
+    return _density(case, parts, scales)
 
 
 def _search(
@@ -204,30 +194,6 @@ def _total(parts: dict[str, Array], scales: Scales) -> Array:
     total += scales.joints**2 * parts["joints"]
     total[np.diag_indices(len(total))] += (scales.white * WHITE) ** 2
     return total
-
-
-def _components(case: Case) -> dict[str, Array]:
-    """The covariances (m, m) that scales multiply, and the one they do not."""
-    m = case.values.size
-    columns = case.columns.reshape(m, -1)
-    known = case.geometric > 0.0
-    ripple = ripple_columns(case).reshape(m, -1)
-    drive = case.drive @ np.swapaxes(case.drive, 1, 2)
-    return {
-        "loose": columns[:, ~known] @ columns[:, ~known].T + _spread_blocks(case.covariance),
-        "geometry": columns[:, known] @ columns[:, known].T,
-        "ripple": ripple @ ripple.T,
-        "smooth": np.asarray(SMOOTH**2 * np.kron(case.kernel, np.eye(3))),
-        "joints": JOINT_SD**2 * _spread_blocks(drive),
-    }
-
-
-def _spread_blocks(blocks: Array) -> Array:
-    """Block diagonal (3 n, 3 n) of (n, 3, 3)."""
-    n = len(blocks)
-    out = np.zeros((n, 3, n, 3))
-    out[np.arange(n), :, np.arange(n), :] = blocks
-    return out.reshape(3 * n, 3 * n)
 
 
 def column_odds(precision: Array, right: Array, widths: Array = WIDTHS) -> tuple[Array, IntArray]:

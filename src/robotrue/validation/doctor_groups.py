@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -12,10 +13,11 @@ from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.units import MM
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.measurement.screening import duplicate_rows
+from robotrue.robot.model import RobotModel
 from robotrue.validation.doctor_case import Case, open_case
 from robotrue.validation.doctor_evidence import Evidence, columns_fit, learn, log_choices
 from robotrue.validation.doctor_segments import SEGMENTS, Picked, Segment, estimate_columns
-from robotrue.validation.doctor_suspicion import HOPELESS, Hypothesis
+from robotrue.validation.doctor_suspicion import HOPELESS, CauseName, Hypothesis
 
 LARGEST_SHARE: Final = 0.4
 """Part of the rows that may be off; of more nobody knows which are right."""
@@ -40,21 +42,22 @@ class Scattered:
 
     segment: Segment
 
-    def look(self, rows: MeasurementSet, residuals: Evidence, arm: Case) -> Sequence[Hypothesis]:
+    def look(self, residuals: Evidence) -> Sequence[Hypothesis]:
         """Returns the likeliest group."""
-        group, odds, width = self._find_group(residuals, arm)
+        arm = residuals.case
+        group, odds, width = self._find_group(residuals)
         if group is None or odds < HOPELESS:
             return ()
         chosen = arm.chosen[group]
-        if len(arm.chosen) < len(rows):
-            chosen = self._find_others(rows, arm, chosen)
+        if len(arm.chosen) < arm.count:
+            chosen = self._find_others(arm, chosen)
         price = -log_choices(len(group), np.flatnonzero(group))
         sizes = np.array([width])
         found = Picked(inside=group, rows=chosen, log_odds=odds, sizes=sizes, price=price)
-        return [self.segment.build(rows, residuals, arm, found)]
+        return [self.segment.build(residuals, found)]
 
-    def _find_group(self, residuals: Evidence, arm: Case) -> tuple[BoolArray | None, float, float]:
-        columns = self.segment.make_columns(arm.chosen_rows, arm)
+    def _find_group(self, residuals: Evidence) -> tuple[BoolArray | None, float, float]:
+        columns = self.segment.make_columns(residuals.case)[residuals.case.chosen]
         best: BoolArray | None = None
         most, width = -np.inf, 0.0
         for group in _grow_groups(residuals, columns, float(self.segment.widths[-1])):
@@ -64,16 +67,16 @@ class Scattered:
                 best, most, width = group, odds, size
         return best, most, width
 
-    def _find_others(self, rows: MeasurementSet, arm: Case, first: IntArray) -> IntArray:
+    def _find_others(self, arm: Case, first: IntArray) -> IntArray:
         """Rows of a long set that are off alike, part by part; each part is fitted alone."""
-        parts = -(-len(rows) // len(arm.chosen))
+        parts = -(-arm.count // len(arm.chosen))
         if parts > MOST_PARTS:
             return first
         found = [first]
-        left = np.setdiff1d(np.arange(len(rows)), arm.chosen)
+        left = np.setdiff1d(np.arange(arm.count), arm.chosen)
         for part in (left[k :: parts - 1] for k in range(parts - 1)):
             case = open_case(arm.robot, arm.rows, arm.settings, part)
-            group, odds, _ = self._find_group(learn(case), case)
+            group, odds, _ = self._find_group(learn(case))
             if group is not None and odds > 0.0:
                 found.append(part[group])
         return np.sort(np.concatenate(found))
@@ -126,9 +129,9 @@ def _regroup(residuals: Evidence, columns: Array, group: BoolArray, width: float
     return _alike(value, force, np.einsum("niq,nij,njr->nqr", columns, blocks, columns))
 
 
-def shift_columns(rows: MeasurementSet, arm: Case) -> Array:
+def shift_columns(arm: Case) -> Array:
     """Columns of a shift in the frame of the measurement."""
-    return np.broadcast_to(np.eye(3), (len(rows), 3, 3)).copy()
+    return np.broadcast_to(np.eye(3), (arm.count, 3, 3))
 
 
 ONE_DIRECTION: Final = Segment(
@@ -146,38 +149,39 @@ SCATTERED: Final = (
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RepeatedRows:
-    """Duplicated rows, and points that were not measured anew."""
+def find_repeats(rows: MeasurementSet, robot: RobotModel) -> list[Hypothesis]:
+    """Returns duplicated rows, and points that were not measured anew, where there are any."""
+    later = np.array([row for _, row in duplicate_rows(rows)], dtype=np.int64)
+    stated: tuple[tuple[CauseName, str, str, IntArray], ...] = (
+        (
+            "duplicates",
+            "rows repeat earlier ones to the last digit",
+            "export the measurements again",
+            later,
+        ),
+        (
+            "stale-points",
+            "the point is that of another row to the last digit, the joints are not",
+            "wait for a new reading of the instrument at each pose",
+            _stale_rows(rows),
+        ),
+    )
+    return [
+        Hypothesis(
+            cause=cause,
+            text=text,
+            log_odds=REPEATED_ODDS,
+            rows=wrong,
+            cure=partial(_leave_out, rows, wrong),
+            advice=advice,
+        )
+        for cause, text, advice, wrong in stated
+        if len(wrong)
+    ]
 
-    def look(self, rows: MeasurementSet, residuals: Evidence, arm: Case) -> Sequence[Hypothesis]:
-        """Returns duplicates and stale points, where there are any."""
-        out = []
-        later = np.array([row for _, row in duplicate_rows(rows)], dtype=np.int64)
-        if len(later):
-            out.append(
-                Hypothesis(
-                    cause="duplicates",
-                    text="rows repeat earlier ones to the last digit",
-                    log_odds=REPEATED_ODDS,
-                    rows=later,
-                    cured=rows.subset(np.setdiff1d(np.arange(len(rows)), later)),
-                    advice="export the measurements again",
-                )
-            )
-        stale = _stale_rows(rows)
-        if len(stale):
-            out.append(
-                Hypothesis(
-                    cause="stale-points",
-                    text="the point is that of another row to the last digit, the joints are not",
-                    log_odds=REPEATED_ODDS,
-                    rows=stale,
-                    cured=rows.subset(np.setdiff1d(np.arange(len(rows)), stale)),
-                    advice="wait for a new reading of the instrument at each pose",
-                )
-            )
-        return out
+
+def _leave_out(rows: MeasurementSet, wrong: IntArray) -> MeasurementSet:
+    return rows.subset(np.setdiff1d(np.arange(len(rows)), wrong))
 
 
 def _stale_rows(rows: MeasurementSet) -> IntArray:

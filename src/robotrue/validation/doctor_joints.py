@@ -11,9 +11,6 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM
 from robotrue.measurement.measurement_set import MeasurementSet
-from robotrue.robot.forward import parameter_jacobian, walk
-from robotrue.robot.model import parameter_slice
-from robotrue.validation.doctor_case import Case
 from robotrue.validation.doctor_evidence import USUAL, Evidence, columns_fit, learn, weigh_noise
 from robotrue.validation.doctor_segments import estimate_columns
 from robotrue.validation.doctor_suspicion import Hypothesis
@@ -32,8 +29,9 @@ HALF: Final = 0.5
 class JointsEarly:
     """Each row's joints are off at random, as when they are read while the arm still moves."""
 
-    def look(self, rows: MeasurementSet, residuals: Evidence, arm: Case) -> Sequence[Hypothesis]:
+    def look(self, residuals: Evidence) -> Sequence[Hypothesis]:
         """Returns the likeliest scatter, where it is beyond that of a healthy arm."""
+        arm = residuals.case
         drive = arm.drive @ np.swapaxes(arm.drive, 1, 2)
         # White noise learned without the scatter has its size already: start from the usual.
         quiet = replace(USUAL, geometry=residuals.scales.geometry)
@@ -43,76 +41,68 @@ class JointsEarly:
             return ()
         noisy = learn(arm, start=quiet, noise=sd**2 * drive)
         clean = max(residuals.log_evidence, weigh_noise(arm, noisy.scales))
-        every = drive_columns(rows, arm)
-        spread = sd**2 * every @ np.swapaxes(every, 1, 2)
+
+        def weigh_rows() -> MeasurementSet:
+            spread = sd**2 * arm.drives @ np.swapaxes(arm.drives, 1, 2)
+            return replace(arm.rows, covariance=arm.rows.covariance + spread)
+
         return [
             Hypothesis(
                 cause="joints-early",
                 text=f"joints scatter by {sd / DEG:.3f} deg about where the arm was: they were "
                 "read while it settled",
                 log_odds=noisy.log_evidence - clean,
-                rows=np.arange(len(rows)),
-                cured=replace(rows, covariance=rows.covariance + spread),
+                rows=np.arange(arm.count),
+                cure=weigh_rows,
                 advice="wait until the arm stands before both are read, or log the commanded "
                 "joints; the cure weighs each row by what its joints may be off",
             )
         ]
 
 
-def drive_columns(rows: MeasurementSet, arm: Case) -> Array:
-    """Returns how each drive moves the points (n, 3, dof) m/rad, in their frame."""
-    robot = arm.state.robot
-    chain = walk(robot, rows.joints)
-    jacobian = parameter_jacobian(robot, chain, rows.joints)[:, :3]
-    columns = jacobian[:, :, parameter_slice(robot.dof, "theta")] @ robot.joint_map
-    for k, T in arm.state.T_tracker_base.items():
-        mine = rows.station == k
-        columns[mine] = T[:3, :3] @ columns[mine]
-    return np.asarray(columns)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Clock:
     """Joints that are early or late by a part of the way to the row before or after."""
 
-    def look(self, rows: MeasurementSet, residuals: Evidence, arm: Case) -> Sequence[Hypothesis]:
+    def look(self, residuals: Evidence) -> Sequence[Hypothesis]:
         """Returns the likelier of the two directions."""
-        tried = [_build_lag(rows, residuals, arm, step, 0.0) for step in (-1, 1)]
+        tried = [_build_lag(residuals, step, 0.0) for step in (-1, 1)]
         likely = [each for each in tried if each is not None]
         return [max(likely, key=lambda each: each.log_odds)] if likely else ()
 
 
 def _build_lag(
-    rows: MeasurementSet, residuals: Evidence, arm: Case, step: int, removed: float
+    residuals: Evidence, step: int, removed: float, read: MeasurementSet | None = None
 ) -> Hypothesis | None:
     """The hypothesis of a lag beside one that is removed from the examined rows already.
 
     Args:
-        rows: As read.
         residuals: Of the rows without the lag that is removed.
-        arm: Those rows, linearised.
         step: -1: joints of the row before are mixed in; 1: of the row after.
-        removed: Lag that ``arm`` has no more.
+        removed: Lag that the examined rows have no more.
+        read: The rows with that lag; None where none is removed yet.
     """
-    way = joint_steps(arm.rows, step)
+    arm = residuals.case
+    rows = arm.rows if read is None else read
+    way = joint_steps(arm.rows.joints, step)
     column = np.einsum("nid,nd->ni", arm.drive, way[arm.chosen])[:, :, None]
     odds, width = columns_fit(residuals, column, LAGS)
-    every, other = drive_columns(arm.rows, arm), "before" if step < 0 else "after"
+    other = "before" if step < 0 else "after"
 
     def revise(value: Array) -> Hypothesis:
         lag = removed - width * float(value[0])
-        size = float(np.sqrt(((every @ (lag * way)[:, :, None]) ** 2).sum(axis=(1, 2)).mean()))
+        size = float(np.sqrt(((arm.drives @ (lag * way)[:, :, None]) ** 2).sum(axis=(1, 2)).mean()))
 
-        def refine(cured: MeasurementSet, again: Evidence) -> Hypothesis | None:
-            return _build_lag(rows, again, again.case, step, lag)
+        def refine(again: Evidence) -> Hypothesis | None:
+            return _build_lag(again, step, lag, rows)
 
         return Hypothesis(
             cause="shifted-rows" if lag > ROWS_APART else "clock",
             text=f"joints stand {100.0 * lag:.3g} % of the way to those of the row {other} "
             f"({size / MM:.3f} mm): the clocks of controller and instrument differ",
             log_odds=odds - np.log(2.0),
-            rows=np.arange(len(rows)),
-            cured=_remove_lag(rows, lag, step),
+            rows=np.arange(len(rows.joints)),
+            cure=lambda: _remove_lag(rows, lag, step),
             advice="take both readings at rest, or by one trigger",
             columns=width * column,
             price=float(np.log(2.0)),
@@ -131,21 +121,21 @@ def _remove_lag(rows: MeasurementSet, lag: float, step: int) -> MeasurementSet:
     A lag of half a row and more is removed to first order.
     """
     if not 0.0 <= lag < HALF:
-        return replace(rows, joints=rows.joints - lag * joint_steps(rows, step))
+        return replace(rows, joints=rows.joints - lag * joint_steps(rows.joints, step))
     read = rows.joints if step < 0 else rows.joints[::-1]
     joints = read.copy()
     for k in range(1, len(joints)):
         joints[k] = (read[k] - lag * joints[k - 1]) / (1.0 - lag)
     joints = joints if step < 0 else joints[::-1]
-    kept = np.arange(1, len(rows)) if step < 0 else np.arange(len(rows) - 1)
+    kept = np.arange(1, len(joints)) if step < 0 else np.arange(len(joints) - 1)
     return replace(rows, joints=joints).subset(kept)
 
 
-def joint_steps(rows: MeasurementSet, step: int) -> Array:
+def joint_steps(joints: Array, step: int) -> Array:
     """Returns the way (n, dof) rad from each row to the one before (-1) or after (1) it."""
-    way = np.zeros_like(rows.joints)
+    way = np.zeros_like(joints)
     if step < 0:
-        way[1:] = rows.joints[:-1] - rows.joints[1:]
+        way[1:] = joints[:-1] - joints[1:]
     else:
-        way[:-1] = rows.joints[1:] - rows.joints[:-1]
+        way[:-1] = joints[1:] - joints[:-1]
     return way

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import combinations
 from typing import Final
 
 import numpy as np
 
 from robotrue.core.arrays import Array, IntArray
-from robotrue.core.poses import apply
-from robotrue.core.rotations import skew
+from robotrue.core.poses import displacement_columns
 from robotrue.core.units import DEG, MM
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel
-from robotrue.robot.presets import preset, preset_names
+from robotrue.robot.presets import similar_presets
 from robotrue.validation.doctor_case import Case, open_case, robust_frame
 from robotrue.validation.doctor_evidence import Evidence, columns_fit, fit_rows, learn
 from robotrue.validation.doctor_suspicion import CauseName, Hypothesis
@@ -48,16 +48,16 @@ class ColumnReading:
         cause: Its name.
         text: What is wrong with the present one.
         advice: What to do.
-        rows: The set as it then reads.
-        robot: The arm as it then is.
+        joints: (n, dof) rad, the columns of joints as they then read.
+        robot: The arm as it then is, without its tool; None: as stated.
         lost: Rows that have no joints then.
     """
 
     cause: CauseName
     text: str
     advice: str
-    rows: MeasurementSet
-    robot: RobotModel
+    joints: Array
+    robot: RobotModel | None = None
     lost: IntArray = field(default_factory=lambda: NO_ROWS)
 
 
@@ -65,131 +65,133 @@ class ColumnReading:
 class Misread:
     """Columns read in another order or sense, rows shifted, another robot stated."""
 
-    def look(self, rows: MeasurementSet, residuals: Evidence, arm: Case) -> Sequence[Hypothesis]:
+    def look(self, residuals: Evidence) -> Sequence[Hypothesis]:
         """Returns the readings that fit much better, examined in full."""
-        some = arm.chosen[:: -(-len(arm.chosen) // COMPARED)]
-        allowed = BETTER * nominal_misfit(arm.robot, arm.rows.subset(some))
-        tried = list(list_readings(arm.robot, arm.rows))
-        misfits = [nominal_misfit(each.robot, each.rows.subset(some)) for each in tried]
-        order = np.argsort(misfits)[:EXAMINED]
+        arm = residuals.case
+        tried = list_readings(arm.robot, arm.rows.joints)
+        misfits = compare_readings(arm, tried)
         return [
-            examine(tried[k], rows, residuals, arm, float(np.log(len(tried))))
-            for k in order.tolist()
-            if misfits[k] < allowed
+            examine(tried[k], residuals, float(np.log(len(tried))))
+            for k in np.argsort(misfits[1:])[:EXAMINED].tolist()
+            if misfits[1 + k] < BETTER * misfits[0]
         ]
 
 
-def examine(
-    reading: ColumnReading, rows: MeasurementSet, residuals: Evidence, arm: Case, price: float
-) -> Hypothesis:
+def examine(reading: ColumnReading, residuals: Evidence, price: float) -> Hypothesis:
     """Returns the hypothesis of a reading: its own fit against that of the file as it stands."""
-    case = open_case(reading.robot, reading.rows, arm.settings, arm.chosen)
-    odds = fit_rows(case).log_evidence - residuals.log_evidence - price
-    other = reading.robot is not arm.robot
-    put_right = replace(rows, joints=reading.rows.joints)
-    wrong = np.flatnonzero((reading.rows.joints != rows.joints).any(axis=1))
+    arm, robot = residuals.case, reading.robot
+    put_right = arm.rows if robot is not None else replace(arm.rows, joints=reading.joints)
+    robot = robot and robot.with_tool(arm.robot.T_flange_tool)
+    case = open_case(robot or arm.robot, put_right, arm.settings, arm.chosen)
+    wrong = np.flatnonzero((reading.joints != arm.rows.joints).any(axis=1))
+    kept = np.setdiff1d(np.arange(arm.count), reading.lost)
     return Hypothesis(
         cause=reading.cause,
         text=reading.text,
-        log_odds=odds,
-        rows=wrong if len(wrong) else np.arange(len(rows)),
-        cured=None if other else put_right.subset(np.setdiff1d(np.arange(len(rows)), reading.lost)),
+        log_odds=fit_rows(case).log_evidence - residuals.log_evidence - price,
+        rows=wrong if len(wrong) else np.arange(arm.count),
+        cure=None if robot is not None else lambda: put_right.subset(kept),
         advice=reading.advice,
-        robot=reading.robot if other else None,
+        robot=robot,
     )
 
 
-def list_readings(robot: RobotModel, rows: MeasurementSet) -> Iterator[ColumnReading]:
-    """Yields every other reading of the joint columns, and other robots of the size."""
-    joints = rows.joints
-    for step, word in ((-1, "before"), (1, "after")):
+def list_readings(robot: RobotModel, joints: Array) -> list[ColumnReading]:
+    """Returns every other reading of the joint columns (n, dof) rad, and other robots alike."""
+    readings = []
+    for step, word, lost in ((-1, "before", len(joints) - 1), (1, "after", 0)):
+        # The joints of a row are those of the row before: its own stand in the row after. The row
+        # at the end that has none keeps its own.
         moved = np.roll(joints, step, axis=0)
-        moved[-1 if step < 0 else 0] = np.nan
-        # The joints of a row are those of the row before: its own stand in the row after.
-        yield ColumnReading(
-            cause="shifted-rows",
-            text=f"joints are those of the row {word}",
-            advice="export joints and points by one trigger; the cure shifts them back by a row",
-            rows=_fill_end(rows, moved),
-            lost=np.flatnonzero(np.isnan(moved).any(axis=1)),
-            robot=robot,
+        moved[lost] = joints[lost]
+        readings.append(
+            ColumnReading(
+                cause="shifted-rows",
+                text=f"joints are those of the row {word}",
+                advice="export joints and points by one trigger; the cure shifts them back by a "
+                "row",
+                joints=moved,
+                lost=np.array([lost]),
+            )
         )
     for j in range(robot.dof):
         turned = joints.copy()
         turned[:, j] *= -1.0
-        yield ColumnReading(
-            cause="joint-sign",
-            text=f"joint {j + 1} has the wrong sign",
-            advice=f"change the sign of joint {j + 1} in the column mapping",
-            rows=replace(rows, joints=turned),
-            robot=robot,
+        readings.append(
+            ColumnReading(
+                cause="joint-sign",
+                text=f"joint {j + 1} has the wrong sign",
+                advice=f"change the sign of joint {j + 1} in the column mapping",
+                joints=turned,
+            )
         )
     for a, b in combinations(range(robot.dof), 2):
         swapped = joints.copy()
         swapped[:, [a, b]] = joints[:, [b, a]]
-        yield ColumnReading(
-            cause="joints-exchanged",
-            text=f"the columns of joints {a + 1} and {b + 1} are exchanged",
-            advice=f"exchange joints {a + 1} and {b + 1} in the column mapping",
-            rows=replace(rows, joints=swapped),
-            robot=robot,
-        )
-    for name in preset_names():
-        other = preset(name)
-        near = abs(other.reach / robot.with_tool(np.eye(4)).reach - 1.0) < SAME_SIZE
-        if other.dof == robot.dof and near and other.name != robot.name:
-            yield ColumnReading(
-                cause="preset",
-                text=f"the arm is a {other.name}, the cell states {robot.name}",
-                advice=f'write preset = "{other.name}" in the cell file',
-                rows=rows,
-                robot=other.with_tool(robot.T_flange_tool),
+        readings.append(
+            ColumnReading(
+                cause="joints-exchanged",
+                text=f"the columns of joints {a + 1} and {b + 1} are exchanged",
+                advice=f"exchange joints {a + 1} and {b + 1} in the column mapping",
+                joints=swapped,
             )
+        )
+    readings.extend(
+        ColumnReading(
+            cause="preset",
+            text=f"the arm is a {other.name}, the cell states {robot.name}",
+            advice=f'write preset = "{other.name}" in the cell file',
+            joints=joints,
+            robot=other,
+        )
+        for other in similar_presets(robot, SAME_SIZE)
+    )
+    return readings
 
 
-def _fill_end(rows: MeasurementSet, joints: Array) -> MeasurementSet:
-    """Rows with shifted joints; the row at the end that has none keeps its own."""
-    lost = np.asarray(np.isnan(joints).any(axis=1))
-    filled = np.where(lost[:, None], rows.joints, joints)
-    return replace(rows, joints=filled)
+def compare_readings(arm: Case, readings: Sequence[ColumnReading]) -> Array:
+    """Returns the rms distances (1 + k,) in m from the nominal arm, of the file and its readings.
 
-
-def nominal_misfit(robot: RobotModel, rows: MeasurementSet) -> float:
-    """Returns the rms distance in m from the nominal arm after frames and reflector, trimmed."""
-    T = forward(robot.nominal(), rows.joints)
-    points, flange = T[:, :3, 3], T[:, :3, :3] @ robot.T_flange_tool[:3, :3].T
-    squares = []
-    for station in np.unique(rows.station).tolist():
-        mine = rows.station == station
-        squares.append(_aligned_squares(points[mine], flange[mine], rows.position[mine]))
-    size = np.sort(np.concatenate(squares))
-    kept = size[: max(int(TRIMMED * len(size)), 1)]
-    return float(np.sqrt(kept.mean()))
+    Frames and reflector are fitted, the worst rows left out.
+    """
+    some = arm.chosen[:: -(-len(arm.chosen) // COMPARED)]
+    nominal, tool = arm.robot.nominal(), arm.robot.T_flange_tool
+    own = [reading.joints[some] for reading in readings if reading.robot is None]
+    stacked = np.concatenate([arm.rows.joints[some], *own])
+    others = [reading.robot for reading in readings if reading.robot is not None]
+    T = [forward(nominal, stacked)]
+    T += [forward(other, arm.rows.joints[some]) @ tool for other in others]
+    poses = np.concatenate(T).reshape(-1, len(some), 4, 4)
+    points, flange = poses[..., :3, 3], poses[..., :3, :3] @ tool[:3, :3].T
+    station, seen = arm.rows.station[some], arm.rows.position[some]
+    squares = [
+        _aligned_squares(points[:, mine], flange[:, mine], seen[mine])
+        for mine in (station == k for k in np.unique(station))
+    ]
+    size = np.sort(np.concatenate(squares, axis=1), axis=1)
+    return np.asarray(np.sqrt(size[:, : max(int(TRIMMED * len(some)), 1)].mean(axis=1)))
 
 
 def _aligned_squares(points: Array, flange: Array, seen: Array) -> Array:
-    """Squared distances (n,) m^2 after the best frame and reflector, by trimmed steps."""
-    if len(points) < 4:
-        return np.zeros(len(points))
-    offset = np.zeros(3)
-    gap = np.zeros_like(points)
+    """Squared distances (k, n) m^2 after the best frames and reflectors, by trimmed steps."""
+    if len(seen) < 4:
+        return np.zeros(points.shape[:2])
+    offset = np.zeros((len(points), 3))
     for _ in range(ROUNDS):
-        moved = points + flange @ offset
-        T = robust_frame(moved, seen, DRAWS)
-        placed = apply(T, moved)
+        moved = points + (flange @ offset[:, None, :, None])[..., 0]
+        T = robust_frame(moved, seen, DRAWS)[:, None]
+        placed = (T[..., :3, :3] @ moved[..., None])[..., 0] + T[..., :3, 3]
         gap = seen - placed
-        turn = T[:3, :3] @ flange
-        columns = np.concatenate(
-            [np.broadcast_to(np.eye(3), turn.shape), -skew(placed - placed.mean(axis=0)), turn],
-            axis=2,
-        )
-        size = (gap**2).sum(axis=1)
-        near = size <= np.quantile(size, TRIMMED)
-        flat = columns[near].reshape(-1, 9)
-        step = np.linalg.lstsq(flat, gap[near].ravel(), rcond=1e-8)[0]
-        gap = gap - (columns @ step)
-        offset = offset + np.clip(step[6:], -0.3, 0.3)
-    return np.asarray((gap**2).sum(axis=1))
+        lever = placed - placed.mean(axis=1, keepdims=True)
+        columns = np.concatenate([displacement_columns(lever), T[..., :3, :3] @ flange], axis=3)
+        size = (gap**2).sum(axis=2)
+        near = size <= np.quantile(size, TRIMMED, axis=1, keepdims=True)
+        flat = (columns * near[..., None, None]).reshape(len(points), -1, 9)
+        right = (gap * near[..., None]).reshape(len(points), -1, 1)
+        step = (np.linalg.pinv(flat, rcond=1e-8) @ right)[:, None]
+        gap = gap - (columns @ step)[..., 0]
+        offset = offset + np.clip(step[:, 0, 6:, 0], -0.3, 0.3)
+    return np.asarray((gap**2).sum(axis=2))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -201,8 +203,9 @@ class JointOffset:
     controller's joints it lacks the arm's own zero error of that joint.
     """
 
-    def look(self, rows: MeasurementSet, residuals: Evidence, arm: Case) -> Sequence[Hypothesis]:
+    def look(self, residuals: Evidence) -> Sequence[Hypothesis]:
         """Returns the joint that explains most, its offset found by three fits."""
+        arm = residuals.case
         odds = [columns_fit(residuals, arm.drive[:, :, [j]], OFFSETS)[0]
                 for j in range(arm.robot.dof)]  # fmt: skip
         j = int(np.argmax(odds))
@@ -212,13 +215,13 @@ class JointOffset:
         value = float(OFFSETS[-1] * evidence.coefficients()[0])
         if abs(value) < LARGE:
             return ()
-        joints = rows.joints.copy()
+        joints = arm.rows.joints.copy()
         joints[:, j] += value
         for _ in range(3):  # the zero of a joint that is degrees off is not linear
-            case = open_case(arm.robot, replace(rows, joints=joints), arm.settings, arm.chosen)
+            case = open_case(arm.robot, replace(arm.rows, joints=joints), arm.settings, arm.chosen)
             evidence = learn(case, 0.01 * case.drive[:, :, [j]], residuals.scales)
             joints[:, j] += float(0.01 * evidence.coefficients()[0])
-        value = float(joints[0, j] - rows.joints[0, j])
+        value = float(joints[0, j] - arm.rows.joints[0, j])
         # Only the sum of both is in the rows: the cure removes the arm's own zero error as well.
         own = arm.settings.scales.theta
         effect = own * float(np.sqrt((arm.drive[:, :, j] ** 2).sum(axis=1).mean()))
@@ -228,38 +231,31 @@ class JointOffset:
             f"included (sd {own / DEG:.3f} deg, {effect / MM:.3f} mm)",
             advice="check the zero of that column, and the mastering of the joint; subtract the "
             "offset itself where it is known, for the cure removes the arm's own zero error, too",
-            rows=replace(arm.rows, joints=joints),
-            robot=arm.robot,
+            joints=joints,
         )
         price = float(np.log(arm.robot.dof)) + 3.0
-        return [examine(reading, rows, residuals, arm, price)] if abs(value) > LARGE else []
+        return [examine(reading, residuals, price)] if abs(value) > LARGE else []
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class JointTurn:
-    """Rows with a joint a full turn away from the others."""
-
-    def look(self, rows: MeasurementSet, residuals: Evidence, arm: Case) -> Sequence[Hypothesis]:
-        """Returns the joints whose rows lie in two heaps a turn apart, or beyond the limits."""
-        out = []
-        for j in range(arm.robot.dof):
-            turns = _turns_off(rows.joints[:, j], arm.robot.limits[j])
-            wrong = np.flatnonzero(turns)
-            if not len(wrong):
-                continue
+def find_turns(rows: MeasurementSet, robot: RobotModel) -> list[Hypothesis]:
+    """Returns the joints whose rows lie in two heaps a turn apart, or beyond the limits."""
+    hypotheses = []
+    for j in range(robot.dof):
+        turns = _turns_off(rows.joints[:, j], robot.limits[j])
+        if turns.any():
             joints = rows.joints.copy()
             joints[:, j] -= TURN * turns
-            out.append(
+            hypotheses.append(
                 Hypothesis(
                     cause="joint-turn",
                     text=f"joint {j + 1} is off by 360 deg",
                     log_odds=30.0,
-                    rows=wrong,
-                    cured=replace(rows, joints=joints),
+                    rows=np.flatnonzero(turns),
+                    cure=partial(replace, rows, joints=joints),
                     advice=f"subtract the turn of joint {j + 1} in these rows",
                 )
             )
-        return out
+    return hypotheses
 
 
 def _turns_off(angles: Array, limits: Array) -> Array:

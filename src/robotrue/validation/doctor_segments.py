@@ -9,12 +9,10 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.poses import displacement_columns
 from robotrue.core.units import MM
-from robotrue.measurement.measurement_set import MeasurementSet
-from robotrue.robot.forward import parameter_jacobian, walk
-from robotrue.robot.model import parameter_slice
-from robotrue.robot.statics import NO_LOAD, Load, drive_torque
-from robotrue.validation.doctor_case import Case, flange_turn, frame_columns
+from robotrue.robot.statics import NO_LOAD, Load, torque_at
+from robotrue.validation.doctor_case import Case
 from robotrue.validation.doctor_evidence import WIDTHS, Evidence, column_odds, columns_fit
 from robotrue.validation.doctor_suspicion import HOPELESS, CauseName, Hypothesis, move_points
 
@@ -28,7 +26,9 @@ SCALE_WIDTHS: Final = np.array([1e-4, 5e-4, 2e-3, 1e-2, 1.0, 30.0])
 SHIFT_AND_TURN: Final = np.array([[1.0] * 6, [1.0] * 3 + [0.05] * 3])
 """A motion turns the points as far as it shifts them, or hardly at all."""
 
-MakeColumns = Callable[[MeasurementSet, Case], Array]
+ONE_KILOGRAM: Final = Load(mass=np.ones(1))
+
+MakeColumns = Callable[[Case], Array]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,7 +58,7 @@ class Segment:
 
     Attributes:
         cause: Its name.
-        make_columns: Columns (n, 3, q) of any rows of the case.
+        make_columns: Columns (N, 3, q) of all rows of the set.
         advice: What to do.
         describe: Text from the coefficients (q,) and the effect (m rms).
         widths: (w,) sd of the coefficients, each as likely.
@@ -75,12 +75,13 @@ class Segment:
     shares: Array = field(default_factory=lambda: np.ones((1, 1)))
     heads: bool = False
 
-    def look(self, rows: MeasurementSet, residuals: Evidence, arm: Case) -> Sequence[Hypothesis]:
+    def look(self, residuals: Evidence) -> Sequence[Hypothesis]:
         """Returns the likeliest segment, if there are rows enough for one."""
+        arm = residuals.case
         count = len(arm.chosen)
         if count < 3 * LEAST:
             return ()
-        columns = self.make_columns(arm.chosen_rows, arm)
+        columns = self.make_columns(arm)[arm.chosen]
         tried = [
             (*find_segment(residuals, columns * share, self.widths, heads=self.heads), share)
             for share in self.shares
@@ -90,7 +91,7 @@ class Segment:
             return ()
         inside = np.zeros(count, dtype=bool)
         inside[first:last] = True
-        chosen = _whole_rows(arm.chosen, inside, len(rows))
+        chosen = _whole_rows(arm.chosen, inside, arm.count)
         among = float(np.log(len(self.shares)))
         found = Picked(
             inside=inside,
@@ -99,31 +100,29 @@ class Segment:
             sizes=width * share,
             price=choice_price(first, last, count) + among,
         )
-        return [self.build(rows, residuals, arm, found)]
+        return [self.build(residuals, found)]
 
-    def build(
-        self, rows: MeasurementSet, residuals: Evidence, arm: Case, picked: Picked
-    ) -> Hypothesis:
+    def build(self, residuals: Evidence, picked: Picked) -> Hypothesis:
         """Returns the hypothesis of some rows, their effect estimated and taken off."""
-        inside = picked.inside[:, None, None]
-        columns = picked.sizes * self.make_columns(arm.chosen_rows, arm) * inside
-        every = picked.sizes * self.make_columns(rows, arm)[picked.rows]
+        arm = residuals.case
+        every = picked.sizes * self.make_columns(arm)
+        columns = every[arm.chosen] * picked.inside[:, None, None]
 
         def revise(value: Array) -> Hypothesis:
-            effect = np.zeros((len(rows), 3))
-            effect[picked.rows] = every @ value
+            effect = np.zeros((arm.count, 3))
+            effect[picked.rows] = every[picked.rows] @ value
             size = float(np.sqrt((effect[picked.rows] ** 2).sum(axis=1).mean()))
             text = picked.text or self.describe(picked.sizes * value, size)
 
-            def refine(cured: MeasurementSet, again: Evidence) -> Hypothesis | None:
-                return self.build(cured, again, again.case, replace(picked, text=text))
+            def refine(again: Evidence) -> Hypothesis | None:
+                return self.build(again, replace(picked, text=text))
 
             return Hypothesis(
                 cause=self.cause,
                 text=text,
                 log_odds=picked.log_odds,
                 rows=picked.rows,
-                cured=move_points(rows, effect),
+                cure=lambda: move_points(arm.rows, effect),
                 advice=self.advice,
                 columns=columns,
                 price=picked.price,
@@ -202,60 +201,52 @@ def _whole_rows(chosen: IntArray, inside: Array, count: int) -> IntArray:
     return np.flatnonzero(inside[nearest])
 
 
-def motion_columns(rows: MeasurementSet, arm: Case) -> Array:
+def motion_columns(arm: Case) -> Array:
     """Columns of a rigid motion of the instrument, turns over the size of the cloud of points."""
-    about = arm.chosen_rows.position.mean(axis=0)
-    size = float(np.sqrt(((arm.chosen_rows.position - about) ** 2).sum(axis=1).mean()))
-    return frame_columns(rows, about, max(size, 1e-3))
+    points = arm.rows.position[arm.chosen]
+    about = points.mean(axis=0)
+    size = max(float(np.sqrt(((points - about) ** 2).sum(axis=1).mean())), 1e-3)
+    return displacement_columns((arm.rows.position - about) / size)
 
 
-def drift_columns(rows: MeasurementSet, arm: Case) -> Array:
+def drift_columns(arm: Case) -> Array:
     """Columns of a rigid motion in proportion to the row number; the first row stays."""
-    lines = np.arange(len(arm.rows)) if len(rows) == len(arm.rows) else arm.chosen
-    share = lines / max(len(arm.rows) - 1, 1)
-    return motion_columns(rows, arm) * share[:, None, None]
+    return motion_columns(arm) * np.linspace(0.0, 1.0, arm.count)[:, None, None]
 
 
-def flange_columns(rows: MeasurementSet, arm: Case) -> Array:
+def flange_columns(arm: Case) -> Array:
     """Columns of another place of the reflector on the flange."""
-    return flange_turn(arm.state, rows)
+    return arm.flange_turn
 
 
-def scale_columns(rows: MeasurementSet, arm: Case) -> Array:
+def scale_columns(arm: Case) -> Array:
     """The column of a factor on the positions, over a metre."""
-    return rows.position[:, :, None].copy()
+    return arm.rows.position[:, :, None]
 
 
-def payload_columns(rows: MeasurementSet, arm: Case) -> Array:
+def payload_columns(arm: Case) -> Array:
     """Columns of a change of payload, a joint each: its compliance is learned with it."""
-    one = Load(mass=np.ones(1))
-    robot = arm.state.robot.nominal()
-    torque = drive_torque(robot, rows.joints, one) - drive_torque(robot, rows.joints, NO_LOAD)
-    size = np.maximum(np.abs(torque).max(axis=0), 1e-9)
-    chain = walk(arm.state.robot, rows.joints)
-    place = parameter_slice(robot.dof, "theta")
-    columns = parameter_jacobian(arm.state.robot, chain, rows.joints)[:, :3, place]
-    columns = columns @ robot.joint_map * (torque / size)[:, None, :]
-    for k, T in arm.state.T_tracker_base.items():
-        mine = rows.station == k
-        columns[mine] = T[:3, :3] @ columns[mine]
-    return np.asarray(columns)
+    robot, chain = arm.state.robot, arm.chain
+    torque = torque_at(robot, chain, ONE_KILOGRAM) - torque_at(robot, chain, NO_LOAD)
+    size = np.maximum(np.abs(torque[arm.chosen]).max(axis=0), 1e-9)
+    return np.asarray(arm.drives * (torque / size)[:, None, :])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drift:
     """The instrument or its mount that moves all the time."""
 
-    def look(self, rows: MeasurementSet, residuals: Evidence, arm: Case) -> Sequence[Hypothesis]:
+    def look(self, residuals: Evidence) -> Sequence[Hypothesis]:
         """Returns the drift of all rows."""
-        columns = drift_columns(arm.chosen_rows, arm)
+        arm = residuals.case
+        every = drift_columns(arm)
+        columns = every[arm.chosen]
         tried = [(*columns_fit(residuals, columns * share), share) for share in SHIFT_AND_TURN]
         odds, width, share = max(tried, key=lambda each: each[0])
         price = float(np.log(len(tried)))
         if odds < HOPELESS:
             return ()
         sizes = width * share
-        every = sizes * drift_columns(rows, arm)
 
         def revise(value: Array) -> Hypothesis:
             size = float(np.linalg.norm(sizes[:3] * value[:3])) / MM
@@ -263,8 +254,8 @@ class Drift:
                 cause="drift",
                 text=f"the instrument drifts by {size:.3f} mm from the first row to the last",
                 log_odds=odds - price,
-                rows=np.arange(len(rows)),
-                cured=move_points(rows, every @ value),
+                rows=np.arange(arm.count),
+                cure=lambda: move_points(arm.rows, every @ (sizes * value)),
                 advice="let instrument and mount warm up, and shoot fixed points during the run",
                 columns=sizes * columns,
                 price=price,

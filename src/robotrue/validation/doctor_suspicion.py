@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Final, Literal, Protocol, TypeAlias
 
 from robotrue.core.arrays import Array, IntArray
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel
-from robotrue.validation.doctor_case import Case
 from robotrue.validation.doctor_evidence import Evidence
 
 CauseName: TypeAlias = Literal[
@@ -22,7 +22,7 @@ HOPELESS: Final = -3.0
 """Log Bayes factor of a cheap test below which a hypothesis is dropped."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Hypothesis:
     """One way in which rows may be wrong, with what makes them right again.
 
@@ -31,14 +31,14 @@ class Hypothesis:
         text: What is wrong, with numbers and units; no rows, no full stop.
         log_odds: Log Bayes factor against clean rows, its own freedom paid for.
         rows: (k,) rows of the whole set that are concerned; all if the whole file is.
-        cured: The whole set put right; None where the cure is outside the rows.
+        cure: Returns the whole set put right; None where the cure is outside the rows.
         robot: The robot put right, where that is the cure.
         columns: (n, 3, q) m, what the hypothesis adds to the examined rows, over its sd; None where
             ``log_odds`` rest on a fit of their own.
         price: Log of the choices that were made to find it, in ``log_odds`` already.
         revise: From coefficients (q,) of ``columns`` to the hypothesis that has them.
         refine: From cured rows, fitted anew, to the hypothesis that cures them better: an effect
-            that is large is not linear. Its text, ``cured`` and ``refine`` replace those.
+            that is large is not linear. Its text, ``cure`` and ``refine`` replace those.
         advice: What to do in the shop, an imperative sentence.
     """
 
@@ -46,25 +46,28 @@ class Hypothesis:
     text: str
     log_odds: float
     rows: IntArray
-    cured: MeasurementSet | None
+    cure: Callable[[], MeasurementSet] | None
     advice: str
     robot: RobotModel | None = None
     columns: Array | None = None
     price: float = 0.0
     revise: Callable[[Array], Hypothesis] | None = None
-    refine: Callable[[MeasurementSet, Evidence], Hypothesis | None] | None = None
+    refine: Callable[[Evidence], Hypothesis | None] | None = None
+
+    @cached_property
+    def cured(self) -> MeasurementSet | None:
+        """The whole set put right."""
+        return None if self.cure is None else self.cure()
 
 
 class DataSuspicion(Protocol):
     """A group of causes that are looked for together."""
 
-    def look(self, rows: MeasurementSet, residuals: Evidence, arm: Case) -> Sequence[Hypothesis]:
+    def look(self, residuals: Evidence) -> Sequence[Hypothesis]:
         """Returns the likeliest hypotheses of this group, by cheap tests.
 
         Args:
-            rows: The whole set.
-            residuals: The examined rows under "clean".
-            arm: The same rows, linearised.
+            residuals: The examined rows under "clean", with their case.
         """
         ...
 

@@ -140,6 +140,21 @@ def preset(name: str) -> RobotModel:
     return _build_robot(matches[0])
 
 
+def similar_presets(robot: RobotModel, tolerance: float) -> list[RobotModel]:
+    """Returns the other presets with as many joints and links about as long, without tool.
+
+    Args:
+        robot: The arm they are compared with.
+        tolerance: Largest relative difference of the lengths.
+    """
+    size = np.abs(robot.a).sum() + np.abs(robot.d).sum()
+    presets = (_build_robot(name) for name in preset_names() if name != robot.name)
+    return [
+        other for other in presets
+        if other.dof == robot.dof and abs(other.reach / size - 1.0) < tolerance
+    ]  # fmt: skip
+
+
 @cache
 def _build_robot(name: str) -> RobotModel:
     """Returns the robot of a full name; nobody can change it, so one serves all."""
