@@ -46,12 +46,11 @@ def models() -> SensingModels:
 
 def joints(seconds: float) -> JointBlock:
     time_ = np.arange(0.0, seconds, 1.0 / JOINT_RATE)
-    controller = milling_robot().controller
     q = pass_joints(0.2 + FEED * time_)
     return JointBlock(
         controller_time=time_,
         host_time=time_,
-        joints=q if controller is None else controller.to_controller(q),
+        joints=milling_robot().controller.to_controller(q),
         T_frame_tool=np.full((len(time_), 4, 4), np.nan),
         sequence=np.arange(len(time_)),
         flags=np.zeros(len(time_), dtype=np.int64),

@@ -101,12 +101,10 @@ class DrillingRobot:
         """
         robot = self._model.robot
         joints = self._standing(now)
-        told = joints if robot.controller is None else robot.controller.to_model(joints)
+        told = robot.controller.to_model(joints)
         normal = normal_from_tilt(self._order, found.tilt)
         move = squaring_joints(self._model, told, normal, R_tool_foot=self._seat, load=self._load)
-        shown = move.joints
-        if robot.controller is not None:
-            shown = robot.controller.to_controller(shown)
+        shown = robot.controller.to_controller(move.joints)
         a, b, c = (abc_from_matrix(move.T_base_tool[:3, :3]) / DEG).tolist()
         return {
             **{f"a{k + 1}_deg": v / DEG for k, v in enumerate(shown.tolist())},

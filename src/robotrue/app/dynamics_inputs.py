@@ -156,7 +156,7 @@ def read_pass_joints(path: Path, robot: RobotModel, shift: float) -> tuple[PassJ
             source=path,
             hint="joints in degrees; these look like radians.",
         )
-    if list(signals.names) == shown and robot.controller is not None:
+    if list(signals.names) == shown:
         joints = np.asarray(robot.controller.to_model(joints))
     low, high = robot.limits.T
     beyond = np.flatnonzero(((joints < low - _SLACK) | (joints > high + _SLACK)).any(axis=1))

@@ -96,11 +96,10 @@ def robot_document(robot: RobotModel) -> dict[str, object]:
 def robot_arrays(robot: RobotModel) -> dict[str, Array]:
     """Returns the arrays of a robot under prefixed names."""
     out = {"robot_" + name: getattr(robot, name) for name in _ROBOT_ARRAYS}
-    if robot.controller is not None:
-        out["robot_controller_sign"] = robot.controller.sign
-        out["robot_controller_offset"] = robot.controller.offset
-        if robot.controller.coupling.size:
-            out["robot_controller_coupling"] = robot.controller.coupling
+    out["robot_controller_sign"] = robot.controller.sign
+    out["robot_controller_offset"] = robot.controller.offset
+    if robot.controller.coupling.size:
+        out["robot_controller_coupling"] = robot.controller.coupling
     return out
 
 

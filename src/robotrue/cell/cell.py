@@ -270,8 +270,6 @@ def _require_same_arm(robot: RobotModel, place: Cell) -> None:
 
 
 def _counts_alike(one: RobotModel, other: RobotModel) -> bool:
-    if one.controller is None or other.controller is None:
-        return one.controller is other.controller
     names = ("sign", "offset", "coupling")
     pairs = [(getattr(one.controller, n), getattr(other.controller, n)) for n in names]
     return all(a.shape == b.shape and np.allclose(a, b, atol=_SAME) for a, b in pairs)

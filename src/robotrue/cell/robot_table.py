@@ -15,7 +15,7 @@ from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 from robotrue.robot.makers import MAKERS, apply_maker
-from robotrue.robot.model import Configuration, RobotModel, same_geometry
+from robotrue.robot.model import RobotModel, same_geometry
 from robotrue.robot.presets import preset, preset_names, read_dh
 
 _REACH: Final = (0.05, 20.0)
@@ -183,8 +183,7 @@ def _like_preset(robot: RobotModel) -> RobotModel | None:
 
 
 def _counting(robot: RobotModel) -> tuple[list[float], list[float]]:
-    own = robot.controller or Configuration(sign=np.ones(robot.dof), offset=np.zeros(robot.dof))
-    return own.sign.tolist(), own.offset.tolist()
+    return robot.controller.sign.tolist(), robot.controller.offset.tolist()
 
 
 def _geometry(robot: RobotModel) -> dict[str, object]:

@@ -222,10 +222,9 @@ def _axes(text: str, cell: Cell) -> Callable[[Array], Array]:
     if text == "base":
         return fixed_axes(np.eye(3))
     if text in ("tool", "path"):
-        controller = cell.robot.controller
 
         def pose(joints: Array) -> Array:
-            own = joints if controller is None else controller.to_model(joints)
+            own = cell.robot.controller.to_model(joints)
             return np.asarray(forward(cell.robot, own[None])[0])
 
         return PathAxes(pose) if text == "path" else lambda joints: pose(joints)[:3, :3]

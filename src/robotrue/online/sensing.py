@@ -129,9 +129,7 @@ class Sensing:
         self._state["row"] = np.minimum(self._state["row"], 0.0)
         bad = (doubts & int(Doubt.INVALID)) != 0
         wrench[bad] = np.nan
-        controller = self.models.robot.controller
-        if controller is not None:
-            joints = controller.to_controller(joints)
+        joints = self.models.robot.controller.to_controller(joints)
         for values in (out, wrench, joints, doubts):
             values.flags.writeable = False  # as they are: no copies
         return EstimateBlock(

@@ -180,10 +180,9 @@ def _read_response(cell: Cell, files: SensingFiles, remarks: list[str]) -> Measu
     for axis in sorted(set("xyz") - axes):
         remarks.append(f"the response says nothing along {axis}: only the arm bends there")
     joints = _numbers(files.frf_joints, cell.robot.dof, "--frf-joints") * DEG
-    controller = cell.robot.controller
     return MeasuredResponse(
         oscillators=oscillators_of(modes),
-        joints=joints if controller is None else controller.to_model(joints),
+        joints=cell.robot.controller.to_model(joints),
         frame=cast(Axes, files.frf_frame),
         misfit=max(LEAST_MISFIT, misfit),
     )

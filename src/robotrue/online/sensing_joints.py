@@ -77,8 +77,7 @@ class JointTrack:
                 f"{block.joints.shape[1]} joints in the stream, {self._robot.name} has {dof}.",
                 hint="the robot of cell.toml is another than the one that sends.",
             )
-        controller = self._robot.controller
-        joints = block.joints if controller is None else controller.to_model(block.joints)
+        joints = self._robot.controller.to_model(block.joints)
         new = np.empty((len(block), HEAD + 2 * dof))
         _write_rows(
             block.host_time, np.ascontiguousarray(joints), block.flags, self._age, self._weighs,

@@ -121,7 +121,7 @@ def compile_kernels(sensing: Sensing) -> None:
     robot = sensing.models.robot
     spare = Sensing(sensing.models, sensing.settings)
     middle = robot.limits.mean(axis=1)
-    shown = middle if robot.controller is None else robot.controller.to_controller(middle[None])[0]
+    shown = robot.controller.to_controller(middle[None])[0]
     zero = np.zeros(2, dtype=np.int64)
     spare.joints(
         JointBlock(

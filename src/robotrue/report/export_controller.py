@@ -191,7 +191,7 @@ def _free(dof: int) -> IntArray:
 def _document(
     robot: RobotModel, found: ExportableModel, lost: Sequence[Loss], before: Loss, total: Loss
 ) -> ControllerSheet:
-    sign = np.ones(robot.dof) if robot.controller is None else robot.controller.sign
+    sign = robot.controller.sign
     offset = sign * np.linalg.solve(robot.joint_map, robot.error("theta"))
     maker = robot.maker if robot.maker in WHERE else "generic"
     return {

@@ -142,9 +142,7 @@ def write_touches(folder: Path, cell: VirtualCell, planned: Path, lost: str) -> 
     sheet = read_sheet(planned)
     joints = axis_relation(cell.known.robot)(sheet.numbers(axis_names(6)) * DEG)
     rng = np.random.default_rng([cell.seed, 71])
-    controller = cell.known.robot.controller
-    sign = np.ones(6) if controller is None else controller.sign
-    robot = lose_zeros(cell, parse_lost(lost, sign))
+    robot = lose_zeros(cell, parse_lost(lost, cell.known.robot.controller.sign))
     point = POINT + 2.0 * MM * rng.standard_normal(3)
     touched = ProbingSet(
         names=sheet.words("name"),

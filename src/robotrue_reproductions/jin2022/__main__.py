@@ -76,7 +76,7 @@ def _write_cut(folder: Path, made: MillingExperiment) -> None:
     time = np.arange(-10, round(250.0 * SECONDS) + 10) / 250.0
     robot = milling_robot()
     joints = pass_joints(HOME + FEED * time)
-    shown = joints if robot.controller is None else robot.controller.to_controller(joints)
+    shown = robot.controller.to_controller(joints)
     names = ["t_s", *(f"a{k + 1}_deg" for k in range(joints.shape[1]))]
     table = table_bytes(names, np.column_stack([time, shown / DEG]))
     (folder / "joints.csv").write_bytes(mark_line(ORIGIN).encode() + table)

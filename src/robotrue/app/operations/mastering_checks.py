@@ -236,7 +236,7 @@ def _axes(lost: LostZeros, robot: RobotModel) -> list[tuple[str, float, float]]:
 
 def _sense(robot: RobotModel, joint: int) -> float:
     """Returns +1 or -1, the controller's sense of the joint; a zero belongs to one drive."""
-    return 1.0 if robot.controller is None else float(robot.controller.sign[joint])
+    return float(robot.controller.sign[joint])
 
 
 def _blocks(found: MasteringCheck, robot: RobotModel, *, calibrated: bool) -> tuple[Block, ...]:

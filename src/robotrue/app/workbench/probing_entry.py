@@ -107,11 +107,10 @@ def reading_values(at: Opened, text: str) -> tuple[float, ...]:
         return position_line(text).values
     found = joints_line(text, at.cell.robot.dof)
     counting = at.session.settings["axes"] if found.counting == "stated" else found.counting
-    if counting == "model" or at.cell.robot.controller is None:
+    if counting == "model":
         return found.values
-    axes = np.array(found.values)
-    own = at.cell.robot.controller
-    return tuple(np.round(own.sign * (axes - own.offset / DEG), 9).tolist())
+    joints = at.cell.robot.controller.to_model(np.array(found.values) * DEG)
+    return tuple(np.round(joints / DEG, 9).tolist())
 
 
 def _with(

@@ -232,7 +232,7 @@ def _find_joints(
     found = solve(robot, target[None], planned[None])
     joints = found.joints[0] if found.converged[0] else planned
     axes = joints
-    if at.session.settings["axes"] == "controller" and robot.controller is not None:
+    if at.session.settings["axes"] == "controller":
         axes = robot.controller.to_controller(joints)
     now = forward(robot, joints[None])[0]
     printed = controller_angles(now[None, :3, :3])
