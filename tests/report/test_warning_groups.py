@@ -15,7 +15,7 @@ from robotrue.report.warning_groups import (
     PREFIX,
     group_unseen,
     group_warnings,
-    region_cost,
+    region_costs,
     without_unseen,
 )
 from robotrue.robot.forward import forward
@@ -51,8 +51,8 @@ def test_the_cost_is_that_of_the_covariance_it_comes_from(model):
     line = next(x for x in group_warnings(model, model.training_summary().warnings) if PREFIX in x)
     stated = float(re.search(r"adds ([\d.]+) mm", line)[1]) * MM
     first = [u.terms for u in harmful if u.cure == harmful[0].cure]
-    whole = region_cost(model, first)
+    whole = region_costs(model, [first])[0]
     assert whole == pytest.approx(stated, abs=1e-6)
-    assert region_cost(model, first[:1]) <= whole * (1.0 + 1e-9)
+    assert region_costs(model, [first[:1]])[0] <= whole * (1.0 + 1e-9)
     assert 0.0 < whole < 0.1 * MM
-    assert region_cost(model, [{"no such": 1.0}]) is None
+    assert region_costs(model, [[{"no such": 1.0}]])[0] is None

@@ -10,7 +10,7 @@ import numpy as np
 
 from robotrue.calibration.estimator import Posterior, maximise
 from robotrue.calibration.identifiability import Identifiability, analyse
-from robotrue.calibration.observations import Observation, observations_of
+from robotrue.calibration.observations import Observation, PointObservation, observations_of
 from robotrue.calibration.parameters import ParameterLayout, State
 from robotrue.calibration.priors import build_prior
 from robotrue.calibration.settings import FitSettings
@@ -112,9 +112,11 @@ class Estimate(FitResult):
 
     Attributes:
         measurements: The set; the residual has its rows and its frame.
+        observations: Points and poses of it.
     """
 
     measurements: MeasurementSet
+    observations: tuple[PointObservation, ...]
 
 
 def estimate(
@@ -167,6 +169,7 @@ def estimate(
         screened=screened,
         residual=residual,
         measurements=measurements,
+        observations=observations,
     )
 
 

@@ -110,6 +110,7 @@ def predict_held_out(
     uncarried: Array,
     repeatability: float,
     *,
+    kept: Sequence[WhitenedRows] = (),
     shift: float = 0.0,
 ) -> HeldOutRows:
     """Returns every row predicted from the other blocks, with a factor of one.
@@ -120,6 +121,7 @@ def predict_held_out(
         fit: At the learned scales.
         uncarried: (rows,) m^2, variance of the smooth residual that its centres do not carry.
         repeatability: m, sd per axis, part of the rows' stated covariance.
+        kept: All rows, from :meth:`Design.keep_rows`.
         shift: m, sd per axis by which blocks may stand apart for the time between them alone.
     """
     count = len(design.weights)
@@ -128,7 +130,6 @@ def predict_held_out(
         np.zeros((count, 3)),
         *np.zeros((3, count, 3, 3)),
     )
-    kept = design.keep_rows()
     for k in np.unique(fold):
         chosen = fold == k
         others = sums_without(design, sums, chosen, kept)

@@ -20,15 +20,12 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from robotrue.calibration.calibrated_model import CalibratedModel
-from robotrue.calibration.design import Design
+from robotrue.calibration.design import Design, WhitenedRows
 from robotrue.calibration.estimate import Estimate, estimate
 from robotrue.calibration.estimator import NOISE_FLOOR
 from robotrue.calibration.evidence import Sums, Weights, learn, posterior
 from robotrue.calibration.held_out_blocks import HeldOutRows, compare_left_out, predict_held_out
 from robotrue.calibration.learned_assembly import LinearFit, WholeFit, day_shift, widen_covariance
-from robotrue.calibration.observations import (
-    observations_of,
-)
 from robotrue.calibration.parameters import retract
 from robotrue.calibration.priors import free_groups
 from robotrue.calibration.robust import weights as robust_weights
@@ -191,15 +188,8 @@ def first_design(
     """Returns the design at the physical estimate, with every harmonic the rows can carry."""
     found = physical.posterior
     nominal = found.state.robot.nominal()
-    observations = observations_of(
-        nominal,
-        measurements,
-        settings.payload,
-        repeatability=settings.repeatability_sd,
-        rotation_sd=settings.rotation_sd,
-    )
     weights = np.zeros(len(measurements))
-    for observation, u in zip(observations, found.weights, strict=True):
+    for observation, u in zip(physical.observations, found.weights, strict=True):
         weights[observation.rows] = np.maximum(u, LEAST_WEIGHT)
     rows = len(measurements)
     few = rows < MANY_ROWS
@@ -212,7 +202,7 @@ def first_design(
         *(term for term in further if term is not None and parts.ripple),
     )
     design = Design(
-        observations=observations,
+        observations=physical.observations,
         layout=found.layout,
         prior=found.prior,
         state=found.state,
@@ -324,7 +314,9 @@ def _without_idle(at: LinearFit) -> LinearFit:
     return LinearFit(design=design, sums=sums, weights=weights)
 
 
-def _predict_blocks(at: LinearFit, settings: FitSettings) -> HeldOutRows:
+def _predict_blocks(
+    at: LinearFit, settings: FitSettings, kept: Sequence[WhitenedRows] | None = None
+) -> HeldOutRows:
     design = at.design
     uncarried = np.zeros(len(design.weights))
     if design.smooth.size:
@@ -338,6 +330,7 @@ def _predict_blocks(at: LinearFit, settings: FitSettings) -> HeldOutRows:
         at.weights,
         uncarried,
         settings.repeatability_sd,
+        kept=design.keep_rows() if kept is None else kept,
         shift=day_shift(settings) * float(np.sqrt(_within(len(design.weights)))),
     )
 
@@ -352,10 +345,11 @@ def hold_out_physical(
     for observation, u in zip(design.observations, physical.posterior.weights, strict=True):
         weights[observation.rows] = u
     design = replace(design, weights=weights)
-    sums = design.sums()
+    kept = design.keep_rows()
+    sums = design.sums(kept=kept)
     fit = posterior(sums, design.groups({}), np.ones(len(sums)))
     at = LinearFit(design=design, sums=sums, weights=fit)
-    return widen_covariance(at, _predict_blocks(at, replace(settings, campaign_shift=0.0)))
+    return widen_covariance(at, _predict_blocks(at, replace(settings, campaign_shift=0.0), kept))
 
 
 def _within(rows: int) -> float:

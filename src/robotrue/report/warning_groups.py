@@ -32,14 +32,15 @@ def group_warnings(model: ErrorModel, warnings: Sequence[str]) -> list[str]:
     """
     unseen = {f"{PREFIX}{each.name}: {each.cure}.": each for each in _list_harmful(model)}
     by_cure = _group_by_cure(unseen[line] for line in warnings if line in unseen)
+    described = _describe_groups(model, by_cure)
     lines: list[str] = []
     for line in warnings:
         if line not in unseen:
             lines.append(line)
             continue
-        group = by_cure.pop(unseen[line].cure, [])
-        if group:
-            lines.append(f"{PREFIX}{_describe_group(model, group)}.")
+        description = described.pop(unseen[line].cure, "")
+        if description:
+            lines.append(f"{PREFIX}{description}.")
     return lines
 
 
@@ -49,7 +50,7 @@ def group_unseen(model: ErrorModel) -> list[str]:
     harmful = _group_by_cure(_list_harmful(model))
     harmless = _group_by_cure(each for each in summary.unseen if each.harmless and each.cure)
     return [
-        *(_describe_group(model, group) for group in harmful.values()),
+        *_describe_groups(model, harmful).values(),
         *(f"{_name_group(group)}: {cure}" for cure, group in harmless.items()),
     ]
 
@@ -78,43 +79,48 @@ def _name_group(group: Sequence[Unseen]) -> str:
     return f"{shown}, {more} more combinations" if more > 1 else shown
 
 
-def _describe_group(model: ErrorModel, group: Sequence[Unseen]) -> str:
-    cost = region_cost(model, [each.terms for each in group])
-    stated = "" if cost is None else f" (adds {cost / MM:.3f} mm to predictions {REGION})"
-    return f"{_name_group(group)}{stated}: {group[0].cure}"
+def _describe_groups(model: ErrorModel, groups: Mapping[str, Sequence[Unseen]]) -> dict[str, str]:
+    """What each cure is for, with its cost."""
+    directions = [[each.terms for each in group] for group in groups.values()]
+    described = {}
+    costs = region_costs(model, directions) if directions else []
+    for (cure, group), cost in zip(groups.items(), costs, strict=True):
+        stated = "" if cost is None else f" (adds {cost / MM:.3f} mm to predictions {REGION})"
+        described[cure] = f"{_name_group(group)}{stated}: {cure}"
+    return described
 
 
-def region_cost(model: ErrorModel, directions: Sequence[Mapping[str, float]]) -> float | None:
-    """Returns the sd in m (3-D, rms) that directions add to predictions inside the region.
+def region_costs(
+    model: ErrorModel, groups: Sequence[Sequence[Mapping[str, float]]]
+) -> list[float | None]:
+    """Returns the sd in m (3-D, rms) that groups of directions add inside the region.
 
     Args:
         model: Its belief and its joint ranges.
-        directions: Parameter name to coefficient, SI; any scale.
+        groups: Of each the directions: parameter name to coefficient, SI; any scale.
 
     Returns:
         None where the model has no belief, no joint range or no such parameter.
     """
     belief, joint_range = model.belief(), model.training_summary().joint_range
-    if belief is None or joint_range is None or not all(directions):
-        return None
-    count = len(belief.robot.errors)
-    root = belief.root[:, :count]
+    if belief is None or joint_range is None:
+        return [None] * len(groups)
+    root = belief.root[:, : len(belief.robot.errors)]
     free = np.flatnonzero((root**2).sum(axis=0) > 0.0)
-    place = {name: i for i, name in enumerate(np.array(parameter_names(model.robot.dof))[free])}
-    if not all(name in place for terms in directions for name in terms):
-        return None
-    columns = np.zeros((len(free), len(directions)))
-    for k, terms in enumerate(directions):
-        for name, value in terms.items():
-            columns[place[name], k] = value
-    spread = _spread_along(root[:, free], columns)
+    names = np.array(parameter_names(model.robot.dof))[free].tolist()
     low, high = joint_range
-    rng = np.random.default_rng(0)
-    joints = low + (high - low) * rng.random((POSES, len(low)))
-    state = walk(belief.actual, joints)
-    jacobian = parameter_jacobian(belief.actual, state, joints)[:, :3, free]
-    moved = jacobian @ spread
-    return float(np.sqrt((moved**2).sum(axis=(1, 2)).mean()))
+    joints = low + (high - low) * np.random.default_rng(0).random((POSES, len(low)))
+    actual = belief.actual
+    jacobian = parameter_jacobian(actual, walk(actual, joints), joints)[:, :3, free]
+    costs: list[float | None] = []
+    for directions in groups:
+        if not all(directions) or any(name not in names for terms in directions for name in terms):
+            costs.append(None)
+            continue
+        columns = np.array([[terms.get(name, 0.0) for terms in directions] for name in names])
+        moved = jacobian @ _spread_along(root[:, free], columns)
+        costs.append(float(np.sqrt((moved**2).sum(axis=(1, 2)).mean())))
+    return costs
 
 
 def _spread_along(root: Array, columns: Array) -> Array:

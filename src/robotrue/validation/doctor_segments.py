@@ -11,6 +11,7 @@ import numpy as np
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.poses import displacement_columns
 from robotrue.core.units import MM
+from robotrue.robot.forward import walk
 from robotrue.robot.statics import NO_LOAD, Load, torque_at
 from robotrue.validation.doctor_case import Case
 from robotrue.validation.doctor_evidence import WIDTHS, Evidence, column_odds, columns_fit
@@ -226,7 +227,8 @@ def scale_columns(arm: Case) -> Array:
 
 def payload_columns(arm: Case) -> Array:
     """Columns of a change of payload, a joint each: its compliance is learned with it."""
-    robot, chain = arm.state.robot, arm.chain
+    robot = arm.state.robot.nominal()
+    chain = walk(robot, arm.rows.joints)
     torque = torque_at(robot, chain, ONE_KILOGRAM) - torque_at(robot, chain, NO_LOAD)
     size = np.maximum(np.abs(torque[arm.chosen]).max(axis=0), 1e-9)
     return np.asarray(arm.drives * (torque / size)[:, None, :])
