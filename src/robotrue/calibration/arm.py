@@ -97,19 +97,20 @@ class ArmWithTerms:
 
     def linearise_at(self, at: ArmPostures) -> LinearArm:
         """Returns the error of the arm at some of its :meth:`postures`, linearised."""
-        torque = at.torque_on(self.actual)
-        shift = torque * self.compliance
-        lift, uncarried = np.zeros((len(shift), 3)), np.zeros(len(shift))
+        drive_shifts: list[Array] = []
+        lift, uncarried = np.zeros((len(at.joints), 3)), np.zeros(len(at.joints))
         for term, part in parts_of(self.terms, self.values):
             effect = term.effect(self.actual, at, part)
             if effect.drive_shift is not None:
-                shift = shift + effect.drive_shift
+                drive_shifts.append(effect.drive_shift)
             if effect.tip_shift is not None:
                 lift = lift + effect.tip_shift
             if effect.uncarried is not None:
                 uncarried = uncarried + effect.uncarried
             if self.other_tool is not None:
                 uncarried = uncarried + effect.other_tool
+        torque = at.torque_on(self.actual)
+        shift = sum(drive_shifts, start=torque * self.compliance)
         commanded = forward(self.nominal, at.joints)
         state = walk(self.actual, at.joints, shift)
         jacobian = parameter_jacobian(self.actual, state, at.joints, torque, at.weight)[:, :3]
