@@ -43,6 +43,14 @@ INSTEAD: Final = {
     r"\bthe other way round\b": "reversed, in reverse order",
     r"\bstands? (still|there|twice|beside|behind)\b": "is at rest, is in, occurs",
     r"\b(does not mind|goes on|knows nothing)\b": "does not affect, continues, ignores",
+    r"\bjudge[sd]?\b": "checks, checked",
+    r"\bstands? (in|for|at|with|on|out|apart|here)\b": "is in, replaces, is",
+    r"\bworth\b": "information gain, benefit",
+    r"\b(smooth|learned) rest\b": "smooth residual",
+    r"\bsays? (which|what|how|so|that|where|whether)\b": "states, shows, reports",
+    r"\b(how|what) (good|far|well|much|many) (it|they|the)\b": "accuracy, distance, number",
+    r"\b(put in|taken (off|out|over))\b": "inserted, subtracted",
+    r"\b(unless stated|gives? way|all the same|left whole|on paper)\b": "by default; compliant",
 }
 """A phrase that is not plain technical English, and what to write instead."""
 FENCE: Final = re.compile(r"^ *```.*?^ *```$|`[^`\n]*`|^ {4}.*$", re.DOTALL | re.MULTILINE)
