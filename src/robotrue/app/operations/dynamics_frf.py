@@ -49,7 +49,8 @@ class DynamicsFrfRequest(Request):
     ] = None
     static_um_per_n: StaticTest = None
     report: Annotated[
-        Path | None, Output(help="Also plot magnitude, phase, coherence (PNG, SVG or PDF).")
+        Path | None,
+        Output(help="Also write a plot of magnitude, phase, coherence (PNG, SVG or PDF)."),
     ] = None
 
 

@@ -50,7 +50,8 @@ class DynamicsPredictRequest(Request):
     ] = None
     spindle_rpm: Annotated[float | None, Option(help="Spindle speed, for --deviation.")] = None
     report: Annotated[
-        Path | None, Output(help="Also plot force, error and response (PNG, SVG or PDF).")
+        Path | None,
+        Output(help="Also write a plot of force, error and response (PNG, SVG or PDF)."),
     ] = None
 
 

@@ -81,7 +81,7 @@ class ProbePlanRequest(Request):
         Output(
             what="a picture",
             suffixes=(".png",),
-            help="Also plot the uncertainty over the part (PNG).",
+            help="Also write a plot of the uncertainty over the part (PNG).",
         ),
     ] = None
 
