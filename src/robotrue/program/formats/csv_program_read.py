@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import re
-from array import array
-from itertools import chain
 from typing import Final
 
 import numpy as np
@@ -13,16 +10,13 @@ from robotrue.core.units import MM
 from robotrue.errors import FormatError, ImplausibleDataError
 from robotrue.program.formats.gcode_arcs import no_arcs
 from robotrue.program.formats.number_table import Numbers
-from robotrue.program.formats.number_text import WHOLE_NUMBER
+from robotrue.program.formats.path_kernels import find_cell_numbers
 from robotrue.program.formats.path_words import PathWords, Turn, poses
 from robotrue.program.formats.target_notes import TargetNotes
 from robotrue.program.formats.text_lines import line_starts, require_text
 from robotrue.program.formats.toolpath_csv import AXIS, POSITION, ToolpathTable, toolpath_of
 from robotrue.program.program import FrameTable, Motion, Program, Reason
 
-_NUMBER: Final = rb"(?:[ \t\"]*+(" + WHOLE_NUMBER + rb")[ \t\"]*+(?=MARK|[\r\n]|\Z)|"
-"""A cell with a number of a form that can be rewritten, or another one."""
-_OTHER: Final = rb"(?:\"(?:[^\"\r\n]|\"\")*+\")?+[^MARK\r\n]*+"
 _NAMES: Final = (b"",) * 6
 
 
@@ -72,19 +66,13 @@ def _find_numbers(data: bytes, table: ToolpathTable) -> tuple[Numbers, bool]:
     """Returns the words (n, 6), and whether the table has tool axes."""
     by_axis = AXIS[0] in table.names
     wanted = (*POSITION, *AXIS) if by_axis else POSITION
-    number, other = (form.replace(b"MARK", table.mark.encode()) for form in (_NUMBER, _OTHER))
-    cells = [number + other + b")" if name in wanted else other for name in table.names]
-    row = re.compile(table.mark.encode().join(cells))
-    starts = line_starts(data)
-    spans = array("q")
-    for begin in starts[np.array(table.lines) - 1].tolist():
-        match = row.match(data, begin)
-        spans.extend(chain.from_iterable(match.regs[1:]) if match else (-1,) * 2 * len(wanted))
-    order = [[name for name in table.names if name in wanted].index(name) for name in wanted]
-    start, end = np.array(spans, np.int64).reshape(-1, len(wanted), 2)[:, order].transpose(2, 0, 1)
-    value, length = np.where(start < 0, np.nan, table.block(wanted)), end - start
-    if not by_axis:
-        start = np.pad(start, ((0, 0), (0, 3)), constant_values=-1)
-        length = np.pad(length, ((0, 0), (0, 3)))
-        value = np.pad(value, ((0, 0), (0, 3)), constant_values=np.nan)
+    begin = line_starts(data)[np.array(table.lines) - 1].astype(np.int64)
+    column = [wanted.index(name) if name in wanted else -1 for name in table.names]
+    start, length = np.full((len(begin), 6), -1), np.zeros((len(begin), 6), np.int64)
+    find_cell_numbers(
+        np.frombuffer(data, np.uint8), begin, ord(table.mark), np.array(column), start, length
+    )
+    value = np.full(start.shape, np.nan)
+    value[:, : len(wanted)] = table.block(wanted)
+    value[start < 0] = np.nan
     return Numbers(start=start, length=length, value=value), by_axis

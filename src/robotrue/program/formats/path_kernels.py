@@ -1,4 +1,4 @@
-"""Compiled passes over the words of a path: decimals of tokens, words that are owed."""
+"""Compiled passes over the words of a path: cells of rows, decimals of tokens, owed words."""
 
 from __future__ import annotations
 
@@ -6,6 +6,47 @@ import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray, Bytes, IntArray
 from robotrue.core.compiled import PLAIN, compile_kernel
+
+
+@compile_kernel(PLAIN)
+def find_cell_numbers(
+    buf: Bytes, begin: IntArray, mark: int, column: IntArray, start: IntArray, length: IntArray
+) -> None:
+    """Fills in where the numbers of rows of cells stand; -1 where one is not plainly written.
+
+    Args:
+        buf: The table.
+        begin: (n,) first byte of each row; each has a number in the cells that are wanted.
+        mark: Between cells; in a cell that begins with a quotation mark only behind the other.
+        column: (c,) where the number of each cell goes, -1 where it is not wanted.
+        start: (n, w) first byte, -1 before.
+        length: (n, w) bytes, without blanks and quotation marks.
+    """
+    for row in range(begin.size):
+        i = begin[row]
+        for cell in range(column.size):
+            first, quoted = i, i < buf.size and buf[i] == 34
+            while i < buf.size and buf[i] != 10 and buf[i] != 13 and (quoted or buf[i] != mark):
+                if quoted and i > first and buf[i] == 34:
+                    quoted = i + 1 < buf.size and buf[i + 1] == 34  # two are one of the text
+                    i += quoted
+                i += 1
+            last, place = i, column[cell]
+            i += 1
+            if place < 0:
+                continue
+            while first < last and (buf[first] == 32 or buf[first] == 9 or buf[first] == 34):
+                first += 1
+            while last > first and (
+                buf[last - 1] == 32 or buf[last - 1] == 9 or buf[last - 1] == 34
+            ):
+                last -= 1
+            plain = first < last
+            for k in range(first, last):
+                c = buf[k]
+                plain &= 48 <= c <= 57 or c == 43 or c == 45 or c == 46 or (c | 32) == 101
+            if plain:
+                start[row, place], length[row, place] = first, last - first
 
 
 @compile_kernel(PLAIN)

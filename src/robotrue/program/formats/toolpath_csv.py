@@ -9,9 +9,7 @@ from __future__ import annotations
 
 import csv
 import difflib
-import io
 import math
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
@@ -86,20 +84,21 @@ def toolpath_of(table: ToolpathTable) -> Toolpath:
     )
 
 
-def _lines(data: bytes, source: str) -> Iterator[tuple[int, str]]:
-    text = io.StringIO(utf8_text(data, source), newline=None)
-    for number, line in enumerate(text, start=1):
-        if line.strip() and not line.lstrip().startswith("#"):
-            yield number, line.removesuffix("\n")
+def _lines(data: bytes, source: str) -> list[tuple[int, str]]:
+    """Returns the lines that hold cells, with their numbers."""
+    text = utf8_text(data, source).replace("\r\n", "\n").replace("\r", "\n")
+    return [
+        (number, line)
+        for number, line in enumerate(text.split("\n"), start=1)
+        if (start := line.lstrip()[:1]) and start != "#"
+    ]
 
 
 def _split(line: str, mark: str, source: str, number: int) -> list[str]:
     if '"' not in line and len(line) < csv.field_size_limit():
-        cells = line.split(mark)
-        # Most files have no blank in any line: looking for one costs less than to strip each cell.
-        return cells if line.split(None, 1) == [line] else [cell.strip() for cell in cells]
+        return line.split(mark)
     try:
-        return [cell.strip() for cell in next(csv.reader([line], delimiter=mark))]
+        return next(csv.reader([line], delimiter=mark))
     except csv.Error as cause:
         raise FormatError(
             f"cannot be split into cells ({cause}).",
@@ -107,16 +106,6 @@ def _split(line: str, mark: str, source: str, number: int) -> list[str]:
             line=number,
             hint="look for a stray quotation mark.",
         ) from None
-
-
-def _rows(data: bytes, source: str) -> tuple[str, list[tuple[int, list[str]]]]:
-    lines = list(_lines(data, source))
-    if len(lines) < 2:
-        raise FormatError(
-            "no row with a point.", source=source, line=1, hint="export the path again."
-        )
-    mark = ";" if ";" in lines[0][1] else ","
-    return mark, [(number, _split(line, mark, source, number)) for number, line in lines]
 
 
 def _header(header: list[str], source: str, line: int) -> list[str]:
@@ -169,38 +158,46 @@ class ToolpathTable:
         mark: Between cells.
         names: Of the columns, in order.
         lines: One-based line of each row.
-        rows: Cells of each row, without blanks and quotes around them.
     """
 
     def __init__(self, data: bytes, source: str) -> None:
         """Reads the cells; raises as :func:`read_toolpath_csv`."""
-        self.mark, ((line, header), *rows) = _rows(data, source)
-        self.source, self.names = source, _header(header, source, line)
+        lines = _lines(data, source)
+        if len(lines) < 2:
+            raise FormatError(
+                "no row with a point.", source=source, line=1, hint="export the path again."
+            )
+        (line, header), *rows = lines
+        self.mark = ";" if ";" in header else ","
+        cells = [cell.strip() for cell in _split(header, self.mark, source, line)]
+        self.source, self.names = source, _header(cells, source, line)
         self.lines = [line for line, _ in rows]
-        for line, row in rows:
-            if len(row) != len(self.names):
+        width, every = len(self.names), []
+        for line, text in rows:
+            cells = _split(text, self.mark, source, line)
+            if len(cells) != width:
                 raise FormatError(
-                    f"{len(row)} cells, expected {len(self.names)}.",
+                    f"{len(cells)} cells, expected {width}.",
                     source=source,
                     line=line,
                     hint="look for a missing or a stray delimiter.",
                 )
-        self.rows = [row for _, row in rows]
+            every += cells
+        self._columns = {name: every[k::width] for k, name in enumerate(self.names)}
+        self._numbers_of: dict[str, list[float]] = {}
 
     def column(self, name: str) -> list[str]:
-        """Returns the cells of a column; blanks where the file does not have it."""
-        if name not in self.names:
-            return [""] * len(self.rows)
-        at = self.names.index(name)
-        return [row[at] for row in self.rows]
+        """Returns the cells of a column, without blanks around them."""
+        return [cell.strip() for cell in self._columns[name]]
 
     def block(self, names: tuple[str, ...]) -> Array:
         """Returns (n, k) finite numbers."""
-        columns = [self._numbers(self.column(name), name) for name in names]
-        return np.array(columns, dtype=np.float64).T.reshape(-1, len(names))
+        return np.array([self._numbers(name) for name in names], dtype=np.float64).T
 
     def feeds(self) -> Array:
         """Returns (n,) m/s; a blank cell keeps the feed of the row before."""
+        if "feed_mm_per_min" not in self.names:
+            return np.full(len(self.lines), np.nan)
         out, last = [], math.nan
         for cell, line in zip(self.column("feed_mm_per_min"), self.lines, strict=True):
             if cell:
@@ -217,6 +214,8 @@ class ToolpathTable:
 
     def flags(self, name: str) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
         """Returns (n,) flags."""
+        if name not in self.names:
+            return np.zeros(len(self.lines), np.bool_)
         out = []
         for cell, line in zip(self.column(name), self.lines, strict=True):
             if cell.lower() not in _YES + _NO:
@@ -230,6 +229,8 @@ class ToolpathTable:
         self, name: str, default: str
     ) -> tuple[np.ndarray[tuple[int], np.dtype[np.int64]], tuple[str, ...]]:
         """Returns (n,) indices and the words they stand for; a blank keeps the one before."""
+        if name not in self.names:
+            return np.zeros(len(self.lines), np.int64), (default,)
         known: dict[str, int] = {}
         out, last = [], default
         for cell in self.column(name):
@@ -237,17 +238,18 @@ class ToolpathTable:
             out.append(known.setdefault(last, len(known)))
         return np.array(out, dtype=np.int64), tuple(known)
 
-    def _numbers(self, cells: list[str], name: str) -> list[float]:
+    def _numbers(self, name: str) -> list[float]:
         """Returns the finite numbers of a column; the first cell that holds none raises."""
-        try:
-            values = list(map(float, cells))
-        except ValueError:
-            values = [math.nan]
-        if all(map(math.isfinite, values)):
-            return values
-        return [
-            self._number(cell, name, line) for cell, line in zip(cells, self.lines, strict=True)
-        ]
+        if name not in self._numbers_of:
+            try:
+                values = list(map(float, self._columns[name]))
+            except ValueError:
+                values = [math.nan]
+            if not all(map(math.isfinite, values)):
+                cells = zip(self.column(name), self.lines, strict=True)
+                values = [self._number(cell, name, line) for cell, line in cells]
+            self._numbers_of[name] = values
+        return self._numbers_of[name]
 
     def _number(self, cell: str, name: str, line: int) -> float:
         try:
