@@ -25,6 +25,7 @@ from robotrue.calibration.update import update_model
 from robotrue.compensation import CompensationSettings, Status, compensate
 from robotrue.core.archive import archive_bytes
 from robotrue.core.arrays import Array
+from robotrue.core.conditions import ArmConditions
 from robotrue.errors import ArchiveError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.forward import forward
@@ -90,7 +91,7 @@ def coefficients(model: ErrorModel) -> tuple[Array, Array]:
 def coverage(model: ErrorModel, seed: int) -> tuple[float, float]:
     """Mean error, m, and share of new poses at their own temperatures in their 95 % region."""
     check = measured(300, seed)
-    stated = model.predict(Query(joints=check.joints, temperature=check.temperature))
+    stated = model.predict(Query(joints=check.joints, conditions=check.conditions))
     off = check.position - forward(model.robot, check.joints)[:, :3, 3] - stated.error
     solved = np.linalg.solve(stated.covariance + check.covariance, off[:, :, None])[:, :, 0]
     return (
@@ -134,7 +135,7 @@ def test_archive_gives_the_term_back_and_needs_it_registered(model: CalibratedMo
     archive = model.to_archive()
     again = open_model(archive)
     assert archive_bytes(again.to_archive()) == archive_bytes(archive)
-    query = Query(joints=poses(10, 3), temperature=np.full(10, 295.0))
+    query = Query(joints=poses(10, 3), conditions=ArmConditions(temperature=[[295.0]]))
     np.testing.assert_array_equal(again.predict(query).error, model.predict(query).error)
     term_registry.unregister(WarmDrives.name)
     try:

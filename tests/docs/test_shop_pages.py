@@ -18,6 +18,7 @@ PAGES = (
     "test-with-slots",
     "join-joints-and-points",
     "monuments-and-repeats",
+    "warmth-over-a-shift",
     "register-a-part",
 )
 

@@ -7,12 +7,15 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+
 from robotrue.app.compensation_request import CompensateRequest
 from robotrue.app.context import Context
 from robotrue.app.force_options import read_force_options
 from robotrue.app.outputs import check_output, require_suffix
 from robotrue.app.registered import open_model, provenance_used
 from robotrue.app.reporting import place_in_file
+from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.lineage import identity_of
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.nominal import NominalModel
@@ -23,8 +26,10 @@ from robotrue.compensation.process_force import DescribedForce
 from robotrue.compensation.stance import start_joints
 from robotrue.compensation.steps import StepRule
 from robotrue.core.arrays import Array
+from robotrue.core.conditions import ArmConditions
 from robotrue.core.model_identity import ModelIdentity
 from robotrue.core.provenance import Provenance
+from robotrue.core.units import ZERO_CELSIUS
 from robotrue.errors import ConfigurationError
 from robotrue.program.identity import require_compensable
 from robotrue.program.lang import find_language, languages
@@ -81,6 +86,8 @@ def open_ground(request: CompensateRequest, context: Context) -> Ground:
     steps = StepRule(max_mm=request.max_step_mm, allow=request.allow_steps)
     ground, registered = _ground_files(request, context)
     cell, model = open_model(ground, registered)
+    used = identity_of(model or NominalModel(robot=cell.robot))
+    model = _at_conditions(model, request)
     frame = None if cell.part is None else cell.part.frame(request.part)
     if frame is not None:
         cell = replace(cell, T_base_frame=frame.T_base_part)
@@ -98,7 +105,7 @@ def open_ground(request: CompensateRequest, context: Context) -> Ground:
         cell=cell,
         model=model,
         frame=frame,
-        used=identity_of(model or NominalModel(robot=cell.robot)),
+        used=used,
         provenance=provenance_used(cell, model),
         force=read_force_options(cell, request.wrench, request.force, request.cutter),
         table=frame_table(cell),
@@ -107,6 +114,25 @@ def open_ground(request: CompensateRequest, context: Context) -> Ground:
         split=SplitOptions(
             tolerance_um=request.split_um, limit=request.split_limit, deviation=request.deviation
         ),
+    )
+
+
+def _at_conditions(model: ErrorModel | None, request: CompensateRequest) -> ErrorModel | None:
+    """The model at the temperature or time that is stated.
+
+    Raises:
+        ConfigurationError: It depends on none.
+    """
+    if request.temperature_degC is None and request.time_s is None:
+        return model
+    stated = [np.nan if v is None else v for v in (request.temperature_degC, request.time_s)]
+    kelvin, time = np.array([[stated[0] + ZERO_CELSIUS]]), np.array(stated[1:])
+    conditions = ArmConditions(temperature=kelvin, time=time)
+    if isinstance(model, CalibratedModel):
+        return model.under(conditions)
+    raise ConfigurationError(
+        "--temperature or --time beside a cell that has no calibrated model.",
+        hint="state the model of a calibration with temperatures.",
     )
 
 

@@ -91,6 +91,25 @@ class CompensateRequest(Request):
             help="Process force along the path: TOML of rules, or CSV by line or path.",
         ),
     ] = None
+    temperature_degC: Annotated[
+        float | None,
+        Option(
+            names=("--temperature",),
+            metavar="DEGC",
+            advanced=True,
+            help="Of the arm when the program runs; default: the mean of the calibration.",
+        ),
+    ] = None
+    time_s: Annotated[
+        float | None,
+        Option(
+            names=("--time",),
+            metavar="S",
+            advanced=True,
+            help="When the program runs, on the clock of the calibration's time_s, where no "
+            "temperature was measured.",
+        ),
+    ] = None
     cutter: Annotated[
         str | None,
         Option(

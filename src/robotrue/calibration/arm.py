@@ -16,6 +16,8 @@ import numpy as np
 
 from robotrue.calibration.terms.term import ArmPostures, Term
 from robotrue.core.arrays import Array
+from robotrue.core.conditions import ArmConditions, unstated
+from robotrue.core.rotations import matrix_from_rotation_vector
 from robotrue.robot.forward import forward, parameter_jacobian, sensitivity_of, walk
 from robotrue.robot.model import RobotModel, parameter_slice
 from robotrue.robot.statics import Load, stated_torque
@@ -66,17 +68,17 @@ class ArmWithTerms:
         joints: Array,
         load: Load,
         approach: Array | None = None,
-        temperature: Array | None = None,
+        conditions: ArmConditions | None = None,
     ) -> LinearArm:
         """Returns the error of the arm, linearised; arguments as :meth:`postures`."""
-        return self.linearise_at(self.postures(joints, load, approach, temperature))
+        return self.linearise_at(self.postures(joints, load, approach, conditions))
 
     def postures(
         self,
         joints: Array,
         load: Load,
         approach: Array | None = None,
-        temperature: Array | None = None,
+        conditions: ArmConditions | None = None,
     ) -> ArmPostures:
         """Returns postures with the torques on the drives.
 
@@ -84,7 +86,7 @@ class ArmWithTerms:
             joints: (n, dof) rad.
             load: One row or n.
             approach: (n, dof) sign of the last motion; unknown if not given.
-            temperature: (n,) K; unknown if not given.
+            conditions: One row or n; unknown if not given.
         """
         torque, weight = stated_torque(self.nominal, joints, load)
         return ArmPostures(
@@ -92,19 +94,22 @@ class ArmWithTerms:
             torque=torque,
             weight=weight,
             approach=np.empty(0) if approach is None else approach,
-            temperature=np.empty(0) if temperature is None else temperature,
+            conditions=(conditions or unstated()).spread(len(joints)),
         )
 
     def linearise_at(self, at: ArmPostures) -> LinearArm:
         """Returns the error of the arm at some of its :meth:`postures`, linearised."""
         drive_shifts: list[Array] = []
         lift, uncarried = np.zeros((len(at.joints), 3)), np.zeros(len(at.joints))
+        errors: list[Array] = []
         for term, part in parts_of(self.terms, self.values):
             effect = term.effect(self.actual, at, part)
             if effect.drive_shift is not None:
                 drive_shifts.append(effect.drive_shift)
             if effect.tip_shift is not None:
                 lift = lift + effect.tip_shift
+            if effect.error_shift is not None:
+                errors.append(effect.error_shift)
             if effect.uncarried is not None:
                 uncarried = uncarried + effect.uncarried
             if self.other_tool is not None:
@@ -113,7 +118,13 @@ class ArmWithTerms:
         shift = sum(drive_shifts, start=torque * self.compliance)
         commanded = forward(self.nominal, at.joints)
         state = walk(self.actual, at.joints, shift)
-        jacobian = parameter_jacobian(self.actual, state, at.joints, torque, at.weight)[:, :3]
+        twists = parameter_jacobian(self.actual, state, at.joints, torque, at.weight)
+        rotation = state.rotation
+        if errors:
+            twist = (twists @ np.sum(errors, axis=0)[:, :, None])[:, :, 0]
+            lift = lift + twist[:, :3]
+            rotation = matrix_from_rotation_vector(twist[:, 3:]) @ rotation
+        jacobian = twists[:, :3]
         by = sensitivity_of(self.actual, jacobian)
         learned = [
             term.columns(self.actual, at, by, part)
@@ -126,7 +137,7 @@ class ArmWithTerms:
         return LinearArm(
             tip=tip,
             error=tip - commanded[:, :3, 3],
-            rotation=state.rotation @ np.swapaxes(commanded[:, :3, :3], 1, 2),
+            rotation=rotation @ np.swapaxes(commanded[:, :3, :3], 1, 2),
             columns=columns,
             uncarried=uncarried,
         )
@@ -187,6 +198,8 @@ def term_columns(
             left += np.einsum("nmd,nd->nm", by.drive, effect.drive_shift)
         if effect.tip_shift is not None:
             left += np.einsum("nmx,nx->nm", by.shift, effect.tip_shift)
+        if effect.error_shift is not None:
+            left += np.einsum("nmp,np->nm", by.errors, effect.error_shift)
     return columns, left
 
 

@@ -29,8 +29,9 @@ from robotrue.calibration.training_summary import TrainingSummary
 from robotrue.core.archive import Archive
 from robotrue.core.arrays import Array
 from robotrue.core.columns import EMPTY, Column, Columns
+from robotrue.core.conditions import ArmConditions
 from robotrue.core.rotations import rotation_vector_from_matrix
-from robotrue.errors import ModelMismatchError
+from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel, parameter_slice
 
@@ -188,7 +189,7 @@ class CalibratedModel(Columns):
     def _arm(self, query: Query) -> tuple[ArmWithTerms, ArmPostures]:
         """The arm with the tool of a query, and its postures."""
         arm = prepare_arm(self.actual, query.T_flange_tool, terms=self.terms, values=self.values)
-        return arm, arm.postures(query.joints, query.load, query.approach, query.temperature)
+        return arm, arm.postures(query.joints, query.load, query.approach, query.conditions)
 
     def _linear(self, arm: ArmWithTerms, rows: ArmPostures) -> tuple[LinearArm, Array]:
         """The arm, linearised, and d(error)/d(what the posterior is over)."""
@@ -196,6 +197,20 @@ class CalibratedModel(Columns):
         if self.root is None:
             return at, at.columns
         return at, at.columns[:, :, self.columns.astype(np.int64)]
+
+    def under(self, conditions: ArmConditions) -> CalibratedModel:
+        """Returns the model at conditions (1 row) that hold where a query states none.
+
+        Raises:
+            ConfigurationError: No part of the model depends on them.
+        """
+        terms = tuple(term.under(conditions) for term in self.terms)
+        if all(new is old for new, old in zip(terms, self.terms, strict=True)):
+            raise ConfigurationError(
+                "a temperature or time is stated, and no part of the model depends on it.",
+                hint="calibrate with a column temperature_C or time_s, method auto, ripple or gp.",
+            )
+        return replace(self, terms=terms)
 
     def mean_tables(self) -> MeanTables | None:
         """Returns the mean as flat tables, or None if a term has no such form.
@@ -309,6 +324,13 @@ def model_of(belief: Belief, summary: Mapping[str, object]) -> CalibratedModel:
     root = whole[:, :end]
     columns = np.flatnonzero((root != 0.0).any(axis=0))
     physical = root[:, : len(belief.errors)]
+    variance = belief.inflation * (root**2).sum(axis=0)
+    said = [
+        line
+        for term in belief.terms
+        for place in [belief.place(term.name)]
+        for line in term.sentences(belief.mean[place], variance[place])
+    ]
     return CalibratedModel(
         robot=belief.robot,
         errors=belief.errors,
@@ -320,7 +342,7 @@ def model_of(belief: Belief, summary: Mapping[str, object]) -> CalibratedModel:
             k: _reflector_of(T, physical, whole[:, end + 3 * i : end + 3 * i + 3])
             for i, (k, (T, _)) in enumerate(belief.reflectors.items())
         },
-        summary=summary,
+        summary={**summary, "terms": said} if said else summary,
         terms=belief.terms,
         values=belief.values,
         columns=columns.astype(np.float64),

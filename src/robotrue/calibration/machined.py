@@ -83,7 +83,7 @@ def tip_columns(
         )
     columns, tip = np.zeros((n, 3, len(belief.mean))), np.empty((n, 3))
     arm = prepare_arm(belief.actual, query.T_flange_tool, terms=belief.terms, values=belief.values)
-    postures = arm.postures(query.joints, query.load, query.approach, query.temperature)
+    postures = arm.postures(query.joints, query.load, query.approach, query.conditions)
     for start in range(0, n, ROWS):
         rows = slice(start, start + ROWS)
         at = arm.linearise_at(postures.take(rows))
@@ -242,7 +242,9 @@ def smooth_rest(belief: Belief, query: Query, other: Query | None = None) -> Arr
 def _postures(query: Query) -> ArmPostures:
     """Postures of a query; what no parameter carries does not depend on loads."""
     return ArmPostures(
-        joints=query.joints, torque=np.zeros_like(query.joints), temperature=query.temperature
+        joints=query.joints,
+        torque=np.zeros_like(query.joints),
+        conditions=query.conditions.spread(len(query.joints)),
     )
 
 

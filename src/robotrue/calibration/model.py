@@ -12,6 +12,7 @@ from robotrue.calibration.mean_tables import MeanTables
 from robotrue.calibration.training_summary import TrainingSummary
 from robotrue.core.archive import Archive
 from robotrue.core.arrays import Array
+from robotrue.core.conditions import ArmConditions, unstated
 from robotrue.errors import ConfigurationError, ShapeError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel
@@ -26,21 +27,21 @@ class Query:
         joints: (n, dof) rad, commanded.
         load: Payload and wrench, one row or n.
         approach: (n, dof) sign of the last motion of each joint, 0 or empty = unknown.
-        temperature: (n,) K, NaN or empty = unknown.
+        conditions: Temperature, time, external axes: one row or n.
         T_flange_tool: (4, 4) tool point asked about; None is the point that was measured.
     """
 
     joints: Array
     load: Load = NO_LOAD
     approach: Array = field(default_factory=lambda: np.empty(0))
-    temperature: Array = field(default_factory=lambda: np.empty(0))
+    conditions: ArmConditions = field(default_factory=unstated)
     T_flange_tool: Array | None = None
 
     def expand(self, dof: int) -> Query:
-        """Returns the query with joints, approach and temperature of one row each.
+        """Returns the query with joints, approach and conditions of one row each.
 
         Raises:
-            ShapeError: Joints, approach or temperature of another shape.
+            ShapeError: Joints, approach or conditions of another shape.
         """
         joints = np.asarray(self.joints, dtype=np.float64)
         if joints.ndim != 2 or joints.shape[1] != dof:
@@ -48,12 +49,8 @@ class Query:
         approach = np.zeros_like(joints) if np.size(self.approach) == 0 else self.approach
         if approach.shape != joints.shape:
             raise ShapeError(f"approach has shape {approach.shape}, expected {joints.shape}.")
-        n = len(joints)
-        stated = np.asarray(self.temperature, dtype=np.float64)
-        temperature = np.full(n, np.nan) if stated.size == 0 else stated
-        if temperature.shape != (n,):
-            raise ShapeError(f"temperature has shape {temperature.shape}, expected ({n},).")
-        return replace(self, joints=joints, approach=approach, temperature=temperature)
+        conditions = self.conditions.spread(len(joints))
+        return replace(self, joints=joints, approach=approach, conditions=conditions)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

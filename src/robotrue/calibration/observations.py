@@ -238,7 +238,7 @@ def observations_of(
         torque=torque,
         weight=weight,
         approach=measurements.approach,
-        temperature=measurements.temperature,
+        conditions=measurements.conditions,
         target=measurements.target,
         station=measurements.station if measurements.frame == "tracker" else in_base,
     )

@@ -160,6 +160,11 @@ class TrainingSummary(Mapping[str, object]):
         return self._read("doubts", tuple[str, ...], ())
 
     @property
+    def terms(self) -> tuple[str, ...]:
+        """Sentences about what further error terms learned."""
+        return self._read("terms", tuple[str, ...], ())
+
+    @property
     def unseen(self) -> tuple[Unseen, ...]:
         """Combinations of parameters the data could not see."""
         return self._read("unseen", tuple[Unseen, ...], ())

@@ -52,7 +52,7 @@ Values: TypeAlias = npt.NDArray[np.generic]
 Size: TypeAlias = int | str | None
 """A dimension: a number, a name, or None where it is free."""
 Sizes: TypeAlias = dict[Size, int]
-Fill: TypeAlias = float | str | Callable[..., npt.ArrayLike] | None
+Fill: TypeAlias = float | str | Callable[..., Any] | None
 
 
 EMPTY: Final[Any] = ()
@@ -73,8 +73,8 @@ class Column:
         unit: SI unit of the values, for the reader.
         nan: NaN is allowed and means "not known".
         inf: Infinity is allowed and means "no limit".
-        fill: What an array without values becomes: a value for every element, or a function of
-            the sizes that returns the array (``np.eye``, :func:`count_rows`; a lambda finds no
+        fill: What an array or table without rows becomes: a value for every element, or a function
+            of the sizes that returns it (``np.eye``, :func:`count_rows`; a lambda finds no
             globals here). Without it an empty array has to fit.
     """
 
@@ -249,7 +249,8 @@ def _check_column(owner: type, field: _Field, value: Any, sizes: Sizes) -> objec
     if dtype is None:
         table = value if to_tuple is None else to_tuple(value)
         if fill is not None and not len(table):
-            table = (fill,) * sizes.get(wanted[0], 0)
+            rows = sizes.get(wanted[0], 0)
+            table = fill(rows) if callable(fill) else (fill,) * rows
         _check_shape(owner, field, (len(table),), sizes)
         return table
     if type(value) is np.ndarray and value.dtype == dtype and not value.flags.writeable:

@@ -16,3 +16,5 @@ DEG: Final = math.pi / 180.0
 """One degree in radians."""
 STANDARD_GRAVITY: Final = 9.80665
 """m/s^2, exact by definition (CGPM 1901)."""
+ZERO_CELSIUS: Final = 273.15
+"""K at 0 deg C, exact by definition."""

@@ -45,6 +45,8 @@ class CompensateOptions(TypedDict, total=False):
     part: str | None
     wrench: str | None
     force: str | Path | None
+    temperature_degC: float | None
+    time_s: float | None
     cutter: str | None
     start: str | None
     free_spin: bool

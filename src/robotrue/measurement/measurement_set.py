@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.columns import EMPTY, Column, Columns, concat, count_rows
+from robotrue.core.conditions import ArmConditions, join_temperatures
 from robotrue.core.provenance import MEASURED, Provenance, merge
 from robotrue.errors import ShapeError
 from robotrue.measurement.probing_set import ProbingSet
@@ -36,7 +37,10 @@ class MeasurementSet(Columns):
         payload_mass: (n,) kg at the flange; NaN means "the cell's payload".
         payload_com: (n, 3) m in the flange frame.
         approach: (n, dof) -1, 0 or +1: sign of the last motion of each joint, 0 = unknown.
-        temperature: (n,) K, NaN = unknown.
+        temperature: (n,) K of the arm as a whole, NaN = unknown.
+        joint_temperature: (n, dof) K of each joint, NaN = unknown.
+        time: (n,) s on one clock, NaN = unknown.
+        external: (n, 6) external axes E1 to E6, m or rad, NaN = unknown.
         target: (n,) index of the reflector.
         station: (n,) index of the instrument set-up.
         group: (n,) index of the set (file, campaign, block) the row belongs to.
@@ -61,6 +65,9 @@ class MeasurementSet(Columns):
     payload_com: Annotated[Array, Column("n 3", unit="m", nan=True, fill=np.nan)] = EMPTY
     approach: Annotated[Array, Column("n dof", fill=0.0)] = EMPTY
     temperature: Annotated[Array, Column("n", unit="K", nan=True, fill=np.nan)] = EMPTY
+    joint_temperature: Annotated[Array, Column("n dof", unit="K", nan=True, fill=np.nan)] = EMPTY
+    time: Annotated[Array, Column("n", unit="s", nan=True, fill=np.nan)] = EMPTY
+    external: Annotated[Array, Column("n 6", unit="m, rad", nan=True, fill=np.nan)] = EMPTY
     target: Annotated[npt.NDArray[np.int64], Column("n", fill=0)] = EMPTY
     station: Annotated[npt.NDArray[np.int64], Column("n", fill=0)] = EMPTY
     group: Annotated[npt.NDArray[np.int64], Column("n", fill=0)] = EMPTY
@@ -83,6 +90,12 @@ class MeasurementSet(Columns):
 
     def __len__(self) -> int:
         return len(self.joints)
+
+    @property
+    def conditions(self) -> ArmConditions:
+        """Temperature, time and external axes; of a joint without one, that of the arm."""
+        temperature = join_temperatures(self.temperature, self.joint_temperature)
+        return ArmConditions(temperature=temperature, time=self.time, external=self.external)
 
     def file_of(self, row: int) -> str:
         """Returns the name of the file a row was read from; empty if it was made in code."""

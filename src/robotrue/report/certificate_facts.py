@@ -122,7 +122,7 @@ def _budget(
             joints=measured_rows.joints,
             load=row_loads(measured_rows, cell.payload),
             approach=measured_rows.approach,
-            temperature=measured_rows.temperature,
+            conditions=measured_rows.conditions,
         )
     elif places is not None:
         query = Query(joints=places.joints, load=cell.payload)

@@ -139,10 +139,10 @@ VERDICTS: Final = {
 
 
 def remarks(model: ErrorModel) -> list[str]:
-    """Returns the warnings by cure, and one sentence for all combinations nobody needs apart."""
+    """Returns what error terms learned, the warnings by cure, and what nobody needs apart."""
     summary = model.training_summary()
     warnings = [f"warning: {line}" for line in group_warnings(model, summary.warnings)]
-    return warnings + harmless_remark(summary)
+    return [*summary.terms, *warnings, *harmless_remark(summary)]
 
 
 def harmless_remark(summary: TrainingSummary) -> list[str]:

@@ -34,6 +34,8 @@ RAW: Final = "raw"
 FORMAT: Final = "robotrue-measurements"
 FORMAT_VERSION: Final = 1
 _KEY: Final = b"robotrue"
+_IF_KNOWN: Final = ("joint_temperature", "time", "external")
+"""Fields whose columns a file has only where some value is known."""
 _SHAPES: Final[Mapping[str, tuple[int, ...]]] = {
     "joints": (-1,),
     "position": (3,),
@@ -45,6 +47,9 @@ _SHAPES: Final[Mapping[str, tuple[int, ...]]] = {
     "payload_com": (3,),
     "approach": (-1,),
     "temperature": (),
+    "joint_temperature": (-1,),
+    "time": (),
+    "external": (6,),
     "target": (),
     "station": (),
     "group": (),
@@ -168,7 +173,10 @@ def rows_of(workspace: Workspace, record: MeasurementRecord) -> MeasurementSet:
         if each.name not in _SHAPES:
             continue
         shape = tuple(dof if size == -1 else size for size in _SHAPES[each.name])
-        columns = [table.column(name).to_numpy() for name in column_names(each.name, dof)]
+        names = column_names(each.name, dof)
+        if each.name in _IF_KNOWN and names[0] not in table.column_names:
+            continue
+        columns = [table.column(name).to_numpy() for name in names]
         values[each.name] = np.stack(columns, axis=1).reshape(table.num_rows, *shape)
     return MeasurementSet(
         frame="base" if head.frame == "base" else "tracker",
@@ -204,6 +212,8 @@ def samples_bytes(rows: MeasurementSet) -> bytes:
     columns: dict[str, Array] = {}
     for field in _SHAPES:
         values = np.asarray(getattr(rows, field)).reshape(len(rows), -1)
+        if field in _IF_KNOWN and np.isnan(values).all():
+            continue
         names = column_names(field, rows.dof)
         columns |= {name: values[:, k] for k, name in enumerate(names)}
     head = {

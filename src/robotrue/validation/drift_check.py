@@ -192,7 +192,7 @@ def query_of(seen: Evaluation, payload: Load | None) -> Query:
         joints=seen.measured.joints,
         load=row_loads(seen.measured, payload),
         approach=seen.measured.approach,
-        temperature=seen.measured.temperature,
+        conditions=seen.measured.conditions,
     )
 
 

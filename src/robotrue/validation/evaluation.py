@@ -78,7 +78,7 @@ def evaluate(
                 joints=measured.joints[rows],
                 load=load.take(rows),
                 approach=measured.approach[rows],
-                temperature=measured.temperature[rows],
+                conditions=measured.conditions.take(rows),
             )
         )
         error[rows], turn[rows] = prediction.error, prediction.rotation_error

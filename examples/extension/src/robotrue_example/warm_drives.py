@@ -39,7 +39,8 @@ class WarmDrives(Term):
         return "rad/K"
 
     def _rise(self, at: ArmPostures) -> Array:
-        return np.where(np.isnan(at.temperature), USUAL, at.temperature) - self.reference
+        stated = at.conditions.temperature.mean(axis=1)
+        return np.where(np.isnan(stated), USUAL, stated) - self.reference
 
     def columns(self, robot: RobotModel, at: ArmPostures, by: Sensitivity, values: Array) -> Array:
         """Returns d(observed)/d(coefficients), shape (n, m, dof)."""

@@ -23,7 +23,9 @@ class PredictRequest(Request):
     """Model, and the poses at which to predict."""
 
     model: CalibratedModel
-    queries: Annotated[Path, InputFile(argument="QUERIES", help="CSV of joints and wrenches.")]
+    queries: Annotated[
+        Path, InputFile(argument="QUERIES", help="CSV of joints, wrenches, temperatures.")
+    ]
     output: Annotated[Path, table_output(help="CSV to write.")]
     mapping: Columns = None
 
@@ -102,7 +104,12 @@ def run(request: PredictRequest, context: Context) -> Predictions:
         )
     load = stored.cell.payload.fill_rows(queries.payload_mass, queries.wrench)
     prediction = stored.model.predict(
-        Query(joints=queries.joints, load=load, approach=queries.approach)
+        Query(
+            joints=queries.joints,
+            load=load,
+            approach=queries.approach,
+            conditions=queries.conditions,
+        )
     )
     sigma = np.sqrt(np.diagonal(prediction.covariance, axis1=1, axis2=2))
     origin, output = provenance_of(stored.model), context.output(request.output)

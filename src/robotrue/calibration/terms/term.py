@@ -23,6 +23,7 @@ from robotrue.calibration.evidence import PriorGroup
 from robotrue.calibration.mean_tables import MeanTables
 from robotrue.core.arrays import Array
 from robotrue.core.columns import EMPTY, Column, Columns
+from robotrue.core.conditions import ArmConditions, unstated
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.forward import Sensitivity
 from robotrue.robot.model import RobotModel, parameter_slice
@@ -43,14 +44,14 @@ class ArmPostures(Columns):
             posture.
         weight: (n, dof, 2, dof) m^2/s^2, torque on the drives per first moment of the links.
         approach: (n, dof) sign of the last motion of each joint; 0 or empty: unknown.
-        temperature: (n,) K; NaN or empty: unknown.
+        conditions: Temperature, time, external axes; not stated if empty.
     """
 
     joints: Annotated[Array, Column("n dof", unit="rad")]
     torque: Annotated[Array, Column("n dof", unit="N m")]
     weight: Annotated[Array, Column("n dof 2 dof", unit="m^2/s^2", fill=0.0)] = EMPTY
     approach: Annotated[Array, Column("n dof", fill=0.0)] = EMPTY
-    temperature: Annotated[Array, Column("n", unit="K", nan=True, fill=np.nan)] = EMPTY
+    conditions: Annotated[ArmConditions, Column("n", fill=unstated)] = EMPTY
 
     def __len__(self) -> int:
         return len(self.joints)
@@ -77,12 +78,15 @@ class Effect:
     Attributes:
         drive_shift: (n, dof) rad added to the drive angles.
         tip_shift: (n, 3) m added to the tool point, base axes.
+        error_shift: (n, 9 dof + 12) added to the error vector of the arm, as far as the pose of
+            the tool is linear in it.
         uncarried: (n,) m^2 per axis of the term's prior variance that no parameter carries.
         other_tool: m^2 per axis added where another tool point is asked about than was measured.
     """
 
     drive_shift: Array | None = None
     tip_shift: Array | None = None
+    error_shift: Array | None = None
     uncarried: Array | None = None
     other_tool: float = 0.0
 
@@ -146,6 +150,13 @@ class Term(ABC):
         """Returns the covariance (n, k) m^2 per axis between postures of what is uncarried."""
         return None
 
+    def under(self, conditions: ArmConditions) -> Term:
+        """Returns the term with conditions (1 row) that hold where a posture states none.
+
+        The term itself where they do not touch it.
+        """
+        return self
+
     def prior_variance(self, values: Array, variance: Array) -> Array:
         """Returns the prior variance (k,) that a posterior of mean and variance (k,) came from."""
         return np.asarray(values**2 + variance)
@@ -163,6 +174,15 @@ class Term(ABC):
     @abstractmethod
     def begin(cls, robot: RobotModel, measurements: MeasurementSet, few: bool) -> Self | None:
         """Returns the term a fit of these rows should try; None where they cannot show it."""
+
+    def sentences(self, values: Array, variance: Array) -> Sequence[str]:
+        """Returns what a reader of the calibration should know; nothing by default.
+
+        Args:
+            values: (k,) posterior mean of the parameters.
+            variance: (k,) posterior variance; 0 where a parameter was not learned.
+        """
+        return ()
 
     @abstractmethod
     def arrays(self, values: Array) -> Mapping[str, Array]:

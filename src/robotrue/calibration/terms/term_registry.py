@@ -17,6 +17,7 @@ from robotrue.calibration.terms.geometry import without_gear, without_geometry
 from robotrue.calibration.terms.ripple import Ripple
 from robotrue.calibration.terms.smooth import SmoothResidual
 from robotrue.calibration.terms.term import Term
+from robotrue.calibration.terms.thermal import Thermal
 from robotrue.core.extensions import load_extensions, refuse_extension
 from robotrue.errors import ArchiveError, ConfigurationError
 
@@ -25,7 +26,7 @@ GROUP: Final = "robotrue.terms"
 STANDARD: Final = (Ripple.name, Backlash.name, SmoothResidual.name)
 """Terms that every model has, if only with no parameters; their columns come in this order."""
 _TERMS: Final[dict[str, type[Term]]] = {
-    term.name: term for term in (Ripple, Backlash, SmoothResidual)
+    term.name: term for term in (Ripple, Backlash, SmoothResidual, Thermal)
 }
 
 

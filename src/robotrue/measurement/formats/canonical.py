@@ -5,7 +5,8 @@ displays them; beside ``j1_deg`` they are for the reader of a sheet alone and pa
 ``x_mm, y_mm, z_mm`` and, each group whole or absent, ``rx_deg, ry_deg, rz_deg``
 (R = Rz(rz) Ry(ry) Rx(rx)), ``sx_mm, sy_mm, sz_mm`` (one sigma), ``cxy_mm2, cxz_mm2, cyz_mm2``
 (covariances), ``fx_N, fy_N, fz_N``, ``mx_Nm, my_Nm, mz_Nm``, ``approach1 .. approachn``,
-``temperature_C``, ``payload_kg``, ``payload_x_mm, payload_y_mm, payload_z_mm``, ``target``,
+``temperature_C``, ``temperature1_C .. temperaturen_C`` (of each joint), ``time_s`` or ``timestamp``
+(ISO 8601), ``payload_kg``, ``payload_x_mm, payload_y_mm, payload_z_mm``, ``target``,
 ``station``, ``set``, ``monument`` (name of a nest on the floor, re-shot during the run; such a row
 needs no joints). Any order, any case. A column with another name is an error: a misspelt ``fx_N``
 passed over would be a wrong result.
@@ -21,7 +22,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.rotations import abc_from_matrix
-from robotrue.core.units import DEG, MM
+from robotrue.core.units import DEG, MM, ZERO_CELSIUS
 from robotrue.errors import FormatError
 from robotrue.measurement.formats.mapping import GROUPS, ColumnMapping
 from robotrue.measurement.formats.sheet import column_key, number_columns, write_columns
@@ -45,6 +46,9 @@ def canonical_mapping(dof: int) -> ColumnMapping:
         moment=("mx_Nm", "my_Nm", "mz_Nm"),
         approach=tuple(f"approach{i + 1}" for i in range(dof)),
         temperature=("temperature_C",),
+        joint_temperature=tuple(f"temperature{i + 1}_C" for i in range(dof)),
+        time=("time_s",),
+        timestamp=("timestamp",),
         payload_mass=("payload_kg",),
         payload_com=("payload_x_mm", "payload_y_mm", "payload_z_mm"),
         target=("target",),
@@ -121,7 +125,11 @@ def canonical_columns(m: MeasurementSet) -> dict[str, list[str]]:
     if m.approach.any():
         out |= number_columns(names.approach, m.approach)
     if np.isfinite(m.temperature).all():
-        out |= number_columns(names.temperature, m.temperature[:, None] - 273.15)
+        out |= number_columns(names.temperature, m.temperature[:, None] - ZERO_CELSIUS)
+    if np.isfinite(m.joint_temperature).all():
+        out |= number_columns(names.joint_temperature, m.joint_temperature - ZERO_CELSIUS)
+    if np.isfinite(m.time).all():
+        out |= number_columns(names.time, m.time[:, None])
     if np.isfinite(m.payload_mass).all():
         out |= number_columns(names.payload_mass, m.payload_mass[:, None])
     if np.isfinite(m.payload_com).all():

@@ -55,6 +55,9 @@ GROUPS: Final = (
     "moment",
     "approach",
     "temperature",
+    "joint_temperature",
+    "time",
+    "timestamp",
     "payload_mass",
     "payload_com",
     "target",
@@ -63,6 +66,17 @@ GROUPS: Final = (
     "point_name",
 )
 """Fields of a mapping that name columns."""
+ONE_COLUMN: Final = (
+    "temperature",
+    "time",
+    "timestamp",
+    "payload_mass",
+    "target",
+    "station",
+    "set_name",
+    "point_name",
+)
+"""Those that name one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,7 +99,10 @@ class ColumnMapping:
         force: fx, fy, fz in N on the tool, base axes.
         moment: mx, my, mz in N m at the tool point, base axes.
         approach: Sign of the last motion of each joint: -1, 0, 1.
-        temperature: One column, deg C.
+        temperature: One column, deg C of the arm as a whole.
+        joint_temperature: One column per joint, deg C.
+        time: One column, s on any clock.
+        timestamp: One column, date and time of day (ISO 8601), in place of ``time``.
         payload_mass: One column, kg at the flange.
         payload_com: x, y, z of its centre of mass in the flange frame.
         target: One column, number of the reflector.
@@ -136,6 +153,9 @@ class ColumnMapping:
     moment: tuple[str, ...] = ()
     approach: tuple[str, ...] = ()
     temperature: tuple[str, ...] = ()
+    joint_temperature: tuple[str, ...] = ()
+    time: tuple[str, ...] = ()
+    timestamp: tuple[str, ...] = ()
     payload_mass: tuple[str, ...] = ()
     payload_com: tuple[str, ...] = ()
     target: tuple[str, ...] = ()
@@ -233,9 +253,9 @@ class ColumnMapping:
 
     def count(self, group: str) -> int:
         """Returns how many columns a group has where it is there."""
-        if group in ("joints", "approach"):
+        if group in ("joints", "approach", "joint_temperature"):
             return len(self.joints)
-        if group in ("temperature", "payload_mass", "target", "station", "set_name", "point_name"):
+        if group in ONE_COLUMN:
             return 1
         return 4 if group == "rotation" and self.rotation_form in ("wxyz", "xyzw") else 3
 

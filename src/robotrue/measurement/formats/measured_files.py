@@ -11,6 +11,7 @@ import numpy as np
 
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.columns import Column, Columns
+from robotrue.core.conditions import ArmConditions
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.formats.canonical import (
     axes_in,
@@ -29,6 +30,7 @@ from robotrue.measurement.formats.table import (
     AxisRelation,
     approach_columns,
     payload_column,
+    read_conditions,
     read_joint_columns,
     read_run,
     split_monuments,
@@ -47,6 +49,7 @@ class QueryTable(Columns):
         wrench: (n, 6) N, N m on the tool, at the tool point, base axes; zero if not given.
         approach: (n, dof) sign of the last motion of each joint; 0 = unknown.
         payload_mass: (n,) kg at the flange; NaN means "the cell's payload".
+        conditions: Temperature and time; not stated if the file has none.
         source_row: (n,) one-based line in the file.
     """
 
@@ -54,6 +57,7 @@ class QueryTable(Columns):
     wrench: Annotated[Array, Column("n 6")]
     approach: Annotated[Array, Column("n dof")]
     payload_mass: Annotated[Array, Column("n", unit="kg", nan=True)]
+    conditions: Annotated[ArmConditions, Column("n")]
     source_row: Annotated[IntArray, Column("n")]
 
     def __len__(self) -> int:
@@ -81,6 +85,7 @@ def read_queries(
         wrench=wrench_columns(columns),
         approach=approach_columns(columns),
         payload_mass=payload_column(columns),
+        conditions=read_conditions(columns),
         source_row=np.array(sheet.lines),
     )
 

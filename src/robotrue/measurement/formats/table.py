@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Final, TypeAlias
@@ -15,10 +16,12 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from robotrue.core.arrays import Array, IntArray
+from robotrue.core.conditions import ArmConditions, join_temperatures
 from robotrue.core.rotations import (
     matrix_from_quat_wxyz,
     matrix_from_rotation_vector,
 )
+from robotrue.core.units import ZERO_CELSIUS
 from robotrue.measurement.formats.mapped_sheet import MappedSheet
 from robotrue.measurement.formats.mapping import ANGLE, GROUPS, LENGTH, ColumnMapping
 from robotrue.measurement.formats.sheet import Sheet, column_key
@@ -29,7 +32,6 @@ from robotrue.measurement.tracker import Instrument, default_instrument
 
 AxisRelation: TypeAlias = Callable[[Array], Array]
 """The controller's axes (n, dof) rad to joints of the robot model (n, dof) rad."""
-_ZERO_CELSIUS = 273.15
 
 
 def read_table(
@@ -68,7 +70,9 @@ def read_table(
         payload_mass=payload_column(columns),
         payload_com=columns.numbers("payload_com", absent=np.nan) * LENGTH[mapping.position_unit],
         approach=approach_columns(columns),
-        temperature=columns.numbers("temperature", absent=np.nan)[:, 0] + _ZERO_CELSIUS,
+        temperature=temperature_columns(columns, "temperature")[:, 0],
+        joint_temperature=temperature_columns(columns, "joint_temperature"),
+        time=time_column(columns),
         target=columns.whole("target"),
         station=columns.whole("station"),
         group=group,
@@ -112,6 +116,40 @@ def payload_column(columns: MappedSheet) -> Array:
     values = columns.numbers("payload_mass", absent=np.nan)
     columns.check("payload_mass", values, values < 0.0, "0 or more")
     return values[:, 0]
+
+
+def read_conditions(columns: MappedSheet) -> ArmConditions:
+    """Returns temperature and time of every row, as far as the file has them."""
+    whole, of_joints = (
+        temperature_columns(columns, group) for group in ("temperature", "joint_temperature")
+    )
+    return ArmConditions(
+        temperature=join_temperatures(whole[:, 0], of_joints), time=time_column(columns)
+    )
+
+
+def temperature_columns(columns: MappedSheet, group: str) -> Array:
+    """Returns temperatures (n, k) K of a group; NaN where the file has none."""
+    return columns.numbers(group, absent=np.nan) + ZERO_CELSIUS
+
+
+def time_column(columns: MappedSheet) -> Array:
+    """Returns the time (n,) s of every row, of time stamps since 1970; NaN where the file has none.
+
+    Raises:
+        FormatError: A cell that is no date with time of day.
+    """
+    if not columns.present("timestamp"):
+        return columns.numbers("time", absent=np.nan)[:, 0]
+    name = columns.mapping.timestamp[0]
+    seconds = np.empty(len(columns))
+    for row, cell in enumerate(columns.sheet.column(name)):
+        try:
+            moment = datetime.fromisoformat(cell)
+        except ValueError:
+            raise columns.fault(row, name, f"{cell!r}, expected as 2026-11-28T07:30:00") from None
+        seconds[row] = (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
+    return seconds
 
 
 def approach_columns(columns: MappedSheet) -> Array:

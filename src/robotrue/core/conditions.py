@@ -1,0 +1,62 @@
+"""What surrounds postures of an arm: temperature, time, and where its external axes stand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Final, Self
+
+import numpy as np
+
+from robotrue.core.arrays import Array
+from robotrue.core.columns import EMPTY, Column, Columns
+from robotrue.errors import ShapeError
+
+EXTERNAL_AXES: Final = 6
+"""E1 to E6, as controllers number them."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ArmConditions(Columns):
+    """ArmConditions at n postures, or one row for all; NaN where nobody stated them.
+
+    An error term reads them in :attr:`~robotrue.calibration.terms.term.ArmPostures.conditions`.
+
+    Attributes:
+        temperature: (n, 1) K of the arm as a whole, or (n, dof) of each joint.
+        time: (n,) s, on one clock.
+        external: (n, 6) external axes, m of linear and rad of rotary ones.
+    """
+
+    temperature: Annotated[Array, Column("n _", unit="K", nan=True)]
+    time: Annotated[Array, Column("n", unit="s", nan=True, fill=np.nan)] = EMPTY
+    external: Annotated[Array, Column("n 6", unit="m, rad", nan=True, fill=np.nan)] = EMPTY
+
+    def __len__(self) -> int:
+        return len(self.temperature)
+
+    def spread(self, rows: int) -> Self:
+        """Returns the conditions of so many postures: one row stands for all.
+
+        Raises:
+            ShapeError: Another number of rows.
+        """
+        if len(self) not in (1, rows):
+            raise ShapeError(f"conditions of {len(self)} postures, expected 1 or {rows}.")
+        return self if len(self) == rows else self.take(np.zeros(rows, dtype=np.int64))
+
+
+def unstated(rows: int = 1) -> ArmConditions:
+    """Returns conditions of which nothing is known."""
+    return ArmConditions(temperature=np.full((rows, 1), np.nan))
+
+
+def join_temperatures(whole: Array, of_joints: Array) -> Array:
+    """Returns temperatures (n, 1) or (n, dof) K for :class:`ArmConditions`.
+
+    Args:
+        whole: (n,) K of the arm; NaN where not measured.
+        of_joints: (n, dof) K; where NaN that of the arm stands.
+    """
+    if np.isnan(of_joints).all():
+        return whole[:, None]
+    return np.where(np.isnan(of_joints), whole[:, None], of_joints)
