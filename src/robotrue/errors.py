@@ -1,4 +1,4 @@
-"""Every error robotrue raises on purpose.
+"""All error classes of robotrue.
 
 ::
 
@@ -6,18 +6,18 @@
     ├── ConfigurationError   cell.toml, a preset name, an option
     │   └── DatabaseDownError   the database of a workspace does not answer; may pass by itself
     ├── FormatError          a file that is not what its reader expects
-    ├── ImplausibleDataError readable numbers that cannot be what they claim
+    ├── ImplausibleDataError readable but impossible numbers
     ├── ShapeError           an array of the wrong shape, dtype or with NaN
-    ├── ObservabilityError   the data cannot determine what was asked
+    ├── ObservabilityError   the data do not determine a requested quantity
     ├── ConvergenceError     an iteration that did not reach its tolerance
-    ├── ReachError           a pose the robot cannot take
-    ├── ModelMismatchError   two things that do not belong to the same robot or model
-    ├── StepError            a compensated program with a ledge in its path
-    ├── ArchiveError         a model file that is damaged or from the future
+    ├── ReachError           an unreachable pose
+    ├── ModelMismatchError   two objects of different robots or models
+    ├── StepError            a compensated program with a step in its path
+    ├── ArchiveError         a damaged model file, or one of a newer robotrue
     └── MissingExtraError    an optional package that is not installed
 
-Every message says what was wrong, the value with its unit, what is allowed, where it came from,
-and one thing to try. The same facts are fields, for programs.
+Every message states the fault, the value with its unit, the allowed values, the source, and a
+remedy. Programs read the same facts from fields.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ from pathlib import Path
 
 
 class RobotrueError(Exception):
-    """Root of all errors raised on purpose.
+    """Root of all error classes.
 
     Attributes:
-        source: File the fault was found in, if any.
+        source: File with the fault, if any.
         line: One-based line of that file, if any.
-        hint: One thing to try.
+        hint: Remedy.
         detail: JSON values for programs, empty for most errors.
-        exit_code: What the command line exits with.
+        exit_code: Exit code of the command line.
     """
 
     exit_code = 1
@@ -72,7 +72,7 @@ class ConfigurationError(RobotrueError):
 
 
 class DatabaseDownError(ConfigurationError):
-    """The database of a workspace does not answer; it may do so again later."""
+    """The database of a workspace does not answer; a later attempt may succeed."""
 
 
 class FormatError(RobotrueError):
@@ -80,7 +80,7 @@ class FormatError(RobotrueError):
 
 
 class ImplausibleDataError(RobotrueError):
-    """Readable numbers that cannot be what they claim: wrong unit, mirrored axes, wrong robot."""
+    """Readable but impossible numbers: wrong unit, mirrored axes, wrong robot."""
 
 
 class ShapeError(RobotrueError):
@@ -88,7 +88,7 @@ class ShapeError(RobotrueError):
 
 
 class ObservabilityError(RobotrueError):
-    """The data cannot determine what was asked; the message names the combination and its cure."""
+    """The data do not determine a requested quantity; the message names it and a remedy."""
 
 
 class ConvergenceError(RobotrueError):
@@ -96,15 +96,15 @@ class ConvergenceError(RobotrueError):
 
 
 class ReachError(RobotrueError):
-    """A pose the robot cannot take: out of reach, beyond a joint limit, singular."""
+    """An unreachable pose: out of reach, beyond a joint limit, singular."""
 
 
 class ModelMismatchError(RobotrueError):
-    """Two things that do not belong together: another robot, another model, another tool."""
+    """Two objects that do not match: another robot, another model, another tool."""
 
 
 class StepError(RobotrueError):
-    """A step between a target left alone and a compensated one, larger than allowed.
+    """A step between an uncompensated and a compensated target, larger than allowed.
 
     ``detail`` holds the steps.
     """
@@ -117,4 +117,4 @@ class ArchiveError(RobotrueError):
 
 
 class MissingExtraError(RobotrueError):
-    """An optional package that is needed here and not installed."""
+    """A required optional package that is not installed."""

@@ -229,7 +229,7 @@ HEAD = "name,px_mm,py_mm,pz_mm,x_mm,y_mm,z_mm"
 
 @pytest.mark.parametrize(("text", "line", "message"), [
     ("name,px_mm,py_mm,x_mm,y_mm,z_mm\na,1,2,3,4,5\n", 1, "no column pz_mm"),
-    ("name,px_mm,py_mm,pz_mm\na,1,2,3\n", 1, "no column j1_deg.. or x_mm, y_mm, z_mm"),
+    ("name,px_mm,py_mm,pz_mm\na,1,2,3\n", 1, "no column a1_deg.., j1_deg.. or x_mm, y_mm, z_mm"),
     ("name,px_mm,py_mm,pz_mm,x_mm,y_mm,z_mm,q\na,1,2,3,4,5,6,7\n", 1, "unknown column 'q'"),
     (f"{HEAD},nx,ny\na,1,2,3,4,5,6,0,1\n", 1, "no column nz"),
     (f"{HEAD}\na,1,2,3,4,5,6\nb,1,nan,3,4,5,6\n", 3, "py_mm of 'b' is nan"),

@@ -36,7 +36,7 @@ class OperationResult(Presented):
     Attributes:
         operation: Its name.
         result: Its result.
-        messages: What was reported.
+        messages: Messages of the operation.
     """
 
     operation: str
@@ -54,7 +54,7 @@ class OperationResult(Presented):
         return document if "simulated" in document else marked_document(document, self.provenance)
 
     def blocks(self) -> Iterable[Block]:
-        """Returns what the command prints."""
+        """Returns the output of the command."""
         return self.result.blocks()
 
     def to_dataframe(self) -> pd.DataFrame:
@@ -122,7 +122,7 @@ def run(operation: str, /, **options: object) -> OperationResult:
     Raises:
         ConfigurationError: No such operation or option, a service that runs until it is stopped,
             or a model without a file for a cell that names it.
-        RobotrueError: What the operation raises.
+        RobotrueError: Errors of the operation.
     """
     if operation_of(operation).is_service:
         raise ConfigurationError(

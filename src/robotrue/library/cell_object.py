@@ -33,7 +33,7 @@ SCHEMA: Final = 1
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class RobotCell(Presented):
-    """A robot, its tool, its load, and what measures it.
+    """A robot, its tool, its load, and its measuring instrument.
 
     Attributes:
         cell: The values, SI.
@@ -59,7 +59,7 @@ class RobotCell(Presented):
         return None if self.cell.part is None else self.cell.part.provenance
 
     def blocks(self) -> Iterable[Block]:
-        """Returns what was understood of the cell."""
+        """Returns the content of the cell."""
         from robotrue.app.file_contents import cell_blocks
 
         yield from cell_blocks(Path(self.cell.source).name or "cell", self.cell)
@@ -95,10 +95,10 @@ class RobotCell(Presented):
     def save(self, path: str | Path) -> None:
         """Writes the cell as a cell.toml, with the files that it names beside it.
 
-        A registered cell keeps its part frames and brings the model that they were found with.
+        A registered cell keeps its part frames and their model.
 
         Raises:
-            ConfigurationError: A registered cell whose own file is not there or has changed.
+            ConfigurationError: A registered cell whose file is missing or has changed.
         """
         if self.cell.part is None:
             text, files = portable_text(self.cell)
@@ -114,7 +114,7 @@ class RobotCell(Presented):
         """Returns the file that it was read from, for a registered cell, which names its model.
 
         Raises:
-            ConfigurationError: It was not read from a file, or the file holds another text by now.
+            ConfigurationError: It was not read from a file, or the file has changed.
         """
         path = Path(self.cell.source)
         if not (self.cell.source and path.is_file() and path.read_text("utf-8") == self.cell.text):
@@ -142,7 +142,7 @@ def read_cell(path: str | Path) -> RobotCell:
 
 
 def robots() -> tuple[str, ...]:
-    """Returns the names of the robots that are known, for ``make_cell(robot=...)``."""
+    """Returns the names of the known robots, for ``make_cell(robot=...)``."""
     return preset_names()
 
 
@@ -166,10 +166,10 @@ def make_cell(
         robot: Name of a robot (``robots()`` lists them), or path of a URDF file.
         tool_xyz_mm: Tool of the programs in the flange frame.
         tool_abc_deg: Its attitude, KUKA A, B, C.
-        target_xyz_mm: Measured point in the flange frame; the tool point if left out.
-        target_sigma_mm: Standard deviation per axis of that place.
-        tracker_frame: ``"unknown"``: the calibration estimates where the tracker stands.
-        tracker_xyz_mm: Place of the tracker in the frame of the points.
+        target_xyz_mm: Measured point in the flange frame; default: the tool point.
+        target_sigma_mm: Standard deviation of that position per axis.
+        tracker_frame: ``"unknown"``: the calibration estimates the tracker pose.
+        tracker_xyz_mm: Position of the tracker in the frame of the points.
         payload_kg: Mass on the flange.
         payload_centre_mm: Its centre of mass in the flange frame.
         repeatability_mm: ISO 9283 RP of the data sheet.

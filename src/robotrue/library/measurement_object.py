@@ -40,11 +40,11 @@ MeasuredSource: TypeAlias = Union[str, Path, "pd.DataFrame", "Measurements"]
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Measurements(Presented):
-    """Measured poses; ``data[mask]`` and ``data[::5]`` choose rows.
+    """Measured poses; ``data[mask]`` and ``data[::5]`` select rows.
 
     Attributes:
         rows: The poses, SI.
-        messages: What was reported while they were read.
+        messages: Messages of the reader.
     """
 
     rows: MeasurementSet
@@ -84,7 +84,7 @@ class Measurements(Presented):
         """Returns one row per pose with the columns of a measurement file, at full precision.
 
         Raises:
-            FormatError: Orientation or payload is known for some rows only.
+            FormatError: Only some rows have an orientation or payload.
         """
         import pandas as pd
 
@@ -128,10 +128,10 @@ def read_measurements(
     """Returns measured poses from files, tables or two arrays, in the frame of the cell.
 
     Args:
-        cell: They were measured in.
+        cell: Cell of the measurements.
         sources: Files, or tables with the columns of a measurement file; one or more.
         mapping: Column mapping (TOML) of files of another layout.
-        joints_deg: (n, dof), commanded, in place of sources.
+        joints_deg: (n, dof), commanded, instead of sources.
         points_mm: (n, 3), measured, with ``joints_deg``.
 
     Raises:

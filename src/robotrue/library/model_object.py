@@ -55,13 +55,13 @@ KnownSource: TypeAlias = Union[str, Path, "Model", Measurements]
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Model(Presented):
-    """An error model and the cell it was measured in.
+    """An error model and its cell.
 
     Attributes:
         stored: Model, cell and archive.
-        shown: What the operation that made it shows.
-        messages: What was reported meanwhile.
-        path: File that it was loaded from; None of a model made here.
+        shown: Output of its operation.
+        messages: Messages of its operation.
+        path: Source file; None for a model made in this session.
     """
 
     stored: ModelFile
@@ -71,7 +71,7 @@ class Model(Presented):
 
     @property
     def cell(self) -> RobotCell:
-        """The cell it was measured in."""
+        """Cell of the measurements."""
         return RobotCell(cell=self.stored.cell)
 
     @property
@@ -81,7 +81,7 @@ class Model(Presented):
 
     @property
     def method(self) -> str:
-        """The method that was used."""
+        """Method of the fit."""
         return self.training.method
 
     @property
@@ -102,8 +102,8 @@ class Model(Presented):
 
         Args:
             queries: A file, or a table with the columns of one.
-            joints_deg: (n, dof) or (dof,), in place of queries.
-            payload_kg: Of each row, or one for all; the payload of the cell if left out.
+            joints_deg: (n, dof) or (dof,), instead of queries.
+            payload_kg: Of each row, or one for all; default: the payload of the cell.
             wrench: (n, 6) or (6,) N and N m on the tool, base axes.
             mapping: Column mapping (TOML) of a file of another layout.
 
@@ -136,11 +136,11 @@ class Model(Presented):
         return context.add_model(self.stored, f"{name}.robotrue")
 
     def require_file(self, why: str) -> Path:
-        """Returns the file that it was loaded from, for what names it.
+        """Returns its source file, for files that name it.
 
         Raises:
             ConfigurationError: It was not loaded from a file.
-            ModelMismatchError: The file holds another model by now.
+            ModelMismatchError: The file now contains another model.
         """
         if self.path is None:
             raise ConfigurationError(
@@ -158,11 +158,11 @@ class Model(Presented):
         return self.path
 
     def blocks(self) -> Iterable[Block]:
-        """Returns what was learned, and what was not."""
+        """Returns the determined and the undetermined parameters."""
         return self.shown
 
     def to_dataframe(self) -> pd.DataFrame:
-        """Returns the identified errors: value, sd and unit of each, and how well it is known."""
+        """Returns the identified errors: value, sd, unit and class of each."""
         import pandas as pd
 
         from robotrue.report.model_view import list_geometric_errors
@@ -215,7 +215,7 @@ def model_of(model: ModelSource) -> Model:
 def calibrate(
     cell: CellSource, *data: MeasuredSource, **options: Unpack[CalibrateOptions]
 ) -> Model:
-    """Returns the error model that the measured poses show.
+    """Returns the error model fitted to measured poses.
 
     Args:
         cell: The cell, or the path of its cell.toml.
@@ -223,7 +223,7 @@ def calibrate(
         options: See below.
 
     Raises:
-        ObservabilityError: Too few measurements for what is asked.
+        ObservabilityError: Too few measurements for the method.
         ImplausibleDataError: Numbers that cannot be this robot's.
     """
     with open_context() as context:
@@ -249,19 +249,19 @@ def transfer(
     fleet: ModelSource | Sequence[ModelSource] = (),
     **options: Unpack[TransferOptions],
 ) -> Model:
-    """Returns a model that carries what is known to another region, date or arm, under guard.
+    """Returns a model transferred to another region, date or arm, checked on held-out poses.
 
     Args:
         cell: The target's cell, or the path of its cell.toml.
         data: Poses measured at the target.
-        from_region: Known of another region, the same arm and time.
-        from_campaign: Known of another time, the same arm.
-        from_unit: Known of another arm of the type.
+        from_region: Sources of another region, the same arm and time.
+        from_campaign: Sources of another time, the same arm.
+        from_unit: Sources of another arm of the type.
         fleet: Models of other arms of the type, or folders of such models; one or more.
         options: See below.
 
     Raises:
-        ObservabilityError: Nothing can be used.
+        ObservabilityError: No data can be used.
     """
     known = {"region": from_region, "campaign": from_campaign, "unit": from_unit}
     with open_context() as context:

@@ -33,12 +33,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class PosesToMeasure(Presented):
-    """Chosen poses in the order of measuring, and what accuracy to expect of them.
+    """Chosen poses in measuring order, and the expected accuracy.
 
     Attributes:
         robot: Name of the robot.
         result: Of the operation ``plan``.
-        messages: What was reported.
+        messages: Messages of the operation.
     """
 
     robot: str
@@ -60,7 +60,7 @@ class PosesToMeasure(Presented):
 
     @property
     def provenance(self) -> Provenance:
-        """Provenance of the model that the poses are to improve."""
+        """Provenance of the model to improve."""
         return self.result.provenance
 
     def save(self, path: str | Path) -> None:
@@ -83,7 +83,7 @@ class PosesToMeasure(Presented):
         return pd.DataFrame({**joints, **points, "rank": plan.rank + 1})
 
     def plot(self) -> Picture:
-        """Returns the expected error against the number of poses, and the places of the poses."""
+        """Returns the expected error against the number of poses, and the pose positions."""
         from robotrue.app.report_pages import draw_accuracy_curve
         from robotrue.library.pictures import draw_places, make_picture
         from robotrue.report.words import ENGLISH
@@ -105,11 +105,11 @@ def plan(
 
     Args:
         cell: The cell, or the path of its cell.toml.
-        model: A calibration that the poses are to improve.
+        model: Calibration to improve.
         options: See below.
 
     Raises:
-        ReachError: Nothing can be measured, or the program is out of reach.
+        ReachError: No pose can be measured, or the program is out of reach.
         ConfigurationError: An option that is not allowed; the hierarchical method, which
             ``run("plan", ...)`` does.
     """

@@ -1,4 +1,4 @@
-"""A simulated cell to practise on."""
+"""A simulated cell for practice."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ from pathlib import Path
 
 
 def write_practice_cell(folder: str | Path, *, seed: int | None = None) -> Path:
-    """Writes a simulated robot cell to practise on, and returns its folder.
+    """Writes a simulated robot cell for practice, and returns its folder.
 
     It is the cell of ``robotrue demo``, a KUKA KR160 with tracker: ``cell.toml``,
     ``calibration.csv`` (80 poses), ``held_out.csv`` (50 poses) and ``flange_hole.src``. The
-    measurements are marked as simulated, and so is everything that is made of them.
+    measurements are marked as simulated, and so are all results from them.
 
     Args:
-        folder: Made if it is not there; files of the same names are replaced.
-        seed: Of the cell and of its noise; that of the demo if left out.
+        folder: Created if missing; files of the same names are replaced.
+        seed: Seed of the cell and its noise; default: that of the demo.
 
     Raises:
         FormatError: The folder cannot be written to.

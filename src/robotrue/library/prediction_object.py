@@ -29,9 +29,9 @@ class PredictedErrors(Presented):
     """Errors, actual minus commanded, in the base frame; one row per query.
 
     Attributes:
-        model: That predicts.
+        model: Model of the prediction.
         result: Of the operation ``predict``.
-        messages: What was reported.
+        messages: Messages of the operation.
     """
 
     model: ErrorModel
@@ -58,7 +58,7 @@ class PredictedErrors(Presented):
 
     @property
     def commanded_mm(self) -> npt.NDArray[np.float64]:
-        """(n, 3) mm, where the controller believes the measured point is."""
+        """(n, 3) mm, measured point according to the controller."""
         return forward(self.model.robot.nominal(), self.result.queries.joints)[:, :3, 3] / MM
 
     @property

@@ -1,4 +1,4 @@
-"""Robot programs, and what compensation makes of them."""
+"""Robot programs and their compensation."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class RobotProgram(Presented):
 
     @property
     def provenance(self) -> Provenance | None:
-        """None: a program rests on no data."""
+        """None: a program has no data source."""
         return None
 
     def blocks(self) -> Iterable[Block]:
@@ -90,7 +90,7 @@ def read_program(path: str | Path) -> RobotProgram:
     """Returns the programs of a job: a file with its companions, or a folder.
 
     Raises:
-        FormatError: Not a program that is known here, with file and line.
+        FormatError: Not a known program dialect, with file and line.
     """
     return RobotProgram(path=Path(path), job=read_job(path))
 
@@ -136,12 +136,12 @@ class RewrittenProgram(Presented):
 
     Attributes:
         before: File or folder of the program before.
-        model: It was compensated with.
+        model: Model of the compensation.
         files: Bytes by file name: the programs and their identities.
-        cell: Whose part frame the program runs in; None without one.
+        cell: Cell with the part frame of the program; None without one.
         options: Of the compensation.
         result: Of the operation ``compensate``.
-        messages: What became of the targets.
+        messages: Report on the targets.
     """
 
     before: Path
@@ -256,12 +256,12 @@ def compensate(
     cell: CellSource | None = None,
     **options: Unpack[CompensateOptions],
 ) -> RewrittenProgram:
-    """Returns a program rewritten so that the robot lands where it says.
+    """Returns a program with compensated targets.
 
     Args:
         model: The model, or the path of its file.
         program: The program, or the path of its file or of the folder of a job.
-        cell: Whose part frame the program runs in, or that knows its frames.
+        cell: Cell with the part frame or the other frames of the program.
         options: See below.
 
     Raises:

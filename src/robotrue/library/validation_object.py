@@ -1,4 +1,4 @@
-"""A model on poses it has not seen."""
+"""A model on held-out poses."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Validation(Presented):
-    """Errors before and after on poses the fit never saw, and how honest the uncertainty is.
+    """Errors before and after on held-out poses, and the coverage of the stated uncertainty.
 
     Attributes:
         result: Of the operation ``validate``.
-        messages: What was reported.
+        messages: Messages of the operation.
     """
 
     result: Validated
@@ -125,7 +125,7 @@ class Validation(Presented):
 def validate(
     model: ModelSource, *held_out: MeasuredSource, **options: Unpack[ValidateOptions]
 ) -> Validation:
-    """Returns how well a model predicts poses it has not seen.
+    """Returns the prediction error of a model on held-out poses.
 
     Args:
         model: The model, or the path of its file.
