@@ -148,9 +148,7 @@ class CompensateRequest(Request):
         int | None,
         Option(
             shells=ON_COMMAND_LINE,
-            help=(
-                "Processes for a long program; default: as many as reduce the time; 1: no others."
-            ),
+            help=("Processes for a long program; default: as many as save time; 1: only this one."),
         ),
     ] = None
     dask: Annotated[

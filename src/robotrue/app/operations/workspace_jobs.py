@@ -33,7 +33,13 @@ TEXTS: Final = frozenset(
 class JobsSubmitRequest(Request):
     """Job to queue."""
 
-    kind: Annotated[str, Option(argument="KIND", help="calibrate, compensate, plan or validate.")]
+    kind: Annotated[
+        str,
+        Option(
+            argument="KIND",
+            help="Kind of job: calibrate, compensate, plan, ...; a wrong one lists all.",
+        ),
+    ]
     parameter: Annotated[
         tuple[str, ...],
         Option(
