@@ -265,3 +265,15 @@ def test_student_narrows_with_rows():
     assert widths == sorted(widths, reverse=True)
     assert widths[-1] == pytest.approx(1.0, abs=0.01)
     assert student(0, "region") < student(0, "campaign")
+
+
+def test_a_compact_transfer_is_the_same_with_a_shorter_root(source, moved):
+    known, test = moved
+    model = fit_transfer(arm(), known, [TransferSource(model=source)], SETTINGS)
+    compact = model.compact()
+    assert len(compact.root) <= compact.root.shape[1] < len(model.root)
+    assert compact.compact() is compact
+    query = Query(joints=test.joints, load=PAYLOAD)
+    stated, again = model.predict(query), compact.predict(query)
+    np.testing.assert_array_equal(again.error, stated.error)
+    np.testing.assert_allclose(again.covariance, stated.covariance, rtol=1e-6)

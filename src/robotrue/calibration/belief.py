@@ -109,7 +109,7 @@ class Belief:
     @property
     def variance(self) -> Array:
         """(p,) variance of every column."""
-        return np.asarray((self.root**2).sum(axis=0))
+        return np.asarray(np.einsum("ij,ij->j", self.root, self.root))
 
     @property
     def noise(self) -> Array:
@@ -149,16 +149,36 @@ def condition(belief: Belief, columns: Array, values: Array) -> Belief:
         turned = left.T @ root
         off = right @ (values[part] - columns[part] @ mean)
         mean = mean + turned.T @ (size / (1.0 + size**2) * off)
-        root = root - left @ ((1.0 - 1.0 / np.sqrt(1.0 + size**2))[:, None] * turned)
+        removed = left @ ((1.0 - 1.0 / np.sqrt(1.0 + size**2))[:, None] * turned)
+        root = np.subtract(root, removed, out=removed)
     return replace(belief, mean=mean, root=root)
 
 
 def add_variance(belief: Belief, variance: Array) -> Belief:
     """Returns the belief with independent variance (p,) added to its columns."""
+    return replace(belief, root=_add_rows(belief.root, 1.0, variance))
+
+
+def _add_rows(root: Array, factor: float | Array, variance: Array) -> Array:
+    """A root times a factor, with independent variance (p,) as further rows; made in one pass."""
     extra = np.flatnonzero(variance > 0.0)
-    rows = np.zeros((len(extra), len(belief.mean)))
-    rows[np.arange(len(extra)), extra] = np.sqrt(variance[extra])
-    return replace(belief, root=np.vstack([belief.root, rows]))
+    longer = np.zeros((len(root) + len(extra), root.shape[1]))
+    np.multiply(root, factor, out=longer[: len(root)])
+    longer[len(root) + np.arange(len(extra)), extra] = np.sqrt(variance[extra])
+    return longer
+
+
+def carry_belief(belief: Belief, keep: Array, trust: float, variance: Array) -> Belief:
+    """Returns the belief with every column times ``keep``, its sd also times ``trust``.
+
+    Args:
+        belief: Before.
+        keep: (p,) factors.
+        trust: Factor on what is not known.
+        variance: (p,) independent variance that is added.
+    """
+    root = _add_rows(belief.root, trust * keep, variance)
+    return replace(belief, mean=keep * belief.mean, root=root)
 
 
 def with_nuisances(belief: Belief, sd: Array) -> Belief:
@@ -202,11 +222,14 @@ def with_term(belief: Belief, term: Term, kept: IntArray) -> Belief:
             no variance yet.
     """
     place = belief.place(term.name)
+    terms = tuple(term if old.name == term.name else old for old in belief.terms)
     fresh = np.setdiff1d(np.arange(term.size), kept)
+    if not len(fresh):
+        return replace(belief, terms=terms)
     where = place.start + np.searchsorted(kept, fresh)
     return replace(
         belief,
-        terms=tuple(term if old.name == term.name else old for old in belief.terms),
+        terms=terms,
         mean=np.insert(belief.mean, where, 0.0),
         root=np.insert(belief.root, where, 0.0, axis=1),
     )

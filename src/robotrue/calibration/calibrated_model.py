@@ -20,6 +20,7 @@ from robotrue.calibration.archive import robot_arrays, robot_document
 from robotrue.calibration.arm import ArmWithTerms, LinearArm, parts_of, prepare_arm
 from robotrue.calibration.belief import Belief, compress_root, root_of_covariance, standard_terms
 from robotrue.calibration.evidence import spread
+from robotrue.calibration.held_out_blocks import HeldOutRows
 from robotrue.calibration.mean_tables import MeanTables, rigid_tables
 from robotrue.calibration.model import Prediction, Query
 from robotrue.calibration.observations import take_to_base
@@ -76,6 +77,7 @@ class CalibratedModel(Columns):
         columns: (c,) which of [robot errors, parameters] the root is over.
         root: (p, c) R; R'R is the posterior covariance of those. None: ``covariance`` is all.
         inflation: Factor on the covariance from held-out blocks.
+        held_out: The rows of the fit, predicted from other blocks; not archived.
         actual: The arm with its identified errors and the measured tool.
     """
 
@@ -92,6 +94,7 @@ class CalibratedModel(Columns):
     columns: Annotated[Array, Column("c")] = EMPTY
     root: Annotated[Array | None, Column("p c")] = None
     inflation: float = 1.0
+    held_out: HeldOutRows | None = field(default=None, repr=False, compare=False)
     actual: RobotModel = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -128,6 +131,25 @@ class CalibratedModel(Columns):
             inflation=self.inflation,
             T_tracker_base=self.T_tracker_base,
         )
+
+    def compact(self) -> CalibratedModel:
+        """Returns the same model with a root of no more rows than columns, where it had more.
+
+        Squaring the root of a large model costs more than many predictions by it.
+        """
+        if self.root is None:
+            return self
+        rooted = {k: r for k, r in self.reflectors.items() if r.root is not None}
+        whole = np.hstack([self.root, *(r.root for r in rooted.values() if r.root is not None)])
+        square = compress_root(whole)
+        if len(square) == len(whole):
+            return self
+        end = self.root.shape[1]
+        reflectors = {
+            k: replace(r, root=square[:, end + 3 * i : end + 3 * i + 3])
+            for i, (k, r) in enumerate(rooted.items())
+        }
+        return replace(self, root=square[:, :end], reflectors={**self.reflectors, **reflectors})
 
     def predict(self, query: Query) -> Prediction:
         """Returns mean and covariance of the error at every query row, base frame.
@@ -316,13 +338,22 @@ class CalibratedModel(Columns):
         return document, arrays
 
 
-def model_of(belief: Belief, summary: Mapping[str, object]) -> CalibratedModel:
-    """Returns the error model of a belief without nuisances."""
+def model_of(
+    belief: Belief, summary: Mapping[str, object], *, compact: bool = True
+) -> CalibratedModel:
+    """Returns the error model of a belief without nuisances.
+
+    Args:
+        belief: Without nuisances.
+        summary: Of its training.
+        compact: Whether the root is made square where it has far more rows than columns.
+    """
     end = belief.end
     places = [place for _, place in belief.reflectors.values()]
-    whole = compress_root(np.hstack([belief.root, *places]))
+    whole = np.hstack([belief.root, *places]) if places else belief.root
+    whole = compress_root(whole) if compact else whole
     root = whole[:, :end]
-    columns = np.flatnonzero((root != 0.0).any(axis=0))
+    columns = np.flatnonzero(root.any(axis=0))
     physical = root[:, : len(belief.errors)]
     variance = belief.inflation * (root**2).sum(axis=0)
     said = [
@@ -346,7 +377,7 @@ def model_of(belief: Belief, summary: Mapping[str, object]) -> CalibratedModel:
         terms=belief.terms,
         values=belief.values,
         columns=columns.astype(np.float64),
-        root=root[:, columns],
+        root=root if len(columns) == root.shape[1] else root[:, columns],
         inflation=belief.inflation,
     )
 

@@ -21,7 +21,7 @@ from typing import Final, Literal, TypeAlias, get_args
 
 import numpy as np
 
-from robotrue.calibration.belief import Belief, add_variance, with_amplitude
+from robotrue.calibration.belief import Belief, carry_belief, with_amplitude
 from robotrue.core.arrays import Array, IntArray
 from robotrue.errors import ConfigurationError
 from robotrue.robot.model import parameter_slice
@@ -213,16 +213,15 @@ def prior_of(drift: SourceDrift) -> Belief:
     keep, variance = carry_over(drift, scale)
     if len(drift.field):
         belief = with_amplitude(belief, float(scale[4]))
-    return add_variance(
-        replace(
-            belief,
-            mean=keep * belief.mean,
-            root=scale[0] * belief.root * keep,
-            white=float(scale[1]),
-            inflation=1.0,
-        ),
-        variance,
-    )
+    carried = carry_belief(belief, keep, float(scale[0]), variance)
+    return replace(carried, white=float(scale[1]), inflation=1.0)
+
+
+def prior_mean(drift: SourceDrift) -> Belief:
+    """Returns the mean of :func:`prior_of`, as if it were certain."""
+    keep, _ = carry_over(drift, np.exp(drift.log_scale))
+    belief = drift.belief
+    return replace(belief, mean=keep * belief.mean, root=belief.root[:0])
 
 
 def carry_over(drift: SourceDrift, scale: Array) -> tuple[Array, Array]:

@@ -81,7 +81,7 @@ class DriftEvidence:
         columns = stack.columns[:, :end]
         waves, field = belief.columns_by_carry("waves"), belief.columns_by_carry("field")
         parts = (np.setdiff1d(np.arange(end), np.concatenate([waves, field])), waves, field)
-        roots = [belief.root[:, p] @ columns[:, p].T for p in parts]
+        roots = [belief.root[:, p] @ columns[:, p].T for p in map(_as_range, parts)]
         fresh, nuisance = columns[:, drift.field], stack.columns[:, end:]
         self._drift, self._stack = drift, stack
         self._gram = [[a.T @ b for b in roots] for a in roots]
@@ -143,17 +143,22 @@ class DriftEvidence:
         gradient[2:4] -= [float(alpha @ m) for m in moved]
         return value, gradient - off / self._drift.log_sd
 
-    def mean(self, log_scale: Array) -> Array:
-        """Posterior mean (p + nuisances,) at given scales."""
-        total, _, y, _ = self.matrices(log_scale)
-        pull = self._stack.columns.T @ cho_solve(cho_factor(total, lower=True), y)
+    def means(self, log_scales: Array) -> Array:
+        """Posterior means (k, p + nuisances) at k scales; the root is read once for all."""
         belief = self._drift.belief
         end = belief.end
-        scale = np.exp(log_scale)
-        keep, variance = carry_over(self._drift, scale)
-        through = scale[0] ** 2 * keep * (belief.root.T @ (belief.root @ (keep * pull[:end])))
-        moved = keep * belief.mean + through + variance * pull[:end]
-        return np.concatenate([moved, NUISANCE_SD**2 * pull[end:]])
+        pulls, keeps, direct = [], [], []
+        for log_scale in log_scales:
+            total, _, y, _ = self.matrices(log_scale)
+            pull = self._stack.columns.T @ cho_solve(cho_factor(total, lower=True), y)
+            scale = np.exp(log_scale)
+            keep, variance = carry_over(self._drift, scale)
+            pulls.append(pull)
+            keeps.append(scale[0] * keep)
+            direct.append(keep * belief.mean + variance * pull[:end])
+        pulled, kept = np.array(pulls), np.array(keeps)
+        through = kept * ((kept * pulled[:, :end]) @ belief.root.T @ belief.root)
+        return np.hstack([np.array(direct) + through, NUISANCE_SD**2 * pulled[:, end:]])
 
 
 def learn_drift(drift: SourceDrift, problem: DriftEvidence) -> SourceDrift:
@@ -190,10 +195,15 @@ def leave_rows_out(
 
 def mean_slopes(drift: SourceDrift, problem: DriftEvidence) -> Array:
     """Returns d(posterior mean)/d(log scale) (scales, p + nuisances) by central differences."""
-    out = []
-    for k in range(len(drift.log_scale)):
-        step = np.zeros(len(drift.log_scale))
-        step[k] = DIFFERENCE
-        ahead, behind = problem.mean(drift.log_scale + step), problem.mean(drift.log_scale - step)
-        out.append((ahead - behind) / (2.0 * DIFFERENCE))
-    return np.array(out)
+    steps = DIFFERENCE * np.eye(len(drift.log_scale))
+    ahead, behind = np.split(
+        problem.means(np.concatenate([drift.log_scale + steps, drift.log_scale - steps])), 2
+    )
+    return np.asarray((ahead - behind) / (2.0 * DIFFERENCE))
+
+
+def _as_range(places: IntArray) -> IntArray | slice:
+    """The places as a slice where they follow one another: rows and columns are then not copied."""
+    if len(places) and places[-1] - places[0] == len(places) - 1:
+        return slice(int(places[0]), int(places[-1]) + 1)
+    return places

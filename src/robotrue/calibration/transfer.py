@@ -19,7 +19,14 @@ import numpy as np
 
 from robotrue.calibration.belief import Belief, with_centres
 from robotrue.calibration.calibrated_model import CalibratedModel, model_of
-from robotrue.calibration.drift_prior import DriftScales, Relation, SourceDrift, drift_of, prior_of
+from robotrue.calibration.drift_prior import (
+    DriftScales,
+    Relation,
+    SourceDrift,
+    drift_of,
+    prior_mean,
+    prior_of,
+)
 from robotrue.calibration.drift_scales import (
     DriftEvidence,
     learn_drift,
@@ -102,6 +109,9 @@ def fit_transfer(
 ) -> CalibratedModel:
     """Returns the error model of the target: sources carried over, target rows added.
 
+    What may have changed lengthens its root: a model that is saved should be made
+    :meth:`CalibratedModel.compact` first.
+
     Args:
         robot: Nominal arm of the target with the nominal reflector.
         target: Rows of the target, of which the points are used; None or no rows: the prediction
@@ -144,7 +154,9 @@ def fit_transfer(
     counted = 0 if target is None else len(target) - len(screened)
     after = replace(after, inflation=student(counted, relation))
     return model_of(
-        after, _summary(after, drift, relation, ordered, models, target, screened, settings)
+        after,
+        _summary(after, drift, relation, ordered, models, target, screened, settings),
+        compact=False,
     )
 
 
@@ -174,7 +186,7 @@ def carry_source(
     placed, rows = condition_on_rows(rows.prior(certain), rows, noise, np.ones(rows.count))
     arm = np.hstack([lead.root, np.zeros((len(lead.root), rows.nuisances))])
     placed = replace(placed, root=np.vstack([placed.root, arm]))
-    return model_of(_with_gauge(placed, rows, source.relation), model.summary)
+    return model_of(_with_gauge(placed, rows, source.relation), model.summary, compact=False)
 
 
 def _model_of_source(
@@ -208,7 +220,7 @@ def _add_target_rows(
     chosen = np.zeros(rows.count, dtype=bool)
     chosen[rng.choice(rows.count, min(LEARNING_ROWS, rows.count), replace=False)] = True
     u = np.ones(rows.count)
-    at = rows.prior(prior_of(drift))
+    at = rows.prior(prior_mean(drift))
     for step in range(ROUNDS):
         stack = stack_rows(rows.pieces(at, chosen))
         problem = DriftEvidence(drift, stack)
@@ -216,7 +228,7 @@ def _add_target_rows(
         problem.weigh(u[stack.row])
         if learn:
             drift = learn_drift(drift, problem)
-        at = replace(at, mean=problem.mean(drift.log_scale))
+        at = replace(at, mean=problem.means(drift.log_scale[None])[0])
         rows = rows.move(at.mean[at.end :])
     prior = rows.prior(prior_of(drift))
     if not chosen.all():

@@ -14,13 +14,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 
 from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.deng2022.transfer_gpr import fit_boosted_poses
 from robotrue.calibration.drift_prior import NO_DRIFT, DriftScales
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.seen_ripple import see_at_postures
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.sources import TransferSource
 from robotrue.calibration.transfer import carry_source, fit_transfer
@@ -117,6 +118,8 @@ def select_transfer(
         progress=progress,
         requested=requested,
     )
+    if isinstance(model, CalibratedModel):
+        model = model.compact()
     summary = model.training_summary()
     more = drift_doubts(summary)
     return with_summary(model, {"doubts": [*summary.warnings, *more]}) if more else model
@@ -163,7 +166,7 @@ def contestants(
         if target is not None and not _elsewhere(source, target):
             doubts += target_doubts(source.name, model, target, settings.payload)
     return Contestants(
-        transfers=_transfers(robot, known, settings, drift, method),
+        transfers=_transfers(robot, known, settings, drift, method, target),
         alone=_alone(robot, settings, method),
         doubts=tuple(dict.fromkeys(doubts)),
     )
@@ -201,19 +204,29 @@ def _transfers(
     settings: FitSettings,
     drift: DriftScales | None,
     method: str,
+    target: MeasurementSet | None,
 ) -> dict[str, Candidate]:
     if not known:
         return {}
     ready = [TransferSource(model=m, relation=s.relation, name=s.name) for s, m in known]
+    seen = cache(partial(_see_at_target, ready, target))
     sets = [s.measurements for s, _ in known if s.measurements is not None]
 
+    def sources(rows: MeasurementSet | None) -> list[TransferSource]:
+        """What is held out are rows of the target: a part of it is predicted at its rows alone."""
+        part = target is not None and rows is not None and len(rows) < len(target)
+        return seen() if part else ready
+
     def transfer(rows: MeasurementSet | None) -> ErrorModel:
-        return fit_transfer(robot, rows, ready, settings, scales=drift)
+        return fit_transfer(robot, rows, sources(rows), settings, scales=drift)
 
     def pool(rows: MeasurementSet | None) -> ErrorModel:
         for source, model in known:
             _require_frame(source, model, rows)
-        return fit_transfer(robot, rows, ready, settings, scales=NO_DRIFT, learn=False)
+        return fit_transfer(robot, rows, sources(rows), settings, scales=NO_DRIFT, learn=False)
+
+    def carry(index: int, rows: MeasurementSet | None) -> ErrorModel:
+        return _carry_as_it_is(robot, sources(rows)[index], settings, rows)
 
     def learn(rows: MeasurementSet | None) -> ErrorModel:
         if rows is None:
@@ -223,10 +236,24 @@ def _transfers(
     out: dict[str, Candidate] = {"transfer": transfer, "pooled": pool}
     if sets and method == "gp":
         out["learned"] = learn
-    for source in ready:
+    for index, source in enumerate(ready):
         name = "source-only" if len(known) == 1 else f"source-only {source.name}"
-        out[name] = partial(_carry_as_it_is, robot, source, settings)
+        out[name] = partial(carry, index)
     return out
+
+
+def _see_at_target(
+    sources: Sequence[TransferSource], target: MeasurementSet | None
+) -> list[TransferSource]:
+    """The sources as the target's postures see them, where that is exact and leaves out much.
+
+    Several sources, and other units, are combined over the cycles of their ripple.
+    """
+    alone = len(sources) == 1 and sources[0].relation != "unit"
+    model = sources[0].model
+    if not alone or target is None or not isinstance(model, CalibratedModel):
+        return list(sources)
+    return [replace(sources[0], model=see_at_postures(model, target.joints))]
 
 
 def _carry_as_it_is(
