@@ -49,16 +49,23 @@ def seen_points(model, joints):
     return point @ turn.T + T[:3, 3], turn @ found.covariance @ turn.T
 
 
-def test_mean_and_covariance_are_those_of_the_mixture(fits):
+@pytest.mark.parametrize("together", [False, True])
+def test_mean_and_covariance_are_those_of_the_mixture(fits, together):
     _, models = fits
     joints = postures(arm(), 25, np.random.default_rng(6))
     points, covariances = zip(*(seen_points(model, joints) for model in models), strict=True)
     points = np.array(points)
     mean = np.tensordot(WEIGHTS, points, axes=1)
     apart = points - mean
-    mixed = np.einsum("k,knij->nij", WEIGHTS, np.array(covariances))
+    factors = np.array([model.inflation if together else 1.0 for model in models])
+    mixed = np.einsum("k,knij->nij", WEIGHTS / factors, np.array(covariances))
     mixed += np.einsum("k,kni,knj->nij", WEIGHTS, apart, apart)
-    point, covariance = seen_points(average_models(models, 7.0 * WEIGHTS), joints)
+    if not together:  # without held-out rows each keeps its own factor
+        models = [replace(model, held_out=None) for model in models]
+    average = average_models(models, 7.0 * WEIGHTS)
+    assert (average.inflation == 1.0) != together
+    mixed *= average.inflation
+    point, covariance = seen_points(average, joints)
     np.testing.assert_allclose(point, mean, atol=2e-6)  # the arm is not quite linear
     scale = np.trace(mixed, axis1=1, axis2=2)[:, None, None]
     np.testing.assert_allclose(covariance / scale, mixed / scale, atol=0.03)

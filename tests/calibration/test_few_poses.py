@@ -9,7 +9,7 @@ import pytest
 from planted_arm import PAYLOAD, arm, planted, postures, ripple_shift
 
 from robotrue.calibration.evidence import PriorGroup, held_scales, learn, posterior, sums_of
-from robotrue.calibration.held_out_blocks import HeldOutRows, widen
+from robotrue.calibration.held_out_blocks import HeldOutRows, average_held_out, widen
 from robotrue.calibration.learned import LearnedMethod, LearnedParts, climb_ladder, share_waves
 from robotrue.calibration.methods import FitSettings, fit
 from robotrue.calibration.model import Query
@@ -122,11 +122,17 @@ def held_out(rows: int, *, spread: float = 1.0, instrument: float = 0.0) -> Held
     rng = np.random.default_rng(rows)
     error = spread * rng.standard_normal((rows, 3)) + instrument * rng.standard_normal((rows, 3))
     none, one = np.zeros((rows, 3, 3)), np.tile(np.eye(3), (rows, 1, 1))
-    return HeldOutRows(error=error, learned=none, white=one, instrument=instrument**2 * one)
+    return HeldOutRows(
+        error=error,
+        learned=none,
+        white=one,
+        instrument=instrument**2 * one,
+        counted=np.ones(rows, dtype=bool),
+    )
 
 
 def factor_of(found: HeldOutRows, freedom: float) -> float:
-    return widen(found, np.ones(len(found.error), dtype=bool), freedom).inflation
+    return widen(replace(found, freedom=freedom)).inflation
 
 
 def test_the_factor_is_that_of_the_misfit_with_many_rows():
@@ -149,7 +155,22 @@ def test_one_row_far_off_does_not_make_the_width_of_the_others():
     far = replace(found, error=error)
     assert factor_of(far, 50.0) < 1.4 * factor_of(found, 50.0)
     counted = np.arange(60) != 7
-    assert widen(far, counted, 50.0).inflation < factor_of(far, 50.0)
+    assert factor_of(replace(far, counted=counted), 50.0) < factor_of(far, 50.0)
+
+
+def test_models_that_err_apart_are_narrower_together_than_each():
+    first, second = held_out(60, spread=1.5), replace(held_out(60), error=held_out(61).error[:60])
+    alike = average_held_out([first, first], np.array([0.3, 0.7]))
+    np.testing.assert_allclose(alike.error, first.error)
+    np.testing.assert_allclose(alike.learned, 0.0, atol=1e-12)
+    other = replace(first, error=1.5 * second.error)
+    both = average_held_out([first, other], np.array([0.5, 0.5]))
+    apart = 0.5 * (first.error - other.error)
+    np.testing.assert_allclose(both.error, 0.5 * (first.error + other.error))
+    np.testing.assert_allclose(both.learned, apart[:, :, None] * apart[:, None, :])
+    assert factor_of(both, 50.0) < min(factor_of(first, 50.0), factor_of(other, 50.0))
+    wide = replace(first, freedom=50.0)
+    assert widen(wide, numbers_per_row=3.0).inflation < widen(wide).inflation  # nearer to one
 
 
 def law_arm(rng):

@@ -2,17 +2,21 @@
 
 With weights a_k over models of mean m_k and covariance f_k S_k the average has
 
-    mean  sum a_k m_k        covariance  sum a_k (f_k S_k + (m_k - mean)(m_k - mean)')
+    mean  sum a_k m_k        covariance  f sum a_k (S_k + (m_k - mean)(m_k - mean)')
 
 the first two moments of their mixture (Yao, Vehtari, Simpson and Gelman 2018, "Using stacking to
-average Bayesian predictive distributions"). All models are linear in the same coefficients, so the
-average is one of them: mean and root over robot errors and terms. A term that a model does not have
-is zero in it, and certain. Nothing that uses an error model can tell it from a single fit.
+average Bayesian predictive distributions"), times one factor f from the rows that all models were
+held out of (:mod:`robotrue.calibration.held_out_blocks`). Where a model does not carry such rows,
+as after a transfer, S_k keeps its own factor and f is one.
+
+All models are linear in the same coefficients, so the average is one of them: mean and root over
+robot errors and terms. A term that a model does not have is zero in it, and certain. Nothing that
+uses an error model can tell it from a single fit.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,6 +28,13 @@ from robotrue.calibration.belief import (
     with_term,
 )
 from robotrue.calibration.calibrated_model import CalibratedModel, Reflector, model_of
+from robotrue.calibration.held_out_blocks import (
+    NUMBERS_PER_ROW,
+    HeldOutRows,
+    average_held_out,
+    widen,
+)
+from robotrue.calibration.learned_assembly import describe_width
 from robotrue.calibration.terms.smooth import SmoothResidual
 from robotrue.calibration.terms.term import Term
 from robotrue.calibration.training_summary import describe_parameters
@@ -41,19 +52,21 @@ class _Member:
     Attributes:
         model: The model.
         weight: Its share.
+        inflation: Factor on its covariance, one where all have one in common.
         belief: Over the terms of all models.
         places: (r, 3) root over the place of each further reflector, beside that of the belief.
     """
 
     model: CalibratedModel
     weight: float
+    inflation: float
     belief: Belief
     places: dict[int, Array]
 
     @property
     def scale(self) -> float:
         """Factor of its root in the root of the average."""
-        return float(np.sqrt(self.weight * self.model.inflation))
+        return float(np.sqrt(self.weight * self.inflation))
 
 
 def average_models(models: Sequence[CalibratedModel], weights: Array) -> CalibratedModel:
@@ -73,7 +86,9 @@ def average_models(models: Sequence[CalibratedModel], weights: Array) -> Calibra
         return first
     refuse_strangers(models)
     share = np.asarray(weights, dtype=np.float64) / float(np.sum(weights))
-    members = _align_members(models, share)
+    width = _common_width(models, share)
+    factors = np.array([1.0 if width else model.inflation for model in models])
+    members = _align_members(models, share, factors)
     shifts = {k: _station_shifts(models, k) for k in sorted(first.T_tracker_base)}
     means = _share_moments(members, share)
     if shifts:  # the base is where the first station says
@@ -88,13 +103,22 @@ def average_models(models: Sequence[CalibratedModel], weights: Array) -> Calibra
         mean=mean,
         root=np.vstack([*(m.scale * m.belief.root for m in members), apart]),
         white=float(np.sqrt(max(visit - first.repeatability**2, 0.0))),
-        inflation=1.0,
+        inflation=width.inflation if width else 1.0,
         T_tracker_base={
             k: first.T_tracker_base[k] @ _small_pose(share @ off) for k, off in shifts.items()
         },
         reflectors={k: _average_place(members, k) for k in sorted(first.reflectors)},
     )
-    return _renew_parameters(average, members)
+    said = describe_width(width) if width else {}
+    return replace(_renew_parameters(average, members, said), held_out=width)
+
+
+def _common_width(models: Sequence[CalibratedModel], share: Array) -> HeldOutRows | None:
+    """The held-out rows of the average with its factor; None where a model has none."""
+    rows = [model.held_out for model in models if model.held_out is not None]
+    if len(rows) < len(models) or len({len(held_out.error) for held_out in rows}) > 1:
+        return None
+    return widen(average_held_out(rows, share), numbers_per_row=NUMBERS_PER_ROW)
 
 
 def refuse_strangers(models: Sequence[CalibratedModel]) -> None:
@@ -116,8 +140,10 @@ def refuse_strangers(models: Sequence[CalibratedModel]) -> None:
     _only_smooth([model.belief() for model in models])
 
 
-def _align_members(models: Sequence[CalibratedModel], share: Array) -> list[_Member]:
-    """The models over the terms of all, in one order."""
+def _align_members(
+    models: Sequence[CalibratedModel], share: Array, factors: Array
+) -> list[_Member]:
+    """The models over the terms of all, in one order, their covariances times a factor of each."""
     beliefs = [model.belief() for model in models]
     count = max(len(belief.ripple.cycles) for belief in beliefs)
     beliefs = [with_harmonics(belief, count) for belief in beliefs]
@@ -130,12 +156,14 @@ def _align_members(models: Sequence[CalibratedModel], share: Array) -> list[_Mem
                 raise ConfigurationError(f"models with different terms {term.name!r}: no average.")
     if smooth is not None:
         amplitude = sum(
-            a * belief.inflation * belief.smooth.amplitude**2
-            for a, belief in zip(share.tolist(), beliefs, strict=True)
+            a * belief.smooth.amplitude**2
+            for a, belief in zip((share * factors).tolist(), beliefs, strict=True)
         )
         terms[smooth.name] = replace(smooth, amplitude=float(np.sqrt(amplitude)))
     members = []
-    for model, belief, weight in zip(models, beliefs, share.tolist(), strict=True):
+    for model, belief, weight, factor in zip(
+        models, beliefs, share.tolist(), factors.tolist(), strict=True
+    ):
         root, places = _add_places(model, belief.root)
         belief = replace(belief, root=root)
         if smooth is not None:
@@ -143,7 +171,9 @@ def _align_members(models: Sequence[CalibratedModel], share: Array) -> list[_Mem
         more = np.zeros((len(belief.root) - len(root), 3))
         places = {k: np.vstack([place, more]) for k, place in places.items()}
         aligned = _arrange(belief, tuple(terms.values()))
-        members.append(_Member(model=model, weight=weight, belief=aligned, places=places))
+        members.append(
+            _Member(model=model, weight=weight, inflation=factor, belief=aligned, places=places)
+        )
     return members
 
 
@@ -257,7 +287,9 @@ def _average_place(members: Sequence[_Member], number: int) -> tuple[Array, Arra
     return T, np.vstack([*(m.scale * m.places[number] for m in members), apart])
 
 
-def _renew_parameters(average: Belief, members: Sequence[_Member]) -> CalibratedModel:
+def _renew_parameters(
+    average: Belief, members: Sequence[_Member], width: Mapping[str, object]
+) -> CalibratedModel:
     """The model of the average with the summary of its first member, what changed in it renewed."""
     model = members[0].model
     known = model.training_summary().parameters or {}
@@ -268,6 +300,7 @@ def _renew_parameters(average: Belief, members: Sequence[_Member]) -> Calibrated
     )
     summary = {
         **model.summary,
+        **width,
         "parameters": parameters,
         "white_sd_m": float(np.sqrt(noise)),
     }

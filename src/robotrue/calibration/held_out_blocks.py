@@ -14,6 +14,12 @@ with C = V + instrument, and the 95 % region is that of Student's law on as many
 are rows left: the three numbers of a row share their cause, so a row counts once. With many rows
 the 95 % point of the rows themselves takes over, whatever law they follow.
 
+Several models of the same rows, averaged, get one factor together, from the average of their
+predictions of the blocks. A factor of each is not enough: errors of models that differ cancel in
+their average, so that it is more accurate than its members while the spread between them makes it
+wider (the ambiguity decomposition of Krogh and Vedelsby 1995). Averages are of few rows, whose
+factor is mostly chance: there a row counts once beside the prior too.
+
 Whether a smooth residual can predict blocks left out is found before it is fitted with all the
 rest. At fixed scales a block left out is a closed formula of one factorisation (Rasmussen and
 Williams 2006, eq. 5.10-5.12, in blocks). With whitened rows y = F w + Z v + e and T T' = F C F', C
@@ -47,6 +53,8 @@ STEPS: Final = 6
 """Of learning without a block, from the scales of all rows."""
 PRIOR_NUMBERS: Final = 20.0
 """Numbers that the prior of the factor is worth."""
+NUMBERS_PER_ROW: Final = 3.0
+"""Of a position, which share one cause."""
 QUANTILE_ROWS: Final = 300
 """Rows at which the 95 % point of the rows and the variance of their misfit count alike."""
 MANY: Final = 200
@@ -70,6 +78,8 @@ class HeldOutRows:
         learned: (n, 3, 3) m^2, parameters and residual.
         white: (n, 3, 3) m^2, repeatability and white noise.
         instrument: (n, 3, 3) m^2.
+        counted: (n,) rows that are not screened out.
+        freedom: That the width of the fit rests on; see :func:`count_freedom`.
         inflation: Factor on ``learned + white``.
     """
 
@@ -77,6 +87,8 @@ class HeldOutRows:
     learned: Array
     white: Array
     instrument: Array
+    counted: BoolArray
+    freedom: float = np.inf
     inflation: float = 1.0
 
     def part(self, chosen: BoolArray) -> HeldOutRows:
@@ -87,6 +99,7 @@ class HeldOutRows:
             learned=self.learned[chosen],
             white=self.white[chosen],
             instrument=self.instrument[chosen],
+            counted=self.counted[chosen],
         )
 
     @property
@@ -144,7 +157,35 @@ def predict_held_out(
             white[item.rows] = weights.noise[0] * lower @ back - known
             instrument[item.rows] = known + shift**2 * np.eye(3)
     learned += uncarried[:, None, None] * np.eye(3)
-    return HeldOutRows(error=error, learned=learned, white=white, instrument=instrument)
+    return HeldOutRows(
+        error=error,
+        learned=learned,
+        white=white,
+        instrument=instrument,
+        counted=design.weights > 0.0,
+    )
+
+
+def average_held_out(members: Sequence[HeldOutRows], share: Array) -> HeldOutRows:
+    """Returns what the average of models says of the rows they were all held out of.
+
+    Args:
+        members: Of the same rows.
+        share: (k,) weights; they sum to one.
+    """
+    errors = np.array([member.error for member in members])
+    error = np.tensordot(share, errors, 1)
+    apart = np.sqrt(share)[:, None, None] * (errors - error)
+    learned = sum(a * m.learned for a, m in zip(share, members, strict=True))
+    white = sum(a * m.white for a, m in zip(share, members, strict=True))
+    return HeldOutRows(
+        error=error,
+        learned=learned + np.einsum("kni,knj->nij", apart, apart),
+        white=np.asarray(white),
+        instrument=members[0].instrument,
+        counted=np.logical_or.reduce([member.counted for member in members]),
+        freedom=float(share @ [member.freedom for member in members]),
+    )
 
 
 def label_blocks(rows: int) -> IntArray:
@@ -196,7 +237,7 @@ def count_freedom(sums: Sequence[Sums], fit: Weights, physical: int) -> float:
     return float(min((measured - arm) / 3.0, measured - fit.determined.sum() - moved))
 
 
-def widen(found: HeldOutRows, counted: BoolArray, freedom: float) -> HeldOutRows:
+def widen(found: HeldOutRows, *, numbers_per_row: float = 1.0) -> HeldOutRows:
     """Returns the same with the factor on the covariance; see the top of this file.
 
     That all rows lie inside makes nothing narrower before there are :data:`MANY` of them, of twenty
@@ -204,22 +245,23 @@ def widen(found: HeldOutRows, counted: BoolArray, freedom: float) -> HeldOutRows
     than its stated repeatability.
 
     Args:
-        found: From :func:`predict_held_out`.
-        counted: (n,) rows that are not screened out.
-        freedom: From :func:`count_freedom`.
+        found: From :func:`predict_held_out`, with its freedom, or :func:`average_held_out`.
+        numbers_per_row: Numbers of a row that count as one beside the prior.
     """
     rows = len(found.error)
     share = rows / (rows + QUANTILE_ROWS)
-    law = float(np.log(student_factor(max(freedom, LEAST_FREEDOM))))
-    variance, quantile = np.log([_match_variance(found, counted), match_quantile(found)]).tolist()
+    law = float(np.log(student_factor(max(found.freedom, LEAST_FREEDOM))))
+    matched = _match_variance(found, PRIOR_NUMBERS * numbers_per_row)
+    variance, quantile = np.log([matched, match_quantile(found)]).tolist()
     if rows < MANY:
         quantile = max(quantile, min(variance, 0.0))
     factor = float(np.exp((1.0 - share) * (variance + law) + share * quantile))
     return replace(found, inflation=min(factor, LARGEST))
 
 
-def _match_variance(found: HeldOutRows, counted: BoolArray) -> float:
+def _match_variance(found: HeldOutRows, prior: float) -> float:
     """The factor at which the misfit of the rows has the variance stated, one a priori."""
+    counted = found.counted
     if not counted.any():
         return 1.0
     error, own = found.error[counted], (found.learned + found.white)[counted]
@@ -235,7 +277,7 @@ def _match_variance(found: HeldOutRows, counted: BoolArray) -> float:
         capped = np.minimum(1.0, cut / np.maximum(squared, 1e-300))
         pull = (solved[:, :, 0] * (factor * own @ solved)[:, :, 0]).sum(axis=1) * capped
         stated = np.trace(np.linalg.solve(covariance, factor * own), axis1=1, axis2=2)
-        slope = float((pull - stated).sum()) + PRIOR_NUMBERS * (1.0 / factor - 1.0)
+        slope = float((pull - stated).sum()) + prior * (1.0 / factor - 1.0)
         low, high = (middle, high) if slope > 0.0 else (low, middle)
     return float(np.exp(high))
 

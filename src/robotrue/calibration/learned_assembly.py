@@ -82,7 +82,7 @@ def assemble_model(
     kinds = [classes.get(name, "fixed") for name in names]
     parameters = describe_parameters(names, belief.errors, sd, kinds)
     summary = _summary(physical, at, held_out, belief.white, notes)
-    return model_of(belief, {**summary, "parameters": parameters})
+    return replace(model_of(belief, {**summary, "parameters": parameters}), held_out=held_out)
 
 
 def _belief_of_fit(at: LinearFit, settings: FitSettings, inflation: float) -> Belief:
@@ -262,4 +262,4 @@ def widen_covariance(at: LinearFit, found: HeldOutRows) -> HeldOutRows:
     """Returns the held-out rows with the factor that the covariance of the fit gets."""
     physical = int(at.design.active[: len(at.design.free)].sum())
     freedom = count_freedom(at.sums, at.weights, physical)
-    return widen(found, at.design.weights > 0.0, freedom)
+    return widen(replace(found, counted=at.design.weights > 0.0, freedom=freedom))

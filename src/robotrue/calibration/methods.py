@@ -108,4 +108,5 @@ def model_of(
         reflectors=reflectors,
         summary={**summary, **describe_width(held_out)},
         inflation=held_out.inflation,
+        held_out=held_out,
     )
