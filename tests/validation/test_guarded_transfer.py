@@ -214,7 +214,12 @@ def test_a_drift_prior_ten_times_too_tight_is_learned_or_refused():
 
 def test_target_rows_of_another_robot_are_refused():
     robot, settings, source, target, _ = shop()
-    short = replace(target, joints=target.joints[:, :5], approach=target.approach[:, :5])
+    short = replace(
+        target,
+        joints=target.joints[:, :5],
+        approach=target.approach[:, :5],
+        joint_temperature=target.joint_temperature[:, :5],
+    )
     sources = [TransferSource(measurements=source, name="old")]
     with pytest.raises(ModelMismatchError, match="5 joints in the measurements, 6 in"):
         fit_guarded(robot, short, sources, settings)
