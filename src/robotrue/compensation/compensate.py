@@ -90,7 +90,7 @@ def compensate_targets(
     from robotrue.compensation.solve_targets import solve_targets  # compiles: when needed
 
     robot, settings, n = setup.robot, setup.settings, len(program)
-    outcome = _empty_outcome(program, n, covariance=settings.covariance)
+    outcome = empty_outcome(program, n, covariance=settings.covariance)
     axes, words = np.array(program.axes), np.full_like(program.words, NO_WORD)
     notes: list[RowNote] = []
     stance, rotation_known = None, True
@@ -153,7 +153,7 @@ def load_about_part_origin(program: Program, load: Load) -> Load:
     return replace(load, wrench=wrench)
 
 
-def _empty_outcome(program: Program, n: int, *, covariance: bool) -> Outcome:
+def empty_outcome(program: Program, n: int, *, covariance: bool) -> Outcome:
     """Returns the outcome before anything is solved: the n targets as they stand."""
     return Outcome(
         position=np.array(program.position),
