@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 from pathlib import Path
 from types import ModuleType
@@ -86,6 +87,7 @@ def serve(
 
 def _server() -> tuple[ModuleType, ModuleType]:
     """The server and its settings."""
+    gc.disable()  # nothing to collect among modules; the server enables it when it is up
     try:
         from robotrue.web import serve_settings, server
     except ModuleNotFoundError as cause:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import Awaitable, Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from importlib import import_module
 from typing import Any, Concatenate, Final, ParamSpec, TypeAlias, TypeVar
 from urllib.parse import urlencode
 
@@ -31,6 +32,8 @@ Item = TypeVar("Item", bound=ItemRecord)
 Usual = TypeVar("Usual", float, None)
 KEPT_CHOICES: Final = ("model", "registration", "tolerance_mm")
 """Parts of an address that a person states once and that hold for what is opened from there."""
+LIVE_FILES: Final = "/live/files"
+"""Where scripts and style of the live view are served."""
 JUST_NOW: Final = timedelta(seconds=15)
 """Ago."""
 
@@ -175,10 +178,8 @@ class Screen:
     """One screen.
 
     Attributes:
-        name: Also the key of its texts and of its icon.
+        name: Also of its file, and the key of its texts and of its icon.
         path: Address.
-        build: Returns the page.
-        parts: What comes later, by name: each fills a place that the page leaves for it.
         styles: Addresses of its own style sheets.
         below: Further address; what it names in braces is in the query.
         stage: Of the project it belongs to; empty: none, or all.
@@ -187,12 +188,16 @@ class Screen:
 
     name: str
     path: str
-    build: Build
-    parts: Mapping[str, Build] = field(default_factory=dict)
     styles: tuple[str, ...] = ()
     below: str = ""
     stage: str = ""
     operations: tuple[str, ...] = ()
+
+    @property
+    def builds(self) -> Mapping[str, Build]:
+        """What returns the page, under an empty name, and each part that comes later."""
+        found: Mapping[str, Build] = import_module(f"robotrue.web.pages.{self.name}_screen").BUILDS
+        return found
 
 
 def shown_jobs(workspace: Workspace, kind: str) -> list[jobs.Job]:

@@ -9,19 +9,18 @@ import socket
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import uvicorn
 from fastapi import FastAPI, Request, Response
 from fastapi.responses import HTMLResponse
 from starlette.exceptions import HTTPException
 from starlette.staticfiles import PathLike, StaticFiles
-from starlette.types import Scope
+from starlette.types import Lifespan, Receive, Scope, Send
 
 from robotrue.errors import ConfigurationError, RobotrueError
 from robotrue.store.workspace import Workspace
 from robotrue.version import __version__
-from robotrue.web.api import api_router
 from robotrue.web.front import FrontServer, front, with_descriptors
 from robotrue.web.gate import Gate
 from robotrue.web.job_process import JobProcess
@@ -29,11 +28,9 @@ from robotrue.web.language import Wording
 from robotrue.web.live_relay import Relays
 from robotrue.web.login import is_page, login_router, missing_page
 from robotrue.web.models import shown_model
-from robotrue.web.page_context import Build, PageContext, Screen, ServerContext
+from robotrue.web.page_context import LIVE_FILES, PageContext, Screen, ServerContext
 from robotrue.web.pages import SCREENS
-from robotrue.web.pages.live_screen import FILES as LIVE_FILES
 from robotrue.web.pages.overview_screen import count_items
-from robotrue.web.parts.reports import reports_router
 from robotrue.web.preferences import preferences_from
 from robotrue.web.problems import DOCUMENTED, answer_with_problems, refusal
 from robotrue.web.serve_settings import ServeSettings
@@ -41,6 +38,8 @@ from robotrue.web.sessions import Sessions, Tries
 from robotrue.web.uploads import forget_old
 from robotrue.web.workers import Answers, QueryWorkers
 
+INTERFACE: Final = ("/api/", "/reports/")
+"""What the addresses of the HTTP interface begin with."""
 STATIC: Final = Path(__file__).parent / "static"
 VENDORED: Final = {"vue": "static", "three": "elements/scene/dist"}
 """Folders of the wheel of NiceGUI, of which nothing else is used: it brings Vue and Three.js."""
@@ -76,6 +75,7 @@ def serve(settings: ServeSettings, *, ready: Callable[[str], None]) -> None:
             timeout_graceful_shutdown=3,
         )
         gc.freeze()  # all of it stays: nobody need go through it again
+        gc.enable()
         shown = f"[{settings.host}]" if ":" in settings.host else settings.host
         ready(f"{'https' if settings.secure else 'http'}://{shown}:{port}/")
         FrontServer(config, limits).run(sockets=[bound])
@@ -126,6 +126,46 @@ def listening(settings: ServeSettings) -> socket.socket:
     return bound
 
 
+class Application(FastAPI):
+    """The workbench; its HTTP interface is made when somebody first asks for it.
+
+    The first page would otherwise wait for the models of all requests and answers.
+    """
+
+    def __init__(self, server: ServerContext, lifespan: Lifespan[FastAPI]) -> None:
+        super().__init__(
+            title="robotrue",
+            version=__version__,
+            description="The workbench's HTTP interface. Lengths in JSON carry their unit in the "
+            "name.",
+            openapi_url="/api/openapi.json",
+            docs_url=None,
+            redoc_url=None,
+            lifespan=lifespan,
+        )
+        self._without_interface: ServerContext | None = server
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answers a request."""
+        if scope["type"] != "lifespan" and scope["path"].startswith(INTERFACE):
+            self._add_interface()
+        await super().__call__(scope, receive, send)
+
+    def openapi(self) -> dict[str, Any]:
+        """Returns the description of the HTTP interface."""
+        self._add_interface()
+        return super().openapi()
+
+    def _add_interface(self) -> None:
+        server, self._without_interface = self._without_interface, None
+        if server is not None:
+            from robotrue.web.api import api_router
+            from robotrue.web.api.items_routes import reports_router
+
+            self.include_router(reports_router(server))
+            self.include_router(api_router(server), prefix="/api", responses=DOCUMENTED)
+
+
 def core_app(server: ServerContext) -> FastAPI:
     """Returns the application: login, HTTP interface, static files, pages."""
 
@@ -142,20 +182,10 @@ def core_app(server: ServerContext) -> FastAPI:
         server.job_process.stop()
         server.workers.stop()
 
-    app = FastAPI(
-        title="robotrue",
-        version=__version__,
-        description="The workbench's HTTP interface. Lengths in JSON carry their unit in the name.",
-        openapi_url="/api/openapi.json",
-        docs_url=None,
-        redoc_url=None,
-        lifespan=lifespan,
-    )
+    app = Application(server, lifespan)
     sessions = Sessions()
     answer_with_problems(app)
     app.include_router(login_router(server.settings, sessions, Tries()))
-    app.include_router(reports_router(server))
-    app.include_router(api_router(server), prefix="/api", responses=DOCUMENTED)
     app.mount(LIVE_FILES, StaticFiles(packages=[("robotrue.online", "live")]))
     app.mount("/static", StaticFiles(directory=STATIC), name="static")
     for name, folder in VENDORED.items():
@@ -183,7 +213,7 @@ def _add_page(app: FastAPI, server: ServerContext, screen: Screen) -> None:
     async def show(request: Request) -> HTMLResponse:
         view = preferences_from(request.cookies, request.headers.get("accept-language", ""))
         query = {**request.query_params, **request.path_params}
-        part = screen.parts.get(query.pop("part", ""))
+        part = query.pop("part", "")
         shown = await shown_model(server.workspace, query.get("model"))
         context = PageContext(
             server=server,
@@ -197,18 +227,18 @@ def _add_page(app: FastAPI, server: ServerContext, screen: Screen) -> None:
             models=shown.offered,
             stages=await asyncio.to_thread(count_items, server.workspace),
         )
-        return HTMLResponse(await _build_page(context, part))
+        return HTMLResponse(await _build_page(context, part if part in screen.builds else ""))
 
     for path in filter(None, (screen.path, screen.below)):
-        app.add_api_route(path, show, include_in_schema=False)
+        app.add_route(path, show, include_in_schema=False)
 
 
-async def _build_page(context: PageContext, part: Build | None) -> str:
+async def _build_page(context: PageContext, part: str) -> str:
     """Builds a page or a part of it; a missing item gets a not-found card."""
     try:
-        return await (context.screen.build if part is None else part)(context)
+        return await context.screen.builds[part](context)
     except RobotrueError as error:
-        if part is not None:
+        if part:
             return refusal(context.say, error)
         title = context.say("frame.not_found") if isinstance(error, ConfigurationError) else ""
         return context.render("refused.html", card=refusal(context.say, error, title=title))

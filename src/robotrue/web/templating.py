@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 from typing import Final
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from jinja2 import Environment, FileSystemBytecodeCache, FileSystemLoader, StrictUndefined
 from markupsafe import Markup
 
 from robotrue.core.provenance import simulation_mark
@@ -72,8 +73,12 @@ def _palette() -> Markup:
 
 
 def _environment() -> Environment:
+    compiled = None
+    with suppress(OSError, RuntimeError):  # no safe folder for it
+        compiled = FileSystemBytecodeCache()
     made = Environment(
         loader=FileSystemLoader(FOLDER),
+        bytecode_cache=compiled,
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,

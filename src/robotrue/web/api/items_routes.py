@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from asyncio import to_thread
 from dataclasses import fields
 from datetime import datetime
 from typing import Annotated, Any, Final
@@ -30,6 +31,11 @@ CSV: Final[dict[int | str, dict[str, Any]]] = {
     200: {"content": {"text/csv": {"schema": {"type": "string"}}}}
 }
 """How OpenAPI describes an answer of :func:`csv_file`."""
+
+
+SHUT: Final = "sandbox; default-src 'none'; style-src 'unsafe-inline'; img-src data:"
+"""A report holds what users named things; whatever stands in it, it can only be read."""
+ROLES: Final = frozenset({"report", "file"})
 
 
 class ItemListing(BaseModel):
@@ -204,3 +210,21 @@ def record_document(record: ItemRecord, noun: str) -> dict[str, object]:
 def _file(each: Attachment, record: ItemRecord, noun: str) -> dict[str, object]:
     where = f"/api/items/{noun}/{record.id}/files/{each.sha256}?version={record.version}"
     return {"role": each.role, "name": each.name, "sha256": each.sha256, "href": where}
+
+
+def reports_router(server: ServerContext) -> APIRouter:
+    """Returns the route ``/reports``: pages of reports as they are, no script runs in them."""
+    router = APIRouter(include_in_schema=False)
+
+    @router.get("/reports/{noun}/{id}/{sha256}")
+    async def show(noun: NounName, id: Id, sha256: Digest, version: Version = None) -> Response:
+        record = await to_thread(get_item, server.workspace, noun, id, version)
+        for each in record.attachments:
+            page = each.name.lower().endswith((".html", ".htm"))
+            if each.sha256 == sha256 and each.role in ROLES and page:
+                path = await to_thread(server.workspace.path_of, sha256)
+                headers = {"Content-Security-Policy": SHUT}
+                return FileResponse(path, media_type="text/html; charset=utf-8", headers=headers)
+        raise MissingError(f"{noun} {record.name!r} has no report {sha256[:12]}.")
+
+    return router

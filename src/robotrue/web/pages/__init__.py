@@ -1,41 +1,63 @@
-"""The screens of the workbench: one file each, listed here in the order of the navigation.
+"""The screens of the workbench, in the order of the navigation.
 
-A new one is a file with a ``PAGE`` and its templates, its name in :data:`SCREENS`, its texts in
-every language (``nav.<name>`` in ``shell.toml`` and a file ``<name>.toml``) and its icon in
-``templating.py``.
+A new one is a row of :data:`SCREENS`, a file ``<name>_screen.py`` with ``BUILDS``, its templates,
+texts in every language (``nav.<name>`` in ``shell.toml`` and a file ``<name>.toml``) and an icon in
+``templating.py``. Its file is imported when it is first shown.
 """
 
 from __future__ import annotations
 
 from typing import Final
 
-from robotrue.web.page_context import Screen
-from robotrue.web.pages import (
-    calibration_screen,
-    cell_screen,
-    drift_screen,
-    drilling_screen,
-    history_screen,
-    live_screen,
-    measurements_screen,
-    overview_screen,
-    plan_screen,
-    programs_screen,
-    registration_screen,
-    tools_screen,
-)
+from robotrue.web.page_context import LIVE_FILES, Screen
 
+PLAN_STYLES: Final = ("/static/plan.css",)
 SCREENS: Final[tuple[Screen, ...]] = (
-    overview_screen.PAGE,
-    cell_screen.PAGE,
-    plan_screen.PAGE,
-    measurements_screen.PAGE,
-    calibration_screen.PAGE,
-    registration_screen.PAGE,
-    programs_screen.PAGE,
-    drift_screen.PAGE,
-    drilling_screen.PAGE,
-    live_screen.PAGE,
-    tools_screen.PAGE,
-    history_screen.PAGE,
+    Screen(name="overview", path="/", styles=("/static/overview.css",)),
+    Screen(name="cell", path="/cell", stage="setup", styles=("/static/cell.css",)),
+    Screen(name="plan", path="/plan", stage="measure", styles=PLAN_STYLES, operations=("plan",)),
+    Screen(name="measurements", path="/measurements", stage="measure"),
+    Screen(
+        name="calibration",
+        path="/calibration",
+        stage="calibrate",
+        styles=PLAN_STYLES,
+        operations=("calibrate", "report"),
+    ),
+    Screen(
+        name="registration",
+        path="/registration",
+        stage="use",
+        styles=("/static/touch.css",),
+        operations=("register", "probe_plan", "report"),
+    ),
+    Screen(
+        name="programs",
+        path="/programs",
+        stage="use",
+        styles=PLAN_STYLES,
+        operations=("compensate", "report"),
+    ),
+    Screen(
+        name="drift",
+        path="/drift",
+        stage="monitor",
+        styles=PLAN_STYLES,
+        operations=("drift", "drift_plan", "transfer"),
+    ),
+    Screen(
+        name="drilling",
+        path="/drilling",
+        stage="monitor",
+        styles=("/static/drilling.css",),
+        operations=("drill_fit", "drill_report"),
+    ),
+    Screen(
+        name="live",
+        path="/live",
+        stage="monitor",
+        styles=(f"{LIVE_FILES}/live.css", "/static/live.css"),
+    ),
+    Screen(name="tools", path="/tools", below="/tools/{operation}", styles=PLAN_STYLES),
+    Screen(name="history", path="/history"),
 )

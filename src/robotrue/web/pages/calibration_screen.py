@@ -15,7 +15,7 @@ from robotrue.core.document_decoder import decode
 from robotrue.report.words import ReportTexts
 from robotrue.store.nouns import CELL, MEASUREMENT, MODEL, ModelRecord
 from robotrue.store.records import ItemQuery
-from robotrue.web.page_context import PageContext, Screen
+from robotrue.web.page_context import PageContext
 from robotrue.web.parts.reports import Reports, find_reports
 from robotrue.web.parts.request_form import RequestForm
 
@@ -119,11 +119,4 @@ def _warnings(context: PageContext, stated: _Doubts) -> list[Markup]:
     return marked
 
 
-PAGE: Final = Screen(
-    name="calibration",
-    path="/calibration",
-    stage="calibrate",
-    build=_build,
-    parts={"learned": _show_learned},
-    operations=("calibrate", "report"),
-)
+BUILDS: Final = {"": _build, "learned": _show_learned}

@@ -7,7 +7,7 @@ from typing import Final
 from robotrue.store import items
 from robotrue.store.nouns import CELL, CellRecord
 from robotrue.store.records import ItemQuery
-from robotrue.web.page_context import PageContext, Screen
+from robotrue.web.page_context import PageContext
 
 
 async def _build(context: PageContext) -> str:
@@ -38,6 +38,4 @@ async def _text(context: PageContext, id: str) -> str:
     return context.render("cell_text.html", versions=versions, latest=versions[-1], shown=shown)
 
 
-PAGE: Final = Screen(
-    name="cell", path="/cell", stage="setup", build=_build, styles=("/static/cell.css",)
-)
+BUILDS: Final = {"": _build}

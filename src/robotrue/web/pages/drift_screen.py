@@ -13,7 +13,7 @@ from robotrue.app.operations.drift_checks import DriftPlanRequest, DriftRequest
 from robotrue.core.document_decoder import decode
 from robotrue.store.nouns import DOCUMENT, DRIFT_CHECK, MEASUREMENT, MODEL, ModelRecord
 from robotrue.store.records import ItemQuery
-from robotrue.web.page_context import PageContext, Screen
+from robotrue.web.page_context import PageContext
 from robotrue.web.parts.request_form import RequestForm
 
 JOBS: Final = {
@@ -135,11 +135,4 @@ def _shifts(cause: _CauseTerms) -> list[str]:
     return shown
 
 
-PAGE: Final = Screen(
-    name="drift",
-    path="/drift",
-    stage="monitor",
-    build=_build,
-    styles=("/static/plan.css",),
-    operations=("drift", "drift_plan", "transfer"),
-)
+BUILDS: Final = {"": _build}

@@ -11,7 +11,7 @@ from robotrue.drilling.drill_defaults import CAMPAIGN, JOURNAL, MODEL, TEST
 from robotrue.store.nouns import DOCUMENT, DocumentRecord
 from robotrue.store.records import ItemQuery
 from robotrue.web.drill_journals import FOLDER, JournalFile, folder_of, journals
-from robotrue.web.page_context import PageContext, Screen
+from robotrue.web.page_context import PageContext
 
 VIEWS: Final = ("monitor", "model")
 TOLERANCE_DEG: Final = 0.1
@@ -103,11 +103,4 @@ def _holes(test: _TestTilts) -> list[dict[str, object]]:
     return [{"before": before, "left": left} for before, left in pairs]
 
 
-PAGE: Final = Screen(
-    name="drilling",
-    path="/drilling",
-    stage="monitor",
-    build=_build,
-    styles=("/static/drilling.css",),
-    operations=("drill_fit", "drill_report"),
-)
+BUILDS: Final = {"": _build}

@@ -11,7 +11,7 @@ from robotrue.store.records import ItemQuery
 from robotrue.store.workspace import Workspace
 from robotrue.web.language import Wording
 from robotrue.web.live_sources import BEGUN, OVER, alarms
-from robotrue.web.page_context import PageContext, Screen
+from robotrue.web.page_context import PageContext
 
 PER_PAGE: Final = 100
 GONE: Final = "discarded"
@@ -104,4 +104,4 @@ def _alarms(workspace: Workspace, sources: set[str]) -> dict[str, tuple[str, dic
     return found
 
 
-PAGE: Final = Screen(name="history", path="/history", build=_build)
+BUILDS: Final = {"": _build}

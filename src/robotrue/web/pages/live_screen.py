@@ -6,11 +6,9 @@ from importlib import resources
 from typing import Final
 
 from robotrue.web.live_sources import is_allowed, sources
-from robotrue.web.page_context import PageContext, Screen
+from robotrue.web.page_context import LIVE_FILES, PageContext
 from robotrue.web.serve_settings import SENSE_PORT
 
-FILES: Final = "/live/files"
-"""Where the view's scripts and style are served."""
 ADDRESS: Final = f"ws://127.0.0.1:{SENSE_PORT}"
 COMMAND: Final = f"robotrue sense cell.toml --robot rsi://... --force rdt://... --out {ADDRESS}"
 
@@ -26,7 +24,7 @@ async def _build(context: PageContext) -> str:
         shown=shown,
         allowed=shown is not None and is_allowed(shown.address, context.server.settings.sense),
         markup=_view_markup(),
-        files=FILES,
+        files=LIVE_FILES,
         address=ADDRESS,
         command=COMMAND,
     )
@@ -39,10 +37,4 @@ def _view_markup() -> str:
     return page.partition('<div class="live">')[2].partition("</footer>")[0] + "</footer>"
 
 
-PAGE: Final = Screen(
-    name="live",
-    path="/live",
-    stage="monitor",
-    build=_build,
-    styles=(f"{FILES}/live.css", "/static/live.css"),
-)
+BUILDS: Final = {"": _build}

@@ -10,7 +10,7 @@ from typing import Any, Final
 from robotrue.app.workbench import workbench_calls as calls
 from robotrue.store.nouns import CELL, MEASUREMENT, CellRecord, MeasurementRecord
 from robotrue.store.records import ItemQuery
-from robotrue.web.page_context import PageContext, Screen
+from robotrue.web.page_context import PageContext
 from robotrue.web.problems import fault_card, kind_words
 from robotrue.web.uploads import find_upload
 
@@ -154,10 +154,4 @@ def _read_mapping(query: Mapping[str, str]) -> dict[str, Any] | None:
     return stated | units
 
 
-PAGE: Final = Screen(
-    name="measurements",
-    path="/measurements",
-    stage="measure",
-    build=_build,
-    parts={"judged": _judge, "rows": _rows, "columns": _columns},
-)
+BUILDS: Final = {"": _build, "judged": _judge, "rows": _rows, "columns": _columns}

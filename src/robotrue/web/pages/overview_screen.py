@@ -10,8 +10,7 @@ from robotrue.store import items
 from robotrue.store.nouns import CELL, DRIFT_CHECK, MEASUREMENT, MODEL, PROGRAM, Noun
 from robotrue.store.records import ItemQuery
 from robotrue.store.workspace import Workspace
-from robotrue.web.page_context import PageContext, Screen
-from robotrue.web.pages import cell_screen
+from robotrue.web.page_context import PageContext
 
 CELL_WORDS: Final = frozenset({"cell", "new"})
 """What an address says that was once the address of a cell."""
@@ -54,11 +53,12 @@ def count_items(workspace: Workspace) -> dict[str, int]:
 
 async def _build(context: PageContext) -> str:
     if CELL_WORDS & context.query.keys():
-        return await cell_screen.PAGE.build(replace(context, screen=cell_screen.PAGE))
+        cell = next(screen for screen in context.screens if screen.name == "cell")
+        return await cell.builds[""](replace(context, screen=cell))
     open_stages = [stage for stage in STAGES if not context.stages[stage.name]]
     return context.render(
         "overview.html", stages=STAGES, following=open_stages[0] if open_stages else None
     )
 
 
-PAGE: Final = Screen(name="overview", path="/", build=_build, styles=("/static/overview.css",))
+BUILDS: Final = {"": _build}

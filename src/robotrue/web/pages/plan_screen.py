@@ -14,7 +14,7 @@ from robotrue.core.document_decoder import decode
 from robotrue.report.words import ReportTexts
 from robotrue.store.nouns import CELL, DOCUMENT, MODEL, PROGRAM, DocumentRecord
 from robotrue.store.records import ItemQuery
-from robotrue.web.page_context import PageContext, Screen
+from robotrue.web.page_context import PageContext
 from robotrue.web.parts.curve import Line, curve
 from robotrue.web.parts.request_form import RequestForm
 
@@ -129,12 +129,4 @@ def _reason(context: PageContext, name: str) -> str:
     return name
 
 
-PAGE: Final = Screen(
-    name="plan",
-    path="/plan",
-    stage="measure",
-    build=_build,
-    parts={"shown": _show_promise},
-    styles=("/static/plan.css",),
-    operations=("plan",),
-)
+BUILDS: Final = {"": _build, "shown": _show_promise}

@@ -15,7 +15,7 @@ from robotrue.store.nouns import (
     RegistrationRecord,
 )
 from robotrue.store.records import ItemQuery
-from robotrue.web.page_context import PageContext, Screen
+from robotrue.web.page_context import PageContext
 from robotrue.web.parts.reports import Reports, find_reports
 from robotrue.web.parts.request_form import RequestForm
 
@@ -24,6 +24,8 @@ AFTER: Final = "after"
 CHOSEN_BY_PAGE: Final = frozenset({"model", "program"})
 PART_FIELDS: Final = frozenset({"registration", "part"})
 """Fields that need a registered part."""
+OFFERED: Final = ("0.1", "0.2", "0.3", "0.5", "1")
+"""Tolerances, mm, that one press states; none is assumed."""
 NOTES: Final = 8
 """Of compensating that are shown."""
 TONES: Final = {"conforms": "good", "undecided": "caution", "fails": "bad", "unknown": "plain"}
@@ -116,6 +118,7 @@ async def _judge(context: PageContext) -> str:
         compared=found["scene"]["path"]["compared"],
         source=source,
         tolerance=tolerance,
+        offered=OFFERED,
         tones=TONES,
     )
 
@@ -129,12 +132,4 @@ def _tolerance(context: PageContext) -> float | None:
     return context.number("tolerance_mm", None, most=1000.0)
 
 
-PAGE: Final = Screen(
-    name="programs",
-    path="/programs",
-    stage="use",
-    build=_build,
-    parts={"judged": _judge},
-    styles=("/static/plan.css",),
-    operations=("compensate", "report"),
-)
+BUILDS: Final = {"": _build, "judged": _judge}

@@ -15,7 +15,7 @@ from robotrue.store.nouns import (
     RegistrationRecord,
 )
 from robotrue.store.records import ItemQuery
-from robotrue.web.page_context import PageContext, Screen
+from robotrue.web.page_context import PageContext
 from robotrue.web.parts.reports import find_reports
 
 KIND: Final = "touching"
@@ -82,11 +82,4 @@ async def _show_registration(context: PageContext, record: RegistrationRecord) -
     )
 
 
-PAGE: Final = Screen(
-    name="registration",
-    path="/registration",
-    stage="use",
-    build=_build,
-    styles=("/static/touch.css",),
-    operations=("register", "probe_plan", "report"),
-)
+BUILDS: Final = {"": _build}

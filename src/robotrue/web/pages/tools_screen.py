@@ -190,10 +190,4 @@ async def _find_linked(
     return found
 
 
-PAGE: Final = Screen(
-    name="tools",
-    path="/tools",
-    below="/tools/{operation}",
-    build=_build,
-    styles=("/static/plan.css",),
-)
+BUILDS: Final = {"": _build}
