@@ -9,12 +9,13 @@ import socket
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import uvicorn
 from fastapi import FastAPI, Request, Response
 from fastapi.responses import HTMLResponse
 from starlette.exceptions import HTTPException
+from starlette.routing import BaseRoute
 from starlette.staticfiles import PathLike, StaticFiles
 from starlette.types import Lifespan, Receive, Scope, Send
 
@@ -151,10 +152,11 @@ class Application(FastAPI):
             self._add_interface()
         await super().__call__(scope, receive, send)
 
-    def openapi(self) -> dict[str, Any]:
-        """Returns the description of the HTTP interface."""
+    @property
+    def routes(self) -> list[BaseRoute]:
+        """Every route, those of the HTTP interface, too."""
         self._add_interface()
-        return super().openapi()
+        return super().routes
 
     def _add_interface(self) -> None:
         server, self._without_interface = self._without_interface, None
