@@ -85,8 +85,12 @@ def test_few_rows_have_the_posterior_of_their_sums(channels):
         values = columns @ rng.standard_normal(40) + rng.standard_normal(15)
         sums.append(sums_of([(columns[:9], values[:9], 8.5), (columns[9:], values[9:], 6)], 40))
     assert all(s.few for s in sums)
-    plain = [replace(s, columns=np.empty((0, 0)), values=np.empty(0)) for s in sums]
-    few, many = posterior(sums, groups, noise), posterior(plain, groups, noise)
+    plain = [
+        replace(s, gram=s.whole_gram(), columns=np.empty((0, 0)), values=np.empty(0)) for s in sums
+    ]
+    lazy, many = posterior(sums, groups, noise), posterior(plain, groups, noise)
+    few, queries = lazy.with_root(), rng.standard_normal((5, 3, 40))
+    np.testing.assert_allclose(lazy.spread(queries), many.spread(queries), atol=1e-10)
     np.testing.assert_allclose(few.mean, many.mean, atol=1e-10)
     np.testing.assert_allclose(few.root.T @ few.root, many.root.T @ many.root, atol=1e-10)
     np.testing.assert_allclose(few.determined, many.determined, atol=1e-9)

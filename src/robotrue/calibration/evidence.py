@@ -26,11 +26,11 @@ from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
-from scipy.linalg import eigh
 from scipy.linalg.blas import dsyrk, dtrmm
 from scipy.linalg.lapack import dlauum, dpotrf, dtrtri
 from scipy.special import wrightomega
 
+from robotrue.calibration.few_rows import FewRows
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.errors import ConvergenceError
 
@@ -83,7 +83,8 @@ class Sums:
     """Sufficient statistics of the rows of one noise channel.
 
     Attributes:
-        gram: (p, p) F'F of the whitened rows.
+        gram: (p, p) F'F of the whitened rows; empty where the rows are kept, see
+            :meth:`whole_gram`.
         pull: (p,) F'y.
         power: y'y.
         count: Numbers that count, reduced by what the robust rule takes from a clean variance.
@@ -105,6 +106,16 @@ class Sums:
         """True if the rows themselves are stored."""
         return len(self.values) > 0
 
+    def whole_gram(self) -> Array:
+        """Returns F'F (p, p), made from the rows where they are kept."""
+        return self.columns.T @ self.columns if self.few else self.gram
+
+    def power_by_column(self) -> Array:
+        """Returns the diagonal (p,) of F'F."""
+        if self.few:
+            return np.asarray(np.einsum("ij,ij->j", self.columns, self.columns))
+        return np.diagonal(self.gram)
+
     def misfit(self, mean: Array) -> float:
         """Returns the sum of the squares that weights (p,) leave of the values."""
         if self.few:
@@ -116,7 +127,7 @@ class Sums:
         """Returns the sums over some of the columns (p,)."""
         return replace(
             self,
-            gram=self.gram[np.ix_(kept, kept)],
+            gram=self.gram if self.few else self.gram[np.ix_(kept, kept)],
             pull=self.pull[kept],
             columns=self.columns[:, kept] if self.few else self.columns,
         )
@@ -124,7 +135,7 @@ class Sums:
     def without(self, other: Sums) -> Sums:
         """Returns the sums without some of their rows; the rows are not stored."""
         return Sums(
-            gram=self.gram - other.gram,
+            gram=self.whole_gram() - other.whole_gram(),
             pull=self.pull - other.pull,
             power=self.power - other.power,
             count=self.count - other.count,
@@ -138,13 +149,14 @@ class Weights:
 
     Attributes:
         mean: (p,).
-        root: (p, p) R with posterior covariance R'R.
+        root: (p, p) R with posterior covariance R'R; empty where only ``few`` knows it.
         groups: With the scales learned.
         noise: (c,) tau of each channel, relative to the whitening.
         determined: (g,) gamma of each group.
         spent: (c,) degrees of freedom that each channel gave; they sum to the number determined.
         evidence: Log marginal likelihood, up to the whitening's own constant.
         steps: Fixed-point steps taken.
+        few: The covariance of few rows.
     """
 
     mean: Array
@@ -155,6 +167,15 @@ class Weights:
     spent: Array
     evidence: float
     steps: int
+    few: FewRows | None = field(default=None, repr=False)
+
+    def spread(self, columns: Array) -> Array:
+        """Returns the covariance (n, m, m) of ``columns @ w`` for columns (n, m, p)."""
+        return spread(self.root, columns) if self.few is None else self.few.spread(columns)
+
+    def with_root(self) -> Weights:
+        """Returns the same with its root made."""
+        return self if self.few is None else replace(self, root=self.few.root(), few=None)
 
     def scale(self, name: str) -> float:
         """Returns the learned sd of a group."""
@@ -165,22 +186,25 @@ class SumsBuilder:
     """Adds up the rows of one noise channel, block by block, over p columns."""
 
     def __init__(self, size: int) -> None:
-        self._gram, self._pull = np.zeros((size, size)), np.zeros(size)
+        self._gram, self._pull = np.zeros((0, 0)), np.zeros(size)
         self._power, self._count = 0.0, 0.0
         self._rows = 0
         self._kept: list[tuple[Array, Array]] = []
 
     def add(self, columns: Array, values: Array, count: float) -> None:
         """Adds whitened rows: columns (k, p), values (k,), numbers that count."""
-        self._gram += columns.T @ columns
         self._pull += columns.T @ values
         self._power += float(values @ values)
         self._count += count
         self._rows += len(values)
+        self._kept.append((columns, values))
         if self._few:
-            self._kept.append((columns, values))
-        else:
-            self._kept.clear()
+            return
+        if not self._gram.size:
+            self._gram = np.zeros((len(self._pull), len(self._pull)))
+        for rows, _ in self._kept:
+            self._gram += rows.T @ rows
+        self._kept.clear()
 
     @property
     def _few(self) -> bool:
@@ -188,7 +212,9 @@ class SumsBuilder:
 
     def sums(self) -> Sums:
         """Returns the sums of the rows so far; the rows too where they are few."""
-        found = Sums(gram=self._gram, pull=self._pull, power=self._power, count=self._count)
+        size = len(self._pull)
+        gram = self._gram if self._rows else np.zeros((size, size))
+        found = Sums(gram=gram, pull=self._pull, power=self._power, count=self._count)
         if not self._kept:
             return found
         return replace(
@@ -223,22 +249,19 @@ def posterior(
     channels: Sequence[Sums],
     groups: Sequence[PriorGroup],
     noise: Array,
-    *,
-    rooted: bool = True,
 ) -> Weights:
-    """Returns the posterior at given scales and noise, with its evidence.
+    """Returns the posterior at given scales and noise, with its evidence; few rows make no root.
 
     Args:
         channels: Sums per noise channel.
         groups: Scales.
         noise: (c,) tau.
-        rooted: False may leave the root empty, where it is dear and the caller has no use for it.
 
     Raises:
         ConvergenceError: The precision is not positive definite (rows with huge values).
     """
     if all(s.few for s in channels):
-        return _posterior_of_few(channels, groups, noise, rooted)
+        return _posterior_of_few(channels, groups, noise)
     size = len(channels[0].pull)
     sd = prior_sd(groups, size)
     pull = sum(s.pull / t for s, t in zip(channels, noise, strict=True))
@@ -258,7 +281,7 @@ def posterior(
     if len(channels) > 1:
         covariance, _ = dlauum(inverse, lower=1)  # its lower triangle, of weights over prior sd
         for k in range(1, len(channels)):
-            gram = channels[k].gram.T  # symmetric, in the order of the covariance
+            gram = channels[k].whole_gram().T  # symmetric, in the order of the covariance
             both = 2.0 * sd @ (covariance * gram) @ sd
             spent[k] = (both - (sd**2 * np.diagonal(covariance)) @ np.diagonal(gram)) / noise[k]
     inverse *= sd
@@ -272,18 +295,19 @@ def _scale_precision(channels: Sequence[Sums], sd: Array, noise: Array) -> Array
     """
     size = len(sd)
     scaled = np.empty((size, size))
+    grams = [channel.whole_gram() for channel in channels]
     for start in range(0, size, PANEL):
         rows = slice(start, start + PANEL)
-        panel = channels[0].gram[rows, start:] * (sd[rows] / noise[0])[:, None]
-        for s, t in zip(channels[1:], noise[1:], strict=True):
-            panel += s.gram[rows, start:] * (sd[rows] / t)[:, None]
+        panel = grams[0][rows, start:] * (sd[rows] / noise[0])[:, None]
+        for gram, t in zip(grams[1:], noise[1:], strict=True):
+            panel += gram[rows, start:] * (sd[rows] / t)[:, None]
         np.multiply(panel, sd[start:], out=scaled[rows, start:])
     scaled[np.diag_indices(size)] += 1.0
     return scaled
 
 
 def _posterior_of_few(
-    channels: Sequence[Sums], groups: Sequence[PriorGroup], noise: Array, rooted: bool
+    channels: Sequence[Sums], groups: Sequence[PriorGroup], noise: Array
 ) -> Weights:
     """The same posterior from K = 1 + B B' = L L', B = whitened columns times prior sd.
 
@@ -309,23 +333,14 @@ def _posterior_of_few(
     turned = dtrmm(1.0, inverse, columns.T, side=1, lower=1, trans_a=1)  # its columns are rows
     unit = turned @ (inverse @ values)
     left = np.maximum(1.0 - np.einsum("ij,ij->i", turned, turned), 0.0)
-    root = _root_of_few(kernel, columns) * sd if rooted else np.empty((0, 0))
+    few = FewRows(kernel=kernel, columns=columns, sd=sd)
+    root = np.empty((0, 0))
     evidence = -float(unit @ unit) / 2.0 - float(np.log(np.diagonal(factor)).sum())
     given = 1.0 - (inverse**2).sum(axis=0)
     ends = np.cumsum([len(s.values) for s in channels])
     spent = np.array([float(part.sum()) for part in np.split(given, ends[:-1])])
-    return _weights(channels, groups, noise, sd * unit, left, root, evidence, spent)
-
-
-def _root_of_few(kernel: Array, columns: Array) -> Array:
-    """The symmetric root of 1 - B' K^-1 B, from K = U (1 + s^2) U' given below its diagonal."""
-    square, left_vectors = eigh(kernel, driver="evd")
-    square = np.maximum(square, 0.0)
-    turned = left_vectors.T @ columns
-    grown = np.sqrt(1.0 + square)
-    return np.asarray(
-        np.eye(columns.shape[1]) - turned.T @ (turned / (grown * (1.0 + grown))[:, None])
-    )
+    weights = _weights(channels, groups, noise, sd * unit, left, root, evidence, spent)
+    return replace(weights, few=few)
 
 
 def _weights(
@@ -360,6 +375,13 @@ def _weights(
 def learn(
     channels: Sequence[Sums], groups: Sequence[PriorGroup], noise: Array, *, steps: int = 40
 ) -> Weights:
+    """Returns :func:`find_scales` with the root of the posterior made."""
+    return find_scales(channels, groups, noise, steps=steps).with_root()
+
+
+def find_scales(
+    channels: Sequence[Sums], groups: Sequence[PriorGroup], noise: Array, *, steps: int
+) -> Weights:
     """Returns the posterior at scales and noise of (locally) greatest evidence.
 
     Args:
@@ -370,16 +392,14 @@ def learn(
             :data:`LEAST_GAIN`; with few rows, where steps are cheap, not before the fourth.
     """
     least = 3 if all(s.few for s in channels) else 0
-    best = posterior(channels, groups, noise, rooted=False)
+    best = posterior(channels, groups, noise)
     for step in range(1, steps + 1):
         groups, noise = _move_scales(best, channels)
-        trial = posterior(channels, groups, noise, rooted=False)
+        trial = posterior(channels, groups, noise)
         gain = trial.evidence - best.evidence
         best = replace(trial, steps=step)
         if step > least and gain < LEAST_GAIN:
             break
-    if not len(best.root):
-        best = replace(posterior(channels, best.groups, best.noise), steps=best.steps)
     return best
 
 

@@ -43,7 +43,7 @@ import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
 from robotrue.calibration.design import Design, WhitenedRows
-from robotrue.calibration.evidence import Sums, Weights, learn, spread
+from robotrue.calibration.evidence import Sums, Weights, find_scales
 from robotrue.calibration.robust import CUT, LEVEL, chi_point, student_factor
 from robotrue.core.arrays import Array, BoolArray, IntArray
 
@@ -146,14 +146,14 @@ def predict_held_out(
     for k in np.unique(fold):
         chosen = fold == k
         others = sums_without(design, sums, chosen, kept)
-        weights = learn(others, fit.groups, fit.noise, steps=STEPS)
+        weights = find_scales(others, fit.groups, fit.noise, steps=STEPS)
         for item in design.rows(chosen, kept):
             lower, columns = item.lower[:, :3, :3], item.columns[:, :3]
             back = np.swapaxes(lower, 1, 2)
             off = item.values[:, :3] - columns @ weights.mean
             known = item.instrument[:, :3, :3] - repeatability**2 * np.eye(3)
             error[item.rows] = (lower @ off[:, :, None])[:, :, 0]
-            learned[item.rows] = lower @ spread(weights.root, columns) @ back
+            learned[item.rows] = lower @ weights.spread(columns) @ back
             white[item.rows] = weights.noise[0] * lower @ back - known
             instrument[item.rows] = known + shift**2 * np.eye(3)
     learned += uncarried[:, None, None] * np.eye(3)

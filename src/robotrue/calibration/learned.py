@@ -279,7 +279,7 @@ def _find_sighted(design: Design, sums: Sequence[Sums]) -> BoolArray:
     """Which active columns the rows can see: not the ripple of a joint without a lever."""
     waves = design.place("ripple")
     covered = np.flatnonzero(design.active)
-    seen = sum(np.diagonal(s.gram) for s in sums) * START**2
+    seen = sum(s.power_by_column() for s in sums) * START**2
     wave = (covered >= waves.start) & (covered < waves.stop)
     return np.asarray(~wave | (np.asarray(seen) > UNSEEN))
 
@@ -347,7 +347,7 @@ def hold_out_physical(
     design = replace(design, weights=weights)
     kept = design.keep_rows()
     sums = design.sums(kept=kept)
-    fit = posterior(sums, design.groups({}), np.ones(len(sums)))
+    fit = posterior(sums, design.groups({}), np.ones(len(sums))).with_root()
     at = LinearFit(design=design, sums=sums, weights=fit)
     return widen_covariance(at, _predict_blocks(at, replace(settings, campaign_shift=0.0), kept))
 
