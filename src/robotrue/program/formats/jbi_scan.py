@@ -31,6 +31,8 @@ _PLAIN_POINT: Final = re.compile(
 _OTHER_POINT: Final = re.compile(rb"(C|P|BC|BP|EC|EX)(\d{1,6})[ \t]*=(.*)")
 _HEADER: Final = re.compile(rb"///(\w+)[ \t]*(.*)")
 _NUMBER: Final = re.compile(NUMBER)
+_WHOLE: Final = r"[ \t]*+[+-]?[0-9]{1,9}[ \t]*+"
+_INTEGERS: Final = re.compile(rf"{_WHOLE}(?:,{_WHOLE})*+")
 UNITS: Final = {"RECTAN": 0, "ANGLE": 1, "PULSE": 2}
 """How numbers are meant: a pose in mm and deg, axes in deg, axes in pulses."""
 _ARGUMENTS: Final = b"//ARGINFO"
@@ -278,10 +280,9 @@ class _Reader:
             self.rconf.append(fields)
 
     def _integers(self, name: str, value: str) -> tuple[int, ...]:
-        parts = value.split(",")
-        if not all(re.fullmatch(r"[ \t]*[+-]?[0-9]{1,9}[ \t]*", part) for part in parts):
+        if not _INTEGERS.fullmatch(value):
             self._refuse(f"///{name} {value[:60]!r} is no list of whole numbers", "correct it")
-        return tuple(int(part) for part in parts)
+        return tuple(map(int, value.split(",")))
 
     def _instructions(self) -> None:
         """Reads ``//INST`` to its ``END``."""

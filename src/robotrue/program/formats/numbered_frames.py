@@ -45,10 +45,12 @@ class NumberedFrames:
         self._on_robot: set[int] = set()
         self._index: dict[tuple[str, str], int] = {}
         self._changed: dict[tuple[str, str], str] = {}
+        self._numbered: dict[tuple[str, str], int] = {}
 
     def change(self, side: str, number: str, line: int, by: str) -> None:
         """Notes that the program itself changes a numbered frame, so that it is not known."""
         self._changed.setdefault((side, plain_key(number)), f"is changed by {by} in line {line}")
+        self._numbered.clear()
 
     def root(self, side: str) -> int:
         """Returns the index of the robot's root, or of the flange as a tool."""
@@ -78,6 +80,11 @@ class NumberedFrames:
 
     def number(self, side: str, number: str, line: int) -> int:
         """Returns the index of a numbered frame; ``line`` is its first use."""
+        if (side, number) not in self._numbered:
+            self._numbered[side, number] = self._find_number(side, number, line)
+        return self._numbered[side, number]
+
+    def _find_number(self, side: str, number: str, line: int) -> int:
         printed, number = number.strip(), plain_key(number)
         if (side, number) in self._changed:
             return self.unknown(

@@ -60,6 +60,10 @@ _WORDS: Final = re.compile(rb"(?<![\w.])[A-Za-z_]\w*+")
 _NEXT: Final = re.compile(rb"\s*[,)]")
 _NAMED: Final = re.compile(rb"(?:pose|q|pose_via|pose_to)\s*=\s*")
 _FRAMED: Final = re.compile(rb"pose_trans\s*\(")
+_FRAMED_POSE: Final = re.compile(
+    rb"pose_trans\s*\(\s*+([A-Za-z_]\w*+|" + POSE.pattern + rb")\s*+,\s*+("
+    + POSE.pattern + rb")\s*+\)"
+)  # fmt: skip
 _SOLVED: Final = re.compile(rb"get_inverse_kin\s*\(")
 _OWN_TOOL: Final = re.compile(rb"tcp\w*\s*=")
 _SOLVED_WITH_TOOL: Final = 4
@@ -282,6 +286,12 @@ class ScriptWalk:
                 point = self.story.add(match.start(), self.table.add(*match.span(), POINT), POINT)
                 self.story.uses.add(point, self._at, targets[0], 0)
                 return
+            framed = _FRAMED_POSE.match(self.code, start, end)
+            if framed and _NEXT.match(self.code, framed.end()):
+                literal = self.table.add(*framed.span(2), POINT)
+                point = self.story.add(framed.start(2), literal, POINT)
+                self._use(point, self._frame(*framed.span(1)), targets[0], start)
+                return
         close = end - 1 if self.code[end - 1 : end] == b")" else self._find_close(start, end)
         places = arguments(self.code, start, close, len(targets))
         found = [self._operand(*place) for place in places]
@@ -290,11 +300,15 @@ class ScriptWalk:
                 (self._lose_point(start, Reason.INCOMPLETE, f"{word} has no target"), BASE)
             )
         for (point, frame), motion in zip(found, targets, strict=True):
-            number = self.story.frames.setdefault(frame, len(self.story.frames))
-            self.story.asked.setdefault(("base", number), start)
-            self.story.uses.add(point, self._at, motion, number)
+            self._use(point, frame, motion, start)
         if len(found) == 2:
             self.story.arcs.append((found[0][0], found[1][0]))
+
+    def _use(self, point: int, frame: int, motion: Motion, place: int) -> None:
+        """Notes a motion to a point in a frame."""
+        number = self.story.frames.setdefault(frame, len(self.story.frames))
+        self.story.asked.setdefault(("base", number), place)
+        self.story.uses.add(point, self._at, motion, number)
 
     def _operand(self, start: int, end: int, depth: int = 0) -> tuple[int, int]:
         """Returns the point an argument means and the frame it stands in."""
