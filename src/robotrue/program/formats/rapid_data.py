@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -31,6 +31,13 @@ _DECLARED: Final = re.compile(
     + rb"(?:\{(?P<sizes>[^}]*)\}" + scan.GAP + rb")?(?P<given>:=)?",
     re.IGNORECASE,
 )  # fmt: skip
+_ROUTINE: Final = re.compile(rb"(?im)^[ \t]*PROC[ \t]+([\w\x80-\xff]+)")
+_CHANGES: Final = re.compile(
+    rb"(?i)\b(?:PDisp|EOffs)(?:On|Set)\b|\b[uot]frame\b[^:;]*:=|"
+    rb"^[ \t]*(?:t|tool|w|wobj)[\w\x80-\xff]*[ \t]*:=|%",
+    re.MULTILINE,
+)
+"""What a module holds that may change a displacement, a tool or a work object, or call anything."""
 _ASSIGNED: Final = re.compile(
     rb"([\w\x80-\xff]+)"
     + scan.GAP
@@ -83,6 +90,55 @@ class ParsedRapid(ParsedPoints):
     begun: bool = False
 
 
+class SharedData(NamedTuple):
+    """What the other modules of a task have to know of one.
+
+    Attributes:
+        frames: Tools and work objects: side, name, value, line, no other module can change it.
+        targets: Names of the targets that others may use.
+        routines: Names of its routines, if they change no frame.
+    """
+
+    frames: tuple[tuple[str, str, bytes, int, bool], ...]
+    targets: tuple[str, ...]
+    routines: tuple[str, ...]
+
+
+def read_shared_data(data: bytes, name: str) -> SharedData:
+    """Returns what other modules have to know of one.
+
+    Raises:
+        FormatError: A statement of it does not end.
+    """
+    frames, targets, starts = [], [], line_starts(data)
+    statement, at = scan.next_statement(data, scan.beginning(data), name)
+    while statement is not None:
+        match, word = _match_declaration(data, statement), statement.word
+        kind = _lower(match["kind"]) if match else ""
+        if match and kind in KINDS and not match["sizes"]:
+            value = data[match.end() : statement.end] if match["given"] else b""
+            line = int(np.searchsorted(starts, statement.start, side="right")) - 1
+            own = word in ("local", "const")
+            frames.append((KINDS[kind], _lower(match["name"]), value, line, own))
+        elif match and kind in LITERAL and word != "local":
+            targets.append(_lower(match["name"]))
+        statement, at = scan.next_statement(data, at, name)
+    quiet = not _CHANGES.search(data)
+    routines = map(_lower, _ROUTINE.findall(data)) if quiet else ()
+    return SharedData(tuple(frames), tuple(targets), tuple(routines))
+
+
+def _match_declaration(data: bytes, statement: scan.RapidStatement) -> re.Match[bytes] | None:
+    """Returns the parts of a declaration up to its value; None if the statement is none."""
+    if statement.word not in ("local", "task", "global", "const", "pers", "var"):
+        return None
+    return _DECLARED.match(data, statement.start, statement.end)
+
+
+def _lower(name: bytes) -> str:
+    return name.decode("latin-1").lower()
+
+
 class Data:
     """Values of declarations and assignments while a module is read.
 
@@ -118,31 +174,21 @@ class Data:
         self.place, self.scope = 0, ""
         self._starts = line_starts(data)
 
-    def declare(self, statement: scan.RapidStatement, *, frames_only: bool = False) -> bool:
+    def declare(self, statement: scan.RapidStatement) -> bool:
         """Enters a declaration; returns whether the statement is one."""
-        if statement.word not in ("local", "task", "global", "const", "pers", "var"):
-            return False
-        match = _DECLARED.match(self.data, statement.start, statement.end)
+        match = _match_declaration(self.data, statement)
         if match is None:
             return False
-        kind, name = (
-            match["kind"].decode("latin-1").lower(),
-            match["name"].decode("latin-1").lower(),
-        )
+        kind, name = _lower(match["kind"]), _lower(match["name"])
         start, end = match.end(), statement.end
-        if kind in FOLLOWED and not frames_only:
+        if kind in FOLLOWED:
             text = scan.clean(self.data[start:end]) if match["given"] else None
             self.values.declare(self.scope, name, text, local=statement.word == "local")
         if kind in KINDS and not match["sizes"]:
             value = self.data[start:end] if match["given"] else b""
-            if not frames_only or not self.frames.has(KINDS[kind], name):
-                self.frames.declare(KINDS[kind], name, value, self._line(statement.start))
-                if self.scope or statement.word in ("local", "const"):
-                    self.frames.own.add((KINDS[kind], name))
-        elif frames_only:
-            if kind in LITERAL and statement.word != "local":
-                self.frames.elsewhere.setdefault(name, self.name)
-            return True
+            self.frames.declare(KINDS[kind], name, value, self._line(statement.start))
+            if self.scope or statement.word in ("local", "const"):
+                self.frames.own.add((KINDS[kind], name))
         elif kind in LITERAL:
             variable = self.variables.declare(self.scope, name, kind)
             variable.is_array = match["sizes"] is not None

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Final, TypeAlias
 
@@ -106,6 +106,22 @@ class RapidFrames:
         variable = self._known[side, name] = _Variable(line)
         for member, what in self._whole(side, value).items():
             variable.version(member, what)
+
+    def declare_beside(
+        self, frames: Iterable[tuple[str, str, bytes, int, bool]], routines: Iterable[str]
+    ) -> None:
+        """Enters what another module declares, where none before it does; names its routines.
+
+        Args:
+            frames: Side, name, value, line, and whether no other module can change it.
+            routines: That change no frame.
+        """
+        self.routines.update(routines)
+        for side, name, value, line, own in frames:
+            if not self.has(side, name):
+                self.declare(side, name, value, line)
+                if own:
+                    self.own.add((side, name))
 
     def assign(self, side: str, name: str, path: str, value: bytes, place: int) -> None:
         """Enters ``name.path := value`` at a place of the course."""

@@ -5,11 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final, NamedTuple
+from functools import cached_property
+from typing import Final
 
 from robotrue.errors import FormatError
 from robotrue.program.formats.control_flow import ControlFlow
 from robotrue.program.formats.rapid_build import build
+from robotrue.program.formats.rapid_data import SharedData, read_shared_data
 from robotrue.program.formats.rapid_frames import RapidFrames
 from robotrue.program.formats.rapid_values import RapidTask
 from robotrue.program.formats.rapid_walk import RapidWalk
@@ -32,40 +34,41 @@ def read_rapid(files: Sequence[tuple[str, bytes]], frames: FrameTable) -> tuple[
         require_text(data, name)
     wide = any(_is_wide(data) for _, data in files)
     given = _by_bytes(frames) if wide else frames
-    beside = [_Beside.of(name, data) for name, data in files]
+    modules = [_Module(name, data) for name, data in files]
     task = RapidTask.of(files) if len(files) > 1 else RapidTask()
     out = []
     for number in range(len(files)):
-        program = _read_module(beside, number, given, task)
+        program = _read_module(modules, number, given, task)
         out.append(_in_words(program) if wide else program)
     return tuple(out)
 
 
-class _Beside(NamedTuple):
-    """A module as others see it: whether it may hold frames, and whether it moves."""
+class _Module:
+    """A module as others see it: whether it may hold data they use, and whether it moves."""
 
-    name: str
-    data: bytes
-    tells: bool
-    moves: bool
+    def __init__(self, name: str, data: bytes) -> None:
+        self.name, self.data = name, data
+        self.tells, self.moves = bool(_TELLS.search(data)), bool(_MOVES.search(data))
 
-    @classmethod
-    def of(cls, name: str, data: bytes) -> _Beside:
-        """Returns a file so."""
-        return cls(name, data, bool(_TELLS.search(data)), bool(_MOVES.search(data)))
+    @cached_property
+    def shared(self) -> SharedData:
+        """What others have to know; read once, however many there are."""
+        return read_shared_data(self.data, self.name)
 
 
 def _read_module(
-    files: Sequence[_Beside], number: int, frames: FrameTable, task: RapidTask
+    files: Sequence[_Module], number: int, frames: FrameTable, task: RapidTask
 ) -> Program:
     """Returns the program of one file, read with the frames and routines of the others."""
     own, course = files[number], ControlFlow()
     table = RapidFrames(frames, own.name, course)
     if number and not own.moves:  # it gives data only
         return build(RapidWalk(own.data, own.name, table, course, task), frames)
-    for other in files:
-        if other.tells and other is not own:
-            RapidWalk(other.data, other.name, table, course).declarations()
+    beside = [other for other in files if other.tells and other is not own]
+    for other in beside:
+        table.declare_beside(other.shared.frames, other.shared.routines)
+    for other in reversed(beside):  # the first to declare a target is named
+        table.elsewhere.update(dict.fromkeys(other.shared.targets, other.name))
     walk = RapidWalk(own.data, own.name, table, course, task)
     walk.all()
     if not walk.story.begun:

@@ -42,13 +42,6 @@ FOREIGN: Final = "routine in no file"
 """Since it ran nothing has put again what it may have changed: this, and a key of ``_SHIFTS`` or
 (side, name) of tools and work objects."""
 _BY_NAME: Final = "a call by name"
-_ROUTINE: Final = re.compile(rb"(?im)^[ \t]*PROC[ \t]+([\w\x80-\xff]+)")
-_CHANGES: Final = re.compile(
-    rb"(?i)\b(?:PDisp|EOffs)(?:On|Set)\b|\b[uot]frame\b[^:;]*:=|"
-    rb"^[ \t]*(?:t|tool|w|wobj)[\w\x80-\xff]*[ \t]*:=|%",
-    re.MULTILINE,
-)
-"""What a module holds that may change a displacement, a tool or a work object, or call anything."""
 _REFERENCE: Final = re.compile(r"([\w\x80-\xff]+)\s*(?:\{([^}]*)\})?$")
 _SHIFTING: Final = re.compile(r"(offs|reltool)\s*\((.*)\)$", re.IGNORECASE | re.DOTALL)
 _BETWEEN: Final = re.compile(r"\\\s*ExeP\s*:=\s*(\w+)\s*,\s*(\w+)\s*,", re.IGNORECASE)
@@ -101,18 +94,6 @@ class RapidWalk(Data):
         self._calls: list[tuple[int, str, int]] = []
         self._routines: set[str] = set()
         self._shifts: list[tuple[int, str]] = []
-
-    def declarations(self) -> None:
-        """Reads the tools and work objects only: a file beside the program."""
-        if not _CHANGES.search(self.data):
-            names = (name.decode("latin-1").lower() for name in _ROUTINE.findall(self.data))
-            self.frames.routines.update(names)
-        at = scan.beginning(self.data)
-        while True:
-            statement, at = scan.next_statement(self.data, at, self.name)
-            if statement is None:
-                return
-            self.declare(statement, frames_only=True)
 
     def all(self) -> None:
         """Reads every statement."""
