@@ -12,6 +12,7 @@ from robotrue.calibration.arm import prepare_arm, term_columns
 from robotrue.calibration.mean_tables import rigid_tables
 from robotrue.calibration.terms import term_registry
 from robotrue.calibration.terms.backlash import Backlash
+from robotrue.calibration.terms.rail_guide import RailGuide
 from robotrue.calibration.terms.ripple import Ripple, harmonics
 from robotrue.calibration.terms.smooth import SmoothBasis, SmoothResidual
 from robotrue.calibration.terms.term import ArmPostures, Effect, Term
@@ -39,6 +40,7 @@ TERMS: dict[str, Term] = {
         spread=2.0,
         span=np.array([290.0, 300.0]),
     ),
+    "rail": RailGuide(number=1, direction=np.eye(3)[1], low=0.0, high=4.0, stated=1.3),
 }
 STEP = 1e-6
 
@@ -66,8 +68,8 @@ class Phased(Backlash):
 
 
 def values_of(term: Term) -> Array:
-    # Columns of the zeros leave out how they turn what the links have grown by: second order.
-    size = 1e-9 if isinstance(term, Thermal) else 1e-4
+    # What moves the error vector does so to first order.
+    size = 1e-9 if isinstance(term, Thermal | RailGuide) else 1e-4
     return size * np.random.default_rng(5).standard_normal(term.size)
 
 

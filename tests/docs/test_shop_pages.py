@@ -19,6 +19,7 @@ PAGES = (
     "join-joints-and-points",
     "monuments-and-repeats",
     "warmth-over-a-shift",
+    "arm-on-a-rail",
     "register-a-part",
 )
 

@@ -26,10 +26,10 @@ from robotrue.compensation.process_force import DescribedForce
 from robotrue.compensation.stance import start_joints
 from robotrue.compensation.steps import StepRule
 from robotrue.core.arrays import Array
-from robotrue.core.conditions import ArmConditions
+from robotrue.core.conditions import EXTERNAL_AXES, ArmConditions
 from robotrue.core.model_identity import ModelIdentity
 from robotrue.core.provenance import Provenance
-from robotrue.core.units import ZERO_CELSIUS
+from robotrue.core.units import MM, ZERO_CELSIUS
 from robotrue.errors import ConfigurationError
 from robotrue.program.identity import require_compensable
 from robotrue.program.lang import find_language, languages
@@ -123,16 +123,20 @@ def _at_conditions(model: ErrorModel | None, request: CompensateRequest) -> Erro
     Raises:
         ConfigurationError: It depends on none.
     """
-    if request.temperature_degC is None and request.time_s is None:
+    options = (request.temperature_degC, request.time_s, request.e1_mm)
+    if all(value is None for value in options):
         return model
-    stated = [np.nan if v is None else v for v in (request.temperature_degC, request.time_s)]
-    kelvin, time = np.array([[stated[0] + ZERO_CELSIUS]]), np.array(stated[1:])
-    conditions = ArmConditions(temperature=kelvin, time=time)
+    celsius, time, place = (np.nan if value is None else value for value in options)
+    external = np.full((1, EXTERNAL_AXES), np.nan)
+    external[0, 0] = place * MM
+    conditions = ArmConditions(
+        temperature=np.array([[celsius + ZERO_CELSIUS]]), time=np.array([time]), external=external
+    )
     if isinstance(model, CalibratedModel):
         return model.under(conditions)
     raise ConfigurationError(
-        "--temperature or --time beside a cell that has no calibrated model.",
-        hint="state the model of a calibration with temperatures.",
+        "--temperature, --time or --e1-mm with a cell that has no calibrated model.",
+        hint="state the model of a calibration with temperatures or a rail.",
     )
 
 
@@ -165,9 +169,28 @@ def _why_whole(request: CompensateRequest, ground: Ground) -> str:
         "--free-spin": request.free_spin,
         ground.split.named: ground.split.asked,
         "no model": model is None,
+        "--e1-mm": request.e1_mm is not None,
         "a model without flat tables": model is not None and model.mean_tables() is None,
     }
     return ", ".join(what for what, asked in asks.items() if asked)
+
+
+def _refuse_second_place(request: CompensateRequest, files: Sequence[ProgramFile]) -> None:
+    """Refuses --e1-mm with a program that states E1 itself.
+
+    Raises:
+        ConfigurationError: It does.
+    """
+    if request.e1_mm is None:
+        return
+    for file in files:
+        external = None if file.held is None else file.held.external
+        if external is not None and np.isfinite(external[:, 0]).any():
+            raise ConfigurationError(
+                f"--e1-mm is {request.e1_mm:g} mm, and the targets state E1.",
+                source=file.name,
+                hint="leave --e1-mm out.",
+            )
 
 
 def open_programs(
@@ -187,6 +210,7 @@ def open_programs(
         why_whole=partial(_why_whole, request, ground),
         note=lambda text: context.note(place_in_file(first, text)),
     )
+    _refuse_second_place(request, files)
     names = [file.name for file in files]
     outputs = job_outputs(names, ground.folder, ground.output, files[0].dialect)
     known = [

@@ -110,6 +110,15 @@ class CompensateRequest(Request):
             "temperature was measured.",
         ),
     ] = None
+    e1_mm: Annotated[
+        float | None,
+        Option(
+            names=("--e1-mm",),
+            metavar="MM",
+            advanced=True,
+            help="Place of the arm on its rail, for a program that does not state it.",
+        ),
+    ] = None
     cutter: Annotated[
         str | None,
         Option(

@@ -91,6 +91,8 @@ def examine_rows(cell: Cell, rows: MeasurementSet) -> Diagnosis | None:
     """Returns the diagnosis of rows; None where they are nothing it can examine."""
     stations = np.unique(rows.station, return_counts=True)[1]
     places = not rows.position.any(axis=1).all()
+    if rows.rail is not None:  # its errors would be taken for faults of the rows
+        return None
     if rows.dof != cell.robot.dof or places or stations.min(initial=FEWEST_POSES) < FEWEST_POSES:
         return None
     try:
@@ -108,7 +110,10 @@ def inspect_measurements(
     diagnosis = examine_rows(cell, rows)
     document = measurement_document(rows)
     if diagnosis is None:
-        lines = ["data doctor: too few rows of a tracker station, or other joints than the cell's."]
+        lines = [
+            "data doctor: too few rows of a tracker station, rows along a rail, or other joints "
+            "than the cell's."
+        ]
         return PlainResult(
             values=document, shown=tuple(map(Note, lines)), provenance=rows.provenance
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from robotrue.app.reporting import Message, Reporter, note
 from robotrue.app.request import Reference
 from robotrue.cell.cell import Cell, tracker_covariance
 from robotrue.core.arrays import Array
+from robotrue.core.conditions import EXTERNAL_AXES, Rail
 from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.measurement.formats.mapping import ColumnMapping, read_mapping
 from robotrue.measurement.formats.measured_files import open_sheet
@@ -81,7 +83,7 @@ def join_rows(
 
     remarks = check_plausible(
         whole,
-        measured_point(whole.joints),
+        measured_point(whole.joints) + whole.carried,
         robot.reach,
         forward=measured_point,
         minimum=minimum,
@@ -140,4 +142,29 @@ def read_rows(
     )
     for remark in run.remarks:
         reporter.report(note(remark))
-    return run.rows
+    return ride_rail(run.rows, cell)
+
+
+def ride_rail(rows: MeasurementSet, cell: Cell) -> MeasurementSet:
+    """Returns rows with the rail that the cell describes; positions in base in the base it carries.
+
+    Raises:
+        ConfigurationError: An external axis that moved and that the cell does not describe.
+    """
+    moved = np.ptp(rows.external, axis=0) > 0.0 if len(rows) else np.zeros(EXTERNAL_AXES, bool)
+    described = {axis.number: axis for axis in cell.controller.external}
+    for number in (np.flatnonzero(moved) + 1).tolist():
+        if number not in described:
+            low, high = rows.external[:, number - 1].min(), rows.external[:, number - 1].max()
+            raise ConfigurationError(
+                f"external axis E{number} moves from {low:g} to {high:g} (m or rad), and the cell "
+                "does not describe it.",
+                hint="[[controller.external]]: axis, along or about, carries.",
+            )
+    rails = [a for a in described.values() if a.carries_robot and rows.external.size]
+    rails = [a for a in rails if np.isfinite(rows.external[:, a.number - 1]).all()]
+    if not rails:
+        return rows
+    rail = Rail(number=rails[0].number, direction=rails[0].direction, at=rails[0].at)
+    floor = rail.carry(rows.external) if rows.frame == "base" else 0.0
+    return replace(rows, rail=rail, position=rows.position - floor)

@@ -229,10 +229,25 @@ class CalibratedModel(Columns):
         terms = tuple(term.under(conditions) for term in self.terms)
         if all(new is old for new, old in zip(terms, self.terms, strict=True)):
             raise ConfigurationError(
-                "a temperature or time is stated, and no part of the model depends on it.",
-                hint="calibrate with a column temperature_C or time_s, method auto, ripple or gp.",
+                "a temperature, time or place is stated, and no part of the model depends on it.",
+                hint="calibrate with a column temperature_C, time_s or e1_mm, method auto, ripple "
+                "or gp.",
             )
         return replace(self, terms=terms)
+
+    def require_stated(self, conditions: ArmConditions) -> None:
+        """Refuses conditions that leave out what the error depends on far too much.
+
+        Raises:
+            ConfigurationError: Where the arm is on its rail is not stated.
+        """
+        for term in self.terms:
+            if missing := term.lacking(conditions):
+                raise ConfigurationError(
+                    f"{missing}.",
+                    hint="describe the rail in the cell ([[controller.external]]) and write its "
+                    "value with each target, or state it: --e1-mm 1500.",
+                )
 
     def mean_tables(self) -> MeanTables | None:
         """Returns the mean as flat tables, or None if a term has no such form.

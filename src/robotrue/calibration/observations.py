@@ -17,7 +17,7 @@ from robotrue.calibration.arm import term_columns
 from robotrue.calibration.parameters import ParameterLayout, State
 from robotrue.calibration.terms.term import ArmPostures, Term
 from robotrue.core.arrays import Array, BoolArray, IntArray
-from robotrue.core.columns import Column
+from robotrue.core.columns import EMPTY, Column
 from robotrue.core.poses import apply, inverse
 from robotrue.core.rotations import rotation_vector_from_matrix, skew
 from robotrue.errors import ModelMismatchError
@@ -62,10 +62,12 @@ class ArmVisits(ArmPostures):
     Attributes:
         target: (n,) reflector.
         station: (n,) tracker set-up, or ``IN_BASE``.
+        carried: (n, 3) m, base axes: how far a rail has carried the arm from its stated base.
     """
 
     target: Annotated[IntArray, Column("n")]
     station: Annotated[IntArray, Column("n")]
+    carried: Annotated[Array, Column("n 3", unit="m", fill=0.0)] = EMPTY
 
 
 class Observation(Protocol):
@@ -241,6 +243,7 @@ def observations_of(
         conditions=measurements.conditions,
         target=measurements.target,
         station=measurements.station if measurements.frame == "tracker" else in_base,
+        carried=measurements.carried,
     )
     points, poses = np.flatnonzero(~posed), np.flatnonzero(posed)
     out: list[PointObservation] = []
@@ -318,6 +321,8 @@ def seen_points(
         out[mine, :3, place.start : place.start + 3] = chain.flange_rotation[mine]
         if rotations and place.stop - place.start == 6:
             out[mine, 3:, place.start + 3 : place.stop] = chain.flange_rotation[mine]
+    if visits.carried.any():
+        point = point + visits.carried[part]
     for k, T in state.T_tracker_base.items():
         _into_station(out, point, rotation, np.equal(station, k), T, blocks[f"station/{k}"])
     return point, rotation, out
@@ -369,7 +374,7 @@ def take_to_base(
     return replace(
         measurements,
         frame="base",
-        position=apply(T, measurements.position),
+        position=apply(T, measurements.position) - measurements.carried,
         covariance=turn @ measurements.covariance @ back,
         rotation=turn @ measurements.rotation,
         rotation_covariance=turn @ measurements.rotation_covariance @ back,

@@ -65,7 +65,7 @@ def start_state(
     rotation = measurements.rotation.copy()
     for k, T in stations.items():
         mine = measurements.station == k
-        position[mine] = apply(inverse(T), position[mine])
+        position[mine] = apply(inverse(T), position[mine]) - measurements.carried[mine]
         rotation[mine] = T[:3, :3].T @ rotation[mine]
     _check_plausible(robot, chain, position, measurements, tool_sd)
     robot = _turned_tool(robot, chain, rotation, measurements)
@@ -100,7 +100,7 @@ def _stations(
     places = _places(measurements)
     for k in np.unique(measurements.station).tolist():
         mine = (measurements.station == k) & (measurements.target == 0)
-        points = chain.position[mine]
+        points = chain.position[mine] + measurements.carried[mine]
         if k in places and len(points):
             out[k] = pose(np.eye(3), -points.mean(axis=0))
             continue

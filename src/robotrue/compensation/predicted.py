@@ -8,16 +8,19 @@ as much.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
+from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.model import Query
 from robotrue.compensation.calibrated_arm import Chunk, InversionLimits, Outcome
 from robotrue.compensation.inversion_kernels import write_predicted
 from robotrue.compensation.settings import CompensationSetup
 from robotrue.compensation.status import Status
 from robotrue.core.arrays import Array, IntArray
+from robotrue.core.conditions import unstated
 from robotrue.core.rotations import matrix_from_rotation_vector, rotation_vector_from_matrix
 from robotrue.program.program import Program
 from robotrue.robot.forward import joint_jacobian, walk
@@ -146,11 +149,21 @@ def _query(
     joints: Array,
     approach: Array,
 ) -> Query:
-    """Returns the query for the model at targets with one tool."""
+    """Returns the query for the model at targets with one tool.
+
+    Raises:
+        ConfigurationError: The model has a rail, and a target does not state where the arm is.
+    """
+    conditions = unstated(len(rows))
+    if program.external is not None:
+        conditions = replace(conditions, external=program.external[rows])
+    if isinstance(setup.model, CalibratedModel):
+        setup.model.require_stated(conditions)
     return Query(
         joints=joints,
         load=load.take(rows),
         approach=approach,
+        conditions=conditions,
         T_flange_tool=None if setup.measured[tool] else program.T_flange_tool[tool],
     )
 

@@ -50,6 +50,25 @@ def unstated(rows: int = 1) -> ArmConditions:
     return ArmConditions(temperature=np.full((rows, 1), np.nan))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rail(Columns):
+    """A linear external axis that carries the arm.
+
+    Attributes:
+        number: 1 to 6, of E1 to E6.
+        direction: (3,) unit vector in base, the way its value grows.
+        at: m, its value where the base is as stated.
+    """
+
+    number: int
+    direction: Annotated[Array, Column("3")]
+    at: float = 0.0
+
+    def carry(self, external: Array) -> Array:
+        """Returns how far (n, 3) m external axes (n, 6) have carried the arm, base axes."""
+        return np.asarray((external[:, self.number - 1, None] - self.at) * self.direction)
+
+
 def join_temperatures(whole: Array, of_joints: Array) -> Array:
     """Returns temperatures (n, 1) or (n, dof) K for :class:`ArmConditions`.
 

@@ -47,6 +47,7 @@ class CompensateOptions(TypedDict, total=False):
     force: str | Path | None
     temperature_degC: float | None
     time_s: float | None
+    e1_mm: float | None
     cutter: str | None
     start: str | None
     free_spin: bool

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.columns import EMPTY, Column, Columns, concat, count_rows
-from robotrue.core.conditions import ArmConditions, join_temperatures
+from robotrue.core.conditions import ArmConditions, Rail, join_temperatures
 from robotrue.core.provenance import MEASURED, Provenance, merge
 from robotrue.errors import ShapeError
 from robotrue.measurement.probing_set import ProbingSet
@@ -41,6 +41,8 @@ class MeasurementSet(Columns):
         joint_temperature: (n, dof) K of each joint, NaN = unknown.
         time: (n,) s on one clock, NaN = unknown.
         external: (n, 6) external axes E1 to E6, m or rad, NaN = unknown.
+        rail: The external axis that carried the arm, if any. Positions in base are in the base
+            that it carries; those in a tracker frame are as the tracker saw them.
         target: (n,) index of the reflector.
         station: (n,) index of the instrument set-up.
         group: (n,) index of the set (file, campaign, block) the row belongs to.
@@ -68,6 +70,7 @@ class MeasurementSet(Columns):
     joint_temperature: Annotated[Array, Column("n dof", unit="K", nan=True, fill=np.nan)] = EMPTY
     time: Annotated[Array, Column("n", unit="s", nan=True, fill=np.nan)] = EMPTY
     external: Annotated[Array, Column("n 6", unit="m, rad", nan=True, fill=np.nan)] = EMPTY
+    rail: Rail | None = None
     target: Annotated[npt.NDArray[np.int64], Column("n", fill=0)] = EMPTY
     station: Annotated[npt.NDArray[np.int64], Column("n", fill=0)] = EMPTY
     group: Annotated[npt.NDArray[np.int64], Column("n", fill=0)] = EMPTY
@@ -96,6 +99,23 @@ class MeasurementSet(Columns):
         """Temperature, time and external axes; of a joint without one, that of the arm."""
         temperature = join_temperatures(self.temperature, self.joint_temperature)
         return ArmConditions(temperature=temperature, time=self.time, external=self.external)
+
+    @property
+    def carried(self) -> Array:
+        """(n, 3) m, base axes: how far the arm is from where its base is as stated.
+
+        Zero of positions in base, from which it is taken off.
+        """
+        if self.rail is None or self.frame == "base":
+            return np.zeros((len(self), 3))
+        return self.rail.carry(self.external)
+
+    @property
+    def floor_position(self) -> Array:
+        """(n, 3) m, positions as a file has them: in the base where the rail is ``at``."""
+        if self.rail is None or self.frame != "base":
+            return self.position
+        return np.asarray(self.position + self.rail.carry(self.external))
 
     def file_of(self, row: int) -> str:
         """Returns the name of the file a row was read from; empty if it was made in code."""

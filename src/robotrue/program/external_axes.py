@@ -102,11 +102,14 @@ class Carried:
         frame: (n,) index into ``T_base_frame``.
         T_base_frame: (f, 4, 4), those given first.
         unknown: (n,) the place depends on an axis whose value the target does not say.
+        external: (n, 6) m or rad, where the described axes are that carry the robot or the frame of
+            the target; NaN elsewhere. None: no axis is described.
     """
 
     frame: IntArray
     T_base_frame: Array
     unknown: BoolArray
+    external: Array | None = None
 
 
 def carry_frames(
@@ -141,12 +144,14 @@ def carry_frames(
         silent = np.isnan(here).all(axis=0)
         here = np.where(silent, [axis.at for axis in axes], here)
     unknown: BoolArray = np.asarray((need & np.isnan(here)).any(axis=1))
+    external = np.full((len(frame), COUNT), np.nan)
+    external[:, [axis.number - 1 for axis in axes]] = np.where(need, here, np.nan)
     here = np.where(need, here, [axis.at for axis in axes])
     away = (here != [axis.at for axis in axes]).any(axis=1) & ~unknown
     rows = np.flatnonzero(away)
     out = np.array(frame)
     if not len(rows):
-        return Carried(frame=out, T_base_frame=T_base_frame, unknown=unknown)
+        return Carried(frame=out, T_base_frame=T_base_frame, unknown=unknown, external=external)
     begins = np.ones(len(rows), np.bool_)
     begins[1:] = np.diff(frame[rows]) != 0
     for column in here[rows].T:
@@ -161,7 +166,7 @@ def carry_frames(
         _move(T, axes[column], 2.0 * axes[column].at - here[first, column])
     every = np.concatenate([T_base_frame, T])
     every.flags.writeable = False
-    return Carried(frame=out, T_base_frame=every, unknown=unknown)
+    return Carried(frame=out, T_base_frame=every, unknown=unknown, external=external)
 
 
 def _move(T: Array, axis: ExternalAxis, values: Array) -> None:

@@ -70,6 +70,8 @@ class Program(Columns):
         tool: (n,) index into ``T_flange_tool``.
         T_base_frame: (f, 4, 4) work frames in the robot base.
         T_flange_tool: (t, 4, 4) tools.
+        external: (n, 6) m or rad, external axes that the cell describes, where they carry the robot
+            or the frame of the target; NaN elsewhere. None: none is described.
         held: (n,) the robot carries the part and the tool stands in the cell; nowhere if not
             stated. Such a target says where the *part* is to be: ``frame`` is the tool in the cell,
             ``tool`` the part frame on the flange, and position and rotation are the part frame in
@@ -98,6 +100,7 @@ class Program(Columns):
     tool: Annotated[IntArray, Column("n")]
     T_base_frame: Annotated[Array, Column("f 4 4", unit="m", nan=True)]
     T_flange_tool: Annotated[Array, Column("t 4 4", unit="m", nan=True)]
+    external: Annotated[Array | None, Column("n 6", unit="m, rad", nan=True)] = None
     held: Annotated[BoolArray, Column("n", fill=False)] = EMPTY
     start: Annotated[Array, Column("_", unit="rad")] = EMPTY
     notes: tuple[str, ...] = ()

@@ -90,16 +90,22 @@ class WarmArm:
         return np.asarray((moved + turned)[:, :, 0])
 
 
-def true_arm(nominal: RobotModel, rng: np.random.Generator, drift: float = DRIFT) -> WarmArm:
-    """A KR160 as it was built; its tool point is off by ``drift`` m after a shift, in the mean."""
+def arm_as_built(nominal: RobotModel, rng: np.random.Generator) -> RobotModel:
+    """A KR160 with geometric errors of .3 mm and .02 deg, and joint springs."""
     errors, dof = np.zeros(len(nominal.errors)), nominal.dof
     sizes = {"theta": 0.02 * DEG, "alpha": 0.02 * DEG, "d": 0.3 * MM, "a": 0.3 * MM}
     for name, sd in sizes.items():
         errors[parameter_slice(dof, name)] = rng.normal(0.0, sd, dof)
     springs = np.array([1.75e6, 1.72e6, 1.95e6, 3.73e5, 2.11e5, 1.74e5])
     errors[parameter_slice(dof, "compliance")] = 1.0 / springs
+    return nominal.with_errors(errors)
+
+
+def true_arm(nominal: RobotModel, rng: np.random.Generator, drift: float = DRIFT) -> WarmArm:
+    """A KR160 as it was built; its tool point is off by ``drift`` m after a shift, in the mean."""
+    dof = nominal.dof
     arm = WarmArm(
-        robot=nominal.with_errors(errors),
+        robot=arm_as_built(nominal, rng),
         rise=rng.uniform(0.7, 1.3, dof),
         lag=rng.uniform(20.0, 90.0, dof) * 60.0,
         growth=rng.uniform(11e-6, 23e-6, dof),
@@ -119,14 +125,19 @@ def joints_of(robot: RobotModel, count: int, rng: np.random.Generator) -> Array:
     return np.asarray(middle + 0.5 * half * rng.uniform(-1.0, 1.0, (count, robot.dof)))
 
 
+def points_of(robot: RobotModel, joints: Array) -> Array:
+    """Where the reflector of the cold arm is, (n, 3) m in base."""
+    ripple = RIPPLE * np.sin(PERIODS * joints + np.arange(robot.dof))
+    return deflect_arm(robot, joints, LOAD, ripple)[0].position
+
+
 def measure_shift(
     nominal: RobotModel, arm: WarmArm, rng: np.random.Generator
 ) -> tuple[MeasurementSet, Array]:
     """Rows of the whole shift, early ones first, and where the tool point truly was, (n, 3) m."""
     n = EARLY + LATE
     joints, time = joints_of(nominal, n, rng), np.linspace(0.0, SHIFT, n)
-    ripple = RIPPLE * np.sin(PERIODS * joints + np.arange(nominal.dof))
-    true = deflect_arm(arm.robot, joints, LOAD, ripple)[0].position + arm.drift(joints, time)
+    true = points_of(arm.robot, joints) + arm.drift(joints, time)
     noise = np.hypot(REPEATABILITY, TRACKER)
     sensor = COLD + arm.warmth(time, np.array([SENSOR_LAG]))[:, 0] + rng.normal(0.0, SENSOR, n)
     rows = MeasurementSet(

@@ -19,6 +19,7 @@ import pyarrow.parquet as pq
 
 from robotrue.calibration.lineage import data_hash
 from robotrue.core.arrays import Array
+from robotrue.core.conditions import Rail
 from robotrue.core.document_decoder import decode
 from robotrue.core.provenance import provenance_from
 from robotrue.errors import ArchiveError, ConfigurationError, ImplausibleDataError
@@ -182,6 +183,7 @@ def rows_of(workspace: Workspace, record: MeasurementRecord) -> MeasurementSet:
         frame="base" if head.frame == "base" else "tracker",
         group_names=head.group_names,
         sources=head.sources,
+        rail=None if head.rail is None else head.rail.rail(),
         provenance=provenance_from(head.provenance, before=(*head.sources, *head.group_names)),
         **values,
     )
@@ -225,12 +227,25 @@ def samples_bytes(rows: MeasurementSet) -> bytes:
         "group_names": list(rows.group_names),
         "sources": list(rows.sources),
         "provenance": rows.provenance.to_document(),
+        **({} if rows.rail is None else {"rail": rows.rail.document()}),
     }
     table = pa.table({name: pa.array(values) for name, values in columns.items()})
     table = table.replace_schema_metadata({_KEY: json.dumps(head).encode()})
     buffer = io.BytesIO()
     pq.write_table(table, buffer, compression="zstd")
     return buffer.getvalue()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _StoredRail:
+    """The rail in the head of a file of measurements, SI."""
+
+    number: int
+    direction: tuple[float, float, float]
+    at: float
+
+    def rail(self) -> Rail:
+        return Rail(number=self.number, direction=np.array(self.direction), at=self.at)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -243,6 +258,7 @@ class _SamplesHead:
     group_names: tuple[str, ...]
     sources: tuple[str, ...]
     provenance: object = None
+    rail: _StoredRail | None = None
 
 
 def some_rows(workspace: Workspace, record: MeasurementRecord, query: RowQuery) -> RowPage:

@@ -157,6 +157,10 @@ class Term(ABC):
         """
         return self
 
+    def lacking(self, conditions: ArmConditions) -> str:
+        """Returns what postures of a program must state and do not; empty by default."""
+        return ""
+
     def prior_variance(self, values: Array, variance: Array) -> Array:
         """Returns the prior variance (k,) that a posterior of mean and variance (k,) came from."""
         return np.asarray(values**2 + variance)

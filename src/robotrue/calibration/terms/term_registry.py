@@ -14,6 +14,7 @@ from robotrue.calibration.mean_tables import MeanTables
 from robotrue.calibration.terms.backlash import Backlash
 from robotrue.calibration.terms.compliance import without_compliance
 from robotrue.calibration.terms.geometry import without_gear, without_geometry
+from robotrue.calibration.terms.rail_guide import RailGuide
 from robotrue.calibration.terms.ripple import Ripple
 from robotrue.calibration.terms.smooth import SmoothResidual
 from robotrue.calibration.terms.term import Term
@@ -26,7 +27,7 @@ GROUP: Final = "robotrue.terms"
 STANDARD: Final = (Ripple.name, Backlash.name, SmoothResidual.name)
 """Terms that every model has, if only with no parameters; their columns come in this order."""
 _TERMS: Final[dict[str, type[Term]]] = {
-    term.name: term for term in (Ripple, Backlash, SmoothResidual, Thermal)
+    term.name: term for term in (Ripple, Backlash, SmoothResidual, Thermal, RailGuide)
 }
 
 

@@ -6,7 +6,8 @@ displays them; beside ``j1_deg`` they are for the reader of a sheet alone and pa
 (R = Rz(rz) Ry(ry) Rx(rx)), ``sx_mm, sy_mm, sz_mm`` (one sigma), ``cxy_mm2, cxz_mm2, cyz_mm2``
 (covariances), ``fx_N, fy_N, fz_N``, ``mx_Nm, my_Nm, mz_Nm``, ``approach1 .. approachn``,
 ``temperature_C``, ``temperature1_C .. temperaturen_C`` (of each joint), ``time_s`` or ``timestamp``
-(ISO 8601), ``payload_kg``, ``payload_x_mm, payload_y_mm, payload_z_mm``, ``target``,
+(ISO 8601), ``e1_mm`` or ``e1_deg`` to ``e6_mm`` or ``e6_deg`` (external axes, each by itself),
+``payload_kg``, ``payload_x_mm, payload_y_mm, payload_z_mm``, ``target``,
 ``station``, ``set``, ``monument`` (name of a nest on the floor, re-shot during the run; such a row
 needs no joints). Any order, any case. A column with another name is an error: a misspelt ``fx_N``
 passed over would be a wrong result.
@@ -21,6 +22,7 @@ from typing import Final
 
 import numpy as np
 
+from robotrue.core.conditions import EXTERNAL_AXES
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM, ZERO_CELSIUS
 from robotrue.errors import FormatError
@@ -61,6 +63,17 @@ def canonical_mapping(dof: int) -> ColumnMapping:
     )
 
 
+def external_names(header: Sequence[str]) -> tuple[str, ...]:
+    """Returns the names of the columns of E1 and on in a header, empty where it has none."""
+    present = {column_key(name) for name in header}
+    found = [
+        next((name for name in (f"e{i}_mm", f"e{i}_deg") if name in present), "")
+        for i in range(1, EXTERNAL_AXES + 1)
+    ]
+    last = max((i for i, name in enumerate(found, start=1) if name), default=0)
+    return tuple(found[:last])
+
+
 def joint_names(dof: int) -> tuple[str, ...]:
     """Returns the names of the joint columns: ``j1_deg``, ``j2_deg``, ..."""
     return tuple(f"j{i + 1}_deg" for i in range(dof))
@@ -97,12 +110,14 @@ def write_canonical(path: str | Path, measurements: MeasurementSet) -> None:
 def canonical_columns(m: MeasurementSet) -> dict[str, list[str]]:
     """Returns the canonical columns of a set by name, every number with all its digits.
 
+    Of external axes the rail has a column; positions in base are in the base where it is ``at``.
+
     Raises:
         FormatError: Orientation or payload is known for some rows only.
     """
     names = canonical_mapping(m.dof)
     out = number_columns(names.joints, m.joints / DEG) | number_columns(
-        names.position, m.position / MM
+        names.position, m.floor_position / MM
     )
     for what, values in (("orientation", m.rotation), ("payload", m.payload_mass[:, None])):
         known = np.isfinite(values).reshape(len(m), -1).all(axis=1)
@@ -130,6 +145,9 @@ def canonical_columns(m: MeasurementSet) -> dict[str, list[str]]:
         out |= number_columns(names.joint_temperature, m.joint_temperature - ZERO_CELSIUS)
     if np.isfinite(m.time).all():
         out |= number_columns(names.time, m.time[:, None])
+    if m.rail is not None:
+        place = m.external[:, [m.rail.number - 1]]
+        out |= number_columns([f"e{m.rail.number}_mm"], place / MM)
     if np.isfinite(m.payload_mass).all():
         out |= number_columns(names.payload_mass, m.payload_mass[:, None])
     if np.isfinite(m.payload_com).all():

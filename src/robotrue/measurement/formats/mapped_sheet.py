@@ -34,7 +34,7 @@ class MappedSheet:
         self.mapping = mapping
         self._constants = {column_key(name): value for name, value in mapping.constants.items()}
         for group in GROUPS:
-            names = getattr(mapping, group)
+            names = [name for name in getattr(mapping, group) if name]
             missing = [name for name in names if not self._has(name)]
             whole = group not in mapping.optional or len(missing) < len(names)
             if missing and whole:
@@ -103,7 +103,7 @@ class MappedSheet:
         if absent is not None and not self.present(group):
             return np.full((len(self), self.mapping.count(group)), absent)
         factor = self.mapping.factors.get(group, 1.0)
-        return np.stack([factor * self._column(name) for name in names], axis=1)
+        return np.stack([factor * self.column(name) for name in names], axis=1)
 
     def whole(self, group: str) -> IntArray:
         """Returns a column of whole numbers from 0 (n,); zeros where the file has none."""
@@ -112,7 +112,12 @@ class MappedSheet:
         self.check(group, values[:, None], bad, "a number 0, 1, 2 ...")
         return values.astype(np.int64)
 
-    def _column(self, name: str) -> Array:
+    def column(self, name: str) -> Array:
+        """Returns a column (n,) in the file's unit, every value finite.
+
+        Raises:
+            FormatError: A cell that is none.
+        """
         if not self.sheet.has(name):
             return np.full(len(self), self._constants[column_key(name)])
         values = self.sheet.parse(name)

@@ -58,6 +58,7 @@ GROUPS: Final = (
     "joint_temperature",
     "time",
     "timestamp",
+    "external",
     "payload_mass",
     "payload_com",
     "target",
@@ -103,6 +104,8 @@ class ColumnMapping:
         joint_temperature: One column per joint, deg C.
         time: One column, s on any clock.
         timestamp: One column, date and time of day (ISO 8601), in place of ``time``.
+        external: Up to six columns, external axes E1 and on; their names say their unit by their
+            ending: ``_mm``, or ``_deg`` of rotary ones. An empty name: no such column.
         payload_mass: One column, kg at the flange.
         payload_com: x, y, z of its centre of mass in the flange frame.
         target: One column, number of the reflector.
@@ -156,6 +159,7 @@ class ColumnMapping:
     joint_temperature: tuple[str, ...] = ()
     time: tuple[str, ...] = ()
     timestamp: tuple[str, ...] = ()
+    external: tuple[str, ...] = ()
     payload_mass: tuple[str, ...] = ()
     payload_com: tuple[str, ...] = ()
     target: tuple[str, ...] = ()
@@ -257,6 +261,8 @@ class ColumnMapping:
             return len(self.joints)
         if group in ONE_COLUMN:
             return 1
+        if group == "external":
+            return len(self.external)
         return 4 if group == "rotation" and self.rotation_form in ("wxyz", "xyzw") else 3
 
     def columns(self, *, required_only: bool = False) -> tuple[str, ...]:
@@ -266,7 +272,7 @@ class ColumnMapping:
             for group in GROUPS
             if not (required_only and group in self.optional)
             for name in getattr(self, group)
-            if name not in self.constants
+            if name and name not in self.constants
         )
 
 

@@ -17,6 +17,7 @@ from robotrue.measurement.formats.canonical import (
     axes_in,
     axis_names,
     canonical_mapping,
+    external_names,
     joint_names,
     joints_in,
 )
@@ -201,7 +202,8 @@ def _detect_mapping(
             header=tuple(sheet.header[i] for i in kept),
             cells=tuple(tuple(row[i] for i in kept) for row in sheet.cells),
         )
-        mapping = canonical_mapping(dof or axes or 6)
+        external = external_names(thinned.header)
+        mapping = replace(canonical_mapping(dof or axes or 6), external=external)
         if axes and not dof:
             mapping = replace(mapping, joints=axis_names(axes), axes="controller")
         optional = mapping.optional if positions else (*mapping.optional, "position")

@@ -16,12 +16,12 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from robotrue.core.arrays import Array, IntArray
-from robotrue.core.conditions import ArmConditions, join_temperatures
+from robotrue.core.conditions import EXTERNAL_AXES, ArmConditions, join_temperatures
 from robotrue.core.rotations import (
     matrix_from_quat_wxyz,
     matrix_from_rotation_vector,
 )
-from robotrue.core.units import ZERO_CELSIUS
+from robotrue.core.units import DEG, MM, ZERO_CELSIUS
 from robotrue.measurement.formats.mapped_sheet import MappedSheet
 from robotrue.measurement.formats.mapping import ANGLE, GROUPS, LENGTH, ColumnMapping
 from robotrue.measurement.formats.sheet import Sheet, column_key
@@ -73,6 +73,7 @@ def read_table(
         temperature=temperature_columns(columns, "temperature")[:, 0],
         joint_temperature=temperature_columns(columns, "joint_temperature"),
         time=time_column(columns),
+        external=external_columns(columns),
         target=columns.whole("target"),
         station=columns.whole("station"),
         group=group,
@@ -124,8 +125,28 @@ def read_conditions(columns: MappedSheet) -> ArmConditions:
         temperature_columns(columns, group) for group in ("temperature", "joint_temperature")
     )
     return ArmConditions(
-        temperature=join_temperatures(whole[:, 0], of_joints), time=time_column(columns)
+        temperature=join_temperatures(whole[:, 0], of_joints),
+        time=time_column(columns),
+        external=external_columns(columns),
     )
+
+
+def external_columns(columns: MappedSheet) -> Array:
+    """Returns external axes (n, 6) m or rad; NaN where the file has none.
+
+    Raises:
+        FormatError: A column whose name has no unit.
+    """
+    out = np.full((len(columns), EXTERNAL_AXES), np.nan)
+    for k, name in enumerate(columns.mapping.external):
+        unit = EXTERNAL_UNITS.get(name.rpartition("_")[2].lower(), np.nan)
+        if name and np.isnan(unit):
+            raise columns.sheet.fault(
+                f"column {name!r} of an external axis has no unit.", "end its name in _mm or _deg."
+            )
+        if name and columns.sheet.has(name):
+            out[:, k] = unit * columns.column(name)
+    return out
 
 
 def temperature_columns(columns: MappedSheet, group: str) -> Array:
@@ -205,6 +226,7 @@ def _sets(columns: MappedSheet) -> tuple[IntArray, tuple[str, ...]]:
     return np.array([number[word] for word in words]), names
 
 
+EXTERNAL_UNITS: Final[Mapping[str, float]] = {"mm": MM, "deg": DEG}
 _X, _Y, _Z = range(3)
 _FACTORS: Final[Mapping[str, tuple[tuple[int, int], ...]]] = {
     "rz_ry_rx": ((_Z, 2), (_Y, 1), (_X, 0)),

@@ -103,6 +103,7 @@ class _Builder:
             frame=moved.frame,
             tool=tool[found.header],
             T_base_frame=moved.T_base_frame,
+            external=moved.external,
             T_flange_tool=self.frames.stack_matrices("tool"),
             notes=tuple(dict.fromkeys(self.notes + self.walk.notes)),
             path=np.array(self.walk.path, np.int64).reshape(-1, 3),

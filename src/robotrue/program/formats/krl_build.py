@@ -9,7 +9,7 @@ import numpy as np
 from robotrue.core.arm_words import NO_WORD
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.units import DEG
-from robotrue.program.external_axes import mark_described
+from robotrue.program.external_axes import Carried, mark_described
 from robotrue.program.formats.krl_columns import lean, si_columns, target_numbers
 from robotrue.program.formats.krl_flow import (
     BASE,
@@ -47,6 +47,7 @@ class Settled(NamedTuple):
     tool: IntArray
     T_base_frame: Array
     T_flange_tool: Array
+    external: Array | None
     notes: list[str]
 
 
@@ -137,10 +138,16 @@ class Builder:
         reason, notes = self._frame_reasons(state, axis)
         if self.given.fixed_tool == "tool_in_part":
             reason[state[:, ON_ROBOT] > 0] = Reason.TOOL_ON_FLOOR
-        frame, bases, said = self._external(external, state[:, BASE], reason, name, axis)
+        moved, said = self._external(external, state[:, BASE], reason, name, axis)
         notes += said
         return Settled(
-            reason, frame, state[:, TOOL], bases, np.array(self.frames.matrices["tool"]), notes
+            reason,
+            moved.frame,
+            state[:, TOOL],
+            moved.T_base_frame,
+            np.array(self.frames.matrices["tool"]),
+            moved.external,
+            notes,
         )
 
     def program(self, file: int) -> Program:
@@ -164,7 +171,7 @@ class Builder:
         ]
         if external is not None and file == self.main and _some(np.isnan(external)):
             inherit_external(external, self._path(file, agg, motion, np.zeros(len(agg), np.bool_)))
-        frame, bases, said = self._external(external, state[:, BASE], reason, name, is_axis)
+        moved, said = self._external(external, state[:, BASE], reason, name, is_axis)
         notes += said
         reason[motion == Motion.UNUSED] = Reason.UNUSED
         reason[incomplete] = Reason.INCOMPLETE
@@ -191,9 +198,10 @@ class Builder:
             words=lean(np.where(np.isnan(words), NO_WORD, words).astype(np.int64)),
             words_of="kuka",
             line=line,
-            frame=lean(frame),
+            frame=lean(moved.frame),
             tool=lean(state[:, TOOL]),
-            T_base_frame=bases,
+            T_base_frame=moved.T_base_frame,
+            external=moved.external,
             T_flange_tool=np.array(self.frames.matrices["tool"]),
             held=held,
             notes=tuple(dict.fromkeys(notes)),
@@ -376,10 +384,12 @@ class Builder:
 
     def _external(
         self, external: Array | None, base: IntArray, reason: IntArray, name: str, axis: BoolArray
-    ) -> tuple[IntArray, Array, list[str]]:
+    ) -> tuple[Carried, list[str]]:
         """Returns work frames as external axes move them; flags targets where they are unknown."""
         if external is None and not self.given.external:
-            return base, np.array(self.frames.matrices["base"]), []
+            bases = np.array(self.frames.matrices["base"])
+            unknown = np.zeros(len(base), np.bool_)
+            return Carried(frame=base, T_base_frame=bases, unknown=unknown), []
         values = np.full((len(base), 6), np.nan) if external is None else external
         moved = self.frames.carry_frames(base, values)
         lost = moved.unknown & ~axis
@@ -391,7 +401,7 @@ class Builder:
                 "carries the robot or their base; they are not compensated. Write it with each."
             )
         values = values[:, ~mark_described(self.given.external)]
-        return moved.frame, moved.T_base_frame, notes + self._flag_undescribed(values, reason, name)
+        return moved, notes + self._flag_undescribed(values, reason, name)
 
     def _flag_undescribed(self, external: Array, reason: IntArray, name: str) -> list[str]:
         used = np.nan_to_num(external).any(axis=0)

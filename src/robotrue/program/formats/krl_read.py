@@ -156,11 +156,12 @@ def _camrob(name: str, data: bytes, builder: Builder) -> Program:
             f"{name}: no axis target stands before its call, so nothing says how the arm stands at "
             "its first target."
         )
-    return camrob_program(
+    program = camrob_program(
         name, data, tokens, line, reason=reason, frame=settled.frame, tool=settled.tool,
         T_base_frame=settled.T_base_frame, T_flange_tool=settled.T_flange_tool, start=start,
         notes=notes,
     )  # fmt: skip
+    return replace(program, external=settled.external)
 
 
 def _rows(call: Called, count: int) -> slice:

@@ -11,7 +11,7 @@ from robotrue.core.arm_words import NO_WORD
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.rotations import matrix_from_quat_wxyz
 from robotrue.core.units import DEG, MM
-from robotrue.program.external_axes import mark_described
+from robotrue.program.external_axes import Carried, mark_described
 from robotrue.program.formats.control_flow import DIFFERS
 from robotrue.program.formats.number_table import Numbers
 from robotrue.program.formats.rapid_data import AXIS, NOTHING
@@ -65,7 +65,7 @@ class _Builder:
     def program(self) -> Program:
         """Returns the finished program, its rows in file order."""
         state = self._settle()
-        frame, bases = self._external(state[1])
+        moved = self._external(state[1])
         self._flag_points()
         position, rotation, axes = self._si()
         position, rotation = turned_round(position, rotation, self.held)
@@ -84,9 +84,10 @@ class _Builder:
             words=self._words()[order],
             words_of="abb",
             line=self.line[order],
-            frame=frame[order],
+            frame=moved.frame[order],
             tool=state[0][order],
-            T_base_frame=bases,
+            T_base_frame=moved.T_base_frame,
+            external=None if moved.external is None else moved.external[order],
             T_flange_tool=np.array(frames.matrices[TOOL]),
             held=self.held[order] if self.held.any() else np.empty(0, np.bool_),
             notes=self.tell.notes(),
@@ -240,7 +241,7 @@ class _Builder:
         out[self.point[uses]] = True
         return out
 
-    def _external(self, work: IntArray) -> tuple[IntArray, Array]:
+    def _external(self, work: IntArray) -> Carried:
         """Returns work frames as external axes move them; flags targets where they are unknown."""
         external = self.numbers.value[:, 11:]
         with np.errstate(invalid="ignore"):
@@ -254,7 +255,7 @@ class _Builder:
         )
         there &= self.used[:, None] & ~mark_described(self.given.external)
         self._flag_undescribed(external, there)
-        return moved.frame, moved.T_base_frame
+        return moved
 
     def _flag_undescribed(self, external: Array, there: BoolArray) -> None:
         away = (there & (external != 0.0)).any(axis=1)
