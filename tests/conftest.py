@@ -13,6 +13,7 @@ import pytest
 TESTS: Final = Path(__file__).resolve().parent
 sys.path.insert(0, str(TESTS))
 LONGEST: Final = (
+    "web/test_newcomer.py",
     "web/test_story.py",
     "cli/test_marks.py",
     "docs/test_dynamic_pages.py",

@@ -36,7 +36,7 @@ from robotrue.validation.metrics import coverage, error_statistics
 
 
 def show_model(workspace: Workspace, model_id: str, version: int) -> bytes:
-    """Returns parameters with deviations, doubts, the contest of methods, and numbers held out."""
+    """Returns parameters, warnings, the contest of methods, and numbers held out."""
     record = items.get(workspace, MODEL, model_id, version=version)
     held = models.model_of(workspace, record)
     rows = measurements.read_data(workspace, record)
@@ -51,7 +51,7 @@ def show_model(workspace: Workspace, model_id: str, version: int) -> bytes:
             "held_out_m": summary.held_out_mean,
             "rms_m": summary.rms,
             "noise_m": summary.white_sd,
-            "doubts": group_warnings(model, summary.warnings),
+            "warnings": group_warnings(model, summary.warnings),
             "unseen": [
                 {"name": unseen.name, "cure": unseen.cure}
                 for unseen in summary.unseen
@@ -98,6 +98,8 @@ def from_simulation(model: ErrorModel | None, rows: Iterable[MeasurementSet] = (
 
 
 WORST: Final = 15
+MOST_DRAWN: Final = 300
+"""Poses in a chart of errors."""
 
 
 def judge_measurement(
@@ -121,9 +123,26 @@ def judge_measurement(
             "after_m": _sizes(seen.after),
             "coverage": inside.share,
             "worst": _worst(seen),
+            "poses": _errors_by_pose(seen),
             "screening": _screen_poses(seen),
         }
     )
+
+
+def _errors_by_pose(seen: Evaluation) -> list[dict[str, object]]:
+    """Error of each pose before and after; of a long set some, evenly spaced, and the worst."""
+    before, after = np.linalg.norm(seen.before, axis=1), np.linalg.norm(seen.after, axis=1)
+    shown = np.unique(np.linspace(0, len(after) - 1, min(len(after), MOST_DRAWN)).astype(np.int64))
+    rows = np.union1d(shown, np.argsort(-after)[:WORST])
+    return [
+        {
+            "row": int(k) + 1,
+            "line": int(seen.measured.source_row[k]),
+            "before_m": float(before[k]),
+            "after_m": float(after[k]),
+        }
+        for k in rows
+    ]
 
 
 def list_rows(

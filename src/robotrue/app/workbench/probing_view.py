@@ -257,7 +257,7 @@ def _fit(found: RegisteredPart) -> dict[str, object]:
         "route": found.route,
         "verdict": found.verdict,
         "moved_mm": found.moved / MM,
-        "doubts": list(found.doubts),
+        "warnings": list(found.doubts),
         "frames": [_frame(frame) for frame in found.frames],
     }
 
@@ -277,7 +277,7 @@ def _frame(frame: FoundFrame) -> dict[str, object]:
         "outliers": list(fit.outliers),
         "verdict": frame.verdict,
         "reasons": list(frame.reasons),
-        "doubts": list(frame.doubts),
+        "warnings": list(frame.doubts),
         "region_mm": float(frame.region[worst] / MM),
         "region_at": fit.names[worst],
         "with_arm": frame.with_arm,

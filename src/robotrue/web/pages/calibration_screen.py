@@ -18,6 +18,7 @@ from robotrue.store.records import ItemQuery
 from robotrue.web.page_context import PageContext
 from robotrue.web.parts.reports import Reports, find_reports
 from robotrue.web.parts.request_form import RequestForm
+from robotrue.web.parts.residuals import draw_residuals
 
 KNOWN: Final[Mapping[str, str]] = {"seen": "good", "weakly seen": "caution", "prior only": "bad"}
 
@@ -87,19 +88,19 @@ async def _show_learned(context: PageContext) -> str:
         found=found,
         spans=spans,
         known=KNOWN,
-        warnings=_warnings(context, decode(_Doubts, found)),
+        warnings=_warnings(context, decode(_Warnings, found)),
     )
 
 
 @dataclass(frozen=True, slots=True)
-class _Doubts:
+class _Warnings:
     """Sentences on what the data cannot tell, and the combinations they name."""
 
-    doubts: list[str]
+    warnings: list[str]
     unseen: list[dict[str, str]]
 
 
-def _warnings(context: PageContext, stated: _Doubts) -> list[Markup]:
+def _warnings(context: PageContext, stated: _Warnings) -> list[Markup]:
     """Warnings about undetermined combinations, in the reader's language.
 
     The combination of parameters is the same in every language; it stands out.
@@ -107,7 +108,7 @@ def _warnings(context: PageContext, stated: _Doubts) -> list[Markup]:
     words = ReportTexts(lang="zh" if context.say.language == "zh" else "en")
     names = {each["name"] for each in stated.unseen}
     marked = []
-    for warning in stated.doubts:
+    for warning in stated.warnings:
         sentence = words.sentence(warning)
         name = max((each for each in names if each in sentence), key=len, default="")
         text = escape(sentence)
@@ -119,4 +120,26 @@ def _warnings(context: PageContext, stated: _Doubts) -> list[Markup]:
     return marked
 
 
-BUILDS: Final = {"": _build, "learned": _show_learned}
+async def _show_residuals(context: PageContext) -> str:
+    """Errors of the newest poses the model has not seen, before and after; else of those it has."""
+    model = context.model
+    if model is None:
+        return ""
+    used = {to.id for to in model.refs("data")}
+    own = {to.id for to in model.refs("cell")}
+    found = await context.items(MEASUREMENT, ItemQuery(limit=50))
+    of_cell = [each for each in found if own & {to.id for to in each.refs("cell")}]
+    sets = sorted(of_cell, key=lambda each: each.id in used)
+    if not sets:
+        return ""
+    versions = (sets[0].id, sets[0].version, model.id, model.version)
+    seen = await context.answer(calls.judge_measurement, *versions)
+    return context.render(
+        "calibration_residuals.html",
+        set=sets[0],
+        seen=seen,
+        residuals=draw_residuals(context, seen["poses"]),
+    )
+
+
+BUILDS: Final = {"": _build, "learned": _show_learned, "residuals": _show_residuals}

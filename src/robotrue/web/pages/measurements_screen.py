@@ -11,6 +11,7 @@ from robotrue.app.workbench import workbench_calls as calls
 from robotrue.store.nouns import CELL, MEASUREMENT, CellRecord, MeasurementRecord
 from robotrue.store.records import ItemQuery
 from robotrue.web.page_context import PageContext
+from robotrue.web.parts.residuals import draw_residuals
 from robotrue.web.problems import fault_card, kind_words
 from robotrue.web.uploads import find_upload
 
@@ -56,7 +57,10 @@ async def _judge(context: PageContext) -> str:
         calls.judge_measurement, record.id, record.version, model.id, model.version
     )
     source = f"/api/scenes/measurement/{record.id}?model={model.id}&version={record.version}"
-    return context.render("measurement_judged.html", found=found, source=source)
+    residuals = draw_residuals(context, found["poses"])
+    return context.render(
+        "measurement_judged.html", found=found, source=source, residuals=residuals
+    )
 
 
 async def _rows(context: PageContext) -> str:

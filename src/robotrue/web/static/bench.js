@@ -65,13 +65,13 @@
   const follow = (row) => {
     if (row.dataset.href) location.href = row.dataset.href;
     else if (row.dataset.point) {
-      row.parentElement.querySelectorAll(".chosen").forEach((r) => r.classList.remove("chosen"));
+      (row.closest("svg") ?? row.parentElement).querySelectorAll(".chosen").forEach((r) => r.classList.remove("chosen"));
       row.classList.add("chosen");
       dispatchEvent(new CustomEvent("bench-select", { detail: Number(row.dataset.point) }));
     }
   };
   addEventListener("click", (e) => {
-    const row = e.target.closest("tr[data-href], tr[data-point]");
+    const row = e.target.closest("tr[data-href], [data-point]");
     if (row && !e.target.closest("a, button, input")) follow(row);
   });
   addEventListener("keydown", (e) => {

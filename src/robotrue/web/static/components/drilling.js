@@ -50,7 +50,7 @@ export default {
       </div>
       <div class="card" v-if="alarms.length" data-testid="drill-alarm-list">
         <h2>{{ text.alarms }}</h2>
-        <ul class="doubts"><li v-for="a in alarms.slice(-20).reverse()" :key="a.key"><b>{{ a.name }}</b> <span class="note">{{ time(a.at) }}</span> {{ a.said }}</li></ul>
+        <ul class="remarks"><li v-for="a in alarms.slice(-20).reverse()" :key="a.key"><b>{{ a.name }}</b> <span class="note">{{ time(a.at) }}</span> {{ a.said }}</li></ul>
       </div>
       <div class="card" v-if="src">
         <h2>{{ text.latest }}</h2>

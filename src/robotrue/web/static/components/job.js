@@ -11,7 +11,7 @@ export default {
     </div>
     <div class="progress" v-if="!job.over"><i :style="{width: Math.max(2, 100 * job.progress) + '%'}"></i></div>
     <div v-if="job.error" role="alert" data-testid="job-fault" v-html="said(job.error)"></div>
-    <ul class="doubts note" v-if="job.over && job.remarks.length"><li v-for="r in job.remarks.slice(0, 8)">{{ r }}</li></ul>
+    <ul class="remarks note" v-if="job.over && job.remarks.length"><li v-for="r in job.remarks.slice(0, 8)">{{ r }}</li></ul>
   </div>`,
   props: { id: String, text: Object, steps: Object, go: String, field: String },
   data: () => ({ job: null }),

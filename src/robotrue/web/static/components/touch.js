@@ -11,7 +11,7 @@ export default {
           <div class="touch-step">{{ text.held_title }}</div>
           <h2 class="touch-name">{{ name(s.held.feature) }}</h2>
           <p class="touch-off" data-testid="held-off">{{ say('held_off', {off: length(s.held.off_mm), sigmas: sigmas(s.held.sigmas)}) }}</p>
-          <ul class="doubts" data-testid="suspicions"><li v-for="w in s.held.suspicions">{{ reason(w) }}</li>
+          <ul class="remarks" data-testid="suspicions"><li v-for="w in s.held.suspicions">{{ reason(w) }}</li>
             <li v-if="!s.held.suspicions.length">{{ text.why_none }}</li></ul>
           <p class="mono touch-text">{{ s.held.text }}</p>
           <div class="touch-acts">
@@ -94,9 +94,9 @@ export default {
                 <dt>{{ text.sd }}</dt><dd>{{ triple(f.sd_mm, 3) }} mm; {{ triple(f.sd_deg, 4) }}°</dd>
                 <dt>{{ text.rms }}</dt><dd>{{ length(f.rms_mm) }}</dd>
                 <dt>{{ f.with_arm ? text.machined : text.frame_there }}</dt><dd>{{ say('at', {length: length(f.region_mm), name: f.region_at}) }}</dd></dl>
-              <ul class="doubts bad-list"><li v-for="r in f.reasons">{{ r }}</li></ul>
-              <details v-if="f.doubts.length || s.fit.doubts.length"><summary class="note">{{ say('notes', {count: f.doubts.length + s.fit.doubts.length}) }}</summary>
-                <ul class="doubts note"><li v-for="d in f.doubts.concat(s.fit.doubts)">{{ d }}</li></ul></details>
+              <ul class="remarks bad-list"><li v-for="r in f.reasons">{{ r }}</li></ul>
+              <details v-if="f.warnings.length || s.fit.warnings.length"><summary class="note">{{ say('notes', {count: f.warnings.length + s.fit.warnings.length}) }}</summary>
+                <ul class="remarks note"><li v-for="d in f.warnings.concat(s.fit.warnings)">{{ d }}</li></ul></details>
             </div>
             <form class="touch-finish" @submit.prevent="finish" v-if="!s.result">
               <label class="field">{{ text.finish_name }}<input type="text" v-model="finishName" maxlength="200" data-testid="finish-name"></label>
