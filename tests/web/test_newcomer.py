@@ -219,7 +219,6 @@ SERIOUS: Final = """async (rules) => {
 
 def addresses_of(served: Served) -> list[str]:
     """Every page of a workspace, and one of each of its items."""
-    client = httpx.Client(base_url=served.address, timeout=60.0, trust_env=False)
     places = {
         "cell": ("/cell?cell={}", "/cell?cell={}&edit=1"),
         "measurement": ("/measurements?id={}",),
@@ -232,12 +231,15 @@ def addresses_of(served: Served) -> list[str]:
         "/programs", "/drift", "/drilling", "/live", "/tools", "/tools/compensate", "/history",
         "/nowhere",
     ]  # fmt: skip
+    with httpx.Client(base_url=served.address, timeout=60.0, trust_env=False) as client:
+        items = {
+            noun: client.get(f"/api/items/{noun}").json()["items"] for noun in (*places, "document")
+        }
     for noun, forms in places.items():
-        ids = [each["id"] for each in client.get(f"/api/items/{noun}").json()["items"]]
-        pages += [form.format(id) for form, id in zip(forms, ids[: len(forms)] * 2, strict=False)]
-    sessions = client.get("/api/items/document").json()["items"]
-    touching = [each["id"] for each in sessions if each["kind"] == "touching"]
-    return pages + [f"/registration?id={id}" for id in touching[:1]]
+        ids = [each["id"] for each in items[noun][: len(forms)]]
+        pages += [form.format(id) for form, id in zip(forms, ids * 2, strict=False)]
+    sessions = [each["id"] for each in items["document"] if each["kind"] == "touching"]
+    return pages + [f"/registration?id={id}" for id in sessions[:1]]
 
 
 def settle(page: Any) -> None:
