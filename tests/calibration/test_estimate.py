@@ -233,13 +233,7 @@ def test_several_reflectors_show_the_last_axis():
     state, _ = deflect_arm(actual, joints, load)
     second = state.flange_position + state.flange_rotation @ offset
     both = replace(
-        data,
-        **{
-            name: np.concatenate([getattr(data, name)] * 2)
-            for name, each in data.__dataclass_fields__.items()
-            if each.init
-            and name not in ("frame", "group_names", "sources", "provenance", "position", "target")
-        },
+        data.subset(np.tile(np.arange(40), 2)),
         position=np.concatenate([data.position, second]),
         target=np.repeat([0, 1], 40),
     )
