@@ -26,6 +26,7 @@ NounName = Annotated[str, Path(description=f"One of {', '.join(NOUNS)}.", max_le
 Id = Annotated[str, Path(max_length=40)]
 Digest = Annotated[str, Path(pattern="^[0-9a-f]{64}$")]
 Version = Annotated[int | None, Query(ge=1, le=1_000_000)]
+Suffix = Annotated[str, Query(pattern="^[A-Za-z0-9_-]{0,40}$")]
 JSON: Final = "application/json"
 CSV: Final[dict[int | str, dict[str, Any]]] = {
     200: {"content": {"text/csv": {"schema": {"type": "string"}}}}
@@ -98,20 +99,27 @@ def router(server: ServerContext) -> APIRouter:
         )
 
     @routes.get("/items/{noun}/{id}/files/{sha256}", response_class=FileResponse)
-    def download(noun: NounName, id: Id, sha256: Digest, version: Version = None) -> FileResponse:
-        """A file of an item, under the name it came with."""
+    def download(
+        noun: NounName, id: Id, sha256: Digest, version: Version = None, suffix: Suffix = ""
+    ) -> FileResponse:
+        """A file of an item, under the name it came with, or with a suffix to the name."""
         record = get_item(workspace, noun, id, version)
         for each in record.attachments:
             if each.sha256 == sha256:
                 return FileResponse(
                     workspace.path_of(sha256),
-                    filename=each.name.replace("/", "_"),
+                    filename=_with_suffix(each.name.replace("/", "_"), suffix),
                     media_type="application/octet-stream",
                 )
         raise MissingError(f"{noun} {record.name!r} has no file {sha256[:12]}.")
 
     _offer_changes(routes, workspace)
     return routes
+
+
+def _with_suffix(name: str, suffix: str) -> str:
+    stem, dot, form = name.rpartition(".")
+    return f"{stem}{suffix}.{form}" if dot else name + suffix
 
 
 def _offer_changes(routes: APIRouter, workspace: Workspace) -> None:

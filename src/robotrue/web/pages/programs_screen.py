@@ -16,6 +16,7 @@ from robotrue.store.nouns import (
 )
 from robotrue.store.records import ItemQuery
 from robotrue.web.page_context import PageContext
+from robotrue.web.parts.changed_lines import SHOWN, list_changed_lines
 from robotrue.web.parts.reports import Reports, find_reports
 from robotrue.web.parts.request_form import RequestForm
 
@@ -123,6 +124,21 @@ async def _judge(context: PageContext) -> str:
     )
 
 
+async def _list_changes(context: PageContext) -> str:
+    """The first lines that compensation changed, beside what they were."""
+    record = await _record(context)
+    links, made = record.refs("before"), record.files("program")
+    if not links or not made:
+        return ""
+    before = (await context.item(PROGRAM, links[0].id, links[0].version)).files("program")
+    same = [(old, new) for new in made for old in before if old.name == new.name]
+    old, new = same[0] if same else (before[0], made[0])
+    path_of = context.workspace.path_of
+    paths = [await context.ask(path_of, each.sha256) for each in (old, new)]
+    changed = await context.ask(list_changed_lines, *paths)
+    return context.render("program_changes.html", changed=changed, most=SHOWN)
+
+
 def _strict(context: PageContext) -> bool:
     return context.query.get("strict") == "on"
 
@@ -132,4 +148,4 @@ def _tolerance(context: PageContext) -> float | None:
     return context.number("tolerance_mm", None, most=1000.0)
 
 
-BUILDS: Final = {"": _build, "judged": _judge}
+BUILDS: Final = {"": _build, "judged": _judge, "changes": _list_changes}
