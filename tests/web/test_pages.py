@@ -26,10 +26,12 @@ def test_every_page_and_part_is_built(client: Client, filled: Shop, language: st
     addresses |= {"/drilling?view=model", "/drilling?view=monitor", "/history?offset=1"}
     for path, id, parts in (
         ("/measurements", filled.measured.id, ("", "judged", "rows")),
-        ("/programs", filled.program.id, ("", "judged")),
+        ("/programs", filled.program.id, ("", "judged", "changes")),
     ):
         addresses |= {f"{path}?id={id}&part={part}" for part in parts}
-    addresses.add(f"/calibration?model={filled.model.id}&part=learned")
+    addresses |= {
+        f"/calibration?model={filled.model.id}&part={part}" for part in ("learned", "residuals")
+    }
     for address in sorted(addresses):
         answer = here.get(address, headers={"accept-language": language})
         assert answer.status_code == 200, address
