@@ -141,6 +141,18 @@ def at_place(place: float) -> ArmConditions:
     return replace(unstated(1), external=external)
 
 
+def test_beyond_the_travel_of_the_rows_it_is_less_certain(in_base: CalibratedModel) -> None:
+    joints = rows(10, 3).joints
+    inside, near, far = (
+        in_base.predict(Query(joints=joints, load=PAYLOAD, conditions=at_place(place)))
+        for place in (3.9, 4.3, 6.0)
+    )
+    sizes = [np.trace(p.covariance, axis1=1, axis2=2) for p in (inside, near, far)]
+    assert (sizes[0] < sizes[1]).all()
+    assert (sizes[1] < sizes[2]).all()
+    assert (np.sqrt(sizes[2]) > 1e-4).all()
+
+
 def test_a_model_at_a_stated_place_has_tables(in_base: CalibratedModel) -> None:
     joints = rows(10, 3).joints
     there = in_base.under(at_place(3.0))

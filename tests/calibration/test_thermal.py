@@ -155,6 +155,18 @@ def test_a_model_at_a_stated_temperature_says_it_in_predictions_and_tables(
     assert np.linalg.norm(states[1].tip - states[0].tip, axis=1).mean() > 5e-5
 
 
+def test_a_temperature_beyond_the_calibration_is_remarked_on(
+    by_temperature: CalibratedModel, by_time: CalibratedModel
+) -> None:
+    hot = ArmConditions(temperature=np.array([[REFERENCE + 20.0]]))
+    assert by_temperature.remarks_on(hot)[0].startswith("40.0 degC is beyond the 18.")
+    usual = ArmConditions(temperature=np.array([[REFERENCE + 3.0]]))
+    assert by_temperature.remarks_on(usual) == []
+    assert by_time.remarks_on(usual) == []
+    late = ArmConditions(temperature=np.array([[np.nan]]), time=np.array([9.0 * HOUR]))
+    assert "h is beyond the 0.0 to" in by_time.remarks_on(late)[0]
+
+
 def test_a_model_without_warmth_refuses_a_temperature() -> None:
     with pytest.raises(ConfigurationError, match="no part of the model depends on it"):
         fitted("nothing").under(ArmConditions(temperature=np.array([[300.0]])))

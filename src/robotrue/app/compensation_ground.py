@@ -87,7 +87,7 @@ def open_ground(request: CompensateRequest, context: Context) -> Ground:
     ground, registered = _ground_files(request, context)
     cell, model = open_model(ground, registered)
     used = identity_of(model or NominalModel(robot=cell.robot))
-    model = _at_conditions(model, request)
+    model = _at_conditions(model, request, context)
     frame = None if cell.part is None else cell.part.frame(request.part)
     if frame is not None:
         cell = replace(cell, T_base_frame=frame.T_base_part)
@@ -117,7 +117,9 @@ def open_ground(request: CompensateRequest, context: Context) -> Ground:
     )
 
 
-def _at_conditions(model: ErrorModel | None, request: CompensateRequest) -> ErrorModel | None:
+def _at_conditions(
+    model: ErrorModel | None, request: CompensateRequest, context: Context
+) -> ErrorModel | None:
     """The model at the temperature or time that is stated.
 
     Raises:
@@ -133,6 +135,8 @@ def _at_conditions(model: ErrorModel | None, request: CompensateRequest) -> Erro
         temperature=np.array([[celsius + ZERO_CELSIUS]]), time=np.array([time]), external=external
     )
     if isinstance(model, CalibratedModel):
+        for remark in model.remarks_on(conditions):
+            context.note(remark)
         return model.under(conditions)
     raise ConfigurationError(
         "--temperature, --time or --e1-mm with a cell that has no calibrated model.",

@@ -235,6 +235,10 @@ class CalibratedModel(Columns):
             )
         return replace(self, terms=terms)
 
+    def remarks_on(self, conditions: ArmConditions) -> list[str]:
+        """Returns warnings about stated conditions (1 row) that are unlike those learned from."""
+        return [said for term in self.terms if (said := term.remark(conditions))]
+
     def require_stated(self, conditions: ArmConditions) -> None:
         """Refuses conditions that leave out what the error depends on far too much.
 

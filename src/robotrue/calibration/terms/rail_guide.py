@@ -8,8 +8,9 @@ With x = (e - low) / (high - low) along the travel of the rows, the base of the 
 beside the rail as the cell states it, in axes along the rail and across it. ``A_c0`` is the scale
 of the rail (along) and its direction (across); the cosines are straightness and pitch of the rack.
 The turns are roll, pitch and yaw of the carriage, about the origin of the base. Cosines reach half
-waves of a sixth of the travel; they stay as they are beyond its ends. A posture that does not state
-where the arm is on its rail has the mean over the travel, and its spread as uncertainty.
+waves of a sixth of the travel; beyond its ends they stay as they are, and what they vary by along
+the travel is uncertain. A posture that does not state where the arm is on its rail has the mean
+over the travel, and its spread as uncertainty.
 """
 
 from __future__ import annotations
@@ -116,10 +117,12 @@ class RailGuide(Term):
         errors = np.zeros((len(at), len(robot.errors)))
         base = parameter_slice(robot.dof, "base")
         errors[:, base] = self.waves(at.conditions) @ shape.T @ self._axes.T
-        variance = (_functions(_GRID) @ shape.T).var(axis=0)
-        lost = float(variance[:3].sum() + robot.reach**2 * variance[3:].sum()) / 3.0
-        blind = np.isnan(at.conditions.external[:, self.number - 1]) & np.isnan(self.stated)
-        return Effect(error_shift=errors, uncarried=np.where(blind, lost, 0.0))
+        place = at.conditions.external[:, self.number - 1]
+        x = (np.where(np.isnan(place), self.stated, place) - self.low) / self.travel
+        beyond = WAVES * np.nan_to_num(np.maximum(np.maximum(-x, x - 1.0), 0.0))
+        uncarried = -np.expm1(-(beyond**2)) * _spread(robot, shape[:, 1:], _functions(_GRID)[:, 1:])
+        uncarried[np.isnan(x)] = _spread(robot, shape, _functions(_GRID))
+        return Effect(error_shift=errors, uncarried=uncarried)
 
     def groups(self, *, few: bool) -> Sequence[PriorGroup]:
         """Returns the slopes by what a cell states, cosines and turns with learned scales."""
@@ -240,6 +243,18 @@ class RailGuide(Term):
         if shapes != ((6 * WAVES,), (3,)) or not (1 <= term.number <= 6 and term.travel > 0.0):
             raise ArchiveError(f"the rail of the model is damaged: arrays of {shapes}.")
         return term, arrays["coefficients"]
+
+
+def _spread(robot: RobotModel, shape: Array, waves: Array) -> float:
+    """Returns the variance per axis, m^2, of the tool point over places along the travel.
+
+    Args:
+        robot: For its reach, the lever of the turns.
+        shape: (6, k) shifts and turns.
+        waves: (p, k) functions at the places.
+    """
+    variance = (waves @ shape.T).var(axis=0)
+    return float(variance[:3].sum() + robot.reach**2 * variance[3:].sum()) / 3.0
 
 
 def _functions(x: Array) -> Array:

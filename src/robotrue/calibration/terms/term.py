@@ -157,6 +157,10 @@ class Term(ABC):
         """
         return self
 
+    def remark(self, conditions: ArmConditions) -> str:
+        """Returns a warning about stated conditions (1 row) unlike those learned from; or empty."""
+        return ""
+
     def lacking(self, conditions: ArmConditions) -> str:
         """Returns what postures of a program must state and do not; empty by default."""
         return ""

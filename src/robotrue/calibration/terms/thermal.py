@@ -53,6 +53,8 @@ LAG_SD: Final = 0.7
 """Of its logarithm: a factor of two is one sigma."""
 LEAST_SPAN: Final[Mapping[Driver, float]] = {"temperature": 1.5, "time": 1800.0}
 """K and s that rows must span."""
+MARGIN: Final[Mapping[Driver, float]] = {"temperature": 1.0, "time": 3600.0}
+"""K and s beyond them from which a stated value is remarked on."""
 FEWEST_ROWS: Final = 12
 BLIND: Final = 0.8
 """Of its prior sd, from which a zero counts as not seen."""
@@ -178,6 +180,20 @@ class Thermal(Term):
         """Returns the term at a stated temperature or time, where a posture states none."""
         at = self.state_at(conditions.spread(1), np.zeros(self.size))
         return self if at.unsure.any() else replace(self, usual=at.state[0], spread=0.0)
+
+    def remark(self, conditions: ArmConditions) -> str:
+        """Returns a warning about a temperature or time beyond those of the rows."""
+        kelvin = self.driver == "temperature"
+        stated = float(conditions.temperature.mean() if kelvin else conditions.time[0])
+        low, high = self.span
+        if not (stated < low - MARGIN[self.driver] or stated > high + MARGIN[self.driver]):
+            return ""
+        shift, scale, unit = (ZERO_CELSIUS, 1.0, "degC") if kelvin else (self.start, HOUR, "h")
+        at, first, last = ((value - shift) / scale for value in (stated, low, high))
+        return (
+            f"{at:.1f} {unit} is beyond the {first:.1f} to {last:.1f} {unit} of the calibration: "
+            "warmth is extrapolated"
+        )
 
     def in_tables(self, tables: MeanTables, values: Array) -> MeanTables:
         """Returns the tables of the arm in its usual state."""
