@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from robotrue.core.conditions import Rail
 from robotrue.errors import ArchiveError, ConfigurationError, ImplausibleDataError, RobotrueError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.store import (
@@ -87,6 +88,20 @@ def test_measurements_come_back_bit_for_bit(workspace: Workspace, tmp_path: Path
             assert found.dtype == expected.dtype
         else:
             assert found == expected
+
+
+def test_conditions_and_a_rail_come_back(workspace: Workspace) -> None:
+    poses = some_poses()
+    rail = Rail(number=1, direction=np.array([0.0, 1.0, 0.0]), at=0.25)
+    external = np.full((len(poses), 6), np.nan)
+    external[:, 0] = np.linspace(0.0, 3.0, len(poses))
+    told = replace(poses, external=external, rail=rail, time=np.arange(20.0))
+    made = measurements.add(workspace, told, name="rail")
+    back = measurements.rows_of(workspace, items.get(workspace, MEASUREMENT, made.id))
+    np.testing.assert_array_equal(back.external, external)
+    np.testing.assert_array_equal(back.time, told.time)
+    assert back.rail is not None
+    assert back.rail.document() == rail.document()
 
 
 def test_rows_are_filtered_sorted_and_paged(workspace: Workspace) -> None:

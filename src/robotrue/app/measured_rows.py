@@ -76,6 +76,13 @@ def join_rows(
                 source=name,
                 hint="calibrate from files of one frame.",
             )
+        if (rows.rail is None) != (sets[0].rail is None):
+            without = name if rows.rail is None else names[0]
+            raise ModelMismatchError(
+                "no position of the arm on its rail, which another file states.",
+                source=without,
+                hint="add its column e1_mm.",
+            )
     whole = concatenate(sets)
 
     def measured_point(joints: Array) -> Array:
