@@ -126,8 +126,6 @@ def _at_conditions(
         ConfigurationError: It depends on none.
     """
     options = (request.temperature_degC, request.time_s, request.e1_mm)
-    if all(value is None for value in options):
-        return model
     celsius, time, place = (np.nan if value is None else value for value in options)
     external = np.full((1, EXTERNAL_AXES), np.nan)
     external[0, 0] = place * MM
@@ -137,6 +135,9 @@ def _at_conditions(
     if isinstance(model, CalibratedModel):
         for remark in model.remarks_on(conditions):
             context.note(remark)
+    if all(value is None for value in options):
+        return model
+    if isinstance(model, CalibratedModel):
         return model.under(conditions)
     raise ConfigurationError(
         "--temperature, --time or --e1-mm with a cell that has no calibrated model.",

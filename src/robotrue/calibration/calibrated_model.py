@@ -236,7 +236,7 @@ class CalibratedModel(Columns):
         return replace(self, terms=terms)
 
     def remarks_on(self, conditions: ArmConditions) -> list[str]:
-        """Returns warnings about stated conditions (1 row) that are unlike those learned from."""
+        """Returns what a user should know of a program under conditions (1 row)."""
         return [said for term in self.terms if (said := term.remark(conditions))]
 
     def require_stated(self, conditions: ArmConditions) -> None:

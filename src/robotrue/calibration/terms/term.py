@@ -158,7 +158,7 @@ class Term(ABC):
         return self
 
     def remark(self, conditions: ArmConditions) -> str:
-        """Returns a warning about stated conditions (1 row) unlike those learned from; or empty."""
+        """Returns what a user should know of a program under conditions (1 row); or empty."""
         return ""
 
     def lacking(self, conditions: ArmConditions) -> str:

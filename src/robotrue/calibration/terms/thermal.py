@@ -182,10 +182,14 @@ class Thermal(Term):
         return self if at.unsure.any() else replace(self, usual=at.state[0], spread=0.0)
 
     def remark(self, conditions: ArmConditions) -> str:
-        """Returns a warning about a temperature or time beyond those of the rows."""
+        """Returns what is assumed if nothing is stated, or a warning of values beyond the rows."""
         kelvin = self.driver == "temperature"
         stated = float(conditions.temperature.mean() if kelvin else conditions.time[0])
         low, high = self.span
+        if np.isnan(stated):
+            mean = f"{self.usual.mean() + REFERENCE - ZERO_CELSIUS:.1f} degC, " if kelvin else ""
+            option = "--temperature" if kelvin else "--time"
+            return f"for the mean of the calibration, {mean}uncertain; {option} states another"
         if not (stated < low - MARGIN[self.driver] or stated > high + MARGIN[self.driver]):
             return ""
         shift, scale, unit = (ZERO_CELSIUS, 1.0, "degC") if kelvin else (self.start, HOUR, "h")
