@@ -24,7 +24,8 @@ import numpy as np
 from real_arms import ROOT, points
 from scipy.special import chdtri
 
-from robotrue.calibration.methods import METHODS, fit
+from robotrue.calibration.learned import share_waves
+from robotrue.calibration.methods import METHODS, FitSettings, fit
 from robotrue.calibration.model import ErrorModel
 from robotrue.core.units import MM
 from robotrue.measurement.measurement_set import MeasurementSet
@@ -68,8 +69,10 @@ def run(arm: str, rows: MeasurementSet, n: int, draw: int) -> dict[str, Any]:
     record: dict[str, Any] = {"arm": arm, "n": n, "draw": draw, "auto": examine(model, test)}
     record["auto"]["cpu_s"] = round(time.process_time() - begin, 2)
     record["auto"]["winner"] = model.training_summary().method
-    for method in METHODS:
-        record[method] = examine(fit(robot, train, method=method), test)
+    settings = FitSettings()
+    with share_waves():
+        for method in METHODS:
+            record[method] = examine(fit(robot, train, method=method, settings=settings), test)
     return record
 
 
