@@ -35,13 +35,13 @@ from robotrue.simulation.mastering_practice import (
 )
 from robotrue.validation.mastering import check_mastering
 
+OUTCOMES = ("right", "undecided", "missed", "misnamed", "refused")
+"""Exactly the lost axes named; all explanations listed with odds; fewer axes; others; no answer."""
 KINDS = {"one axis": 1, "two axes": 2, "no axis": 0, "A1, point unknown": 1}
 
 
-def run_arm(
-    seed: int, level: float, *, nominal: bool
-) -> tuple[str, bool, list[float], list[float]]:
-    """Returns kind of loss, whether exactly its axes were named, rest of each in deg, over sd."""
+def run_arm(seed: int, level: float, *, nominal: bool) -> tuple[str, str, list[float], list[float]]:
+    """Returns kind of loss, one of :data:`OUTCOMES`, rest of each named axis in deg, over sd."""
     rng = np.random.default_rng([seed, 67])
     cell = practice_cell(seed, level=level)
     known, settings = cell.known, settings_of(cell.known)
@@ -72,12 +72,15 @@ def run_arm(
         found = check_mastering(arm, touches, probing)
     except RobotrueError as error:
         print(error)
-        return kind, False, [], []
+        return kind, "refused", [], []
     named = list(found.lost.joints)
     wanted = [] if kind.startswith("A1") else sorted(lost.tolist())
     off = np.abs(found.lost.offset - offset[named])
     over = off / np.sqrt(np.diagonal(found.lost.covariance))
-    return kind, named == wanted, np.round(off / DEG, 4).tolist(), np.round(over, 2).tolist()
+    outcome = "right" if named == wanted else found.verdict
+    if outcome not in ("right", "undecided"):
+        outcome = "missed" if set(named) < set(wanted) else "misnamed"
+    return kind, outcome, np.round(off / DEG, 4).tolist(), np.round(over, 2).tolist()
 
 
 def main() -> None:
@@ -93,10 +96,10 @@ def main() -> None:
         rows.append(run_arm(seed, asked.level, nominal=asked.nominal))
         print(seed, *rows[-1], flush=True)
     print(f"simulated, {asked.arms} arms, level {asked.level:g}")
-    print("lost | axes named rightly | rest in deg, median | p95 | <= .01 deg | within 95 % band")
+    print(f"lost | {' | '.join(OUTCOMES)} | rest in deg, median | p95 | <= .01 deg | in 95 % band")
     for kind in (*KINDS, "all"):
         mine = [row for row in rows if kind in (row[0], "all")]
-        right = sum(row[1] for row in mine)
+        counts = " | ".join(str(sum(row[1] == word for row in mine)) for word in OUTCOMES)
         rest = np.array([size for row in mine for size in row[2]])
         over = np.array([size for row in mine for size in row[3]])
         tail = "- | - | - | -"
@@ -104,7 +107,7 @@ def main() -> None:
             middle, most = np.percentile(rest, [50, 95])
             near, inside = 100.0 * np.mean(rest <= 0.01), 100.0 * np.mean(over < 1.96)
             tail = f"{middle:.4f} | {most:.4f} | {near:.0f} % | {inside:.1f} % of {len(rest)}"
-        print(f"{kind} | {right} of {len(mine)} | {tail}")
+        print(f"{kind}, {len(mine)} | {counts} | {tail}")
 
 
 if __name__ == "__main__":
