@@ -327,6 +327,11 @@ CASES: Final[Mapping[str, Case]] = {
         lambda f: (f("m.rtm"), f("part.src"), "-o", f("after.src"), "--allow-steps"),
         files=("after.src.identity.json",),
     ),
+    "wrap": Case(
+        lambda f: (f("m.rtm"), "-o", f("rt_fix.src"), "--box-mm", "1100,1200,0,100,800,900",
+                   "--attitude-deg", "0,160,0", "--turn-deg", "2,2,2", "--tolerance-mm", 0.1,
+                   "--start", "0,-80,80,0,40,0"),
+    ),
     "diff": Case(
         lambda f: (f("part.src"), f("after.src"), "--model", f("m.rtm"), "-o", f("diff.csv")),
         files=("diff.csv",),

@@ -31,7 +31,7 @@ SLOW = {"first-calibration", "map-the-workspace", "transfer-a-calibration"}
 LINK = re.compile(r"!?\[[^\]\n]*\]\(([^)\s]+)\)")
 CALL = re.compile(
     r"robotrue (demo|plan|calibrate-lengths|calibrate|transfer|validate|predict|program|compensate|"
-    r"diff|inspect|map|"
+    r"diff|inspect|map|wrap|"
     r"register|report|export|drift-plan|drift|probe-plan|slot-test|reproduce|dynamics|drill|simulate|workspace|jobs)"
     r"\b([^\n`|]*)"
 )

@@ -52,6 +52,7 @@ ORDER: Final = (
     "slot-test",
     "program",
     "compensate",
+    "wrap",
     "diff",
     "serve",
     "inspect",

@@ -98,8 +98,8 @@ def fit_table(arm: RegionArm, *, tolerance: float, most_numbers: int) -> FittedT
     raise StepError(
         f"no table of up to {most_numbers} numbers keeps {tolerance / MM:g} mm over the region: "
         f"{left}the next one has {needed}.",
-        hint="a smaller --box, less --turn, more --tolerance-mm or --max-numbers; errors that "
-        "change quickly with a joint (gears) fit no grid.",
+        hint="a smaller --box-mm, less --turn-deg, more --tolerance-mm or --max-numbers; errors "
+        "that change quickly with a joint (gears) fit no grid.",
     )
 
 

@@ -93,7 +93,7 @@ class RegionArm:
         raise ReachError(
             f"{len(wrong)} of {len(share)} poses of the region cannot be compensated in the "
             f"configuration of its middle; {pose}: {Status(int(solved.status[row])).explanation}.",
-            hint="a smaller --box, less --turn, or another --start.",
+            hint="a smaller --box-mm, less --turn-deg, or another --start.",
         )
 
 
@@ -126,8 +126,8 @@ def open_region(
     if not np.isfinite(far[branch]):
         raise ReachError(
             "the middle of the region is out of the robot's reach, or beyond its joint limits.",
-            hint="--box in the work frame, mm; --attitude of the tool in it; base and tool of the "
-            "cell.",
+            hint="--box-mm in the work frame; --attitude-deg of the tool in it; base and tool of "
+            "the cell.",
         )
     arm = RegionArm(
         setup=setup,

@@ -60,14 +60,14 @@ class PoseRegion(Columns):
         if not (sides >= SMALLEST_MM).all():
             raise ConfigurationError(
                 f"the box has sides of {_join(sides)} mm, expected {SMALLEST_MM:g} or more each.",
-                hint="--box X0,X1,Y0,Y1,Z0,Z1",
+                hint="--box-mm X0,X1,Y0,Y1,Z0,Z1",
             )
         turn = self.turn / DEG
         if not ((turn > 0.0) & (turn <= WIDEST_DEG)).all():
             raise ConfigurationError(
                 f"the attitude may turn by {_join(turn)} deg about z, y and x of the tool, "
                 f"expected more than 0 and up to {_join(np.array(WIDEST_DEG))}.",
-                hint="--turn 10,5,5",
+                hint="--turn-deg 10,5,5",
             )
 
     @property
