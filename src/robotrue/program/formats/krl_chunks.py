@@ -20,7 +20,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.arrays import Array, BoolArray, Bytes, IntArray
+from robotrue.core.compiled import PLAIN, compile_kernel
 from robotrue.errors import FormatError
 from robotrue.program.formats.file_survey import NO_KEY, Survey, WindowLines
 from robotrue.program.formats.krl_build import Builder
@@ -267,10 +268,20 @@ def _point_lines(found: Scan, last: Shape | None) -> tuple[BoolArray, BoolArray,
     agg = np.minimum(first[lines], max(len(whole) - 1, 0))
     may = (found.line_kind[lines] == STATEMENT) & (np.diff(first)[lines] == 1)
     may[may] &= whole[agg[may]]
-    columns = (may, found.line_start[lines], found.agg_open[agg], found.agg_close[agg],
-               found.line_end[lines], axis[agg] > 0)  # fmt: skip
-    for line, one, *place in zip(lines.tolist(), *(each.tolist() for each in columns), strict=True):
-        shape = _read_shape(found.data, *place) if one else None
+    places = np.column_stack(
+        [found.line_start[lines], found.agg_open[agg], found.agg_close[agg], found.line_end[lines]]
+    ).astype(np.int64)
+    is_axis = np.asarray(axis[agg] > 0)
+    follows, number = np.zeros(len(lines), np.bool_), np.full(len(lines), -1)
+    _find_followers(np.frombuffer(found.data, np.uint8), may, is_axis, places, follows, number)
+    columns = (lines, follows, number, may, is_axis)
+    for k, (line, goes_along, index, one, of_axes) in enumerate(
+        zip(*(column.tolist() for column in columns), strict=True)
+    ):
+        if last is not None and goes_along:
+            plain[line], last = True, last._replace(number=index)
+            continue
+        shape = _read_shape(found.data, places[k], of_axes) if one else None
         goes_on = shape and last and shape[:2] == last[:2] and shape.number > max(last.number, -1)
         if shape is not None and not goes_on and _NO_POINT.search(shape.letters.partition(b"=")[0]):
             shape = None
@@ -279,10 +290,70 @@ def _point_lines(found: Scan, last: Shape | None) -> tuple[BoolArray, BoolArray,
     return plain, begins, last
 
 
-def _read_shape(
-    data: bytes, start: int, opened: int, closed: int, end: int, is_axis: bool
-) -> Shape | None:
+@compile_kernel(PLAIN)
+def _find_followers(
+    buf: Bytes, may: BoolArray, is_axis: BoolArray, places: IntArray, follows: BoolArray,
+    number: IntArray,
+) -> None:  # fmt: skip
+    """Marks points (n,) called as the one before but for a larger index; fills in the indices.
+
+    A line with quotation marks, several brackets or no whole number in them is none of them. The
+    names are compared letter by letter, upper and lower case alike.
+
+    Args:
+        buf: The file.
+        may: (n,) lines with one whole aggregate.
+        is_axis: (n,) it is one of axis values.
+        places: (n, 4) first byte of each line, opening and closing brace, and end of the code.
+        follows: (n,) written here.
+        number: (n,) written here, -1 before.
+    """
+    was_left = was_right = -1
+    for i in range(may.size):
+        start, opened, closed, end = places[i]
+        left = right = tail = -1
+        digits, index, plain, given = 0, 0, may[i], False
+        for k in range(start, opened if plain else start):
+            c = buf[k]
+            given |= c == 61
+            if left < 0 or right >= 0:
+                plain &= c != 34 and c != 39 and (c != 91 or left < 0)
+                left = k if c == 91 else left
+            elif c == 93:
+                right = k
+            elif 48 <= c <= 57:
+                digits, index = digits + 1, min(10 * index + c - 48, 1 << 40)
+            else:
+                plain &= c == 32 or c == 9
+        tail = closed + 1
+        while tail < end and (buf[tail] == 32 or buf[tail] == 9):
+            tail += 1
+        plain &= given and right >= 0 and 1 <= digits <= _MOST_DIGITS
+        plain &= tail >= end or buf[tail] == 44 or buf[tail] == 125
+        if plain:
+            number[i] = index
+        same = plain and i > 0 and number[i - 1] >= 0 and index > number[i - 1]
+        if same and is_axis[i] == is_axis[i - 1]:
+            before = places[i - 1, 0]
+            same = left - start == was_left - before
+            same = same and opened - right == places[i - 1, 1] - was_right
+            for k in range(left - start if same else 0):
+                same &= _lower(buf[start + k]) == _lower(buf[before + k])
+            for k in range(opened - right if same else 0):
+                same &= _lower(buf[right + k]) == _lower(buf[was_right + k])
+            follows[i] = same
+        was_left, was_right = left, right
+
+
+@compile_kernel(PLAIN)
+def _lower(byte: int) -> int:
+    """Returns a letter of a name in lower case."""
+    return byte + 32 if 65 <= byte <= 90 else byte
+
+
+def _read_shape(data: bytes, places: IntArray, is_axis: bool) -> Shape | None:
     """Returns what the point of a line is called; None if it is more, or part of a structure."""
+    start, opened, closed, end = places.tolist()
     name = _NAME.fullmatch(data, start, opened)
     if name is None or data[closed + 1 : end].lstrip(b" \t")[:1] not in (b"", b",", b"}"):
         return None
