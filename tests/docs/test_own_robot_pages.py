@@ -5,7 +5,13 @@ from __future__ import annotations
 import pytest
 from page_answers import check_answers
 
-PAGES = ("dry-run", "evaluate-a-hole", "find-the-spindle-axis", "find-a-lost-zero")
+PAGES = (
+    "dry-run",
+    "evaluate-a-hole",
+    "find-the-spindle-axis",
+    "find-a-lost-zero",
+    "correct-computed-targets",
+)
 
 
 @pytest.mark.parametrize("page", PAGES)
