@@ -50,6 +50,9 @@ WAIT: Final = 600.0
 """s that a job may take."""
 DRAWN: Final = """() => [...document.querySelectorAll('[data-component=scene]')].every(
   (e) => ['ready', 'fault'].includes(e.querySelector('[data-state]')?.dataset.state))"""
+PARTS: Final = "() => !document.querySelector('[data-part] .progress.idle')"
+MOUNTED: Final = """() => [...document.querySelectorAll('[data-component]')]
+  .every((e) => e.__vue_app__)"""
 CUT: Final = """() => [...document.querySelectorAll('body *')].filter((e) => {
   const style = getComputedStyle(e);
   if (!['hidden', 'clip'].includes(style.overflowX)) return false;
@@ -140,10 +143,8 @@ def _take(address: str, pages: list[str], width: int, folder: Path, axe: str) ->
 def _settle(page: Page) -> None:
     """Waits until parts that come later, and the 3-D view, are there."""
     page.wait_for_load_state("load")
-    with contextlib.suppress(Exception):  # a page without such a place
-        page.wait_for_load_state("networkidle", timeout=60_000)
-        page.wait_for_function("!document.querySelector('[data-part]')", timeout=60_000)
-        page.wait_for_function(DRAWN, timeout=60_000)
+    for arrived in (PARTS, MOUNTED, DRAWN):
+        page.wait_for_function(arrived, timeout=60_000)
     page.wait_for_timeout(SETTLED_MS)
 
 
