@@ -101,3 +101,28 @@ def test_what_cannot_be_written() -> None:
     other = krl_body("LIN {X 1,Y 2,Z 3,A 4,B 5,C 6}")
     with pytest.raises(ShapeError, match="was not read by the fanuc_ls dialect"):
         find_language("fanuc_ls").write(other, shifted(other))
+
+
+@pytest.mark.parametrize(
+    "records",
+    [
+        "p[1]{GP1:UF:1,UT:1,X=1mm,Y=2mm,Z=3mm,W=4deg,P=5deg,R=6deg};\n",
+        "P[3]{GP1:UF:1,UT:1,X=9mm,Y=2mm,Z=3mm,W=4deg,P=5deg,R=6deg};"
+        "P[1]{GP1:UF:1,UT:1,X=1mm,Y=2mm,Z=3mm,W=4deg,P=5deg,R=6deg};\n",
+    ],
+)
+def test_a_target_that_is_also_read_gets_a_record_of_its_own(records: str) -> None:
+    moves = "1:PR[1]=P[1] ;\n2:L P[1] 5mm/sec FINE ;\n3:J P[7] 5% FINE ;\n"
+    program = read(f"/PROG A\n/MN\n{moves}/POS\n{records}/END\n")
+    moved = find_language("fanuc_ls").write(program, shifted(program, (1.0, 0.0, 0.0)))
+    again = read(moved)
+    assert b"2:L P[8] 5mm/sec" in moved
+    assert b"J P[7]" in moved
+    assert moved.count(b"X=1mm") == 1
+    assert again.spans.scan.number.tolist() == [*program.spans.scan.number.tolist(), 8]
+
+
+def test_a_number_of_any_length_names_a_register() -> None:
+    digits = "7" * 5000
+    program = body(record(1), f"R[{digits}]=R[{digits}]+1 ;\n   2:{MOVE}")
+    assert find_language("fanuc_ls").write(program, shifted(program)) == program.data

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from krl_samples import HEAD, body, changed_lines, job, read, replacement, write
 
+from robotrue.core.arm_words import NO_WORD
 from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.units import DEG, MM
 from robotrue.program.program import FrameTable, Motion, Program, Reason
@@ -320,3 +321,8 @@ def test_an_arc_with_one_point_is_not_compensated() -> None:
     program = read(HEAD + f"{via} {via[5:]} C_DIS\n{via}\n{via},{via[5:]}\nEND\n")
     assert reasons(program) == [Reason.INCOMPLETE] * 2 + [Reason.NONE] * 2
     assert any("part.src:4: CIRC with one point" in note for note in program.notes)
+
+
+def test_a_turn_beyond_any_number_of_bits_is_no_word() -> None:
+    program = body("PTP {X 1,Y 2,Z 3,A 4,B 5,C 6,S 2,T 1E38}\n")
+    assert program.words.tolist() == [[2, NO_WORD]]

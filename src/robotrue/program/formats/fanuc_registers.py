@@ -114,7 +114,7 @@ def _set_names(text: bytes) -> frozenset[str]:
 
 def _name(kind: bytes, number: bytes) -> str:
     plain = number.strip()
-    return kind.decode() + (str(int(plain)) if plain.isdigit() else "*")
+    return kind.decode() + ((plain.lstrip(b"0") or b"0").decode() if plain.isdigit() else "*")
 
 
 @dataclass(slots=True)

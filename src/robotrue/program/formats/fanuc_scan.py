@@ -49,6 +49,7 @@ _PLAIN: Final = re.compile(
 )
 """A pose of group 1 alone, as controllers write them by the thousand."""
 _CLOSE: Final = re.compile(rb"\}\s*;")
+_POINT: Final = re.compile(rb"\bP[ \t]*\[[ \t]*(\d{1,6})(?!\d)")
 _BLANK: Final = re.compile(rb"\s*")
 _COMMA: Final = re.compile(rb"\s*,\s*")
 _NAMES: Final[dict[tuple[bytes, ...], int]] = {
@@ -97,8 +98,9 @@ class FanucScan:
 
     @property
     def highest(self) -> int:
-        """Highest number of a position, 0 without any."""
-        return max(int(self.number.max(initial=0)), *self.others, 0)
+        """Highest number of a position, or of one that a statement names; 0 without any."""
+        named = map(int, _POINT.findall(self.data, *self.statements))
+        return max(int(self.number.max(initial=0)), *self.others, *named, 0)
 
     @property
     def last_record(self) -> int:

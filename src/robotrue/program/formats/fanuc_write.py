@@ -43,7 +43,7 @@ _LETTERS: Final = ("NF", "DU", "BT")
 
 _MOST_DECIMALS: Final = 9
 """Of a number in a new record, which has as many as the others."""
-_NAME: Final = re.compile(rb"\s*P\s*\[[^\]]*\]")
+_NAME: Final = re.compile(rb"\s*P\s*\[[^\]]*\]", re.IGNORECASE)
 _CLOSE: Final = re.compile(rb"\}\s*;[ \t]*(?:\r\n|\n|\r)?")
 MOST: Final = 32_766
 """Highest number of a position."""
@@ -125,10 +125,11 @@ def _write_out(
     moved |= (words != NO_WORD).any(axis=1)
     out: list[Stretch] = []
     records: list[bytes] = []
+    highest = spans.scan.highest
     for row, target in enumerate(spans.written, len(spans.scan.place)):
         if not (moved[row] or (target.row >= 0 and moved[target.row])):
             continue
-        number = spans.scan.highest + len(records) + 1
+        number = highest + len(records) + 1
         if number > MOST:
             raise ShapeError(f"P[{number}] is no position: numbers end at {MOST}.")
         values = _values_of(program, replacement, spans, row, changed=bool(moved[row]))
@@ -193,12 +194,15 @@ def copy_record(data: bytes, place: int, last: int, number: int, edits: Sequence
         edits: What else differs, by its place in the record.
     """
     begin = line_start(data, place)
+    before = data[begin : place + 1].upper().rpartition(b"P")[0]
+    begin += len(before) if before.strip() else 0  # another record ends in this line
     close = _CLOSE.search(data, last)
     end = close.end() if close else len(data)
     head = _NAME.match(data, begin)
     name = (begin, head.end() - begin if head else 0, b"P[%d]" % number)
     inside = [(first - begin, size, text) for first, size, text in (name, *edits)]
-    return splice_texts(data[begin:end], inside)
+    copy = splice_texts(data[begin:end], inside)
+    return copy if copy.endswith((b"\n", b"\r")) else copy + b"\n"
 
 
 def print_record(

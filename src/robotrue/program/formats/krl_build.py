@@ -36,6 +36,8 @@ from robotrue.program.program import FrameTable, Motion, Program, Reason
 from robotrue.program.target_poses import turned_round
 
 _MOTION_OF_KIND: Final = np.array([int(MOTION_OF.get(kind, -1)) for kind in range(INLINE_ARC + 1)])
+_MOST_WORD: Final = 1 << 31
+"""Numbers from which on S and T are no words of any controller."""
 _SIDES: Final = (("base", BASE), ("tool", TOOL))
 
 
@@ -195,7 +197,7 @@ class Builder:
             axes=axes,
             motion=lean(motion),
             reason=lean(reason),
-            words=lean(np.where(np.isnan(words), NO_WORD, words).astype(np.int64)),
+            words=lean(np.where(np.abs(words) < _MOST_WORD, words, NO_WORD).astype(np.int64)),
             words_of="kuka",
             line=line,
             frame=lean(moved.frame),
