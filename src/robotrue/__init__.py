@@ -1,4 +1,4 @@
-"""robotrue makes an industrial robot cut where the CAM said.
+"""robotrue makes an industrial robot cut where the CAM planned.
 
 ::
 

@@ -62,7 +62,7 @@ def test_a_campaign_becomes_a_model_and_a_test(workspace: Workspace) -> None:
     assert model.detail["clamps"] == 20
     assert model.detail["simulated"] is True
     assert "output" not in model.detail
-    assert any("X, Y, Z of a move are not known" in each for each in learned.remarks)
+    assert any("X, Y, Z of a move are unknown" in each for each in learned.remarks)
     assert not any(str(workspace.folder) in each for each in learned.remarks)
     test = left(workspace, done(workspace, "drill_report", model=model.id, campaign="test"))
     assert test.kind == "drilling test"
@@ -92,7 +92,7 @@ def test_a_model_is_not_judged_by_its_own_campaign(workspace: Workspace) -> None
     model = left(workspace, done(workspace, "drill_fit", campaign="learned", kind="patent"))
     job = done(workspace, "drill_report", model=model.id, campaign="learned")
     assert job.error is not None
-    assert "campaign the model was learned from" in job.error["message"]
+    assert "campaign of the model" in job.error["message"]
 
 
 def test_only_the_model_may_be_written_over(tmp_path: Path) -> None:
@@ -101,5 +101,5 @@ def test_only_the_model_may_be_written_over(tmp_path: Path) -> None:
     names = {"model": tmp_path / "m.robotrue", "foot": tmp_path / "foot.robotrue"}
     asked = {**names, "journal": tmp_path / "j.jsonl"}
     check_outputs(DrillRunRequest(**asked, output=names["model"]))
-    with pytest.raises(ConfigurationError, match="which is read here"):
+    with pytest.raises(ConfigurationError, match="which is an input"):
         check_outputs(DrillRunRequest(**asked, output=names["foot"]))

@@ -127,5 +127,5 @@ def test_a_model_without_joint_covariance_is_refused():
         def belief(self):
             return None
 
-    with pytest.raises(ConfigurationError, match="a Poses keeps no covariance"):
+    with pytest.raises(ConfigurationError, match="a Poses has no covariance"):
         require_belief(Poses())

@@ -136,7 +136,7 @@ def test_another_tool_point_is_refused_and_the_same_point_turned_is_not(case, mo
     )
     other = same.copy()
     other[0, 3] += 5 * MM
-    with pytest.raises(ModelMismatchError, match=r"5\.000 mm from the point that was measured"):
+    with pytest.raises(ModelMismatchError, match=r"5\.000 mm from the measured point"):
         model.predict(Query(joints=joints, T_flange_tool=other))
 
 

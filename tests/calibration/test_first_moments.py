@@ -94,7 +94,7 @@ def test_no_masses_unloaded(case):
     assert mean < 0.025
     assert inside >= 0.93
     told = " ".join(model.training_summary().warnings)
-    assert "weigh times how soft the drives are" in told
+    assert "product of link weight and drive compliance" in told
     assert "known force or a second payload" in told
 
 
@@ -106,7 +106,7 @@ def test_no_masses_and_a_known_pull(case):
         assert mean < 0.02
         assert inside >= 0.93
     np.testing.assert_allclose(model.errors[36:39], actual.error("compliance")[:3], rtol=0.03)
-    assert not any("weigh times" in line for line in model.training_summary().warnings)
+    assert not any("link weight and" in line for line in model.training_summary().warnings)
 
 
 def test_the_archive_and_an_update_keep_what_the_links_weigh(case):

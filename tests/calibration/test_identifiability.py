@@ -58,7 +58,7 @@ def test_a_stated_stiffness_is_not_asked_for_again():
     stated = StiffnessPrior(stiffness=np.full(6, 1e6), relative_sd=np.array(0.3))
     told = run(settings=replace(SETTINGS, stiffness=stated))
     (direction,) = [d for d in told.identifiability.harmful if d.name == "compliance1"]
-    assert direction.cure.endswith("until then the stated stiffness stands")
+    assert direction.cure.endswith("until then the stated stiffness is used")
     assert not any("or state the stiffness" in doubt for doubt in told.verdict.doubts)
 
 

@@ -196,7 +196,7 @@ BAD = {
     ),
     UR5 + "gravity_m_per_s2 = [0, 0, -9810]\n": (
         "cell.toml:4: robot.gravity_m_per_s2 has length 9810 m/s^2, expected 9.7 to 9.9 (or 0). "
-        "Try: [0, 0, -9.80665] for a robot that stands on the floor."
+        "Try: [0, 0, -9.80665] for a robot on the floor."
     ),
     DH.replace("400", "0.4").replace("25}", "0.025}"): (
         "cell.toml:4: the DH lengths add up to 0.425 mm, expected 50 to 20000 mm. "
@@ -235,8 +235,8 @@ BAD = {
         "differ in x, y and z."
     ),
     UR5 + "[target]\nxyz_mm = [0, 0, 50]\nacceptance_deg = 30\n": (
-        "cell.toml:4: target.acceptance_deg needs target.axis, the way the reflector looks, and "
-        "that cannot be zero. Try: axis = [0, 0, 1] for a reflector that looks away from the "
+        "cell.toml:4: target.acceptance_deg needs target.axis, the direction of the reflector, "
+        "which cannot be zero. Try: axis = [0, 0, 1] for a reflector that looks away from the "
         "flange."
     ),
     UR5 + "[repeatability]\nmm = -1\n": "cell.toml:5: repeatability.mm is -1, expected 0 or more.",

@@ -132,7 +132,7 @@ def test_the_same_upside_down_tracker_is_found_when_its_frame_is_unknown(cli, wo
 def test_another_robot(cli, work: Path) -> None:
     cell = (work / "cell.toml").read_text().replace("KUKA KR160 R1570", "KUKA KR300 R2500")
     (work / "cell.toml").write_text(cell)
-    assert "not the robot that was measured" in refused(cli, work)
+    assert "not the measured robot" in refused(cli, work)
 
 
 def test_another_number_of_joints(cli, work: Path) -> None:
@@ -299,7 +299,7 @@ def test_a_model_of_another_robot(cli, work: Path) -> None:
     table.to_csv(work / "test.csv", index=False)
     got = cli("validate", work / "model.rtm", work / "test.csv")
     assert got.code == 1
-    assert "not the robot that was measured" in got.err
+    assert "not the measured robot" in got.err
 
 
 OUTPUTS = [
@@ -317,7 +317,7 @@ def test_the_output_is_never_an_input(cli, work: Path, command: tuple[str, ...])
                     for a in command))  # fmt: skip
         assert got.code == 1
         misnamed = f"{work / name}: the name ends in {Path(name).suffix}, as " in got.err
-        assert misnamed or f"{work / name}: the output is {name}, which is read here" in got.err
+        assert misnamed or f"{work / name}: the output is {name}, which is an input" in got.err
         assert (work / name).read_bytes() == before
 
 

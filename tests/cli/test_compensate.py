@@ -168,7 +168,7 @@ def test_companions_of_one_suffix_keep_their_names(cli, work: Path, tmp_path: Pa
     assert (out / "job.src").read_bytes() == (work / "main.src").read_bytes()
     beside = cli("compensate", work / "model.rtm", *files, "-o", work / "job.src")
     assert beside.code == 1
-    assert "the output is one.dat, which is read here" in beside.err
+    assert "the output is one.dat, which is an input" in beside.err
     assert "another folder after -o" in beside.err
     assert not (work / "job.src").exists()
 
@@ -272,7 +272,7 @@ def test_a_ledge_in_the_path_is_measured_and_not_written(cli, work: Path) -> Non
     assert f"the largest {steps['max_mm']:.3f} mm from" not in got.err
     assert f"the largest {steps['max_mm']:.3f} mm" in got.err
     assert "line 8: unchanged, out of the robot's reach." in got.err
-    assert "Nothing was written. Try: --allow-steps; the notes say why" in got.err
+    assert "Nothing was written. Try: --allow-steps; the notes list the reasons" in got.err
 
 
 def _places(path: Path) -> np.ndarray:
@@ -341,7 +341,7 @@ def test_a_copy_without_its_identity_is_known_by_its_bytes(cli, work: Path) -> N
     first = cli("compensate", work / "model.rtm", work / "part.src", "-o", work / "o.src",
                 "--allow-steps")  # fmt: skip
     assert first.code == 0
-    assert "part.src: no identity file beside; taken as not compensated before" in first.err
+    assert "part.src: no identity file; assumed to be uncompensated" in first.err
     away = work / "elsewhere"
     away.mkdir()
     for copy in (work / "copy.src", away / "o.src"):
@@ -393,7 +393,7 @@ def test_a_computed_target_gets_a_corrected_frame_to_state(cli, work: Path) -> N
     assert (found["computed_targets"], found["fitted_targets"]) == (1, 4)
     assert found["xyz_before_mm"] == [0.0, 0.0, 0.0]
     assert found["predicted_error_after_um"]["max"] < found["predicted_error_before_um"]["mean"]
-    assert "1 computed target keeps its numbers. To move it too, run the program as" in got.err
+    assert "1 computed target is unchanged. To move it too, run the original program" in got.err
 
 
 def test_the_frame_is_told_where_steps_stop_the_work(cli, work: Path) -> None:

@@ -45,8 +45,8 @@ def test_a_program_that_does_not_say_how_it_begins(cli, told: Path) -> None:
     assert got.document["status"] == {"unchanged_configuration": 2}
     assert text == path()
     assert got.document["configuration"]["chosen_by"] == "middle of the limits"
-    assert "line 2: the arm stands at" in got.err
-    assert "since nothing says it" in got.err
+    assert "line 2: the arm is at" in got.err
+    assert "since none is stated" in got.err
     assert "--start A1,..,A6" in got.err
     assert "start_deg" in got.document["notes"][0]
 
@@ -154,7 +154,7 @@ def test_a_base_alone_is_enough(cli, told: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ('[robot]\npreset = "KUKA KR160 R1570"\n', "states nothing that is used beside a model"),
+        ('[robot]\npreset = "KUKA KR160 R1570"\n', "states nothing that is used with a model"),
         ('[robot]\npreset = "UR10"\n[base]\nxyz_mm = [1, 0, 0]\n', "is not that of the model's"),
         (
             '[robot]\npreset = "KUKA KR160 R1570"\nlimits_deg = [[-90, 90], [-90, 90], [-90, 90], '

@@ -45,7 +45,7 @@ def test_neither_option_changes_no_byte(cli, work: Path, part: Path) -> None:
     assert worst[0]["kept_um"] == pytest.approx(between["kept_um"]["max"])
     assert worst[0]["split_um"] == pytest.approx(worst[0]["kept_um"] / 4.0, rel=0.2)
     assert [each["kind"] for each in worst] == ["line", "arc", "line"]
-    assert "between the targets of 2 lines and 1 arcs, kept whole:" in got.err
+    assert "between the targets of 2 lines and 1 arcs, not split:" in got.err
 
 
 def test_a_tolerance_that_nothing_exceeds_changes_no_byte(cli, work: Path, part: Path) -> None:
@@ -70,10 +70,10 @@ def test_splitting_reaches_the_tolerance(cli, work: Path, part: Path) -> None:
     assert got.document["targets"] == 7 + between["inserted_targets"]
     left = {tuple(each["lines"]): each["reason"] for each in between["left_whole"]}
     assert left == {
-        (11,): "where it begins is not certain",
-        (6,): "it begins or ends at a target that is not compensated, or in another frame",
+        (11,): "its start is uncertain",
+        (6,): "it starts or ends at a target that is not compensated, or in another frame",
     }
-    assert "targets put in; then" in got.err
+    assert "targets inserted; then" in got.err
     # The program that was written knows what it was made from.
     again = cli("compensate", work / "cell.toml", out, "-o", work / "again.src")
     assert again.code == 1

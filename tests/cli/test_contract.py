@@ -83,7 +83,7 @@ def test_validate_one_pose_says_what_it_cannot_say(cli, work: Path) -> None:
     (work / "one.csv").write_text("".join(lines[: head + 2]))
     got = cli("validate", work / "model.rtm", work / "one.csv")
     assert got.code == 0
-    assert "1 pose: the error of these poses is known, no more. Not known: the accuracy" in got.err
+    assert "1 pose: only the error of these poses is known. Unknown: the accuracy" in got.err
 
 
 def test_validate_table_and_report(cli, work: Path) -> None:

@@ -117,7 +117,7 @@ def test_kill_9_between_move_and_reference_loses_neither(
     finally:
         _, lines = service.end()
     assert [line["status"] for line in lines] == ["recorded", "unread"]
-    assert "not moved for here" in lines[1]["said"]
+    assert "for which this session has no move" in lines[1]["said"]
     assert read_model(after).version == 2
 
 

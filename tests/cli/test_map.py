@@ -33,7 +33,7 @@ def test_table_leaves_what_cannot_be_taken_empty(cli, work):
     assert 0 < len(empty) < 60
     assert all(row["stays_95_mm"] == "" and row["j1_deg"] == "" for row in empty)
     assert all(float(row["radius_mm"]) >= 1200.0 for row in empty)
-    assert f"{len(empty)} grid poses cannot be taken and are empty" in got.err
+    assert f"{len(empty)} grid poses are out of reach and left empty" in got.err
     row = next(row for row in rows if row["error_mm"])
     parts = [float(row[f"error_{k}_mm"]) for k in "xyz"]
     assert sum(v * v for v in parts) ** 0.5 == pytest.approx(float(row["error_mm"]), rel=1e-4)
@@ -76,6 +76,6 @@ def test_refusals(cli, work, more, said):
 def test_an_output_it_cannot_write(cli, work):
     got = cli("map", work / "model.rtm", "-o", work / "m.gif", *CYLINDER)
     assert got.code == 1
-    assert "cannot tell what to write from 'm.gif'." in got.err
+    assert "the suffix of 'm.gif' does not state the format." in got.err
     got = cli("map", work / "model.rtm", "-o", work / "m.png", "--angle-deg", "-4,4")
     assert "a cylinder needs --radius-mm LOW,HIGH." in got.err

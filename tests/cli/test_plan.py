@@ -33,7 +33,7 @@ def test_plan_measure_calibrate(cli, work: Path) -> None:
     assert len(read_job(program)[0]) == 32
     text = page.read_text(encoding="utf-8")
     assert "<svg" in text
-    assert "Why postures were left out" in text
+    assert "Reasons of rejected postures" in text
     assert "line of sight was not checked" in text
     assert "16 poses written" in got.err
 

@@ -91,7 +91,7 @@ def test_a_side_nobody_can_touch_is_warned_of_by_name(cli, shop_floor: Path) -> 
               "--machined", shop_floor / "top.csv", "--machined", shop_floor / "end.csv",
               "--frame", FRAME, "-n", 8, "-o", shop_floor / "t.csv")  # fmt: skip
     assert got.code == 0, got.err
-    assert "warning: no touch covers 'end face': its points will be known to" in got.err
+    assert "warning: no touch covers 'end face': expected uncertainty of its points" in got.err
     rows = {line.split()[0]: line.split() for line in got.out.splitlines() if line.strip()}
     assert rows["top"][-1] == "yes"
     assert rows["end"][-1] == "NO"
@@ -143,7 +143,7 @@ def test_a_tool_path_and_a_program_are_machined_too(cli, shop_floor: Path) -> No
         (("--touch-sigma-mm", "-1"), "--touch-sigma-mm -1, expected 0 to 100."),
         (("--frame", "9000,0,0,0,0,0"), "touches of 6 features can be made (out of reach"),
         (("-n", "2"), "2 touches do not fix the frame of part 0"),
-        (("-n", "100000"), "100000 touches are asked for, there are"),
+        (("-n", "100000"), "100000 touches are requested, there are"),
     ],
 )
 def test_refusals_write_nothing(cli, shop_floor: Path, change, message: str) -> None:

@@ -94,7 +94,7 @@ def test_a_rigid_model_says_that_a_force_changes_nothing(cli, work: Path) -> Non
     got = cli("compensate", work / "cell.toml", work / "part.src", "-o", work / "o.src",
               "--force", force)  # fmt: skip
     assert got.code == 0
-    assert "knows no compliance" in got.err
+    assert "has no compliance" in got.err
 
 
 @pytest.mark.parametrize(

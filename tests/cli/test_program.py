@@ -157,7 +157,7 @@ def test_a_frame_registered_with_a_model_asks_for_that_model(cli, bench: Path) -
     register(bench / "cell.toml", identity=identity, model_file="model.rtm")
     command = ("program", bench / "cell.toml", bench / "top.apt", "-o", bench / "job.src")
     got = cli(*command, "--json")
-    assert any("only the program compensated by that model" in n for n in got.document["notes"])
+    assert any("only a program compensated by that model" in n for n in got.document["notes"])
     assert cli(*command, "--model", bench / "model.rtm").code == 0
     joints = shop.postures(40, seed=9)
     shop.write_csv(bench / "other.csv", joints, shop.points(joints, noise_seed=5))
@@ -193,7 +193,7 @@ def test_a_cell_that_is_not_registered_lends_its_base_and_says_so(cli, bench: Pa
     cell = bench / "cell.toml"
     cell.write_text(cell.read_text() + BASE)
     got = cli("program", cell, bench / "top.apt", "-o", bench / "job.src", "--json")
-    assert "the cell is not registered; its [base] was taken" in got.document["notes"][0]
+    assert "the cell is not registered; its [base] is used" in got.document["notes"][0]
     points, _ = program_points(bench / "job.src")
     base = pose_from_xyz_abc(np.array([0.95, -0.1, 0.45]), np.array([3, 0.5, -0.7]) * DEG)
     np.testing.assert_allclose(points[1:-1], apply(base, raster() * MM), atol=1 * UM)
@@ -211,7 +211,7 @@ def test_a_no_go_frame_is_said(cli, bench: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "text", "says"),
     [
-        ("far.apt", apt(raster(x=2000.0)), "far.apt:3: out of reach whatever"),
+        ("far.apt", apt(raster(x=2000.0)), "far.apt:3: out of reach at every"),
         ("cut.apt", "UNITS/MM\nGOTO/1,2,3\nCUTCOM/LEFT\n", "cut.apt:3: CUTCOM/ moves the path"),
         ("slow.apt", apt(raster(), head="UNITS/MM\n"), "slow.apt:2: this point cuts and no feed"),
         ("two.apt", "LOADTL/1\nLOADTL/2\n" + apt(raster()), "two.apt:2: tool '2' is loaded after"),
@@ -368,7 +368,7 @@ def test_the_table_and_the_notes(cli, bench: Path) -> None:
     assert got.code == 0
     row = next(line.split() for line in got.out.splitlines() if line.strip().startswith("top"))
     assert row[1] == "72"
-    assert "top.apt:2: WOBBLE is not known here" in got.err
+    assert "top.apt:2: WOBBLE is unknown" in got.err
     assert "1 side, " in got.err
     assert b"; 2: WOBBLE/ON" in (bench / "job.src").read_bytes()
     assert json.loads((bench / "job.src.identity.json").read_text())["compensated"] is False

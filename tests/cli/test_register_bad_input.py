@@ -57,7 +57,7 @@ def test_a_face_that_was_not_touched(refused, work: Path) -> None:
         normal=np.tile([0.0, 0.0, 1.0], (8, 1)),
     )
     message = refused("ObservabilityError", path)
-    assert "8 touches do not hold the part. Left open, in part axes: shift along" in message
+    assert "8 touches do not locate the part. Undetermined, in part axes: shift along" in message
     assert f"Touches: {ALL}." in message
 
 
@@ -91,10 +91,10 @@ def test_a_pattern_that_fits_two_ways_is_told(cli, work: Path) -> None:
     square = np.array([[0.0, 0.0, 0.0], [0.4, 0.0, 0.0], [0.4, 0.2, 0.0], [0.0, 0.2, 0.0]])
     path = touched.write(work / "p.csv", square, position=touched.in_base(square))
     got = cli("register", work / "cell.toml", path, "-o", work / "o.toml", "--json")
-    (told,) = [doubt for doubt in got.document["doubts"] if "fits" in doubt]
+    (told,) = [doubt for doubt in got.document["doubts"] if "The pattern fits" in doubt]
     assert "The pattern fits 4 ways" in told
     assert "K1 for K3" in told or "K1 for K2" in told or "K1 for K4" in told
-    assert "Touch one point that breaks the symmetry." in told
+    assert "Probe one point that breaks the symmetry." in told
     assert any("K1, K2, K3, K4 lie in one plane" in doubt for doubt in got.document["doubts"])
 
 
@@ -140,7 +140,7 @@ def test_half_of_the_touches_against_the_rest(refused, work: Path) -> None:
     position[::2] += 0.02 * np.random.default_rng(4).standard_normal((4, 3))
     path = touched.write(work / "p.csv", POINTS, position=position)
     message = refused("ImplausibleDataError", path)
-    assert "4 of 8 touches disagree with the rest" in message
+    assert "4 of 8 touches disagree with the others" in message
     assert "K1 (" in message
 
 
@@ -267,7 +267,7 @@ def test_an_output_that_is_read(cli, work: Path) -> None:
     before = (work / "cell.toml").read_bytes()
     got = cli("register", work / "cell.toml", path, "-o", work / "cell.toml")
     assert got.code == 1
-    assert "the output is cell.toml, which is read here" in got.err
+    assert "the output is cell.toml, which is an input" in got.err
     assert (work / "cell.toml").read_bytes() == before
 
 

@@ -49,7 +49,7 @@ def test_the_state_between_rounds_is_the_files_of_touches(cli, work: Path, round
     assert first.code == 0, first.err
     assert first.document["rounds_verdict"] == "run again"
     assert first.document["verdict"] == "NO-GO"
-    assert "run and touch once more" in first.document["reasons"][0]
+    assert "run and probe again" in first.document["reasons"][0]
     assert "$BASE=" in first.document["frames"][0]["text"]
     ran = read_cell(work / "part.toml").part.frame().T_base_part
     second = cli("register-rounds", *begin, rounds(2), *rest).document
@@ -171,7 +171,7 @@ def test_register_lays_the_part_on_three_faces(cli, work: Path) -> None:
               "three-two-one", "--json")  # fmt: skip
     assert got.code == 0, got.err
     np.testing.assert_allclose(got.document["xyz_mm"], [1100.0, -200.0, 500.0], atol=1e-5)
-    assert any("No touch is left over" in doubt for doubt in got.document["doubts"])
+    assert any("The frame has no redundant touch" in doubt for doubt in got.document["doubts"])
     short = [0, 1, 3, 4, 5, 5]
     path = touched.write(
         work / "p.csv", FACES[short], position=touched.in_base(FACES[short]), normal=NORMALS[short]

@@ -38,7 +38,7 @@ def test_the_certificate_and_its_twin(cli, work):
 def test_a_certificate_without_a_check_is_a_claim(cli, work):
     outcome = cli("report", "calibration", work / "model.rtm", "-o", work / "c.json")
     assert outcome.code == 0
-    assert "Not checked on poses of its own" in (work / "c.json").read_text("utf-8")
+    assert "Not checked on separate poses" in (work / "c.json").read_text("utf-8")
 
 
 def test_a_program_is_judged(cli, work):

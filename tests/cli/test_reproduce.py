@@ -68,7 +68,7 @@ def test_the_tables_are_labelled_simulated(monkeypatch, capsys) -> None:
     assert "SIMULATED: 3 arms of scenario S1A" in text
     assert "0.182" in text
     assert "0.150 - 0.250" in text
-    assert "What cannot be met, and why" in text
+    assert "Not reproduced, and why" in text
 
 
 @pytest.mark.parametrize(

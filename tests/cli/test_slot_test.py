@@ -45,7 +45,7 @@ def test_measured_steps_are_judged(cli, tmp_path: Path) -> None:
     told = cli("slot-test", steps).out
     assert "+0.351 mm across the tool" in told
     assert "SIMULATED" not in told
-    assert "Touch a datum" in told
+    assert "Probe a datum" in told
     own = cli("slot-test", steps, "--per-side", "--json").document
     assert own["per_frame"] == 1.0
 

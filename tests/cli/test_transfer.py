@@ -51,7 +51,7 @@ def test_without_target_poses_it_says_that_nothing_was_checked(cli, few):
     assert got.document["guard"]["checked"] is False
     assert got.document["doubts"][0].startswith("no target pose was measured: transfer is used")
     page = (few / "page.html").read_text()
-    assert "transfer is used; nothing was checked against the target." in page
+    assert "transfer is used; it was not checked against the target." in page
     shown = cli("inspect", few / "new.rtm")
     assert "warning: no target pose was measured" in shown.err
 
@@ -89,8 +89,8 @@ def test_curve_and_page(cli, few):
     assert curve["candidates"]["target-only"]["median_mm"][0] is None
     assert curve["candidates"]["transfer"]["median_mm"][1] < 0.1
     page = (few / "page.html").read_text()
-    assert "How many target poses it takes" in page
-    assert "Which source is used for the target" in page
+    assert "Required number of target poses" in page
+    assert "Source used for the target" in page
     assert page.count("<svg") == 1
     json.dumps(got.document)
 
@@ -127,7 +127,7 @@ def test_the_output_is_never_a_source(cli, few):
     got = cli("transfer", few / "cell.toml", few / "few.csv", "--source",
               f"march={few / 'model.rtm'}", "-o", few / "model.rtm")  # fmt: skip
     assert got.code == 1
-    assert "which is read here; it is left as it is" in got.err
+    assert "which is an input; it is not overwritten" in got.err
     assert (few / "model.rtm").read_bytes() == before
 
 

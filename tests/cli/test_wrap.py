@@ -91,7 +91,7 @@ REFUSED = [
     (("-o", "rt_fix.src", *BOX, *START, "--wrap-computed", "."), "--wrap-computed without"),
     (
         ("-o", "rt_fix.src", "--program", "pick.src", "--wrap-computed", ".", *START),
-        "which is read here",
+        "which is an input",
     ),
 ]  # fmt: skip
 

@@ -235,7 +235,7 @@ def test_covariance_and_doubt():
     program = cases.program_of(forward(model.robot, joints))
     result = compensate(model, program, settings=settings_at(joints, covariance=True))
     assert np.allclose(np.trace(result.covariance, axis1=1, axis2=2), 1e-6)
-    assert "outside what the calibration knows, predicted to 1000 um" in result.notes[-1]
+    assert "outside the range of the calibration, predicted to 1000 um" in result.notes[-1]
 
 
 def test_settings_refuse_what_cannot_be():

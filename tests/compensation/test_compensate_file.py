@@ -168,7 +168,7 @@ def test_covariances_are_summed_up_too(source: Path) -> None:
         sigma = expected["predicted_sigma_um"][name]
         assert summary["predicted_sigma_um"][name] == pytest.approx(sigma, rel=1e-12)
     assert summary["notes"] == expected["notes"]
-    assert "outside what the calibration knows" in expected["notes"][-1]
+    assert "outside the range of the calibration" in expected["notes"][-1]
 
 
 def test_processes_give_the_same_bytes_and_one_may_die(

@@ -120,7 +120,7 @@ def test_a_program_without_computed_targets_needs_none() -> None:
 def test_the_sentence_states_frame_and_errors() -> None:
     _, found = fitted(cases.rigid_model())
     text = found.sentence()
-    assert "8 computed targets keep their numbers" in text
+    assert "8 computed targets are unchanged" in text
     assert "work frame 3 X " in text
     assert "in place of X 900.0000 Y -200.0000 Z 300.0000 A 15.000000" in text
     assert (

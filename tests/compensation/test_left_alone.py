@@ -43,7 +43,7 @@ def test_every_target_that_keeps_its_numbers_has_line_reason_and_remedy() -> Non
         ("a.jbi", 9, 1),
         ("a.jbi", 12, 3),
     ]
-    assert "work frame 7 stands in the controller" in found[0]["reason"]
+    assert "work frame 7 is in the controller" in found[0]["reason"]
     assert "[[controller.base]]" in found[0]["remedy"]
     assert found[1]["reason"] == far.explanation
     assert all(each["remedy"] for each in found)

@@ -72,7 +72,7 @@ def test_the_actual_tool_lands_on_the_part(name, make, force: float) -> None:
     settings = CompensationSettings(wrench=push if force else np.empty(0), home=JOINTS[0])
     result = compensate(model, program, settings=settings)
     assert (result.status == Status.COMPENSATED).all(), result.notes
-    said = f"{COUNT} targets carry the part to a tool that stands in the cell"
+    said = f"{COUNT} targets carry the part to a fixed tool in the cell"
     assert any(said in note for note in result.summary()["notes"])
     assert find_language(name).write(program, zero_correction(program)) == data
     out = find_language(name).write(program, result.replacement)

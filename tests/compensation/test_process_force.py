@@ -296,7 +296,7 @@ class TestTables:
         assert not wrench(table("line", [11], [[0, 0, 0]]), a_program(SQUARE)).any()
 
     def test_places_stand_once(self) -> None:
-        with pytest.raises(FormatError, match=r"f\.csv:4: line 12 stands here again"):
+        with pytest.raises(FormatError, match=r"f\.csv:4: line 12 occurs again"):
             table("line", [12, 13, 12], [[1, 0, 0]] * 3)
         with pytest.raises(FormatError, match=r"f\.csv:3: path_mm 5 "):
             table("path_mm", [0.005, 0.005], [[1, 0, 0]] * 2)
@@ -362,7 +362,7 @@ moment_Nm = [0, 0, 1]
             ("[[force]]\nforce_N = [1,2,3]\nmoves = ['ptp']\n", 3, "moves is ['ptp']"),
             ("[[force]]\nforce_N = [1,2,3]\nfeeds_mm_per_s = [9, 1]\n", 3, "feeds_mm_per_s is"),
             ("[[force]]\nforce_N = [1,2,3]\nprogram = 5\n", 3, "program is 5"),
-            ("[[force]]\ncsv = 't.csv'\nlines = [[1,2]]\n", 3, "lines stands beside csv"),
+            ("[[force]]\ncsv = 't.csv'\nlines = [[1,2]]\n", 3, "lines is given together with csv"),
             ("[[force]]\nmilling = 3\n", 2, "milling is no table"),
             ("[[force]]\nforce_N = [1,2,3]\n\n[[force]]\nmoment_Nm = [1]\n", 4, "neither"),
         ],
@@ -387,7 +387,7 @@ moment_Nm = [0, 0, 1]
             ("line,fx_N,fy_N,fz_N\n0,2,3,4\n", 2, "expected a whole number"),
             ("line,fx_N,fy_N,fz_N\n1,x,3,4\n", 2, "fx_N is x"),
             ("line,fx_N,fy_N,fz_N\n1,2,3,nan\n", 2, "fz_N is nan"),
-            ("line,fx_N,fy_N,fz_N\n1,2,3,4\n1,2,3,4\n", 3, "line 1 stands here again"),
+            ("line,fx_N,fy_N,fz_N\n1,2,3,4\n1,2,3,4\n", 3, "line 1 occurs again"),
             ("path_mm,fx_N,fy_N,fz_N\n5,2,3,4\n4,2,3,4\n", 3, "path_mm 4 "),
             ("line,fx_N,fy_N,fz_N\n1,2e7,3,4\n", 2, "at most 100000"),
             ("", None, "empty"),

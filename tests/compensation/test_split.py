@@ -305,9 +305,11 @@ def test_an_arc_of_g_code_becomes_lines_within_the_tolerance():
 def test_a_program_that_does_not_read_as_planned_is_refused():
     case = Case("rapid")
     lost = {"part.mod": case.files["part.mod"]}
-    with pytest.raises(FormatError, match=r"part.mod: the split program does not read as the path"):
+    with pytest.raises(
+        FormatError, match=r"part.mod: the split program differs from the expected path"
+    ):
         split_job(case.job, case.programs, case.plan(), lambda new: case.read(lost))
-    with pytest.raises(FormatError, match=r"a target is .* mm and .* rad from where it should be"):
+    with pytest.raises(FormatError, match=r"a target is .* mm and .* rad from its expected place"):
         split_job(
             case.job,
             case.programs,

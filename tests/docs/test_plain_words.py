@@ -1,4 +1,4 @@
-"""README, guides, pages, notebooks and help use plain technical English."""
+"""README, guides, pages, notebooks, help and catalogues use plain technical English."""
 
 from __future__ import annotations
 
@@ -22,6 +22,12 @@ PAGES: Final = sorted(
             for folder in ("tutorial", "howto", "explanation", "reference", "adr")
             for page in (ROOT / "docs" / folder).glob("*.md")
         ),
+    ]
+)
+CATALOGUES: Final = sorted(
+    [
+        *(ROOT / "src/robotrue/web/languages/en").glob("*.toml"),
+        ROOT / "src/robotrue/report/languages/en.toml",
     ]
 )
 INSTEAD: Final = {
@@ -91,6 +97,13 @@ def test_the_prose_of_a_notebook_uses_plain_words(notebook: Path) -> None:
 def test_every_help_uses_plain_words() -> None:
     found = {name: phrases for name, text in help_texts() if (phrases := find_phrases(text))}
     assert not found
+
+
+@pytest.mark.parametrize("catalogue", CATALOGUES, ids=lambda path: f"{path.parts[-4]}-{path.stem}")
+def test_the_texts_of_pages_and_reports_use_plain_words(catalogue: Path) -> None:
+    texts = re.findall(r'^[\w."\s]+ = "(.*)"$', catalogue.read_text(encoding="utf-8"), re.MULTILINE)
+    assert texts
+    assert not find_phrases("\n\n".join(texts))
 
 
 def test_a_phrase_of_the_list_is_found_in_text_and_not_in_code() -> None:

@@ -179,7 +179,7 @@ def test_references_far_off_name_their_cause(
     session = HoleSession(model, settings=ClampSettings(), reference=GAUGE, waiting=waiting)
     said = []
     for i in np.argsort(-np.hypot(*record.left.T))[:5]:
-        with pytest.raises(ImplausibleDataError, match="it is not learned") as it:
+        with pytest.raises(ImplausibleDataError, match="it is not used") as it:
             session.take_reference(record.hole[i], record.left[i], "gauge")
         said.append(named in it.value.message)
     assert said == [False] * 3 + [True] * 2

@@ -141,7 +141,7 @@ def test_fewer_clamps_than_terms_are_refused() -> None:
 def test_one_force_alone_cannot_tell_its_term() -> None:
     machine, campaign, _ = campaigns(9, 60)
     same = campaign.take(np.flatnonzero(campaign.clamps.force == 0.0))
-    with pytest.raises(ObservabilityError, match="cannot tell the term"):
+    with pytest.raises(ObservabilityError, match="does not separate the term"):
         fit_correction("patent", machine.foot, same)
 
 

@@ -65,7 +65,7 @@ def test_limits_singularities_and_normals_behind_are_refused() -> None:
     limits[4] = HOME[4] + np.array([-0.1, 0.1]) * DEG
     tight = replace(model, arm=replace(arm, limits=limits))  # type: ignore[type-var]
     normal = normal_from_tilt("AB", np.array([4.0, 4.0]) * DEG)
-    with pytest.raises(ReachError, match=r"joint 5 would stand at"):
+    with pytest.raises(ReachError, match=r"joint 5 would be at"):
         squaring_joints(tight, HOME, normal)
     straight = np.array(HOME)
     straight[4] = 0.0

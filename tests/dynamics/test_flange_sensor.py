@@ -77,7 +77,7 @@ def test_poses_too_much_alike_are_refused():
 
 
 def test_readings_that_fit_no_tool():
-    with pytest.raises(ImplausibleDataError, match="nothing hangs on the sensor"):
+    with pytest.raises(ImplausibleDataError, match="the sensor has no load"):
         identify_held_tool(SIX, 0.01 * np.random.default_rng(0).normal(size=(6, 6)))
     with pytest.raises(ImplausibleDataError, match="off any weight"):
         identify_held_tool(SIX, readings(SIX[[1, 0, 2, 4, 3, 5]]))

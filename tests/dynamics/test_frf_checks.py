@@ -101,7 +101,7 @@ def test_reciprocity_is_measured():
     assert reciprocity(replace(frf, response=response))["xy"] == pytest.approx(0.26, abs=0.01)
     said = " ".join(response_remarks(replace(frf, response=response)))
     assert "Gxy and Gyx differ by 26 %" in said
-    assert "nothing is known below 4 Hz" in said
+    assert "no data below 4 Hz" in said
 
 
 def test_pairs_nobody_measured_are_named():

@@ -108,7 +108,7 @@ def test_a_compensated_program_has_the_bytes_that_the_command_writes(practice, m
     assert (table["error_after_um"].dropna() < 100).all()
     with pytest.raises(rt.RobotrueError, match="compensated already"):
         rt.compensate(model, tmp_path / "new.src")
-    with pytest.raises(rt.RobotrueError, match="the program before"):
+    with pytest.raises(rt.RobotrueError, match="the original program"):
         rewritten.save(practice / "part.src")
 
 

@@ -345,7 +345,7 @@ def test_axes_as_the_controller_displays_them(tmp_path: Path) -> None:
     path = written(tmp_path, f"{shown}\n{ROW}\n")
     m = read_measurements(path, relation=lambda axes: -axes)
     np.testing.assert_allclose(m.joints[0] / DEG, [-10, 20, -30, -40, 50, -60])
-    assert "no robot says how they count" in message(path)
+    assert "no robot states their convention" in message(path)
     both = f"{HEADER},{shown.partition(',x_mm')[0]}\n{ROW},1,2,3,4,5,6\n"
     m = read_measurements(written(tmp_path, both))
     np.testing.assert_allclose(m.joints[0] / DEG, [10, -20, 30, 40, -50, 60])

@@ -234,5 +234,5 @@ def test_axes_of_the_controller_count_as_the_robot_says(tmp_path: Path) -> None:
     controller = Configuration(sign=-np.ones(2), offset=np.array([0.0, -90.0]) * DEG)
     m = read(tmp_path, text, mapping, relation=controller.to_model)
     np.testing.assert_allclose(m.joints / DEG, [[-10.0, -10.0]])
-    with pytest.raises(FormatError, match="A1, A2 are axes of the controller, and no robot says"):
+    with pytest.raises(FormatError, match="A1, A2 are axes of the controller, and no robot states"):
         read(tmp_path, text, mapping)

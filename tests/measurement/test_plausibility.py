@@ -158,7 +158,7 @@ def test_files_of_two_set_ups_without_a_station_column() -> None:
 def test_wrong_robot() -> None:
     m = honest()
     other = replace(m, position=arm(m.joints * [1, -1, 1, 1, 1, 1]))
-    assert "this is not the robot that was measured" in complaint(other)
+    assert "this is not the measured robot" in complaint(other)
     shuffled = replace(m, position=np.roll(m.position, 1, axis=0))
     assert "joints and positions do not belong together" in complaint(shuffled)
 

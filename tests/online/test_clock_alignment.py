@@ -61,7 +61,7 @@ def test_two_shifts_that_do_as_well_are_refused() -> None:
     moving = 0.3 * np.sin(2.0 * np.pi * (case.force_time + 0.137) / 0.8)
     force = 100.0 * np.column_stack([np.sin(moving), 0.0 * moving, np.cos(moving)])
     force += 0.4 * np.random.default_rng(1).standard_normal(force.shape)
-    with pytest.raises(ObservabilityError, match="explain the force about as well"):
+    with pytest.raises(ObservabilityError, match="explain the force equally well"):
         align_streams(time, joints, case.force_time, force)
 
 

@@ -248,7 +248,7 @@ def test_a_controller_that_may_have_begun_anew_is_not_moved(mode):
     guard, controller = CorrectionGuard(LIMITS, mode), Controller(mode)
     now = _run(guard, controller, 0.0, 100, _wanted((0.4 * MM, 0.0, 0.0)))
     guard.note_restart(certain=False)
-    assert "still hold 0.400 mm; no more corrections" in guard.why
+    assert "still apply 0.400 mm; no more corrections" in guard.why
     for k in range(200):
         guard.want(_wanted((0.1 * MM, 0.0, 0.0)), now + k * CYCLE)
         answer = guard.next(now + k * CYCLE)
@@ -293,7 +293,7 @@ def test_open_answers_beyond_half_of_the_limit_end_corrections_for_good():
         guard.book(taken=k % 2 == 0)
         guard.next(k * CYCLE)
     assert "add up to 0.2" in guard.why
-    assert "no more corrections until the controller is started anew" in guard.why
+    assert "no more corrections until the controller is restarted" in guard.why
     guard.rearm()
     assert not guard.active
     assert guard.state().refused

@@ -340,7 +340,7 @@ def _certificate(folder):
     [
         ("mqtt://127.0.0.1/a/+/b", "in a topic"),
         ("mqtt://127.0.0.1?rate=0", "second, 0.1 to 100"),
-        (f"mqtt://u:{SECRET}@127.0.0.1?speed=1", "option speed is not known here, expected rate="),
+        (f"mqtt://u:{SECRET}@127.0.0.1?speed=1", "option speed is unknown, expected rate="),
         (f"mqtt://u:{SECRET}@:x", "cannot be read"),
     ],
 )

@@ -191,7 +191,7 @@ def test_a_password_lets_in_and_nothing_else_does():
         ("opcua://0.0.0.0:4840", "no user and no password, expected both: other computers"),
         ("opcua://cell@127.0.0.1:4840", "a user and no password"),
         ("opcua://127.0.0.1?rate=500", "second, 1 to 50"),
-        ("opcua://127.0.0.1?security=none", "option security is not known here, expected rate="),
+        ("opcua://127.0.0.1?security=none", "option security is unknown, expected rate="),
     ],
 )
 def test_addresses_that_are_refused(address, words):

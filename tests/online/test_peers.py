@@ -194,7 +194,7 @@ def test_ur_rtde_reads_our_packets():
         try:
             assert robot.stdout is not None
             if robot.stdout.readline().strip() != "ready":
-                pytest.skip(f"{RTDE_HOST}:{RTDE_PORT} cannot be had")
+                pytest.skip(f"{RTDE_HOST}:{RTDE_PORT} cannot be opened")
             client = peer.RTDEReceiveInterface(RTDE_HOST, 500.0, list(RTDE_NAMES))
             joints, pose = client.getActualQ(), client.getActualTCPPose()
             client.disconnect()

@@ -302,7 +302,7 @@ def test_a_wrong_rate_is_refused():
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"rate": 7e3}, "counts are never taken for newtons"),
+        ({"rate": 7e3}, "counts are never used as newtons"),
         ({"scale": SCALE}, "records per second are not stated"),
         ({"page": "file:///netftapi2.xml", "rate": 7e3}, "expected http://SENSOR"),
         ({"scale": SCALE, "rate": 7e3, "gather": 1.0}, "gather 1 s"),

@@ -180,7 +180,7 @@ def test_a_full_disk_loses_nothing_once_there_is_room(tmp_path: Path) -> None:
     writer.put(Kind.FORCE, force_rows(400, 10))  # sensing goes on
     while writer.health().connected:
         pass
-    assert writer.health().last_fault == "the disk refuses: No space left on device"
+    assert writer.health().last_fault == "cannot write to the disk: No space left on device"
     disk.room = 10**9
     writer.close()
     assert writer.health().connected
@@ -195,10 +195,10 @@ def test_a_disk_that_stays_full_stops_the_record(tmp_path: Path) -> None:
         for k in range(100):
             writer.put(Kind.FORCE, force_rows(k * 10, 10))
 
-    with pytest.raises(FormatError, match="wait for the disk, the limit is 0 MB"):
+    with pytest.raises(FormatError, match="are queued for the disk, the limit is 0 MB"):
         put_on()
     assert writer.crowded
-    with pytest.raises(FormatError, match="frames could not be written: the disk refuses"):
+    with pytest.raises(FormatError, match="frames could not be written: cannot write to the disk"):
         writer.close()
     assert not segments(tmp_path / "r")
 

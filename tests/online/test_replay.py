@@ -97,7 +97,7 @@ def test_a_last_line_cut_short_is_left_out(tmp_path):
     [
         (["t_s,fx,fy_N,fz_N", "0,1,2,3"], r"missing fx_N\.not known fx"),
         (["t_s,fx_N,fy_N,fz_N,tx_Nm", "0,1,2,3,4"], "missing ty_Nm, tz_Nm"),
-        (["t_s,t_s,fx_N,fy_N,fz_N", "0,0,1,2,3"], "one stands twice"),
+        (["t_s,t_s,fx_N,fy_N,fz_N", "0,0,1,2,3"], "one occurs twice"),
         (["t_s,fx_N,fy_N,fz_N", "0,1,2"], r"csv:2: 3 cells, expected 4"),
         (["t_s,fx_N,fy_N,fz_N", "0,1,2,three"], r"csv:2: no number"),
         (["t_s,fx_N,fy_N,fz_N"], "no rows"),

@@ -193,7 +193,7 @@ def test_a_controller_that_comes_back_is_not_moved(mode, answered):
                 else:
                     assert again.quiet()
             until(lambda: source.health().received == 32)
-            assert "may have begun anew or still hold 0." in guard.state().why
+            assert "may have restarted or still apply 0." in guard.state().why
             guard.rearm()
             assert not guard.state().active
 
@@ -309,7 +309,7 @@ DROP = usual_rsi_config("127.0.0.1", 49152, hold=False)
         (HOLD, RELATIVE, r'RKorr.X has HOLDON="1" with relative .* would move on'),
         (DROP, ABSOLUTE, r'RKorr.X has HOLDON="0" with absolute .* would jump back'),
         (replace(HOLD, only_send=True), ABSOLUTE, "ONLYSEND"),
-        (replace(HOLD, send=HOLD.send[:2]), ABSOLUTE, "which answers came late"),
+        (replace(HOLD, send=HOLD.send[:2]), ABSOLUTE, "late answers"),
         (replace(HOLD, receive=HOLD.receive[1:]), ABSOLUTE, "takes no RKorr.X"),
     ],
 )

@@ -173,12 +173,12 @@ def test_a_robot_that_may_hold_a_correction_is_not_corrected_before_the_operator
     run_sense(stated)
     assert not note_path("127.0.0.1").exists(), "no robot came: nothing is held"
     assert end_note("127.0.0.1", GuardState(shift=(150_000, 0, 0), spread=(2000, 0)))
-    with pytest.raises(ConfigurationError, match=r"may still hold up to 0\.152 mm since"):
+    with pytest.raises(ConfigurationError, match=r"may still apply up to 0\.152 mm since"):
         run_sense(stated)
     run_sense(replace(stated, confirm_zero=True))
     assert not note_path("127.0.0.1").exists()
     note_path("127.0.0.1").write_text("{")
-    with pytest.raises(ConfigurationError, match="may still hold an unknown correction"):
+    with pytest.raises(ConfigurationError, match="may still apply an unknown correction"):
         run_sense(stated)
 
 

@@ -239,7 +239,7 @@ def test_a_record_without_room_stops_the_service_and_says_so(tmp_path: Path) -> 
                 writer.close()
 
     with pytest.raises(
-        FormatError, match=r"record would not be whole \(the disk refuses: No space"
+        FormatError, match=r"record would not be whole \(cannot write to the disk: No space"
     ):
         run(story())
 
@@ -274,7 +274,9 @@ def test_other_models_than_those_of_the_record_are_seen(tmp_path: Path) -> None:
     writer.close()
     again = resume(StreamRecord(tmp_path / "r"), SensingChain(StandIn(), patient=True))
     assert again.checked == 200
-    with pytest.raises(ModelMismatchError, match="error of frame 2 is not what these models make"):
+    with pytest.raises(
+        ModelMismatchError, match="error of frame 2 differs from the result of these models"
+    ):
         resume(StreamRecord(tmp_path / "r"), SensingChain(Other(), patient=True))
 
 

@@ -194,7 +194,7 @@ def test_other_computers_need_the_token(query, more, let_in):
         ("ws://127.0.0.1:0", {"ROBOTRUE_WS_TOKEN": "short"}, "a token of 5 characters"),
         ("ws://127.0.0.1:0?rate=fast", {}, "rate=fast"),
         ("ws://127.0.0.1:0?rate=1000", {}, "second, 1 to 100"),
-        ("ws://127.0.0.1:0?color=red", {}, "option color is not known here, expected rate="),
+        ("ws://127.0.0.1:0?color=red", {}, "option color is unknown, expected rate="),
         ("ws://127.0.0.1:0?origin=evil.example", {}, "expected one like https://"),
         ("ws://127.0.0.1:99999", {}, "cannot be read"),
         ("ws:127.0.0.1", {}, "without a host"),

@@ -156,6 +156,6 @@ def test_more_poses_than_candidates_are_refused() -> None:
     with pytest.raises(ConfigurationError) as caught:
         greedy(rows, weight, 6)
     assert str(caught.value) == (
-        "6 poses are asked for, 5 candidates are left. "
+        "6 poses are requested, 5 candidates are left. "
         "Try: draw more candidates, or ask for fewer poses."
     )

@@ -210,7 +210,7 @@ def test_bad_requests_say_what_to_try(monkeypatch: pytest.MonkeyPatch) -> None:
         "2 poses, expected at least 4: even base and tool need as many. "
         "Try: 10 poses give a first model, 30 a good one."
     )
-    with pytest.raises(ReachError, match="20 poses are asked for, 10 postures can be measured"):
+    with pytest.raises(ReachError, match="20 poses are requested, 10 postures can be measured"):
         plan_poses(shop(), 20, settings=FEW, candidates=postures(10, 1) * 0.2)
     away = CubeRegion(x=(8.0, 9.0), y=(0.0, 1.0), z=(0.0, 1.0))
     with pytest.raises(ReachError, match=r"not one of \d+ postures can be measured \(outside the"):

@@ -145,8 +145,8 @@ def test_the_worst_point_can_be_the_goal() -> None:
 def test_a_side_that_no_touch_covers_is_named_with_its_cure() -> None:
     plan = plan_touches(task("R"), 12)
     (warning,) = plan.warnings
-    assert warning.startswith("no touch covers 'back': its points will be known to ")
-    assert warning.endswith("add features that can be touched in its postures.")
+    assert warning.startswith("no touch covers 'back': expected uncertainty of its points ")
+    assert warning.endswith("add features that can be probed in its postures.")
     front, back = plan.groups
     assert front.covered
     assert back.uncertainty > 3.0 * front.uncertainty
@@ -188,8 +188,8 @@ def test_too_few_touches_fix_no_frame() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (dict(n=0), "0 touches are asked for"),
-        (dict(n=100_000), "100000 touches are asked for"),
+        (dict(n=0), "0 touches are requested"),
+        (dict(n=100_000), "100000 touches are requested"),
         (dict(n=5, goal="least"), "goal 'least'"),
     ],
 )
@@ -282,7 +282,7 @@ def test_more_candidates_than_are_looked_at(monkeypatch: pytest.MonkeyPatch) -> 
     found = touch_candidates(ROBOT, features("RLT"), machining(), {0: T_BASE_DRAWN})
     assert len(found.touches) == 50
     assert found.tried == 50 + sum(count for _, count in found.rejected)
-    assert dict(found.rejected)["more than are looked at"] > 0
+    assert dict(found.rejected)["more than are checked"] > 0
     assert {name[0] for name in found.touches.names} == {"R", "L", "T"}
 
 

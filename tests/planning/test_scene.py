@@ -123,10 +123,10 @@ def test_nothing_is_hidden_from_a_tracker_without_a_place() -> None:
 
 
 def test_a_tracker_inside_the_robot_or_an_obstacle_is_refused() -> None:
-    with pytest.raises(ConfigurationError, match="stands inside the robot's foot"):
+    with pytest.raises(ConfigurationError, match="is inside the robot's foot"):
         scene_of(shop(tracker_position=np.array([0.05, 0.0, 0.3])), clearance=0.02)
     around = Box(name="booth", low=np.array([3.0, -3.0, 0.0]), high=np.array([4.0, -1.0, 2.0]))
-    with pytest.raises(ConfigurationError, match="stands inside obstacle 'booth'"):
+    with pytest.raises(ConfigurationError, match="is inside obstacle 'booth'"):
         scene_of(shop(obstacles=(around,)), clearance=0.02)
 
 

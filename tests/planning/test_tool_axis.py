@@ -132,7 +132,7 @@ def test_a_long_straight_move_is_looked_at_on_the_way():
     ("shift", "says"),
     [
         ([0.9, 0.0, 0.0], "the stretched arm is"),
-        ([0.0, 0.0, 1.0], "out of reach whatever the rotation"),
+        ([0.0, 0.0, 1.0], "out of reach at every rotation"),
     ],
 )
 def test_a_point_out_of_reach_is_named_by_its_line(shift, says):

@@ -74,8 +74,8 @@ def test_words_that_are_not_known_are_kept_and_listed_once():
     unknown = [(r.before, r.line, r.text) for r in path.remarks if not r.known]
     assert unknown == [(0, 2, "WOBBLE/ON,3"), (1, 4, "WOBBLE/OFF"), (1, 5, "TLCOMP/XY")]
     assert path.notes == (
-        "side.apt:2: WOBBLE is not known here; it was kept as a remark.",
-        "side.apt:5: TLCOMP is not known here; it was kept as a remark.",
+        "side.apt:2: WOBBLE is unknown; it was saved as a comment.",
+        "side.apt:5: TLCOMP is unknown; it was saved as a comment.",
     )
 
 
@@ -91,7 +91,7 @@ def test_inches_per_minute_and_per_revolution():
 def test_without_units_millimetres_are_taken_and_said():
     path = read("GOTO/1,0,0\n")
     assert path.position[0, 0] == 1e-3
-    assert path.notes == ("side.apt:1: the file does not state UNITS/: millimetres were taken.",)
+    assert path.notes == ("side.apt:1: the file does not state UNITS/: millimetres are assumed.",)
 
 
 def test_a_byte_order_mark_windows_lines_and_an_umlaut_do_no_harm():
@@ -195,12 +195,12 @@ def test_files_as_the_big_systems_write_them():
     assert creo.rapid.tolist()[:2] == [True, False]
     np.testing.assert_allclose(creo.position[-1] / MM, [0, 12, 0], atol=1e-12)
     nx = read(NX)
-    assert nx.notes == ("side.apt:1: the file does not state UNITS/: millimetres were taken.",)
+    assert nx.notes == ("side.apt:1: the file does not state UNITS/: millimetres are assumed.",)
     assert nx.operations == ("CAVITY_MILL",)
     assert len(nx) == 3
     assert all(remark.known for remark in (*nx.remarks, *creo.remarks))
     shifted = CREO.replace("0.0000000000, $", "5.0000000000, $", 1)
-    assert "in their own machining axis system" in read(shifted).notes[0]
+    assert "in a machining axis system" in read(shifted).notes[0]
 
 
 def test_a_dollar_in_a_comment_swallows_no_point():
@@ -254,7 +254,7 @@ def test_what_cannot_be_understood_is_named_with_its_line(statement):
         ("UNITS/MM\nCIRCLE/0,0,0,0,0,1,5\nGOTO/0,5,0\n", 3, "an arc before any point"),
         ("UNITS/MM\nGOTO/5,0,0\nCIRCLE/0,0,0,0,0,1,5\n", 3, "without a GOTO/"),
         ("UNITS/MM\nGOTO/5,0,0\nCIRCLE/0,0,0,0,0,1,5\nRAPID\n", 4, "between a CIRCLE/ and"),
-        ("UNITS/MM\nGODLTA/5,0,0\n", 2, "nothing to add to"),
+        ("UNITS/MM\nGODLTA/5,0,0\n", 2, "it has no start point"),
         ("UNITS/MM\nGOTO/1,2,$\n3,$\n", 2, "continued statement"),
         ("UNITS/MM\nMULTAX/OFF\nGOTO/1,2,3,0,1,0\n", 3, "after MULTAX/OFF"),
         ("UNITS/MM\nFEDRAT/.1,MMPR\nGOTO/1,2,3\n", 3, "per revolution"),
@@ -283,4 +283,4 @@ def test_a_file_without_points_and_one_in_the_wrong_unit():
 def test_a_machining_axis_system_of_its_own_is_told():
     rows = "$$*CATIA0\n$$ Axis\n$$ 1 0 0 25.0\n$$ 0 1 0 0\n$$ 0 0 1 0\n"
     path = read("UNITS/MM\n" + rows + "GOTO/1,2,3\n")
-    assert "in their own machining axis system" in path.notes[0]
+    assert "in a machining axis system" in path.notes[0]

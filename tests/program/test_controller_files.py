@@ -76,7 +76,7 @@ def test_kuka_config() -> None:
     np.testing.assert_allclose(got.bases["1"], expected, atol=1e-15)
     assert got.tools["2"][2, 3] == pytest.approx(0.2155)
     assert len(got.notes) == 1
-    assert "base 17 stands on machine 2" in got.notes[0]
+    assert "base 17 is on machine 2" in got.notes[0]
 
 
 def test_yaskawa_tools_and_user_frames() -> None:

@@ -71,8 +71,8 @@ def test_frames_by_number() -> None:
     unknown = Reason.UNKNOWN_FRAME
     assert program.reason.tolist() == [0, 0, unknown, unknown]
     said = "\n".join(program.notes)
-    assert "work frame 4 stands in the controller (UFRAME), not in the program" in said
-    assert "test.ls:30: tool 5 stands in the controller (UTOOL)" in said
+    assert "work frame 4 is in the controller (UFRAME), not in the program" in said
+    assert "test.ls:30: tool 5 is in the controller (UTOOL)" in said
     assert "add tool 5 to the cell" in said
 
 
@@ -225,7 +225,7 @@ def test_positions_never_taught() -> None:
         ("   GP1:\n", "", 'test.ls:10: "UF : 1, UT'),
         ("};\n", "}\n", "in P[1] cannot be read"),
         ("};\n", "};\nX\n", "test.ls:15: 'X' is no position record"),
-        ("/END\n", record(1) + "/END\n", "test.ls:15: P[1] stands in line 9, too"),
+        ("/END\n", record(1) + "/END\n", "test.ls:15: P[1] is in line 9, too"),
     ],
 )
 def test_refusals(old: str, new: str, message: str) -> None:

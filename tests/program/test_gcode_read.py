@@ -203,7 +203,7 @@ def test_tools_come_from_the_cell() -> None:
 )
 def test_what_moves_the_coordinates_or_the_path(before: str, behind: str, reason: Reason) -> None:
     program = sinumerik(f"{FIRST}\n{before}\n{FIRST[3:]}")
-    kept = any("left alone, too: the next point" in note for note in program.notes)
+    kept = any("not compensated either: the next point" in note for note in program.notes)
     assert reasons(program) == [Reason.INCOMPLETE if kept else Reason.NONE, reason]
     assert any(":5" in note or ":6" in note for note in program.notes)
     if behind:
@@ -231,7 +231,7 @@ def test_what_moves_the_coordinates_or_the_path(before: str, behind: str, reason
 )
 def test_fanuc_words_that_are_not_followed(block: str, reason: Reason) -> None:
     program = fanuc(f"G1 X1. Y2. Z3. A0. B0. C0.\n{block}")
-    kept = any("left alone, too: the next point" in note for note in program.notes)
+    kept = any("not compensated either: the next point" in note for note in program.notes)
     assert reasons(program) == [Reason.INCOMPLETE if kept else Reason.NONE, reason]
     assert any(":5" in note or ":6" in note for note in program.notes)
 
@@ -279,7 +279,7 @@ def test_refused() -> None:
 
 def test_what_was_taken_for_granted_is_told() -> None:
     untold = read("sinumerik", f"TRAORI\n{FIRST}\n".encode())
-    assert untold.notes == ("part.nc:1: the program states no unit: millimetres were taken.",)
+    assert untold.notes == ("part.nc:1: the program states no unit: millimetres are assumed.",)
     tool = sinumerik(f"$TC_DP3[1,1]=215.5\n{FIRST}")
     assert tool.notes == ("part.nc:4: the program sets data of a tool; that of the cell is used.",)
     assert reasons(tool) == [Reason.NONE]
@@ -370,4 +370,4 @@ def test_a_local_zero_of_constants_moves_the_work_offset() -> None:
     assert np.isnan(some[2])
     inches = fanuc(f"G20\n{LOCAL}", table)
     assert np.isnan(places(inches)).all()
-    assert any("is not in millimetres for sure" in note for note in inches.notes)
+    assert any("is not certainly in millimetres" in note for note in inches.notes)

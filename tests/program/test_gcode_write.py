@@ -242,7 +242,7 @@ def test_a_point_left_alone_inherits_no_correction(behind: str) -> None:
     left = program.reason != Reason.NONE
     assert left.tolist()[:2] == [False, False]
     assert left[2:].all()  # the last point before is left alone, too
-    assert any(":6: left alone, too: the next point" in note for note in program.notes)
+    assert any(":6: not compensated either: the next point" in note for note in program.notes)
     turn = matrix_from_abc(np.array([0.3, 0.2, 0.1]) * DEG)
     change = moved(program, np.array([0.4, 0.5, 0.6]) * MM, turn)
     change = replace(change, changed=~left)

@@ -115,7 +115,7 @@ def test_conversational_blocks_take_no_words_they_do_not_know() -> None:
 )
 def test_what_is_not_compensated(block: str, reason: Reason) -> None:
     program = of(f"{FIRST}\n{block}")
-    kept = any("left alone, too: the next point" in note for note in program.notes)
+    kept = any("not compensated either: the next point" in note for note in program.notes)
     assert reasons(program)[0] == (Reason.INCOMPLETE if kept else Reason.NONE)
     assert reasons(program)[-1] == reason
     assert any("part.nc:" in note for note in program.notes)
@@ -184,7 +184,7 @@ def test_a_retreat_to_the_limit_is_told_as_what_it_is() -> None:
     program = of(f"{FIRST}\nL M140 MB MAX\nL X+2.0\nL Y+2.0 Z+3.0 A+0.0 B+0.0 C+0.0")
     assert reasons(program) == [Reason.INCOMPLETE, Reason.INCOMPLETE, Reason.NONE]
     assert not any("not understood" in note for note in program.notes)
-    assert any("Y, Z, A, B, C: left out here and not said before" in n for n in program.notes)
+    assert any("Y, Z, A, B, C: left out here and not stated before" in n for n in program.notes)
 
 
 def test_corners_between_lines_change_nothing() -> None:

@@ -45,8 +45,8 @@ def test_documents_and_what_is_no_document() -> None:
 
 
 @pytest.mark.parametrize(("made", "used", "cost"), [
-    (MODEL, NOMINAL, "Touching with a calibrated and machining with the nominal arm leaves 1.15"),
-    (NOMINAL, MODEL, "Touching with the nominal and machining with a calibrated arm leaves 1.12"),
+    (MODEL, NOMINAL, "Probing with a calibrated and machining with the nominal arm leaves 1.15"),
+    (NOMINAL, MODEL, "Probing with the nominal and machining with a calibrated arm leaves 1.12"),
     (MODEL, replace(MODEL, sha256="c" * 64), "leaves 1.12 to 1.15 mm rms"),
 ])  # fmt: skip
 def test_the_refusal_quotes_the_cost(made: ModelIdentity, used: ModelIdentity, cost: str) -> None:

@@ -95,11 +95,11 @@ def test_frames_that_are_not_known() -> None:
     unknown = int(Reason.UNKNOWN_FRAME)
     assert program.reason.tolist() == [unknown, unknown, Reason.RELATIVE, unknown, Reason.NONE]
     said = "\n".join(program.notes)
-    assert "test.jbi:9: work frame 7 stands in the controller (UFRAME.CND)" in said
+    assert "test.jbi:9: work frame 7 is in the controller (UFRAME.CND)" in said
     assert "add base 7 to the cell" in said
-    assert "test.jbi:12: tool 0 stands in the controller (TOOL.CND)" in said
+    assert "test.jbi:12: tool 0 is in the controller (TOOL.CND)" in said
     assert "test.jbi:15: 1 points in tool coordinates" in said
-    assert "MTOOL is not one robotrue knows" in said
+    assert "MTOOL is not supported by robotrue" in said
 
 
 def test_a_relative_job_takes_the_user_frame_of_its_attributes() -> None:
@@ -221,13 +221,13 @@ def test_seven_values_are_not_those_of_a_six_axis_arm() -> None:
 
 def test_counts_that_do_not_fit_are_named() -> None:
     job = text(f"{HEAD}C00000={P}", "MOVL C00000").replace("NPOS 1,", "NPOS 2,")
-    assert "NPOS says 2,0,0,0,0,0, but 1,0,0,0,0,0 points" in read(job).notes[0]
+    assert "NPOS states 2,0,0,0,0,0, but 1,0,0,0,0,0 points" in read(job).notes[0]
 
 
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("/JOB\n", "", "-0.0000,15.0000' stands where /JOB should"),
+        ("/JOB\n", "", "-0.0000,15.0000' is in place of /JOB"),
         ("//INST\n", "", "'NOP' is no point and no header"),
         ("\nEND\n", "\n", "test.jbi:15: the job has no END"),
         ("C00000=800.000", "C00000=8oo.000", "test.jbi:9: '8oo.000,-100.000"),
@@ -238,7 +238,7 @@ def test_counts_that_do_not_fit_are_named() -> None:
         ("///TOOL 1", "///TOOL one", "test.jbi:5: ///TOOL 'one' is no list of whole numbers"),
         ("MOVL C00000", "MOVL C00009", "test.jbi:15: a move to C00009, which //POS does not hold"),
         ("MOVL C00000", "MOVL C00009 +MOVL C00000", "a move to C00009"),
-        ("//INST", f"C00000={P}\n//INST", "test.jbi:10: this point stands in line 9, too"),
+        ("//INST", f"C00000={P}\n//INST", "test.jbi:10: this point is in line 9, too"),
         ("//NAME", "//\0NAME", "test.jbi:2: NUL byte at offset 7"),
     ],
 )

@@ -154,7 +154,7 @@ def test_points_of_the_dat_are_read_beside(tmp_path: Path) -> None:
         ([*lines(50), f"CIRC {AXES},{pose(1)}"], "an arc through axis", -1),
         ([*lines(50), f"LIN {pose(1)[:-1]},E1 5.0}}"], "external axes are away from zero", 0),
         (["WAIT SEC 1"], "no targets", 0),
-        ([f"LIN {pose(1)}", *["LIN {X 1}"] * 400], "without one that leaves nothing out", 1),
+        ([f"LIN {pose(1)}", *["LIN {X 1}"] * 400], "without a complete one", 1),
     ],
 )  # fmt: skip
 def test_what_must_be_read_whole_says_why(

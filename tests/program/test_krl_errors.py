@@ -28,9 +28,9 @@ P = "{X 1,Y 2,Z 3,A 4,B 5,C 6}"
         (b"DEF p()\nLIN {X 1.0,Y 2\n,Z 3}\n", "part.src:2: column 5: '{' without its '}'"),
         (b"DEF p()\ngs[1]={p {X 1.0,Y 2}\n", "part.src:2: column 21: '{' without its '}'"),
         (b"DEF p()\nLIN X 1}\n", "part.src:2: column 8: '}' without a '{'"),
-        (b"DEF p()\nLIN {X 1.2.3,Y 2}\n", "part.src:2: column 8: a number that cannot be read."),
-        (b"DEF p()\nLIN {X 1E999,Y 2}\n", "part.src:2: column 8: a number that cannot be read."),
-        (b"DEF p()\nLIN {X 1,x 2}\n", "part.src:2: column 12: a component that stands twice"),
+        (b"DEF p()\nLIN {X 1.2.3,Y 2}\n", "part.src:2: column 8: an unreadable number."),
+        (b"DEF p()\nLIN {X 1E999,Y 2}\n", "part.src:2: column 8: an unreadable number."),
+        (b"DEF p()\nLIN {X 1,x 2}\n", "part.src:2: column 12: a component that occurs twice"),
         (b"DEF p()\nPTP {X 1,S 'B012'}\n", "part.src:2: column 12: a based integer"),
         (b"DEF p()\n\0\n", "part.src:2: NUL byte at offset 8"),
         (b"\xff\xfeD\0E\0F\0", "part.src:1: the file is UTF-16"),
@@ -66,5 +66,5 @@ def test_a_program_without_targets_and_a_bare_list_of_motions() -> None:
 
 def test_camrob_is_named() -> None:
     program = read('DEF p()\nCR_PROCESS_FILE("x.csv",1,-1,"OK")\nEND\n')
-    said = "part.src:2: the targets stand in x.csv, which is not beside the program."
+    said = "part.src:2: the targets are in x.csv, which is not next to the program."
     assert program.notes == (said,)

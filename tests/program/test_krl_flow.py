@@ -98,7 +98,7 @@ def test_a_subprogram_that_sets_the_tool_only() -> None:
 def test_the_note_says_where_the_ways_part() -> None:
     program = read(f"DEF p()\nBAS(#BASE,1)\na:\n{P}\nBAS(#BASE,2)\nGOTO a\nEND\n", TABLE)
     assert program.notes == (
-        "part.src:3: the base differs between the ways that lead to this label; set it again "
+        "part.src:3: the base differs between the paths to this label; set it again "
         "after this line.",
     )
 
@@ -120,13 +120,13 @@ def test_targets_behind_an_unknown_routine_are_left_alone_until_both_frames_are_
     unknown = Reason.UNKNOWN_FRAME
     assert program.reason.tolist() == [Reason.NONE, unknown, unknown, Reason.NONE, unknown]
     assert program.notes == (
-        "part.src:4: Spindle_On is in no file given and may change base or tool: 2 targets "
-        "behind it are not compensated, until both are set again. Give its file, too; if it "
-        "changes none of them, say so in the cell: [controller] harmless_routines = "
+        "part.src:4: Spindle_On is in no file given and may change base or tool: 2 targets after "
+        "it are not compensated, until both are set again. Give its file, too; if it changes none "
+        "of them, state in the cell: [controller] harmless_routines = "
         '["Spindle_On"].',
-        "part.src:10: CUT is in no file given and may change base or tool: 1 targets behind it "
-        "are not compensated, until both are set again. Give its file, too; if it changes none of "
-        'them, say so in the cell: [controller] harmless_routines = ["CUT"].',
+        "part.src:10: CUT is in no file given and may change base or tool: 1 targets after it are "
+        "not compensated, until both are set again. Give its file, too; if it changes none of "
+        'them, state in the cell: [controller] harmless_routines = ["CUT"].',
     )
     table = replace(TABLE, harmless_routines=("spindle_on", "cut"))
     assert read(text + f"CUT()\n{P}\nEND\n", table).reason.tolist() == [Reason.NONE] * 5
@@ -196,7 +196,7 @@ def test_an_incomplete_target_keeps_what_it_is_known_to_inherit() -> None:
     change = replacement(program, by_mm=(0.1, 0.1, 0.1))
     assert changed_lines(program, change)[0].startswith("LIN {X 12.600")
     assert write(program, change).splitlines()[3:] == text.splitlines()[3:]
-    assert any("follow the target before them where it is" in note for note in program.notes)
+    assert any("follow the previous target where it is" in note for note in program.notes)
 
 
 @pytest.mark.parametrize(
@@ -222,13 +222,13 @@ def test_lines_that_no_way_leads_to(text: str, expected: list[float | None]) -> 
 def test_what_is_said_of_a_line_that_no_way_leads_to() -> None:
     program = read(f"DEF p()\nBAS(#BASE,1)\nRETURN\n{P}\nEND\n", TABLE)
     (note, _) = program.notes
-    assert note.startswith("part.src:3: the base is not known here: no way through the program")
+    assert note.startswith("part.src:3: the base is unknown: no path through the program")
     assert not any("#TCP" in note for note in program.notes)
 
 
 def test_what_stands_behind_a_routine_that_never_returns() -> None:
     program = read(f"DEF p()\nEND\nDEF d()\nd()\n{P}\nEND")
     assert program.reason.tolist() == [Reason.UNKNOWN_FRAME]
-    assert "part.src:4: the base is not known: no way through the program leads here" in "".join(
+    assert "part.src:4: the base is unknown: no path through the program leads here" in "".join(
         program.notes
     )

@@ -214,7 +214,7 @@ def test_a_camrob_path_begins_where_the_program_takes_the_arm(tmp_path: Path) ->
     made(tmp_path, part_src=posed)
     path = of(read_job(tmp_path / "part.src"), "path.csv")
     assert not len(path.start)
-    assert any("no axis target stands before its call" in note for note in path.notes)
+    assert any("no axis target before its call" in note for note in path.notes)
 
 
 def test_the_files_a_program_names() -> None:

@@ -125,7 +125,7 @@ def test_offsets() -> None:
     unknown = module(move("Offs(p10,0,0,z)") + move("p10") + move("RelTool(p20,0,0,z)"), data)
     assert unknown.reason.tolist() == [0] + [Reason.RELATIVE] * 3
     assert any("start of Offs or RelTool" in note for note in unknown.notes)
-    assert any("used by Offs or RelTool alone" in note for note in unknown.notes)
+    assert any("used only by Offs or RelTool" in note for note in unknown.notes)
 
 
 def test_offsets_of_computed_size() -> None:

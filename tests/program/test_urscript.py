@@ -232,7 +232,7 @@ def test_a_function_in_no_script_may_set_the_tool() -> None:
     assert script(text).notes == (
         "part.script:3: rq_close is in no file given and may change the tool: 1 targets behind "
         "it are not compensated, until set_tcp. Give its file, too; if it changes none of them, "
-        'say so in the cell: [controller] harmless_routines = ["rq_close"].',
+        'state in the cell: [controller] harmless_routines = ["rq_close"].',
     )
     known = FrameTable(harmless_routines=("rq_close",))
     assert script(text, known).reason.tolist() == [NONE] * 3

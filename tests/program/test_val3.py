@@ -165,7 +165,7 @@ def test_a_project_and_a_folder_are_one_job(tmp_path: Path) -> None:
     [
         (DTX[:900], r"app\.dtx:\d+: not well-formed XML"),
         (DTX.replace('x="100.000"', 'x="1O0"'), r"app\.dtx:19: x of pPath\[0\] is '1O0'"),
-        (DTX.replace('key="1" x="110', 'key="0" x="110'), r"app\.dtx:20: pPath\[0\] stands twice"),
+        (DTX.replace('key="1" x="110', 'key="0" x="110'), r"app\.dtx:20: pPath\[0\] occurs twice"),
         (DTX.replace("<Database", "<!DOCTYPE a><Database"), "a document type declaration"),
         (PJX.replace('"true"', '"false"'), "counts in inches"),
         ("<programList xmlns='ProgramNameSpace'></programList>", "before version 7"),

@@ -79,10 +79,10 @@ def test_a_customer_reads_words_and_no_row_of_a_prior():
         Parameter(name="base_x", value=0.2, sd=0.1, unit="mm", known="weakly seen"),
     ]
     content = certificate_content(replace(make_facts(), parameters=tuple(rows)))
-    section = next(s for s in content.sections if s.title == "What was identified")
+    section = next(s for s in content.sections if s.title == "Identified parameters")
     table = section.blocks[0]
     assert [row[0] for row in table.rows] == ["zero, axis 3", "base, x"]
-    assert table.caption.endswith("1 parameter that the data say nothing about is left out.")
+    assert table.caption.endswith("1 parameter that the data do not determine is left out.")
 
 
 @pytest.mark.parametrize(
@@ -119,5 +119,5 @@ def test_an_empty_head_is_the_default():
 def test_a_damaged_logo_is_named_in_the_pdf(stated):
     (stated.parent / "logo.png").write_bytes(PNG[:-20])
     head = read_certificate_head(stated, [])
-    with pytest.raises(ConfigurationError, match=r"the PDF cannot be set: .*image"):
+    with pytest.raises(ConfigurationError, match=r"the PDF cannot be laid out: .*image"):
         report_pdf(certificate_content(replace(make_facts(), head=head)))

@@ -126,7 +126,7 @@ def test_page_of_a_transfer_says_who_is_used_and_what_it_takes():
     assert content.verdict.text.startswith("transfer is used: 0.0")
     assert "mm from the target poses alone." in content.verdict.text
     page = report_html(content)
-    assert "Which source is used for the target" in page
+    assert "Source used for the target" in page
     assert "target-only, 0 target poses: no target row to fit." in page
     assert "floor" not in page
     unchecked = select_guarded({"transfer": knows}, {}, None)
@@ -135,7 +135,7 @@ def test_page_of_a_transfer_says_who_is_used_and_what_it_takes():
         verdict, selection, None, title="Transfer", subtitle="", simulated=True
     )
     assert content.verdict.tone == "caution"
-    assert "nothing was checked against the target" in content.verdict.text
+    assert "it was not checked against the target" in content.verdict.text
 
 
 def test_page_of_a_map_counts_what_cannot_be_taken():
@@ -154,7 +154,7 @@ def test_page_of_a_map_counts_what_cannot_be_taken():
     content = map_content(
         found, sector_similarities(found), title="Map", subtitle="", simulated=False
     )
-    assert f"{30 - lost} of 30 grid poses can be taken" in content.verdict.detail
+    assert f"{30 - lost} of 30 grid poses are in reach" in content.verdict.detail
     page = report_html(content)
-    assert f"Crosses: {lost} poses the arm cannot take." in page
+    assert f"Crosses: {lost} poses out of reach." in page
     assert "y -400 to -400 mm" in page

@@ -144,7 +144,7 @@ def test_nothing_lost_nothing_asked():
         model(only=("theta", "d", "a", "alpha", "beta", "base", "tool")), PAYLOAD
     )
     made = export_urdf(found)
-    assert "Nothing of the model is left out." in made.urdf
+    assert "The export contains the whole model." in made.urdf
     assert made.total.largest < 1e-12
 
 

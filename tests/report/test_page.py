@@ -204,7 +204,8 @@ def test_the_json_of_a_validation_keeps_its_promise(report):
 
 
 @pytest.mark.parametrize(
-    ("tolerance", "tone", "words"), [(1e-3, "good", "is kept"), (1e-5, "bad", "is NOT kept")]
+    ("tolerance", "tone", "words"),
+    [(1e-3, "good", ": conforms to"), (1e-5, "bad", "does NOT conform")],
 )
 def test_the_verdict_answers_the_tolerance(report, tolerance, tone, words):
     verdict = calibration_content(report, title="t", simulated=False, tolerance=tolerance).verdict

@@ -89,16 +89,17 @@ def test_an_unknown_language_key_or_value_is_refused():
         "inside the region of the poses): add poses spread further over the joint ranges and tool "
         "orientations.",
         "compliance4 - 1.94 compliance5: measure some poses under a known horizontal force; until "
-        "then the stated stiffness stands",
+        "then the stated stiffness is used",
         "3 of 80 rows carry no weight (row 7 first): their residual has a chance below one in a "
         "million under the fitted noise.",
-        "Only 12 poses: the largest error and the coverage mean little; at least 20 are asked for.",
+        "Only 12 poses: the largest error and the coverage are not significant; at least 20 are "
+        "required.",
         "A mean of 0.012 mm is below the 0.033 mm that instrument and repeatability (0.03 mm) "
-        "allow for one visit per pose: averaged, simulated, or seen by the fit.",
+        "allow for one visit per pose: averaged, simulated, or used in the fit.",
         "The stated 95 % regions hold 80.0 % of the poses (interval 66.9 to 88.8 %): the stated "
         "uncertainty is too small here.",
-        "The fit used rows of the same file (a.csv sha256:ab): the numbers hold only if these "
-        "poses were held back.",
+        "The fit used rows of the same file (a.csv sha256:ab): the numbers are valid only if "
+        "these poses were held out.",
         "Axis ranges of these poses: A1 50, A2 59 deg.",
         "Temperature 19.5 to 22.1 deg C.",
     ],

@@ -164,7 +164,7 @@ def test_lossy_export_is_refused_unless_asked_for():
     errors = np.zeros(len(robot.errors))
     errors[parameter_slice(6, "compliance")] = 1e-6
     robot = robot.with_errors(errors)
-    with pytest.raises(ConfigurationError, match=r"has compliance errors, which URDF cannot say"):
+    with pytest.raises(ConfigurationError, match="compliance errors, which URDF cannot represent"):
         to_urdf(robot)
     assert "<robot" in to_urdf(robot, geometry_only=True)
     with pytest.raises(ConfigurationError, match="parallelogram"):

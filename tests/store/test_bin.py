@@ -119,7 +119,7 @@ def somebody_writes(workspace: Workspace) -> Iterator[None]:
 def test_it_waits_for_nobody_and_takes_no_odd_days(workspace: Workspace) -> None:
     with (
         somebody_writes(workspace),
-        pytest.raises(ConfigurationError, match="somebody is taking files"),
+        pytest.raises(ConfigurationError, match="another process is importing files"),
     ):
         empty_bin(workspace, days=0.0)
     for days in (-1.0, float("nan"), 1e9):

@@ -130,7 +130,7 @@ def test_plausible_for_the_right_robot_only(
     for other in ("UR5", "UR10", "KUKA KR160 R1570", "ABB IRB 120-3/0.6"):
         wrong = preset(other)
         if other != name:
-            with pytest.raises(ImplausibleDataError, match="not the robot that was measured"):
+            with pytest.raises(ImplausibleDataError, match="not the measured robot"):
                 check_plausible(m, point(wrong, m.joints), wrong.reach)
 
 

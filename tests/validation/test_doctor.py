@@ -132,7 +132,7 @@ def test_a_lag_of_the_joints_is_removed_to_second_order(clean):
     cured, finding = cure_rows(
         ROBOT, replace(clean, joints=clean.joints - lag * step), None, "clock"
     )
-    assert "joints stand 4 % of the way to those of the row before" in finding.hypothesis.text
+    assert "joints are 4 % of the way to those of the row before" in finding.hypothesis.text
     np.testing.assert_allclose(cured.joints, clean.joints[1:], atol=5e-4)  # of steps of radians
     np.testing.assert_array_equal(cured.source_row, clean.source_row[1:])
 

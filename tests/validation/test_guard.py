@@ -70,7 +70,7 @@ def test_a_source_that_lies_is_not_used_and_the_message_says_so(n):
     model = select_guarded({"transfer": wrong, "source-only": wrong}, ALONE, target)
     verdict, _ = verdict_from_summary(model.training_summary())
     assert verdict.winner == "target-only"
-    assert verdict.doubts[0].startswith("the sources make it worse: transfer has 3.")
+    assert verdict.doubts[0].startswith("the sources increase the error: transfer has 3.")
     assert verdict.doubts[0].endswith("for target-only; the sources are not used.")
     assert model.training_summary()["doubts"][0] == verdict.doubts[0]
 
@@ -114,7 +114,7 @@ def test_without_target_poses_nothing_is_checked_and_that_is_said(rows, said):
     verdict, contest = verdict_from_summary(model.training_summary())
     assert (verdict.winner, verdict.checked, contest) == ("transfer", False, None)
     assert verdict.doubts[0].startswith(said)
-    assert "nothing was checked" in verdict.doubts[0]
+    assert "not checked against the target" in verdict.doubts[0]
     with pytest.raises(ObservabilityError, match="no candidate could be fitted; broken: too few"):
         select_guarded({"broken": unfit}, {}, None)
 
@@ -148,7 +148,7 @@ def test_target_points_all_at_one_place_are_said():
     near = replace(rows, joints=joints, position=position)
     model = select_guarded({"transfer": believes(bend)}, ALONE, near, reach=1.6)
     (doubt,) = verdict_from_summary(model.training_summary())[0].doubts
-    assert "of one place: the contest says nothing about the rest of the region" in doubt
+    assert "of one place: the contest does not hold for other parts of the region" in doubt
 
 
 def test_curve_is_nested_paired_and_says_who_failed():

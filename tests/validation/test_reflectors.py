@@ -108,7 +108,7 @@ def test_a_stored_model_knows_its_reflectors(training, method):
 def test_a_reflector_the_model_never_saw_is_refused(training):
     model = fit(nominal(), training, method="geometric", settings=SETTINGS)
     rows = replace(measured(30, 3), target=np.full(30, 7))
-    with pytest.raises(ModelMismatchError, match=r"reflector 7 .* which knows \[0, 1, 2\]"):
+    with pytest.raises(ModelMismatchError, match=r"reflector 7 .* which has \[0, 1, 2\]"):
         validate(model, rows)
 
 

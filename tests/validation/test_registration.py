@@ -193,7 +193,7 @@ def test_noise_stated_too_small_is_no_go(calibrated: tuple[FengCell, ErrorModel]
     small = replace(TOLD, touch=0.005 * MM, robot=0.05 * MM, fit="frame")
     found = register(model, touches, settings=small)
     assert found.verdict == "NO-GO"
-    assert "lie just beyond what good ones may (0.171 mm)" in found.frames[0].reasons[0]
+    assert "lie just beyond the limit for good ones (0.171 mm)" in found.frames[0].reasons[0]
     assert register(model, touches, settings=replace(TOLD, fit="frame")).verdict == "GO"
 
 

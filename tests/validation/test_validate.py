@@ -80,7 +80,7 @@ def test_doubts_are_found():
     text = "\n".join(report.doubts)
     outside = np.abs(measured(15).joints).max(axis=1) > 0.5 + 2 * DEG
     assert len(report.outside) == outside.sum() > 0
-    assert f"{outside.sum()} of 15 poses have a joint outside the range" in text
+    assert f"{outside.sum()} of 15 poses have a joint outside the training range" in text
     assert "The fit used rows of the same file (a.csv sha256:1)" in text
     assert "Only 15 poses" in text
     assert "joint 1 is free." in text
@@ -90,9 +90,9 @@ def test_the_very_rows_of_the_fit_are_recognised():
     poses = measured(40)
     mark = sha256(poses.joints.tobytes() + poses.position.tobytes())
     doubts = validate(FakeModel(summary={"data_sha256": mark}), poses).doubts
-    assert any("The fit saw exactly these poses" in doubt for doubt in doubts)
+    assert any("The model was fitted to exactly these poses" in doubt for doubt in doubts)
     others = validate(FakeModel(summary={"data_sha256": mark}), measured(40, seed=1)).doubts
-    assert not any("The fit saw" in doubt for doubt in others)
+    assert not any("The model was fitted" in doubt for doubt in others)
 
 
 def test_claims_that_are_wrong_are_said_in_both_directions():

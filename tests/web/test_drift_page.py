@@ -137,7 +137,7 @@ def test_a_program_report_needs_both_programs(place: Shop) -> None:
     assert [each.role for each in record.links] == ["about", "model", "before"]
     nothing = done(place, "report", {"lang": "en"})
     assert nothing.error is not None
-    assert "a report of nothing" in nothing.error["message"]
+    assert "nothing to report on" in nothing.error["message"]
 
 
 def test_a_file_dropped_on_the_page_becomes_a_verdict(

@@ -197,7 +197,7 @@ def test_uploads_have_a_quota_together(client: Client, filled: Shop, tmp_path: P
     made = [here.post("/api/files?name=a", content=content) for _ in range(3)]
     codes = [each.status_code for each in made]
     assert codes == [201, 201, 400]
-    assert made[2].json()["detail"].endswith("at most 1 MB are kept.")
+    assert made[2].json()["detail"].endswith("at most 1 MB are saved.")
     assert here.delete(f"/api/files/{made[0].json()['id']}").status_code == 204
     assert here.post("/api/files?name=a", content=content).status_code == 201
     for _ in range(4):

@@ -144,7 +144,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     ),
     "a model without poses": ({"model": "model"}, "no measurements were stated"),
     "a mapping of nothing": (
-        {"cell": "cell", "from_campaign": ["measured"], "mapping": "file"}, "maps nothing",
+        {"cell": "cell", "from_campaign": ["measured"], "mapping": "file"}, "is unused",
     ),
 }  # fmt: skip
 

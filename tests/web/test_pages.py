@@ -47,7 +47,7 @@ def test_a_project_shows_its_stages_and_the_next_step(client: Client, tmp_path: 
     with Workspace.create(tmp_path / "shop") as workspace:
         here = client(workspace=workspace)
         page = here.get("/", headers=english).text
-        assert 'href="/cell?new=1">Make a cell' in page
+        assert 'href="/cell?new=1">Create a cell' in page
         assert page.count("stage done") == 0
         for path in ("/plan", "/measurements", "/calibration", "/registration", "/drift"):
             assert 'data-testid="needs"' in here.get(path).text, path

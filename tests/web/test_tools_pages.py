@@ -339,7 +339,7 @@ def test_a_refused_file_is_told_with_its_line(here: Any, own: Shop) -> None:
 
 
 BAD: dict[str, tuple[dict[str, Any], str]] = {
-    "no file": ({"queries": None}, "'queries' is missing: which file?"),
+    "no file": ({"queries": None}, "'queries' is missing: a file."),
     "no such upload": ({"queries": {"upload": "0" * 32}}, "there is no upload"),
     "an upload that is a path": ({"queries": {"upload": "../../x"}}, "there is no upload"),
     "a path": ({"queries": {"path": "/etc/passwd"}}, "queries"),

@@ -131,7 +131,7 @@ def _check_program_in_part(made: Any, shop: Shop, record: RegistrationRecord, mo
     assert job.result["compensated"] == 3
     after = job.result["program"]["id"]
     seen = made.get(f"/programs?id={after}&part=judged", headers=english).text
-    assert "Part frame part: its origin is known to" in seen
+    assert "Part frame part: the standard uncertainty of its origin is" in seen
     assert "State your tolerance" in seen
     assert "GO</b>" not in seen
     assert "GO</b>" in made.get(f"/programs?id={after}&part=judged&tolerance_mm=9").text

@@ -236,7 +236,7 @@ def _rewritten(
         counts = _counts(result.summary(), force) | _name_left_alone(file.held, result.held)
         steps = result.tally.steps
         return Rewritten(sha256=result.sha256, counts=counts, steps=steps, held=held)
-    beside = "moves between points beside it and its own are not looked at for steps."
+    beside = "moves between points next to it and its points are not checked for steps."
     remarks = [beside] if any(f.held is not None and len(f.held.path) for f in files) else []
     for text in (*remarks, *result.notes):
         context.note(place_in_file(file.name, text))
@@ -327,7 +327,7 @@ def _tell(target: Path, document: Counts, force: StatedForce, context: Context) 
         f"written to {target}"
     )
     if not document["targets"]:
-        missing = "it holds no target; give what it calls, or the folder with all of it."
+        missing = "it holds no target; give the programs it calls, or the folder of all files."
         context.note(place_in_file(name, missing))
     sentences = []
     before, after = (document.get(f"predicted_error_{k}_um") for k in ("before", "after"))
@@ -371,13 +371,13 @@ def _frame_notes(in_use: Array, frame: PartFrame | None) -> list[str]:
         return []
     notes = []
     if frame.verdict != "GO":
-        notes.append(f"part frame {frame.name!r} is {frame.verdict}: do not cut before it is not.")
+        notes.append(f"part frame {frame.name!r} is {frame.verdict}: do not cut with it.")
     away = in_use - frame.T_base_part
     own = away[np.abs(away).max(axis=(1, 2), initial=0.0) > 1e-7]
     if len(own):
         far = float(np.linalg.norm(own[:, :3, 3], axis=1).max())
         notes.append(
-            f"sets its own work frame, {far / MM:.3f} mm from part frame {frame.name!r}; "
-            "its own is used."
+            f"sets a work frame {far / MM:.3f} mm from part frame {frame.name!r}; the program's "
+            "frame is used."
         )
     return notes

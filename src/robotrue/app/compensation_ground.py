@@ -226,7 +226,7 @@ def open_programs(
     ]
     if ground.model is not None and not any(known):
         context.inform(
-            f"{', '.join(names[:3])}: no identity file beside; taken as not compensated before. "
+            f"{', '.join(names[:3])}: no identity file; assumed to be uncompensated. "
             "A copy of a compensated program would be corrected twice."
         )
     return files, outputs

@@ -277,7 +277,7 @@ def _held_out_table(held_out: list[HeldOut]) -> ReportTable:
             )
         )
     return ReportTable(
-        title="UR10, measured: poses the fit never saw",
+        title="UR10, measured: poses not used in the fit",
         columns=(
             TableColumn(title="set"),
             TableColumn(title="held out"),
@@ -288,8 +288,9 @@ def _held_out_table(held_out: list[HeldOut]) -> ReportTable:
         ),
         rows=tuple(rows),
         caption=(
-            "Measured minus predicted; the robot was not moved again. Random: neighbours were "
-            "seen. Blocks: another hour. Regions: another part of the workspace."
+            "Measured minus predicted; the compensated poses were not measured. Random: "
+            "neighbours are in the fit. Blocks: another hour. Regions: another part of the "
+            "workspace."
         ),
     )
 
@@ -316,9 +317,9 @@ def _path_table(path: PathCheck) -> ReportTable:
             ),
         ),
         caption=(
-            "The model that compensated and the one that judges were fitted on disjoint halves of "
-            "series A; each estimates the tracker frame itself. The stated bound is in the robot's "
-            "base and contains that frame, common to all targets."
+            "The compensating and the checking model were fitted to disjoint halves of series A; "
+            "each estimates the tracker frame separately. The stated bound is in the robot's base "
+            "and contains that frame, common to all targets."
         ),
         highlight=1,
     )
@@ -404,7 +405,7 @@ def _make_sections(
     return (
         Section(title="Held-out poses", blocks=(tables[0],)),
         Section(
-            title="A path of its own",
+            title="A separate path",
             text="Predicted, not measured: the data hold no pose driven after compensation.",
             blocks=(
                 tables[1],

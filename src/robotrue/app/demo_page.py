@@ -44,7 +44,7 @@ def demo_tables(
                 ("before", OURS, *_three(report.errors_before)),
                 ("after calibration, predicted", OURS, *_three(report.errors_after)),
             ),
-            caption="Poses the fit never saw. The two robots differ: compare sizes, not digits.",
+            caption="Poses not used in the fit. The two robots differ: compare sizes, not digits.",
             highlight=3,
         ),
         ReportTable(
@@ -137,7 +137,7 @@ def demo_content(
     dry, after = np.linalg.norm(runs.dry_before, axis=1), np.linalg.norm(runs.dry_after, axis=1)
     sections = (
         _describe_job(hole, runs, tables),
-        Section(title="Poses the fit never saw", blocks=(tables[0],)),
+        Section(title="Poses not used in the fit", blocks=(tables[0],)),
         *calibration.sections,
     )
     return ReportContent(

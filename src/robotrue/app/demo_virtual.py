@@ -79,7 +79,7 @@ def run_virtual_demo(out_dir: Path, context: Context, *, seed: int) -> DemoResul
         cell, training, lambda text, done: tell(f"calibrating: {text}", 0.05 + 0.6 * done)
     )
     write_model(out_dir / "model.robotrue", chosen.model, cell)
-    tell("validating on poses the fit never saw", 0.68)
+    tell("validating on poses not used in the fit", 0.68)
     held_out = context.measurements(cell, [out_dir / "held_out.csv"])
     report = validate(chosen.model, held_out, payload=cell.payload)
     tell("compensating the flange-hole program", 0.72)

@@ -185,7 +185,7 @@ def _line(document: Mapping[str, object]) -> str:
     if status == "recorded":
         return (
             f"hole {hole}: left {document['left_a_deg']:+.4f}, {document['left_b_deg']:+.4f} deg "
-            f"as {document['truth']} measured; model version {document['version']}"
+            f"measured by {document['truth']}; model version {document['version']}"
         )
     if status == "alarm":
         return f"ALARM: {document['said']}"
@@ -205,7 +205,7 @@ async def serve_desk(desk: Desk, address: str, seconds: float | None, *, begin: 
         ConfigurationError: Another kind of address.
     """
     where = net_address(address, default_port=PORT)
-    where.read_options({"from": "HOST, the only one that is listened to"})
+    where.read_options({"from": "HOST, the only accepted sender"})
     if where.scheme != "udp":
         raise ConfigurationError(
             f"--from {where.scheme}://, expected udp://.", hint=f"--from udp://0.0.0.0:{PORT}"

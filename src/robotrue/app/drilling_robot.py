@@ -137,7 +137,7 @@ class DrillingRobot:
         if moved.max() > STILL:
             raise ImplausibleDataError(
                 f"joint {int(np.argmax(moved)) + 1} moves by {moved.max() / DEG:.4f} deg, up to "
-                f"{STILL / DEG:g} deg are a robot that stands.",
+                f"{STILL / DEG:g} deg count as a robot at rest.",
                 hint="clamp when the robot has come to rest.",
             )
         return np.asarray(np.mean([joints for _, joints in self._recent], axis=0))
@@ -168,7 +168,7 @@ def drilling_robot(
     """
     if address is None:
         raise ConfigurationError(
-            "--robot without --joints: where does the robot stand?",
+            "--robot without --joints: state the joints of the robot.",
             hint="--joints rsi://0.0.0.0:49152?cycle=4ms, or rtde://HOST.",
         )
     model, load, seat = carrying_robot(path, foot_abc_deg)

@@ -82,7 +82,7 @@ def read_arm(cell_path: Path, direction: str) -> CompliantArm:
     prior = np.asarray(cell.compliance_prior)
     if not np.isfinite(prior).any():
         raise ConfigurationError(
-            "the cell states no joint stiffness: nothing would bend.",
+            "the cell states no joint stiffness: nothing deflects.",
             source=cell_path,
             hint="[robot] stiffness_Nm_per_rad, from the data sheet or an earlier test.",
         )
@@ -96,7 +96,7 @@ def read_static_row(
     """Returns the static row of the response the windows were predicted with, if it is given."""
     if frf is None:
         context.note(
-            "without --frf the static row of the response is learned from the windows alone"
+            "without --frf the static row of the response is estimated from the windows only"
         )
         return None
     return compliance_of(fit_curve(read_frf(frf), "auto"), arm.direction)

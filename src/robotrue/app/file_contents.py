@@ -94,7 +94,7 @@ def _model_result(path: Path, stored: ModelFile) -> PlainResult:
             ("measured", "; ".join(summary.sources) or "not recorded"),
             ("training data", f"sha256:{summary.data_sha256 or 'not recorded'}"),
             ("cell", f"{cell.source or 'made in code'} sha256:{cell.digest or 'none'}"),
-            ("tracker frame", "the robot base" if cell.frame == "base" else "found by the fit"),
+            ("tracker frame", "the robot base" if cell.frame == "base" else "estimated by the fit"),
             ("kind", f"{stored.archive.kind}, schema {stored.archive.schema}"),
         ),
     )

@@ -80,7 +80,7 @@ class PlannedHierarchy:
             columns=("", "region", "turned by deg", "poses"),
             rows=tuple(rows),
         )
-        yield Note(f"every region sampled like the source would take {plan.complete} poses")
+        yield Note(f"sampling every region like the source requires {plan.complete} poses")
 
 
 def write_hierarchy(request: PlanRequest, cell: Cell, context: Context) -> PlannedHierarchy:

@@ -273,15 +273,15 @@ def _refusal(
         entry = fields[name].entry if name in fields else None
         if isinstance(entry, InputFile) and fault["type"] == "missing":
             return ConfigurationError(
-                f"the parameter {name!r} is missing: which file?", hint=entry.help
+                f"the parameter {name!r} is missing: a file.", hint=entry.help
             )
         if entry is not None and not isinstance(entry, Item) and fault["type"] == "missing":
             return ConfigurationError(f"the parameter {name!r} is missing.", hint=entry.help)
         if isinstance(entry, Item):
             if fault["type"] == "missing":
                 return ConfigurationError(
-                    f"the parameter {name!r} is missing: which {entry.noun}?",
-                    hint="robotrue workspace list shows what there is.",
+                    f"the parameter {name!r} is missing: a {entry.noun}.",
+                    hint="robotrue workspace list shows all items.",
                 )
             many = fields[name].many_in_jobs
             expected = f"one {entry.noun} or more" if many else f"the id of a {entry.noun}"

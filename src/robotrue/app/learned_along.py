@@ -81,7 +81,7 @@ class LearnedAlong:
                 (f"{name}, mean um", f"{values[known].mean() / UM:.2f}")
                 for name, values in zip(names, means, strict=True)
             ]
-        return Facts(title="with the learned deviation", rows=tuple(rows))
+        return Facts(title="with the fitted deviation", rows=tuple(rows))
 
 
 def learned_along(

@@ -114,8 +114,8 @@ def require_mapped(mapping: Path | None, references: Sequence[Reference]) -> Non
     """
     if mapping is not None and not any(isinstance(each, Path) for each in references):
         raise ConfigurationError(
-            f"the column mapping {mapping.name} maps nothing: no measured file came with it, and "
-            "measurements of a workspace were mapped when they were imported.",
+            f"the column mapping {mapping.name} is unused: no measured file was sent, and "
+            "measurements of a workspace were mapped at their import.",
             hint="send the measured files, or leave the mapping out.",
         )
 

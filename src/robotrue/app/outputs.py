@@ -91,7 +91,7 @@ def check_output(output: Path, sources: Sequence[Path], *, folder: bool = False)
     for source in sources:
         if output.exists() and source.exists() and output.samefile(source):
             raise ConfigurationError(
-                f"the output is {source.name}, which is read here; it is left as it is.",
+                f"the output is {source.name}, which is an input; it is not overwritten.",
                 source=output,
                 hint="another name after -o.",
             )

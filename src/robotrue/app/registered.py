@@ -98,7 +98,7 @@ def model_of_part(part: PartTable, cell: Path) -> ErrorModel | None:
             f"the part frame was registered with {part.identity}, whose file "
             f"{part.model_file or '(not named)'} is not there.",
             source=cell,
-            hint="put the model file back, or register anew from the cell or model it came from.",
+            hint="restore the model file, or register again from its cell or model.",
         )
     model = read_model(path).model
     require_same_model(part.identity, identity_of(model), what="the part frame", source=str(cell))

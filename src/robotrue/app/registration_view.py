@@ -121,7 +121,7 @@ def registration_blocks(found: RegisteredPart, controller_lines: Sequence[str]) 
                 ("x, y, z", _three(T[:3, 3] / MM, "mm")),
                 ("A, B, C", _three(abc_from_matrix(T[:3, :3]) / DEG, "deg")),
                 ("one sigma", f"{_three(sd[:3] / MM, 'mm')}; {_three(sd[3:] / DEG, 'deg')}"),
-                ("touches", f"{len(fit.names)}, of which {len(fit.outliers)} not believed"),
+                ("touches", f"{len(fit.names)}, of which {len(fit.outliers)} rejected"),
                 ("residual rms", f"{fit.rms / MM:.4f} mm"),
                 (f"{_share(frame)}, 95 %", f"{frame.region.max() / MM:.3f} mm or better"),
                 ("verdict", frame.verdict),

@@ -133,13 +133,13 @@ def draw_accuracy_curve(plan: PosePlan) -> PoseCurves:
         ),
         floor=expected.floor_mean,
         title="Expected mean error against the number of poses",
-        caption="From the arm's type and the instrument alone; nothing was measured.",
+        caption="From the arm's type and the instrument only; no measurements.",
     )
 
 
 def _list_rejected(plan: PosePlan) -> ReportTable:
     return ReportTable(
-        title="Why postures were left out",
+        title="Reasons of rejected postures",
         columns=(TableColumn(title="reason"), TableColumn(title="postures", digits=0)),
         rows=(*plan.rejected, ("kept as candidates", plan.candidates), ("drawn", plan.drawn)),
     )
@@ -206,14 +206,14 @@ def program_page(cell: Cell, document: ProgramDocument, *, simulated: bool) -> s
     ]
     if words:
         table = ReportTable(
-            title="Statements whose meaning is not known",
+            title="Unknown statements",
             columns=(
                 TableColumn(title="file"),
                 TableColumn(title="line"),
                 TableColumn(title="statement"),
             ),
             rows=tuple(words),
-            caption="They are comments in the program and move nothing.",
+            caption="They are comments in the program; no motion.",
         )
         sections.append(Section(title="Words", blocks=(table,)))
     total = sum(side["duration_s"] for side in sides)

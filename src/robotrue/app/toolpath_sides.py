@@ -140,16 +140,16 @@ def choose_frames(
 def note_frames(cell: Cell, frames: Sequence[PartFrame | None]) -> list[str]:
     """Returns what is to be said of the part frames, one sentence each."""
     if cell.part is None:
-        return ["the cell is not registered; its [base] was taken for the part frame."]
+        return ["the cell is not registered; its [base] is used as the part frame."]
     doubtful = {f.name: f.verdict for f in frames if f is not None and f.verdict != "GO"}
     notes = [
-        f"part frame {name!r} is {verdict}: do not cut before it is not."
+        f"part frame {name!r} is {verdict}: do not cut with it."
         for name, verdict in doubtful.items()
     ]
     if cell.part.identity.kind != "nominal":
         notes.append(
-            f"the part frame was registered with {cell.part.identity}: only the program "
-            "compensated by that model lands where it says."
+            f"the part frame was registered with {cell.part.identity}: only a program compensated "
+            "by that model is accurate."
         )
     return notes
 

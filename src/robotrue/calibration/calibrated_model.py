@@ -417,6 +417,6 @@ def _reflector_of(T_flange_tool: Array, root: Array, place: Array) -> Reflector:
 def unknown_reflector(number: int, known: Iterable[int]) -> ModelMismatchError:
     """Returns the error for rows of a reflector that a model does not know."""
     return ModelMismatchError(
-        f"reflector {number} is not in the model, which knows {[0, *sorted(known)]}.",
+        f"reflector {number} is not in the model, which has {[0, *sorted(known)]}.",
         hint="calibrate with rows of that reflector, or correct the column target.",
     )

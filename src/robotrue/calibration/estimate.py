@@ -264,7 +264,8 @@ def _verdict(
     short = posterior.numbers < seen.determinable
     if short:
         doubts.append(
-            f"{posterior.numbers} numbers for {seen.determinable} parameters: leans on the prior."
+            f"{posterior.numbers} numbers for {seen.determinable} parameters: the result depends "
+            "on the prior."
         )
     many = len(screened) > MANY_SCREENED * rows
     if len(screened):
@@ -297,7 +298,7 @@ def _loose_turns(posterior: Posterior) -> list[str]:
         x, y, z = posterior.state.T_tracker_base[k][:3, :3].T @ axes[:, -1]
         out.append(
             f"not seen by the data: the turn of tracker station {k} about ({x:+.2f}, {y:+.2f}, "
-            f"{z:+.2f}) in base: errors along that line are known, of errors across it the size "
+            f"{z:+.2f}) in base: errors along that line are known; of errors across it, the size "
             "but not the direction in base; add poses off the line, or measure in base."
         )
     return out

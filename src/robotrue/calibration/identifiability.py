@@ -40,18 +40,18 @@ CURES: Final[dict[Reveal, str]] = {
     "side load": "measure some poses under a known horizontal force, or state the stiffness",
     "orientation": "for its orientation and for other tools, use a reflector away from that axis, "
     "several reflectors, or a 6-D probe",
-    "another tool": "nothing for the measured tool; register any other tool on its own, "
-    "or measure several reflectors",
+    "another tool": "nothing for the measured tool; register any other tool separately, or "
+    "measure several reflectors",
     "root": "nothing inside the cell; to know it against the robot root, measure the root",
-    "nothing": "nothing: these move the arm alike, only their combination exists",
+    "nothing": "nothing: these have the same effect on the arm, only their combination exists",
 }
 STATED_STIFFNESS: Final = (
-    "measure some poses under a known horizontal force; until then the stated stiffness stands"
+    "measure some poses under a known horizontal force; until then the stated stiffness is used"
 )
 """The cure of compliance nobody saw where a stiffness was stated before."""
 ASSUMED_WEIGHT: Final = (
-    "unloaded poses show what the links weigh times how soft the drives are, not each; measure "
-    "some poses under a known force or a second payload, or state the link masses"
+    "unloaded poses determine the product of link weight and drive compliance, not each factor; "
+    "measure some poses under a known force or a second payload, or state the link masses"
 )
 """The cure of a drive's compliance that trades off with the weight it carries."""
 LONGEST: Final = 4

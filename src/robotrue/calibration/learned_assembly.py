@@ -161,12 +161,14 @@ def _summary(
     ]
     if idle:
         doubts.append(
-            f"joints {idle} show no ripple here: there is none, or the reflector is on the axis."
+            f"joints {idle} show no ripple: there is none, or the reflector is on the axis."
         )
     if not any(np.any(o.visits.approach) for o in at.design.observations):
-        doubts.append("the approach direction of no row is known: backlash was not learned.")
+        doubts.append("the approach direction of no row is known: backlash was not estimated.")
     if at.design.smooth.size:
-        doubts.append("the smooth residual is that of the measured point; other tools inherit it.")
+        doubts.append(
+            "the smooth residual is that of the measured point; it is used for other tools, too."
+        )
     doubts += warn_of_width(held_out)
     return {
         **notes,
@@ -188,7 +190,7 @@ def warn_of_width(held_out: HeldOutRows) -> list[str]:
     if held_out.inflation <= LARGE_FACTOR:
         return []
     return [
-        f"held-out blocks are off by more than the model expects (variance times "
+        f"held-out blocks deviate by more than the model expects (variance times "
         f"{held_out.inflation:.1f}): something drifts or is not modelled."
     ]
 

@@ -140,8 +140,8 @@ def _visits(robot: RobotModel, joints: Array, payload: Load, station: IntArray) 
 METHODS: Final = ("nominal", "geometric", "elastic")
 """Parameter sets that lengths can be fitted with."""
 UNSEEN_BASE: Final = (
-    "not seen by lengths: the place and the turn of the robot base in the cell; predictions hold "
-    "in the robot's own base."
+    "not seen by lengths: position and rotation of the robot base in the cell; predictions are in "
+    "the robot base."
 )
 
 

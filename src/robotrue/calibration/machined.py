@@ -258,7 +258,7 @@ def _frame_numbers(frames: Mapping[int, Array], part: npt.ArrayLike, n: int) -> 
     unknown = sorted(set(np.unique(number).tolist()) - set(frames))
     if unknown:
         raise ModelMismatchError(
-            f"part {unknown[0]} was not registered; the estimate knows {sorted(frames)}.",
+            f"part {unknown[0]} was not registered; the estimate has {sorted(frames)}.",
             hint="touch that part too.",
         )
     return np.broadcast_to(number, (n,))

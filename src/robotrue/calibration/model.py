@@ -138,8 +138,7 @@ def require_belief(model: ErrorModel) -> Belief:
     belief = model.belief()
     if belief is None:
         raise ConfigurationError(
-            f"a {type(model).__name__} keeps no covariance that new measurements could be added "
-            "to.",
+            f"a {type(model).__name__} has no covariance to which new measurements could be added.",
             hint="calibrate with a method of robotrue.calibration.methods.",
         )
     return belief

@@ -82,7 +82,7 @@ class NominalModel:
         """
         if measurements.frame != "base":
             raise ModelMismatchError(
-                "the measurements are in a tracker frame, which a nominal arm does not know.",
+                "the measurements are in a tracker frame, which a nominal arm does not have.",
                 hint="register the tracker to the base first, or calibrate.",
             )
         return measurements
@@ -104,7 +104,7 @@ class NominalModel:
                 "method": "none",
                 "rows": 0,
                 "verdict": "conditional",
-                "doubts": ["nothing was measured: the nominal arm, and the priors of its type."],
+                "doubts": ["no measurements: the nominal arm, and the priors of its type."],
             }
         )
 

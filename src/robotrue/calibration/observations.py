@@ -364,7 +364,7 @@ def take_to_base(
     unknown = sorted(set(measurements.station.tolist()) - set(T_tracker_base))
     if unknown:
         raise ModelMismatchError(
-            f"tracker station {unknown[0]} is not in the model, which knows "
+            f"tracker station {unknown[0]} is not in the model, which has "
             f"{sorted(T_tracker_base)}.",
             hint="calibrate with rows of that station, or register it first.",
         )

@@ -142,7 +142,8 @@ def _check_still_held(touches: ProbingSet, keep: BoolArray, in_base: Array, rows
 def _check_joints(touches: ProbingSet, dof: int) -> None:
     if not len(touches) or not touches.has_joints:
         raise ObservabilityError(
-            f"{len(touches)} touches without the robot's joints: nothing to learn of the arm.",
+            f"{len(touches)} touches without the robot's joints: they hold no information about "
+            "the arm.",
             source=touches.source or None,
             hint="give the joints of every touch, or fit the points alone.",
         )
@@ -173,7 +174,7 @@ def before_touching(model: ErrorModel, settings: ProbingSettings) -> Belief:
     if settings.T_flange_tool is not None:
         if settings.tool_sigma <= 0.0:
             raise ConfigurationError(
-                "the touches have a tool of their own, and nothing says how well it is known.",
+                "the touches have a separate tool without a stated uncertainty.",
                 hint="give tool_sigma; 1 mm is written tool_sigma=1e-3.",
             )
         # The smooth residual was learned at another point.
@@ -256,7 +257,7 @@ def _check_majority(
         wrong = [labels[i] for i in mine if not found[i]]
         if 2 * len(wrong) >= len(mine):
             raise ImplausibleDataError(
-                f"{len(wrong)} of {len(mine)} touches of part {k} disagree with the rest: "
+                f"{len(wrong)} of {len(mine)} touches of part {k} disagree with the others: "
                 f"{', '.join(wrong[:8])}{', ...' if len(wrong) > 8 else ''}.",
                 source=touches.source or None,
                 hint="check names, units, joint signs, tool of the touches, and touch_sigma.",
@@ -274,7 +275,7 @@ def _check_plausible(found: float, touches: ProbingSet) -> None:
     """
     if found > IMPLAUSIBLE:
         raise ImplausibleDataError(
-            f"the touches lie {found:.3g} times further from what is believed of arm and part than "
+            f"the touches lie {found:.3g} times further from the prior of arm and part than "
             f"expected, at most {IMPLAUSIBLE:g} times is plausible.",
             source=touches.source or None,
             hint="check names, units, joint signs, the tool, and touch_sigma.",

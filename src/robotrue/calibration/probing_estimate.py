@@ -219,8 +219,8 @@ def probing_summary(
         ],
         "verdict": "conditional",
         "doubts": [
-            "calibrated by touches alone: arm, tool and part are known together, at the postures "
-            "that were touched; elsewhere the stated uncertainty counts.",
+            "calibrated by touches only: arm, tool and part are determined together, at the "
+            "touched postures; elsewhere use the stated uncertainty.",
             *doubts,
         ],
         "unseen": [],

@@ -187,8 +187,8 @@ def _check_mirror(part: Array, base: Array, T: Array) -> None:
     size = float(np.sqrt(((part - part.mean(axis=0)) ** 2).sum(axis=1).mean()))
     if here > 1e-2 * size and there < 0.1 * here:
         raise ImplausibleDataError(
-            f"the touched points are the mirror image of the part: {here / MM:.3g} mm rms are "
-            f"left, {there / MM:.3g} mm with one axis of the part reversed.",
+            f"the touched points are the mirror image of the part: {here / MM:.3g} mm rms "
+            f"residual, {there / MM:.3g} mm with one axis of the part reversed.",
             hint="check the sign of one coordinate, or the order of the names.",
         )
 

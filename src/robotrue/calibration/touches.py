@@ -105,7 +105,7 @@ class PartDistanceObservation:
             length = float(np.linalg.norm(b - a))
             if length < COINCIDENT:
                 raise ImplausibleDataError(
-                    f"parts {known.first} and {known.second} stand {length * 1e3:.3g} mm apart, "
+                    f"parts {known.first} and {known.second} are {length * 1e3:.3g} mm apart, "
                     f"their known distance is {known.length * 1e3:.6g} mm.",
                     hint="check which touches belong to which part.",
                 )

@@ -237,7 +237,7 @@ def overlay_cell(cell: Cell, place: Cell) -> Cell:
         overlaid = replace(overlaid, controller=place.controller)
     if overlaid is cell:
         raise ConfigurationError(
-            "the cell states nothing that is used beside a model: no [base], [tool], [payload] or "
+            "the cell states nothing that is used with a model: no [base], [tool], [payload] or "
             "[controller], and no part frame.",
             source=place.source or None,
             hint="write what holds now into it, or leave --cell out.",

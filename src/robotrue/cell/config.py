@@ -105,7 +105,7 @@ class _Source:
             raise ConfigurationError(
                 f"the file {name!r} that the cell names did not come with it.",
                 source=self.path,
-                hint="make the model file anew from the cell.toml and the files it names.",
+                hint="make the model file again from the cell.toml and the files it names.",
             )
         return self.read[name]
 
@@ -194,8 +194,8 @@ def _target_axis(table: TargetTable | None) -> Array | None:
         return None
     if table.axis is None or not any(table.axis):
         raise ConfigurationError(
-            "target.acceptance_deg needs target.axis, the way the reflector looks, and that cannot "
-            "be zero.",
+            "target.acceptance_deg needs target.axis, the direction of the reflector, which "
+            "cannot be zero.",
             hint="axis = [0, 0, 1] for a reflector that looks away from the flange.",
         )
     return np.array(table.axis)

@@ -87,7 +87,7 @@ def _merge_files(files: Sequence[ControllerFile], side: str) -> dict[str, Array]
         for key, matrix in getattr(file, side).items():
             if key in frames and not np.allclose(frames[key], matrix, rtol=0.0, atol=1e-9):
                 raise ConfigurationError(
-                    f"controller.files: {side[:-1]} {key} stands in two files, with two values.",
+                    f"controller.files: {side[:-1]} {key} is in two files, with two values.",
                     hint="name the files of one controller.",
                 )
             frames[key] = matrix

@@ -131,7 +131,7 @@ def _gravity(vector: Array) -> Array:
     if length != 0.0 and not 9.7 <= length <= 9.9:
         raise ConfigurationError(
             f"robot.gravity_m_per_s2 has length {length:g} m/s^2, expected 9.7 to 9.9 (or 0).",
-            hint="[0, 0, -9.80665] for a robot that stands on the floor.",
+            hint="[0, 0, -9.80665] for a robot on the floor.",
         )
     return vector
 

@@ -94,7 +94,7 @@ def run() -> None:
     except SystemExit as stopped:
         if stopped.code != INTERRUPTED:
             raise
-        sys.stderr.write("robotrue: stopped; nothing was left half-written.\n")
+        sys.stderr.write("robotrue: stopped; no file is incomplete.\n")
         raise SystemExit(1) from None
     except BrokenPipeError:
         # Whoever read the result has closed the pipe (``| head``); the flush at exit must not fail.

@@ -275,15 +275,15 @@ def _list_left_whole(job: JobMoves, deviation: MoveDeviations, plan: SplitPlan) 
     rest = plan.over & (obstacle == Obstacle.NONE)
     tell(
         np.flatnonzero(rest & plan.stepped),
-        "its correction has a step, as where a joint turns back, that no number of parts removes",
+        "its correction has a step, as at the reversal of a joint, that no number of parts removes",
     )
     tell(
         np.flatnonzero(rest & ~plan.stepped),
-        "its configuration words change on the way, and those of this arm are not known",
+        "its configuration words change on the way, and those of this arm are unknown",
     )
     blind = unknown & (obstacle == Obstacle.NONE)
     for status in np.unique(deviation.status[blind]).tolist():
-        why = "it begins or ends at a target that is not compensated, or in another frame"
+        why = "it starts or ends at a target that is not compensated, or in another frame"
         if status != Status.UNCHANGED_SOURCE:
             why = f"on the way: {Status(status).explanation}"
         tell(np.flatnonzero(blind & (deviation.status == status)), why)
@@ -299,7 +299,7 @@ def _kept_sentence(job: JobMoves, deviation: MoveDeviations) -> str:
     kind = "arc" if job.moves.via[worst] >= 0 else "line"
     size = deviation.size[known] / UM
     return (
-        f"between the targets of {len(known) - arcs} lines and {arcs} arcs, kept whole: "
+        f"between the targets of {len(known) - arcs} lines and {arcs} arcs, not split: "
         f"{size.mean():.2f} um mean, {size.max():.2f} um max off the compensated path "
         f"(the {kind} to line {job.moves.line[worst]})"
     )
@@ -309,8 +309,8 @@ def _split_sentence(document: BetweenDocument) -> list[str]:
     split = document["split_um"]
     if document["split_moves"] and split is not None:
         return [
-            f"{document['split_moves']} moves split, {document['inserted_targets']} targets put "
-            f"in; then {split['max']:.2f} um max"
+            f"{document['split_moves']} moves split, {document['inserted_targets']} targets "
+            f"inserted; then {split['max']:.2f} um max"
         ]
     if document["left_whole"]:
         return ["no move is split"]
@@ -322,7 +322,7 @@ def _left_sentence(left: LeftWhole) -> str:
     more = f", ... ({left['moves']} in all)" if left["moves"] > len(left["lines"]) else ""
     size = "" if left["kept_um"] is None else f" ({left['kept_um']:.2f} um)"
     several = "s" if left["moves"] > 1 else ""
-    return f"line{several} {lines}{more}: left whole{size}: {left['reason']}."
+    return f"line{several} {lines}{more}: not split{size}: {left['reason']}."
 
 
 def _table(worst: Sequence[WorstMove]) -> tuple[str, ...]:

@@ -33,7 +33,7 @@ class DaskWorkers(ChunkWorkers):
 
     lost = (Exception,)
     """Killed, cancelled, or its data lost with the worker."""
-    once = "Dask lost {where} ({cause}); it was done again."
+    once = "Dask lost {where} ({cause}); it was repeated."
     twice = "the Dask workers lost {where} twice ({cause})."
     hint = "see the workers' logs, or leave --dask out."
 
@@ -155,7 +155,7 @@ def _compare_versions(client: DaskClient, address: str) -> list[str]:
         if theirs[-1] != own[-1]:
             notes.append(
                 f"Dask worker {worker} has a processor of another kind ({theirs[-1]}, here "
-                f"{own[-1]}): numbers agree to rounding, not surely bit for bit."
+                f"{own[-1]}): results agree to rounding, not necessarily bit for bit."
             )
     return notes
 

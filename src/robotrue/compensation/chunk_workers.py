@@ -121,7 +121,7 @@ def compensate_chunk(
     tally = result.tally(program)
     incomplete = np.flatnonzero(program.reason == Reason.INCOMPLETE)
     if len(incomplete) and not held:
-        text = "components are left out, and what the targets inherit is not known."
+        text = "components are left out, and their inherited values are unknown."
         note = row_note(program, incomplete, text, rank=_INCOMPLETE)
         tally = replace(tally, notes=(note, *tally.notes))
     return CompensatedChunk(
@@ -256,9 +256,9 @@ class ChunkProcesses(ChunkWorkers):
     """Processes of this machine, each started anew and with one thread."""
 
     lost = (BrokenProcessPool,)
-    once = "a worker process died while {where} was waited for; it was done again."
-    twice = "a worker process died twice while {where} was waited for."
-    hint = "--workers 1; and see whether memory ran out."
+    once = "a worker process died while it computed {where}; it was repeated."
+    twice = "a worker process died twice while it computed {where}."
+    hint = "--workers 1; and check the memory."
 
     def __init__(self, job: ChunkJob, count: int) -> None:
         super().__init__(job, count, count + 1)

@@ -189,12 +189,12 @@ def _remarks(program: Program, *, rotation_known: bool) -> tuple[str, ...]:
     remarks = []
     if program.held.any():
         remarks.append(
-            f"{int(program.held.sum())} targets carry the part to a tool that stands in the cell; "
-            "shifts and errors told of them are those of the part's frame."
+            f"{int(program.held.sum())} targets carry the part to a fixed tool in the cell; their "
+            "shifts and errors are in the part's frame."
         )
     if not rotation_known:
         remarks.append(
-            "the model knows no rotation error at some targets; their rotation was kept as nominal."
+            "the model has no rotation error at some targets; their rotation stays nominal."
         )
     return tuple(remarks)
 
@@ -225,7 +225,7 @@ def _notes(program: Program, settings: CompensationSettings, outcome: Outcome) -
         rows = np.flatnonzero(sigma > settings.max_sigma)
         if len(rows):
             text = (
-                "outside what the calibration knows, predicted to %.0f um (1 sigma) where "
+                "outside the range of the calibration, predicted to %.0f um (1 sigma) where "
                 f"{settings.max_sigma / UM:.0f} um is allowed; measure poses there."
             )
             worst = float(np.nanmax(sigma) / UM)

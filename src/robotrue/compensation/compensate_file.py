@@ -136,7 +136,7 @@ def compensate_file(
             held = solved.held
             chunk = file.chunks[len(tallies) - 1]
             progress("compensating", chunk.first + chunk.targets, file.targets)
-        notes = [] if closed else ["an arm without a closed form is followed by one process."]
+        notes = [] if closed else ["an arm without a closed form is solved by one process."]
         return CompensatedFile(
             tally=sum_tallies(tallies),
             sha256=digest.hexdigest(),

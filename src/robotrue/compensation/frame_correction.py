@@ -77,10 +77,10 @@ class FrameCorrection:
         before, after = (_largest_mm(mean_and_max(v)) for v in (self.before, self.after))
         name = f" {self.name}" if self.name else ""
         one = self.computed == 1
-        kept = "target keeps its numbers" if one else "targets keep their numbers"
+        kept = "target is unchanged" if one else "targets are unchanged"
         return (
             f"{self.computed} computed {kept}. To move {'it' if one else 'them'} too, run the "
-            f"program as it was with work frame{name} {_print_frame(self.T_world_after)} in place "
+            f"original program with work frame{name} {_print_frame(self.T_world_after)} in place "
             f"of {_print_frame(self.T_world_before)}: predicted error at its {self.fitted} known "
             f"targets {after} mm max instead of {before} mm."
         )

@@ -237,7 +237,7 @@ def _by_words(
     if len(astray):
         text = (
             f"no solution has the {CALLED[maker]} written there; "
-            "the nearest to the target before was taken."
+            "the solution nearest to the previous target was used."
         )
         notes = (row_note(program, astray, text, rank=ASTRAY),)
     return _WordChoice(
@@ -322,7 +322,8 @@ def new_words(
     notes: tuple[RowNote, ...] = ()
     if len(crossed):
         text = (
-            f"the correction takes an axis across the edge of a word; {CALLED[maker]} were renewed."
+            "the correction moves an axis across the boundary of a configuration word; "
+            f"{CALLED[maker]} were renewed."
         )
         notes = (row_note(program, crossed, text, rank=CROSSED),)
     return words, notes

@@ -76,7 +76,7 @@ class ForceRule(Columns):
                 raise ConfigurationError(
                     f"force {self.name!r}: no cutting target in lines {first} to {last} of "
                     f"{path.name}.",
-                    hint="lines are those where the targets stand; see robotrue diff.",
+                    hint="lines are those of the targets; see robotrue diff.",
                 )
             out |= inside
         return self._of_feed(path, out)
@@ -138,7 +138,7 @@ class ForceTable(Columns):
             k = int(late[0]) + 1
             value = self.at[k] / (MM if self.key == "path_mm" else 1.0)
             raise FormatError(
-                f"{self.key} {value:g} stands here again or goes back.",
+                f"{self.key} {value:g} occurs again or decreases here.",
                 source=self.source,
                 line=int(self.rows[k]),
                 hint="one row for each, path_mm growing.",
@@ -196,9 +196,7 @@ class ForceTable(Columns):
         pushed = named & ~path.cutting & self.wrench[row].any(axis=1)
         if pushed.any():
             k = int(row[np.argmax(pushed)])
-            raise self._fault(
-                path, k, "it is reached by a joint move or a rapid, which cut nothing"
-            )
+            raise self._fault(path, k, "it is reached by a joint move or a rapid, without cutting")
         target = np.flatnonzero(named & path.cutting)
         return target, row[target]
 
@@ -207,7 +205,7 @@ class ForceTable(Columns):
             f"{self.key} {self.at[row]:g} of {path.name}: {why}.",
             source=self.source,
             line=int(self.rows[row]),
-            hint="name the targets of the program as it is given here, or leave the row out.",
+            hint="name targets of this program, or leave the row out.",
         )
 
 
@@ -391,7 +389,7 @@ def note_rigid_model(force: StatedForce, model: ErrorModel | None) -> list[str]:
     if not force.wrench.any() or (model is not None and not _rigid(model)):
         return []
     return [
-        "the model knows no compliance: the process force changes nothing. Calibrate with "
+        "the model has no compliance: the process force has no effect. Calibrate with "
         "--method elastic, ripple or gp."
     ]
 

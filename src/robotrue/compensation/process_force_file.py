@@ -170,8 +170,8 @@ def _read_part(
     if source == "csv":
         beside = [k for k in ("moment_Nm", "lines", "moves", "feeds_mm_per_s") if k in stated]
         if beside:
-            hint = "leave it out: the table says where which force acts."
-            raise fault(beside[0], f"{beside[0]} stands beside csv", hint)
+            hint = "leave it out: the table states the forces and their places."
+            raise fault(beside[0], f"{beside[0]} is given together with csv", hint)
         return read_force_table(
             path.parent / entry.csv,
             name=entry.name if "name" in stated else entry.csv,
@@ -204,7 +204,7 @@ def _find_source(stated: Mapping[str, object], fault: Fault) -> str:
     sources = [key for key in ("force_N", "milling", "csv") if key in stated]
     if len(sources) != 1:
         said = " and ".join(sources) if sources else "neither force_N nor milling nor csv"
-        hint = "one of force_N, milling and csv says how large the force is."
+        hint = "one of force_N, milling and csv states the size of the force."
         raise fault("", f"{said} in one [[force]]", hint)
     return sources[0]
 

@@ -257,7 +257,7 @@ def _spin_run(task: _Task, run: SpinRun) -> _Found | str:
     branch = branches_of(task.robot, task.joints[run.rows])
     posed = run.rows[1:] if run.fixed else run.rows
     if (branch != branch[-1]).any():
-        return "the arm changes its branch among them"
+        return "the arm changes its configuration among them"
     robot = task.robot.with_tool(program.T_flange_tool[program.tool[posed[0]]])
     T = np.array(task.path.T_base_tool[run.rows])
     if run.fixed:
@@ -276,7 +276,7 @@ def _spin_run(task: _Task, run: SpinRun) -> _Found | str:
         stations = stations_of(scene.dense.along, spacing)
         way = _way(scene, stations)
         if way.branch < 0:
-            return why or "a joint limit or a singularity is in the way of every spin"
+            return why or "a joint limit or a singularity blocks every rotation"
         found = _as_driven(scene, stations, way)
         if found is not None:
             return found if _gains(scene, found) else ""

@@ -179,7 +179,7 @@ def _origins(
         kept = mine[of_move[mine] < 0]
         there = np.flatnonzero(~gone[old[k] : old[k + 1]]) + old[k]
         if len(kept) != len(there):
-            raise _unlike(before[k], f"{len(kept)} of its {len(there)} targets were found again")
+            raise _unlike(before[k], f"{len(kept)} of its {len(there)} targets were read back")
         origin[kept] = there
     last = np.flatnonzero((part == plan.parts[which] - 1) & (part > 0) & (moves.via >= 0))
     of_move[moves.via[last]] = which[last]
@@ -211,13 +211,13 @@ def _require_planned(
     lost = np.flatnonzero(np.isnan(off) != np.isnan(wanted[:, 0]))
     if len(bad) or len(lost):
         at = int(bad[0] if len(bad) else lost[0])
-        what = f"a target is {off[at] / MM:.4f} mm and {spun[at]:.6f} rad from where it should be"
+        what = f"a target is {off[at] / MM:.4f} mm and {spun[at]:.6f} rad from its expected place"
         raise _unlike(before[0], what)
 
 
 def _unlike(program: Program, what: str) -> FormatError:
     return FormatError(
-        f"the split program does not read as the path it should: {what}; nothing is written.",
+        f"the split program differs from the expected path: {what}; nothing is written.",
         source=program.name,
-        hint="leave --split away for this program, and report it.",
+        hint="omit --split for this program, and report the problem.",
     )

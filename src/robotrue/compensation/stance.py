@@ -21,10 +21,10 @@ _AT_LIMIT: Final = 1e-4
 ChosenBy: TypeAlias = Literal["words", "axis target", "start posture", "middle of the limits"]
 
 _SAID: Final[dict[str, str]] = {
-    "words": "as the program's configuration words say",
-    "axis target": "as the program's axis values say",
+    "words": "from the program's configuration words",
+    "axis target": "from the program's axis values",
     "start posture": "the nearest to the start posture",
-    "middle of the limits": "the nearest to the middle of the joint limits, since nothing says it",
+    "middle of the limits": "the nearest to the middle of the joint limits, since none is stated",
 }
 
 
@@ -63,7 +63,7 @@ class Stance:
 def sentence(stated: StanceDocument) -> str:
     """Returns :meth:`Stance.document` in words."""
     axes = ", ".join(f"{value:.1f}" for value in stated["axes_deg"])
-    return f"line {stated['line']}: the arm stands at {axes} deg, {_SAID[stated['chosen_by']]}"
+    return f"line {stated['line']}: the arm is at {axes} deg, {_SAID[stated['chosen_by']]}"
 
 
 def first_stance(

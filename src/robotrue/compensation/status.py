@@ -29,14 +29,14 @@ class Status(Explained):
     UNCHANGED_JOINT_LIMIT = 5, "beyond a joint limit"
     UNCHANGED_SINGULAR = 6, "too near a singularity"
     UNCHANGED_WRIST_SINGULAR = 7, "wrist stretched: axes 4 and 6 in line"
-    UNCHANGED_BRANCH_JUMP = 8, "needs another arm configuration than the target before it"
+    UNCHANGED_BRANCH_JUMP = 8, "needs another arm configuration than the previous target"
     UNCHANGED_STEP = 9, "the correction is larger than allowed"
     UNCHANGED_NOT_CONVERGED = 10, "the inversion did not reach its tolerance"
     UNCHANGED_CONFIGURATION = (
         11,
-        "nothing says which configuration the arm takes, and another one inside the "
-        "joint limits has another error; state where it begins with [controller] "
-        "start_deg in the cell, or --start A1,..,A6",
+        "the arm configuration is not stated, and another one inside the joint limits has another "
+        "error; state the start posture with [controller] start_deg in the cell, or --start "
+        "A1,..,A6",
     )
 
 
@@ -114,7 +114,7 @@ _BY_REASON: Final[Mapping[Reason, str]] = {
     Reason.EXTERNAL_AXIS: "describe the axis in the cell ([[controller.external]]), or state "
     "external_axes_at_rest",
     Reason.JOINT_TARGET: "state [robot] maker in the cell",
-    Reason.INCOMPLETE: "write out at the target what it leaves out",
+    Reason.INCOMPLETE: "write the omitted values out at the target",
     Reason.TOOL_ON_FLOOR: "state [controller] fixed_tool in the cell",
 }
 _BY_STATUS: Final[Mapping[Status, str]] = {

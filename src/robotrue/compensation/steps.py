@@ -278,7 +278,8 @@ class StepRule:
             f"{_count_sentence(steps)}, above {self.max_mm:g} mm; {_step_sentence(steps.worst)}. "
             "Nothing was written.",
             source=name,
-            hint="--allow-steps; the notes say why targets are left alone, and what cures it.",
+            hint="--allow-steps; the notes list the reasons of uncompensated targets, with a "
+            "remedy.",
         )
         fault.detail = {"steps": self.document(steps)}
         raise fault
@@ -308,11 +309,11 @@ def steps_sentence(steps: Steps) -> str:
 
 def _count_sentence(steps: Steps) -> str:
     size = f"{steps.largest / MM:.3f} mm"
-    where = "in the path between targets left alone and compensated ones"
+    where = "in the path between uncompensated and compensated targets"
     if steps.count == 1:
         return f"1 step of {size} {where}"
     return f"{steps.count} steps {where}, the largest {size}"
 
 
 def _step_sentence(step: PathStep) -> str:
-    return f"from {step.before} to {step.after}, {step.left} is left alone"
+    return f"from {step.before} to {step.after}, {step.left} is not compensated"

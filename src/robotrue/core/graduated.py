@@ -99,7 +99,7 @@ def weigh_touches(residual: Callable[[Array], Array], n: int, bound: float) -> A
         squared = residual(weights) ** 2
         mu *= FASTER
     raise ConvergenceError(
-        f"{int(((weights > 0) & (weights < 1)).sum())} of {n} touches are neither right nor wrong "
-        f"after {PASSES} passes at a bound of {bound / MM:.3g} mm.",
-        hint="state the noise anew; the bound cuts through the good touches.",
+        f"{int(((weights > 0) & (weights < 1)).sum())} of {n} touches are neither accepted nor "
+        f"rejected after {PASSES} passes at a bound of {bound / MM:.3g} mm.",
+        hint="state the noise again; the bound excludes good touches.",
     )

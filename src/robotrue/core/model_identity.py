@@ -17,9 +17,9 @@ Kind = Literal["nominal", "calibrated"]
 SAME_ARM: Final = "0.19 mm (nominal) or 0.09 mm (calibrated)"
 """Machining error, rms, of a part touched at 20 points and machined with the same model."""
 MIXED: Final = {
-    ("calibrated", "nominal"): "Touching with a calibrated and machining with the nominal arm "
+    ("calibrated", "nominal"): "Probing with a calibrated and machining with the nominal arm "
     "leaves 1.15 mm rms",
-    ("nominal", "calibrated"): "Touching with the nominal and machining with a calibrated arm "
+    ("nominal", "calibrated"): "Probing with the nominal and machining with a calibrated arm "
     "leaves 1.12 mm rms",
 }
 """The same with (touched, machined) by different models; simulated, 193 arms of a KR160."""
@@ -94,6 +94,6 @@ def require_same_model(
         f"{MIXED.get((made.kind, used.kind), OTHERS)} at the part (simulated arms, 20 touches), "
         f"where one model for both leaves {SAME_ARM}.",
         source=source,
-        hint="touch and machine with one model: register again with the model that will machine, "
+        hint="probe and machine with one model: register again with the model that will machine, "
         "or machine with the one that touched.",
     )

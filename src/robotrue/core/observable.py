@@ -38,9 +38,9 @@ def check_motions(centre: Array, normal: Array, T_base_part: Array) -> None:
         for motion in named
     )
     raise ObservabilityError(
-        f"{len(centre)} touches do not hold the part. Left open, in part axes: {listed}. "
+        f"{len(centre)} touches do not locate the part. Undetermined, in part axes: {listed}. "
         f"Allowed is {WEAKEST:.0f} times one touch.",
-        hint="touch a face whose normal that motion changes, far from the others.",
+        hint="probe a face whose normal that motion changes, far from the others.",
     )
 
 

@@ -297,7 +297,7 @@ def read_mesh(path: str | Path, *, unit: float = MM) -> TriangleMesh:
         raise ImplausibleDataError(
             f"the mesh of {len(faces)} triangles has {_fault(vertices, faces)}.",
             source=path,
-            hint="repair it in CAD; a touch must know which side is outside.",
+            hint="repair it in CAD; the outside of the mesh must be defined.",
         )
     if loaded.volume < 0.0:
         faces = faces[:, ::-1]
@@ -320,8 +320,8 @@ def _fault(vertices: Array, faces: IntArray) -> str:
         wrong, what = pairs[counts > 2], "edges that more than two triangles share"
     if not len(wrong):
         ways, times = np.unique(edges, axis=0, return_counts=True)
-        wrong, what = ways[times > 1], "edges between faces that look opposite ways"
+        wrong, what = ways[times > 1], "edges between faces with opposite normals"
     if not len(wrong):
-        return "faces that look the wrong way"
+        return "faces with reversed normals"
     x, y, z = vertices[wrong[0]].mean(axis=0) / MM
     return f"{len(wrong)} {what}; the first is at ({x:.1f}, {y:.1f}, {z:.1f}) mm"

@@ -146,7 +146,7 @@ def _refuse_height(model: NormalModel, found: CorrectedReadings) -> None:
     off, tilt = _height_off(model, found)
     if tilt > HARD_DEG * DEG:
         raise ImplausibleDataError(
-            f"the plane of the readings is {off / MM:+.4f} mm off where the campaign found it: one "
+            f"the plane of the readings is {off / MM:+.4f} mm off its place in the campaign: one "
             f"sensor may be {abs(off) * len(model.foot.radius) / MM:.3f} mm off, which tilts the "
             f"normal by {tilt / DEG:.2f} deg.",
             hint="a sensor that is disturbed or wired the other way round, an edge under it, or a "
@@ -171,7 +171,7 @@ def _notes(model: NormalModel, clamps: Clamps, found: CorrectedReadings) -> tupl
     known = model.envelope.approach
     if clamps.approach[0] not in known:
         notes.append(
-            f"the foot came down {clamps.approach[0] or 'in the usual way'!r}, the campaign knows "
+            f"the foot came down {clamps.approach[0] or 'in the usual way'!r}, the campaign has "
             f"{', '.join(repr(a or 'the usual way') for a in known)}: friction may leave a tenth "
             "of a degree."
         )
@@ -183,7 +183,7 @@ def _notes(model: NormalModel, clamps: Clamps, found: CorrectedReadings) -> tupl
     off, tilt = _height_off(model, found)
     if tilt > LIMIT_DEG * DEG:
         notes.append(
-            f"the plane of the readings is {off / MM:+.4f} mm off where the campaign found it: if "
+            f"the plane of the readings is {off / MM:+.4f} mm off its place in the campaign: if "
             f"one sensor has shifted, the normal is {tilt / DEG:.2f} deg off. Try: `drill zero`."
         )
     return (*notes, *_zero_notes(model), *_position_notes(model, clamps))
@@ -197,8 +197,8 @@ def _zero_notes(model: NormalModel) -> list[str]:
     said = "the zero is not that of the campaign"
     if not a or not b:
         return [
-            f"{said}, and the foot file does not state how well it repeats: the stated deviation "
-            "leaves it out. Try: `drill zero` with 5 seats or more."
+            f"{said}, and the foot file does not state its repeatability: the stated deviation "
+            "does not include it. Try: `drill zero` with 5 seats or more."
         ]
     return [
         f"{said}: it leaves {a:.4f} deg in a and {b:.4f} deg in b "

@@ -96,7 +96,7 @@ def check_campaign(foot: Foot, campaign: Campaign) -> None:
     n = len(campaign)
     if n < FEWEST:
         raise ObservabilityError(
-            f"{n} clamps, at least {FEWEST} are needed to learn anything of a foot.",
+            f"{n} clamps, at least {FEWEST} are needed to calibrate a foot.",
             source=campaign.source or None,
             hint="clamp 15 times or more, with different tilts, forces and heights.",
         )
@@ -122,14 +122,15 @@ def campaign_warnings(foot: Foot, campaign: Campaign) -> tuple[str, ...]:
     warnings = []
     if np.ptp(force) < ONE_FORCE:
         warnings.append(
-            f"all {len(campaign)} clamps are at {force.mean():.0f} N: what the force does cannot "
-            "be learned, and a clamp at another force is refused. Try: two forces or more, such as "
-            "drill plan --forces-n 0,250,500."
+            f"all {len(campaign)} clamps are at {force.mean():.0f} N: the effect of the force "
+            "cannot be estimated, and a clamp at another force is refused. Try: two forces or "
+            "more, such as drill plan --forces-n 0,250,500."
         )
     if np.ptp(height) < ONE_HEIGHT:
         warnings.append(
-            f"all {len(campaign)} clamps are at z {height.mean() / MM:.1f} mm: what the height "
-            "does cannot be learned. Try: two heights or more, such as drill plan --z-mm -100,100."
+            f"all {len(campaign)} clamps are at z {height.mean() / MM:.1f} mm: the effect of the "
+            "height cannot be estimated. Try: two heights or more, such as drill plan --z-mm "
+            "-100,100."
         )
     if (step := find_step(foot, campaign)) is not None:
         a, b = (step.tilt / DEG).tolist()
@@ -141,8 +142,8 @@ def campaign_warnings(foot: Foot, campaign: Campaign) -> tuple[str, ...]:
         )
     _, reasons = usable_positions(foot, campaign)
     warnings += [
-        f"{reason}: it is not used as a cause. Try: calibration planes that face different ways "
-        "or stand in different places."
+        f"{reason}: it is not used as a cause. Try: calibration planes with different directions "
+        "or in different places."
         for reason in reasons.values()
     ]
     return tuple(warnings)
@@ -169,7 +170,7 @@ def _check_slopes(campaign: Campaign, measured: Array, expected: Array) -> None:
     if SLOPE[0] <= size <= SLOPE[1]:
         return
     raise ImplausibleDataError(
-        f"the readings travel {size:.4g} times as far as the tilts say.",
+        f"the readings travel {size:.4g} times as far as the tilts.",
         source=campaign.source or None,
         hint="check the unit of the readings, radius_mm of the foot, and that a_deg and b_deg are "
         "degrees.",
@@ -186,7 +187,7 @@ def _check_each(campaign: Campaign, measured: Array, expected: Array) -> None:
     k = int(wrong[0])
     mirrored = SLOPE[0] <= -slopes[k] <= SLOPE[1]
     raise ImplausibleDataError(
-        f"sensor {k + 1} travels {slopes[k]:.3f} times as far as the tilts say, "
+        f"sensor {k + 1} travels {slopes[k]:.3f} times as far as the tilts, "
         f"{SLOPE[0]:g} to {SLOPE[1]:g} are possible"
         f"{': it is mounted or wired the other way round' if mirrored else ''}.",
         source=campaign.source or None,
@@ -218,8 +219,8 @@ def check_head(head: Head, campaign: Campaign) -> None:
     raise ImplausibleDataError(
         f"the calibration plane seems to turn with the head: neighbouring normals are "
         f"{stated / DEG:.3f} deg apart with sense {[int(v) for v in head.sense]}, "
-        f"{spread / DEG:.3f} deg with {[int(v) for v in sense]}: {' and '.join(wrong)} count the "
-        "other way round.",
+        f"{spread / DEG:.3f} deg with {[int(v) for v in sense]}: {' and '.join(wrong)} are "
+        "reversed.",
         source=campaign.source or None,
         hint=f"[head] sense = {[int(v) for v in sense]} in the foot file, or the sign of "
         f"{', '.join(f'axis_{name}_deg' for name in wrong)}.",
@@ -248,7 +249,7 @@ def _check_order(foot: Foot, campaign: Campaign, measured: Array, expected: Arra
     left, said, hint = min(causes, key=lambda cause: cause[0])
     if left < BETTER * stated:
         raise ImplausibleDataError(
-            f"the readings fit the tilts when {said}: {left / MM:.3f} mm rms are left, "
+            f"the readings fit the tilts when {said}: {left / MM:.3f} mm rms residual, "
             f"{stated / MM:.3f} mm as stated.",
             source=campaign.source or None,
             hint=hint,
@@ -265,7 +266,7 @@ def _best_order(measured: Array, expected: Array) -> tuple[float, str, str]:
     said = exchanged_columns(best)
     return (
         left,
-        f"{said}: sensors are exchanged, or their angles run the other way round",
+        f"{said}: sensors are exchanged, or the direction of their angles is reversed",
         "exchange the columns, or angles_deg of the foot.",
     )
 

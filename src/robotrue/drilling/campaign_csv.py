@@ -193,7 +193,7 @@ def readings_less_zero(raw: Array, form: str, setup: FootSetup) -> Array:
             "raw readings, and the foot has no zero.",
             source=setup.source,
             hint="put the readings on the mandrel or calibration plane into zero_mm or "
-            "zero_counts; a zero that is guessed is a tilt of every hole.",
+            "zero_counts; a guessed zero tilts every hole.",
         )
     return np.asarray(raw * unit_of_readings(form, setup) - setup.zero)
 
@@ -208,7 +208,7 @@ def unit_of_readings(form: str, setup: FootSetup) -> float:
         return MM
     if setup.count is None:
         raise ConfigurationError(
-            "readings in counts, and the foot does not say how long a count is.",
+            "readings in counts, and the foot does not state the length of a count.",
             source=setup.source,
             hint="count_um = 1.0",
         )
@@ -234,9 +234,9 @@ def setup_of(model: NormalModel, path: Path, foot: Path | None) -> FootSetup:
     )
     if not same:
         raise ConfigurationError(
-            f"the sensors of {foot.name} stand elsewhere than those the model was learned with.",
+            f"the sensors of {foot.name} are in other places than those of the model.",
             source=foot,
-            hint="pass the foot file of the campaign, or learn anew.",
+            hint="pass the foot file of the campaign, or fit again.",
         )
     return stated
 
@@ -271,7 +271,7 @@ def _read_clamps(sheet: Sheet, setup: FootSetup, beside: tuple[str, ...]) -> Cla
     unknown = [name for name in sheet.header if column_key(name) not in keys]
     if unknown:
         raise sheet.fault(
-            f"column {unknown[0]!r} is not known for a foot of {sensors} sensors.",
+            f"column {unknown[0]!r} is unknown for a foot of {sensors} sensors.",
             f"{', '.join(known)}.",
         )
     force, height = sheet.numbers(CONDITIONS).T

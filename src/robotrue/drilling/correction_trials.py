@@ -246,7 +246,7 @@ def require_inputs(names: str, foot: Foot, campaign: Campaign) -> tuple[Position
             f"--inputs {names}: {said or 'the campaign does not record them'}.",
             source=campaign.source or None,
             hint="columns X_mm, Y_mm, axis_A_deg, axis_B_deg, and clamps on calibration planes "
-            "that face different ways or stand in different places.",
+            "with different directions or in different places.",
         )
     return chosen
 

@@ -132,7 +132,7 @@ class Foot(Columns):
         spread = np.linalg.svd(self.design, compute_uv=False)
         if not spread[-1] > FLATTEST * spread[0]:
             raise ConfigurationError(
-                "the sensors lie on one line, or their places cannot tell tilt from curvature.",
+                "the sensors lie on one line, or their places do not separate tilt from curvature.",
                 hint="spread them around the spindle and, for the curvature, over two radii.",
             )
 

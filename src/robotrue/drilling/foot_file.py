@@ -193,7 +193,7 @@ def _zero(table: FootTable, sensors: int) -> Array | None:
         raise ConfigurationError("the zero is given twice, in mm and in counts.")
     if table.zero_counts is not None and table.count_um is None:
         raise ConfigurationError(
-            "zero_counts without count_um: how long is a count?", hint="count_um = 1.0"
+            "zero_counts without count_um, the length of a count.", hint="count_um = 1.0"
         )
     if table.zero_mm is None and table.zero_counts is None:
         return None

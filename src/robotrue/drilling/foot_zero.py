@@ -87,7 +87,7 @@ def read_zero(path: str | Path, setup: FootSetup) -> FootZero:
     if seats < FEWEST:
         what = "rows" if seat is None else "seats of the tool"
         raise ObservabilityError(
-            f"{seats} {what}, at least {FEWEST} are needed to state how well the zero repeats.",
+            f"{seats} {what}, at least {FEWEST} are needed to state the repeatability of the zero.",
             source=sheet.source,
             hint="put the tool on again, read, and name each time in the column seat.",
         )
@@ -185,7 +185,7 @@ def check_exchange(found: FootZero, setup: FootSetup) -> None:
         f"{exchanged_columns(order)}: sensors are exchanged.",
         source=setup.source,
         hint="exchange the columns, or the cables; without the old zero in the foot file the new "
-        "one is taken as it is.",
+        "one is not checked.",
     )
 
 

@@ -134,8 +134,8 @@ def gcode(move: HeadMove, *, feed_mm_per_min: float) -> str:
     """
     if not np.isfinite(move.shift).all():
         raise ConfigurationError(
-            "X, Y and Z of the move are not known: the tip would leave the hole.",
-            hint="give [head] pivot_to_tip_mm in the foot file and learn the model again.",
+            "X, Y and Z of the move are unknown: the tip would leave the hole.",
+            hint="give [head] pivot_to_tip_mm in the foot file and fit the model again.",
         )
     words = [f"{a}{v / MM:+.4f}" for a, v in zip("XYZ", move.shift, strict=True)]
     words += [f"{a}{v / DEG:+.5f}" for a, v in zip("AB", move.turn, strict=True)]

@@ -175,8 +175,8 @@ class HoleSession:
         drilled = self._waiting.get(hole)
         if drilled is None:
             raise ConfigurationError(
-                f"a reference for hole {hole!r}, which was not moved for here.",
-                hint="the name of the hole as it was answered with a move; each reference once.",
+                f"a reference for hole {hole!r}, for which this session has no move.",
+                hint="the name of a hole that was answered with a move; each reference once.",
             )
         found = estimate_tilt(self.model, drilled.clamps)
         self._refuse_far(hole, drilled, left, found)
@@ -199,7 +199,7 @@ class HoleSession:
             self._far.popitem(last=False)
         said = (
             f"the reference of hole {hole} is {off / DEG:.3f} deg, {expected / DEG:.4f} deg are "
-            "expected of model and reference: it is not learned"
+            "expected of model and reference: it is not used"
         )
         hint = "left_a_deg, left_b_deg in degrees, true normal less spindle axis, after the move."
         clamps, lefts = zip(*self._far.values(), strict=True)

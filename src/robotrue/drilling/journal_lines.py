@@ -37,7 +37,7 @@ def foreign_line(source: str | Path, number: int) -> FormatError:
         "not a line of a drilling journal.",
         source=source,
         line=number,
-        hint="another file for the journal; this one is left as it is.",
+        hint="another file for the journal; this one is not overwritten.",
     )
 
 

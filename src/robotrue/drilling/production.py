@@ -104,7 +104,7 @@ def _restart_after_alarm(
     )
     said = (
         f"hole {record.hole}: the tilt has shifted by about {a:+.3f} deg in a and {b:+.3f} deg in "
-        f"b: {was}check the zero on the mandrel. What follows refines the model."
+        f"b: {was}check the zero on the mandrel. Later holes refine the model."
     )
     return RecordUpdate(
         model=changed, score=score, alarm=True, shift=shift, said=said, hole=record.hole
@@ -203,7 +203,7 @@ def freeze_model(
     """
     if digest and digest == model.campaign:
         raise ConfigurationError(
-            "the test is the campaign the model was learned from.",
+            "the test is the campaign of the model.",
             source=test.source or None,
             hint="clamp some twenty times more, with tilts and forces in between.",
         )
@@ -213,7 +213,7 @@ def freeze_model(
     if result.ours.p95 > allowed:
         raise ConfigurationError(
             f"95 % of the holes are within {result.ours.p95 / DEG:.4f} deg, {allowed / DEG:g} deg "
-            "are asked for: the model is not frozen.",
+            "are required: the model is not frozen.",
             source=test.source or None,
             hint="refine it, or add clamps to the campaign where the residuals are large.",
         )
@@ -239,7 +239,7 @@ def _refuse_worse(mean: float, was: float, test: Campaign) -> None:
             "it was refined: it is not frozen.",
             source=test.source or None,
             hint="holes that the model before moved and the true deviation of the reference, or "
-            "freeze that model as it was.",
+            "freeze that model without the refinement.",
         )
 
 

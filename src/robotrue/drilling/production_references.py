@@ -88,7 +88,7 @@ def _axis_causes(model: NormalModel, holes: ProductionRecord) -> Iterator[Refere
     }
     for said, turned in turns.items():
         yield ReferenceCause(
-            said=f"{said} than the model asked for",
+            said=f"{said} than requested by the model",
             hint="[head] sense of the foot file, --foot-abc-deg of a robot, or the axes in the "
             "program; then move and measure again.",
             rms=_rms(holes.left + turned - tilt),

@@ -80,7 +80,7 @@ class Remaining(Columns):
         if not name or name in OWN:
             raise ConfigurationError(
                 f"hole {self.hole}: {self.truth!r} is not an outside reference; the foot cannot "
-                "see its own zero, and learning from its own readings drifts.",
+                "measure its zero, and refining from its readings drifts.",
                 hint="measure with a mandrel plane, a hole gauge or a tracker, and name it.",
             )
 

@@ -87,7 +87,7 @@ def fit_linear(
     if not spread[-1] > 1e-10 * spread[0]:
         weak = names[int(np.argmax(np.abs(right[-1])))]
         raise ObservabilityError(
-            f"the campaign cannot tell the term {weak!r} from the others.",
+            f"the campaign does not separate the term {weak!r} from the others.",
             hint="vary tilt, force and height independently.",
         )
     inverse = (right.T / spread) @ left.T

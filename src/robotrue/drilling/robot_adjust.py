@@ -129,8 +129,8 @@ def _solve_pose(model: ErrorModel, joints: Array, goal: Array, load: Load) -> Ar
             )
         q = q + np.linalg.lstsq(slope, left, rcond=None)[0]
     raise ConvergenceError(
-        f"{np.abs(left[:3]).max() / MM:.6f} mm and {np.abs(left[3:]).max() / DEG:.6f} deg are left "
-        f"after {STEPS} steps.",
+        f"{np.abs(left[:3]).max() / MM:.6f} mm and {np.abs(left[3:]).max() / DEG:.6f} deg "
+        f"residual after {STEPS} steps.",
         hint="clamp nearer to the nominal normal.",
     )
 
@@ -141,7 +141,7 @@ def _require_near(model: ErrorModel, before: Array, after: Array) -> None:
     if len(outside):
         k = int(outside[0])
         raise ReachError(
-            f"joint {k + 1} would stand at {after[k] / DEG:.2f} deg, allowed are "
+            f"joint {k + 1} would be at {after[k] / DEG:.2f} deg, allowed are "
             f"{limits[k, 0] / DEG:.1f} to {limits[k, 1] / DEG:.1f} deg.",
             hint="another spin about the drill, and clamp again.",
         )

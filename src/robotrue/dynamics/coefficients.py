@@ -93,7 +93,7 @@ def identify_coefficients(cutter: EndMill, tests: Sequence[CuttingTest]) -> Iden
     scaled = design * _SIZE
     if np.linalg.cond(scaled / np.linalg.norm(scaled, axis=0)) > _HOPELESS:
         raise ObservabilityError(
-            "the tests cannot tell the six coefficients apart.",
+            "the tests do not separate the six coefficients.",
             hint="add slots at other feeds per tooth.",
         )
     found = np.linalg.lstsq(scaled, measured, rcond=None)[0] * _SIZE
@@ -164,8 +164,8 @@ def _check_feeds(tests: Sequence[CuttingTest]) -> None:
         )
     if max(feeds) < _SPREAD * min(feeds):
         raise ObservabilityError(
-            f"feeds per tooth from {min(feeds) * 1e3:g} to {max(feeds) * 1e3:g} mm: too much alike "
-            "to tell shear from edge.",
+            f"feeds per tooth from {min(feeds) * 1e3:g} to {max(feeds) * 1e3:g} mm: too similar "
+            "to separate shear from edge.",
             hint="spread them by a factor of two or more.",
         )
 
@@ -222,7 +222,7 @@ def _name_way(way: tuple[bool, float, float]) -> str:
     parts = (["x and y swapped"] if swapped else []) + (
         [f"{' and '.join(flips)} flipped" + (" afterwards" if swapped else "")] if flips else []
     )
-    return " and ".join(parts) or "the axes as they are"
+    return " and ".join(parts) or "the axes unchanged"
 
 
 def _plausible(slope: Array) -> bool:

@@ -58,7 +58,7 @@ class CompliantArm(Columns):
             )
         if not np.isfinite(self.stiffness).any():
             raise ConfigurationError(
-                "no joint of the arm has a stiffness: nothing would bend.",
+                "no joint of the arm has a stiffness: nothing deflects.",
                 hint="state [robot] stiffness in the cell file.",
             )
         if abs(float(np.linalg.norm(self.direction)) - 1.0) > 1e-6:

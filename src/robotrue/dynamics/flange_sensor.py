@@ -127,8 +127,7 @@ def identify_held_tool(R_base_sensor: Array, readings: Array) -> HeldTool:
     condition = float(np.linalg.cond(design))
     if not condition <= WORST_CONDITION:
         raise ObservabilityError(
-            f"the poses are too much alike: condition {condition:.3g}, at most "
-            f"{WORST_CONDITION:g}.",
+            f"the poses are too similar: condition {condition:.3g}, at most {WORST_CONDITION:g}.",
             hint="turn the wrist by 90 deg to both sides about two axes.",
         )
     found, force_noise, cov = _solve_least_squares(design, wrench[:, :3].ravel())
@@ -168,8 +167,8 @@ def held_tool_remarks(tool: HeldTool) -> tuple[str, ...]:
     if up <= 0.0:
         return ()
     return (
-        "the weight points up in base: right for an arm that hangs from above; one that stands has "
-        "a sensor that shows what the tool exerts, and every force has to change its sign",
+        "the weight points up in base: right for an arm that hangs from above; for an arm on the "
+        "floor the sensor shows the force of the tool, and every force must change its sign",
     )
 
 
@@ -258,8 +257,8 @@ def _check_forces(wrench: Array, force_noise: float, mass: float, mass_sd: float
         )
     if mass < max(_WEIGHED, 5.0 * mass_sd):
         raise ImplausibleDataError(
-            f"the tool would weigh {mass:.3g} +- {mass_sd:.2g} kg: nothing hangs on the sensor, or "
-            "its force is not in N.",
+            f"the tool would weigh {mass:.3g} +- {mass_sd:.2g} kg: the sensor has no load, or its "
+            "force is not in N.",
             hint="check the unit and the sensor's own tare function, which must be off.",
         )
     if mass > _HEAVIEST:

@@ -80,7 +80,7 @@ def check_force(
         )
     for axis, values in zip(AXES, force.T, strict=True):
         if not values.any():
-            remarks.append(f"f{axis} is zero throughout: taken as a force that is not there")
+            remarks.append(f"f{axis} is zero throughout: assumed to be no force")
             continue
         row = int(np.argmax(np.abs(values)))
         top = float(values[row])
@@ -125,7 +125,7 @@ def find_stuck_channels(record: ForceRecord) -> tuple[str, ...]:
         if long.any() and len(change) - (ends - begins)[still].sum() >= _STILL:
             k = int(np.argmax(long))
             said.append(
-                f"f{axis} stands at exactly {values[begins[k]]:.6g} N for "
+                f"f{axis} is exactly {values[begins[k]]:.6g} N for "
                 f"{(ends[k] - begins[k]) / record.rate:.3g} s from "
                 f"{record.start + begins[k] / record.rate:.6g} s on: a sensor that has stopped"
             )

@@ -135,7 +135,7 @@ def in_form(response: ComplexArray, frequency: Array, have: str, want: str) -> C
     power = FORMS[want] - FORMS[have]
     if power < 0 and (frequency <= 0.0).any():
         raise ConfigurationError(
-            f"a line at 0 Hz of {have} says nothing about {want}.",
+            f"a line at 0 Hz of {have} does not cover {want}.",
             hint="leave the line at 0 Hz out and give the static deflection of a load test.",
         )
     factor = (2j * np.pi * frequency) ** power

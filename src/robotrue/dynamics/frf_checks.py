@@ -158,14 +158,14 @@ def response_remarks(frf: FrequencyResponse) -> tuple[str, ...]:
     if frf.static is None or np.isnan(frf.static[frf.present]).any():
         guessed = "static deflection" if frf.static is None else "static deflection of some pairs"
         said.append(
-            f"nothing is known below {low:g} Hz: the {guessed} is a guess from the lowest lines "
+            f"no data below {low:g} Hz: the {guessed} is a guess from the lowest lines "
             "until a static load test gives it"
         )
     out, into = frf.response_axes, frf.excitation_axes
     absent = [a + b for a in out for b in into if a + b not in frf.pairs]
     absent += [a + a for a in ("x", "y", "z") if a not in out and a in into]
     if absent:
-        said.append(f"pairs that were not measured count as zero: {', '.join(absent)}")
+        said.append(f"unmeasured pairs are set to zero: {', '.join(absent)}")
     for pair, difference in reciprocity(frf).items():
         if difference > RECIPROCAL:
             said.append(

@@ -304,7 +304,7 @@ def _band(
         high = min(high, max(e[1] for e in ends))
     if not low < high:
         raise ObservabilityError(
-            f"the hits excite nothing between {low:g} and {high:g} Hz.",
+            f"no excitation between {low:g} and {high:g} Hz.",
             source=record.source,
             hint="a heavier hammer with a softer tip for a robot, a lighter one for the tool.",
         )

@@ -89,7 +89,7 @@ class PaperModel(Columns):
                 f"{self.machine.vectors.shape[1]} components, expected {columns} and {kept}."
             )
         if not (1 <= kept <= columns and (self.components.deviation > 0.0).all()):
-            raise ShapeError(f"{kept} components of columns that vary by less than nothing.")
+            raise ShapeError(f"{kept} components of columns with a negative deviation.")
         if not (self.held_out >= 0.0 and self.machine.gamma > 0.0):
             raise ShapeError(f"held-out error {self.held_out} m, gamma {self.machine.gamma}.")
 

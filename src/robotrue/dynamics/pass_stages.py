@@ -72,7 +72,7 @@ def find_stages(time: Array, force: Array, turn: float, source: str) -> PassStag
     level, air = float(np.median(size[cutting])), _air_of(size, cutting, source)
     if level < _CONTRAST * air:
         raise ImplausibleDataError(
-            f"a force of {air:.3g} N in the air and {level:.3g} N in the cut: no cut stands out.",
+            f"a force of {air:.3g} N in the air and {level:.3g} N in the cut: no cut is visible.",
             source=source,
             hint="take the sensor's offset off, or check that this record holds the pass.",
         )

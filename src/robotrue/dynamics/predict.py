@@ -186,7 +186,7 @@ def _invalid(curve: ResponseCurve, record: ForceRecord, error: Array) -> tuple[s
     if above > _MOST_ABOVE:
         said.append(
             f"{100.0 * above:.0f} % of the force's mean square lies above {curve.frf.valid[1]:g} "
-            "Hz, where nothing was measured"
+            "Hz, where there is no measurement"
         )
     farthest = float(np.abs(np.nan_to_num(error)).max())
     if farthest > _FARTHEST:
@@ -205,7 +205,7 @@ def _remarks(
     for axis, values in zip(AXES, record.force.T, strict=True):
         if axis not in curve.frf.excitation_axes and values.any():
             said.append(
-                f"f{axis} of up to {np.abs(values).max():.0f} N bends nothing here: the response "
+                f"f{axis} of up to {np.abs(values).max():.0f} N has no effect here: the response "
                 f"was never excited along {axis}"
             )
     size = np.linalg.norm(force, axis=1)
@@ -213,17 +213,17 @@ def _remarks(
     if np.abs(force[:head].mean(axis=0)).max() > _BEGINS * size.max():
         said.append(
             f"the record begins in the cut: the first {rings:.2g} s hold a transient of a force "
-            "that seems to begin there"
+            "that seems to start there"
         )
     if curve.modes is None and curve.left_out > COARSE:
         said.append(
             f"the lines are coarse: a line left out is missed by {100.0 * curve.left_out:.0f} %; "
-            "a finer spectrum or fitted modes say more"
+            "a finer spectrum or fitted modes are more accurate"
         )
     if curve.modes is not None and (curve.rebuilt or 0.0) > COARSE:
         said.append(
             f"the modes miss the lines by {100.0 * (curve.rebuilt or 0.0):.0f} %, a cubic those "
-            f"left out by {100.0 * curve.left_out:.0f} %: a finer spectrum says more"
+            f"left out by {100.0 * curve.left_out:.0f} %: a finer spectrum is more accurate"
         )
     above = out_of_band(curve, record)
     if above > _ABOVE:

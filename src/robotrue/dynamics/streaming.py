@@ -103,8 +103,8 @@ class ModalFilter:
         if done == NOT_FINITE:
             row = int(np.flatnonzero(~np.isfinite(force).all(axis=1))[0])
             raise ShapeError(
-                f"force sample {row} is {force[row].tolist()} N, expected finite numbers; "
-                "nothing of this block was filtered.",
+                f"force sample {row} is {force[row].tolist()} N, expected finite numbers; this "
+                "block was not filtered.",
                 hint="drop the packet, mark the estimate invalid and go on with the next.",
             )
         if done != DONE:
@@ -140,8 +140,8 @@ class ModalFilter:
         if carry is None:
             if len(before) != len(oscillators):
                 raise ModelMismatchError(
-                    f"{len(oscillators)} modes after {len(before)}: which one goes on from which "
-                    "is not said.",
+                    f"{len(oscillators)} modes after {len(before)}: their correspondence is not "
+                    "stated.",
                     hint="give carry, or filter with as many modes as before.",
                 )
             carry = np.diag(_shape_ratio(before, oscillators))

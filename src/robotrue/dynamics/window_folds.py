@@ -11,7 +11,7 @@ from robotrue.dynamics.windows import WindowSet
 from robotrue.errors import ConfigurationError, ObservabilityError
 
 QUESTIONS: Final = {
-    "random": "windows between neighbours that were learned from; as in the paper, flattering",
+    "random": "windows between neighbours used in the fit; as in the paper, optimistic",
     "blocks": "stretches of a pass not used for learning",
     "passes": "a whole pass not used for learning, the others known",
     "unseen": "every other pass, one pass known",

@@ -180,7 +180,7 @@ class RewrittenProgram(Presented):
         programs = [name for name in self.files if not name.endswith(SUFFIX)]
         if place.exists() and place.samefile(self.before):
             raise ConfigurationError(
-                "the output is the program before; it is left as it is.",
+                "the output is the original program; it is not overwritten.",
                 source=place,
                 hint="another name.",
             )

@@ -259,6 +259,6 @@ def _describe_walk(walk: FrameWalk) -> str:
     few = "" if walk.nests >= FEWEST_NESTS else "; a turn needs 3 nests"
     return (
         f"monuments: {walk.shots} shots of {walk.nests} nests; the frame moved up to "
-        f"{shift / UM:.1f} um and {turn * 1e6:.1f} urad, which was taken off and is known to "
-        f"{known / UM:.1f} um per axis{few}"
+        f"{shift / UM:.1f} um and {turn * 1e6:.1f} urad, which was subtracted with an uncertainty "
+        f"of {known / UM:.1f} um per axis{few}"
     )

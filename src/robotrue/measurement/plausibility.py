@@ -292,8 +292,8 @@ def _wrong_robot(evidence: _Evidence) -> ImplausibleDataError:
         size = f", and the points lie {evidence.ratio:.3g} times as far apart"
     return ImplausibleDataError(
         f"measured and commanded positions differ by {_mm(evidence.misfit)} rms after the best "
-        f"rigid fit, for a reach of {_mm(evidence.reach)}{size}: this is not the robot that was "
-        "measured, or joints and positions do not belong together.",
+        f"rigid fit, for a reach of {_mm(evidence.reach)}{size}: this is not the measured robot, "
+        "or joints and positions do not belong together.",
         source=evidence.place,
         hint="number the tracker set-ups in a station column."
         if evidence.frame == "tracker" and ", " in evidence.place
@@ -317,7 +317,7 @@ def _other_frame(evidence: _Evidence) -> None:
     kind = f"turned by {turn / DEG:.1f} deg and " if turn >= _TURN else ""
     if tilt < -0.9:
         kind = "upside down and "
-    hint = '[tracker] frame = "unknown" lets the calibration find the frame'
+    hint = '[tracker] frame = "unknown" lets the calibration estimate the frame'
     raise ImplausibleDataError(
         f"the positions are not in the robot base: they lie {_mm(direct)} rms from the commanded "
         f"ones, and {_mm(evidence.misfit)} once the frame is {kind}moved by "

@@ -117,7 +117,7 @@ class ProbingSession:
         if self.held is not None:
             raise ConfigurationError(
                 f"the reading of {self.features[self.held.feature].name!r} waits for a decision.",
-                hint="keep it, touch again, or skip the point.",
+                hint="accept it, probe again, or skip the point.",
             )
         if not 0 <= reading.feature < len(self.features):
             raise ConfigurationError(

@@ -237,7 +237,7 @@ class AnsweringLink:
             pass
         if not data:
             raise ConfigurationError(
-                f"the process that is to answer {self.settings.name} did not begin{slow}.",
+                f"the process that answers {self.settings.name} did not start{slow}.",
                 hint=f"{sys.executable} -P -m robotrue.online.answering",
             )
         self._pipe.settimeout(None)
@@ -322,7 +322,7 @@ class AnsweringLink:
                     how = signal.Signals(-code).name
             fault = RobotrueError(
                 f"the process that answers {self.settings.name} has ended ({how}): "
-                "the controller is without answers until another has begun."
+                "the controller has no answers until another has started."
             )
         if fault is not None:
             if self._guard is not None:

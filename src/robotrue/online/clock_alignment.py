@@ -204,7 +204,7 @@ def _search_shift(grid: Array, seen: Array, track: _Track, most: float) -> tuple
     if best in (0, len(share) - 1):
         raise ObservabilityError(
             f"the joints explain the force best at the edge of the search, {shifts[best]:+.3f} s.",
-            hint="--most-s for a wider search, or a jog with more in it.",
+            hint="--most-s for a wider search, or a jog with more motion.",
         )
     # the peak goes down to either side; what rises again behind is a rival
     low, high = best, best
@@ -217,7 +217,7 @@ def _search_shift(grid: Array, seen: Array, track: _Track, most: float) -> tuple
     rival = max(0.0, float(others[other]))
     if rival > RIVAL[0] * share[best] and 1.0 - rival < RIVAL[1] * (1.0 - share[best]):
         raise ObservabilityError(
-            f"two shifts explain the force about as well: {shifts[best]:+.3f} s "
+            f"two shifts explain the force equally well: {shifts[best]:+.3f} s "
             f"({100 * share[best]:.1f} %) and {shifts[other]:+.3f} s ({100 * rival:.1f} %).",
             hint="jog unevenly: one swing long, one short, with a stop between.",
         )
@@ -419,7 +419,7 @@ def read_clock(path: str | Path, *, live: bool) -> tuple[StreamShift, str]:
         raise ArchiveError(f"clock file schema {schema}, expected {SCHEMA}.", source=path)
     if live and clock != "host":
         raise ConfigurationError(
-            "the clocks of two recorders, and the streams are live: theirs are others.",
+            "the clocks of two recorders, but the streams are live and have other clocks.",
             source=path,
             hint="record the jog with sense --record, export it, and align that.",
         )

@@ -182,9 +182,9 @@ def begin_note(peer: str, limit: float, *, confirmed: bool) -> None:
         except (ValueError, KeyError, TypeError):
             told = "an unknown correction"
         raise ConfigurationError(
-            f"the controller {peer} may still hold {told}: corrections did not end at zero.",
+            f"the controller {peer} may still apply {told}: corrections did not end at zero.",
             source=path,
-            hint="start RSI or EGM anew on the controller, then --confirm-zero.",
+            hint="restart RSI or EGM on the controller, then --confirm-zero.",
         )
     _write(path, peer, limit)
 
@@ -197,8 +197,8 @@ def end_note(peer: str, state: GuardState) -> str:
         return ""
     _write(path, peer, state.farthest)
     return (
-        f"the controller {peer} may still hold up to {state.farthest / MM:.3f} mm; before the next "
-        "corrections start RSI or EGM anew on it, then --confirm-zero"
+        f"the controller {peer} may still apply up to {state.farthest / MM:.3f} mm; before the "
+        "next corrections restart RSI or EGM on it, then --confirm-zero"
     )
 
 

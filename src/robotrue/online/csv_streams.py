@@ -118,7 +118,7 @@ class CsvSink:
             raise ConfigurationError(
                 f"there is a file of {size} bytes already, expected none.",
                 source=self._path,
-                hint="another name, or csv+append: to go on after its last line.",
+                hint="another name, or csv+append: to continue after its last line.",
             )
         begun = _read(file, 0, len(header))
         if begun != header[: len(begun)]:

@@ -354,7 +354,7 @@ def _read_force(
         elsewhere = any(v for kind, v in inner.values(3 - number) if kind != wire.VARINT)
         raise FormatError(
             f"measuredForce has {len(values)} values as RobotWare {generation.value}, expected 6.",
-            hint=f"RobotWare {other.value}: its force stands in the other field."
+            hint=f"RobotWare {other.value}: its force is in the other field."
             if elsewhere
             else f"RobotWare {other.value}, or calibrate the force sensor (FCCalib).",
         )

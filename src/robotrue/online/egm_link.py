@@ -79,8 +79,8 @@ class EgmSettings(RobotLinkSettings):
             given = "none" if self.mode is None else self.mode.value
             raise ConfigurationError(
                 f"corrections by EGM with mode {given}, expected absolute: the controller plans "
-                "its path less often than it hears of us, and would lose increments or take them "
-                "twice.",
+                "its path less often than it receives answers, and would lose or repeat "
+                "increments.",
                 source=self.name,
                 hint="mode=absolute, after a try with a small limit.",
             )
@@ -171,7 +171,7 @@ class EgmSource(RobotLink[SeenMessage]):
                 self._guided = False
                 self._corrector.note_restart(certain=same)
         elif silent and same and self._watch.total - before.total <= _UNSEEN:
-            self._corrector.fault("the controller was not heard for a while")
+            self._corrector.fault("no packet of the controller for a while")
         elif silent or flags & Flag.CLOCK_JUMP or self._watch.total - before.total > _UNSEEN:
             self._corrector.note_restart(certain=False)
 
@@ -264,8 +264,8 @@ def read_egm_address(address: str, role: Role, settings: StreamSettings) -> EgmS
     generation = options.word("robotware", ("6", "7"))
     if generation is None:
         raise ConfigurationError(
-            "RobotWare 6 or 7 is not stated, and their messages are taken for each other without "
-            "an error.",
+            "RobotWare 6 or 7 is not stated, and the messages of both versions are confused "
+            "without an error.",
             source=address,
             hint="egm://0.0.0.0:6510?robotware=7",
         )

@@ -315,15 +315,15 @@ class CorrectionGuard:
                 self._shift, self._turn, self._pending = NONE, NONE, (NONE, NONE)
                 self._spread = [0, 0]
                 self._doubtful = self._frozen = self._refused = False
-                self._trip("the controller has begun anew")
+                self._trip("the controller has restarted")
                 return
             state = self._state()
             if state.farthest == 0.0 and state.turn == NONE and state.spread[1] == 0:
-                self._trip("the controller may have begun anew")
+                self._trip("the controller may have restarted")
                 return
             self._frozen = True
             self._refuse(
-                f"the controller may have begun anew or still hold {state.farthest * 1e3:.3f} mm"
+                f"the controller may have restarted or still apply {state.farthest * 1e3:.3f} mm"
             )
 
     def release(self) -> None:
@@ -439,7 +439,7 @@ class CorrectionGuard:
         self.trips += self._tripped_at is None
         self._tripped_at = -math.inf if math.isnan(self._time) else self._time
         if not self._refused:
-            self.why = f"{why}; no more corrections until the controller is started anew"
+            self.why = f"{why}; no more corrections until the controller is restarted"
         self._refused = True
 
 

@@ -177,7 +177,7 @@ class AddressOptions:
         self._known = known
         if unknown := sorted(set(options) - set(known)):
             raise ConfigurationError(
-                f"option {', '.join(unknown)} is not known here, expected "
+                f"option {', '.join(unknown)} is unknown, expected "
                 + ("; ".join(f"{name}= ({what})" for name, what in known.items()) or "none")
                 + ".",
                 source=shown,

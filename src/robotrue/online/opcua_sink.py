@@ -198,7 +198,7 @@ class OpcUaSink(DisplaySink):
         for node in numbers:
             await self._put(node, float("nan"), "BadNoCommunication", now)
         await self._put(self._marks["Valid"], False, "Good", now)
-        await self._put(self._marks["DoubtText"], "no estimates come", "Good", now)
+        await self._put(self._marks["DoubtText"], "no estimates arrive", "Good", now)
 
     async def _put(self, node: Node, value: object, status: str, at: datetime) -> None:
         await node.write_value(

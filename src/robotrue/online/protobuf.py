@@ -96,7 +96,7 @@ class WireMessage:
         # The format lets the last one win; a controller sends each once, and a second is damage.
         if len(values) > 1 or values[0][0] != wire_type:
             raise FormatError(
-                f"{self.what}: field {number} has wire type {values[0][0]} and stands "
+                f"{self.what}: field {number} has wire type {values[0][0]} and occurs "
                 f"{len(values)} times, expected type {wire_type}, once."
             )
         return values[0][1]

@@ -104,7 +104,7 @@ def write_request(command: RdtCommand, count: int = 0) -> bytes:
         FormatError: A count outside 0 to 2^32 - 1.
     """
     if not 0 <= count < 1 << 32:
-        raise FormatError(f"{count} records asked for, expected 0 to 2^32 - 1.")
+        raise FormatError(f"{count} records requested, expected 0 to 2^32 - 1.")
     return _REQUEST.pack(_MAGIC, command, count)
 
 
@@ -135,7 +135,7 @@ def parse_netftapi(data: bytes, source: str | Path | None = None) -> RdtScale:
     for element in root.iter():
         text = (element.text or "").strip()
         if text and found.setdefault(element.tag, text) != text:
-            raise FormatError(f"{element.tag} stands twice and differs.", source=source)
+            raise FormatError(f"{element.tag} occurs twice and differs.", source=source)
     force = _unit(found, "fu", _FORCE, _CODES[0], source) / _counts(found, "cfgcpf", source)
     torque = _unit(found, "tu", _TORQUE, _CODES[1], source) / _counts(found, "cfgcpt", source)
     return RdtScale(newton=force, newton_metre=torque)

@@ -91,8 +91,7 @@ class RdtSettings:
         """Checks."""
         if self.scale is None and not self.page:
             raise ConfigurationError(
-                "what the sensor's counts are worth is not stated; counts are never taken for "
-                "newtons.",
+                "the scale of the sensor's counts is not stated; counts are never used as newtons.",
                 source=self.name,
                 hint="scale=netftapi2.xml, saved from http://SENSOR/netftapi2.xml, or scale=http.",
             )

@@ -107,7 +107,7 @@ class RecordWriter:
                 raise FormatError("the record is closed.", source=self.path)
             if self._waiting + size > self._memory:
                 raise FormatError(
-                    f"{self._waiting / 1e6:.0f} MB wait for the disk, the limit is "
+                    f"{self._waiting / 1e6:.0f} MB are queued for the disk, the limit is "
                     f"{self._memory / 1e6:.0f} MB: the record would not be whole "
                     f"({self._fault or 'the disk is too slow'}).",
                     source=self.path,
@@ -223,7 +223,7 @@ class RecordWriter:
             return list(itertools.islice(self._queue, _MOST))
 
     def _note_refusal(self, fault: OSError) -> None:
-        self._fault = f"the disk refuses: {fault.strerror or fault}"
+        self._fault = f"cannot write to the disk: {fault.strerror or fault}"
         self._faults += 1
 
     def _begin_segment(self) -> None:

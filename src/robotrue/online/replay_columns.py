@@ -233,7 +233,7 @@ def _column_names(
             f"columns {','.join(names)}: "
             + (f"missing {', '.join(missing)}." if missing else "")
             + (f"not known {', '.join(unknown)}." if unknown else "")
-            + ("" if missing or unknown else "one stands twice."),
+            + ("" if missing or unknown else "one occurs twice."),
             source=path,
             line=line,
             hint=f"{','.join(needed)} and, where recorded, {','.join(sorted(known - {*needed}))}.",

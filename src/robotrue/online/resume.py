@@ -142,9 +142,9 @@ def _compare_estimates(frame: RecordFrame, made: deque[EstimateBlock]) -> int:
         for name in (field.name for field in fields(block)):
             if not np.array_equal(getattr(one, name), getattr(other, name), equal_nan=True):
                 raise ModelMismatchError(
-                    f"{name} of frame {frame.number} is not what these models make of the "
-                    "recorded samples.",
-                    hint="the cell, models and options that the record was begun with.",
+                    f"{name} of frame {frame.number} differs from the result of these models for "
+                    "the recorded samples.",
+                    hint="the cell, models and options of the start of the record.",
                 )
         if n < len(head):
             made.appendleft(head.take(slice(n, None)))

@@ -211,7 +211,7 @@ class RsiBooking:
                 self._first = 0
                 self._corrector.book(taken=False)
                 self._corrector.add_unreported(untold)
-                self._corrector.fault("the controller was without answers for a while")
+                self._corrector.fault("the controller had no answers for a while")
                 return True
             if not resumed and (rise in (cycles - 1, cycles) or late == cycles - 1):
                 # a clock that leapt by a cycle looks like a lost packet, but takes no time
@@ -221,7 +221,7 @@ class RsiBooking:
                 if rise:
                     self._corrector.count_late(max(rise, 1), host_time)
                 if silent:
-                    self._corrector.fault("the controller was not heard for a while")
+                    self._corrector.fault("no packet of the controller for a while")
                 return True
         self._corrector.book(taken=False)
         if same and not resumed and gap < RESTART * self._step * 1e-3:

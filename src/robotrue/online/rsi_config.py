@@ -120,7 +120,7 @@ def _elements(root: Element, side: str, source: str | Path | None) -> tuple[RsiE
     ):
         twice = sorted({key for key in keys if keys.count(key) > 1})
         if twice:
-            raise FormatError(f"{side}: {what} {', '.join(twice)} stands twice.", source=source)
+            raise FormatError(f"{side}: {what} {', '.join(twice)} occurs twice.", source=source)
     return found
 
 

@@ -77,7 +77,7 @@ class RsiSettings(RobotLinkSettings):
             raise ConfigurationError(
                 "corrections, and not stated whether the controller adds them up.",
                 source=self.name,
-                hint="mode=relative or mode=absolute, as RSI_ON of the running program says.",
+                hint="mode=relative or mode=absolute, as in RSI_ON of the running program.",
             )
         if self.config.only_send:
             raise ConfigurationError(
@@ -85,7 +85,7 @@ class RsiSettings(RobotLinkSettings):
             )
         if all(e.tag != "Delay" for e in self.config.send):
             raise ConfigurationError(
-                "corrections to a controller that does not say which answers came late.",
+                "corrections to a controller that does not report late answers.",
                 source=self.name,
                 hint='<ELEMENT TAG="DEF_Delay" TYPE="LONG" INDX="INTERNAL"/> under SEND.',
             )
@@ -183,7 +183,7 @@ class RsiSource(RobotLink[SeenPacket]):
         if self._booking is None:
             return False
         if late is None:
-            raise FormatError("RSI packet without Delay: what became of the answers is not known.")
+            raise FormatError("RSI packet without Delay: the fate of the answers is unknown.")
         return self._booking.packet(ipoc, late, host_time, same=same, silent=silent)
 
     def _answer(self, ipoc: int, sender: Address, host_time: float, *, moves: bool) -> None:
@@ -220,7 +220,7 @@ class RsiSource(RobotLink[SeenPacket]):
 OPTIONS: Final = {
     "config": "FILE, EthernetConfig.xml of the controller",
     "cycle": "4ms or 12ms",
-    "mode": "relative or absolute, as RSI_ON of the running program says",
+    "mode": "relative or absolute, as in RSI_ON of the running program",
 }
 
 

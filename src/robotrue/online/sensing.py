@@ -167,7 +167,7 @@ class Sensing:
             if there[free:] != values.shape[free:]:
                 raise ModelMismatchError(
                     f"the state's {name!r} has shape {there}, expected {values.shape}.",
-                    hint="the models and settings it was kept with.",
+                    hint="the models and settings it was saved with.",
                 )
         for record, name in (
             (self._state, "numbers"), (self._watch, "watch"), (self._window, "window"),

@@ -114,8 +114,8 @@ def _find_compliance(cell: Cell, files: SensingFiles, remarks: list[str]) -> Joi
     known = np.nan_to_num(np.asarray(cell.compliance_prior))
     if known.any():
         remarks.append(
-            f"joint stiffness as the cell states it, taken to {100.0 * STATED_SD:.0f} %: a "
-            "calibrated --model knows it better"
+            f"joint stiffness as stated in the cell, assumed accurate to {100.0 * STATED_SD:.0f} "
+            "%: a calibrated --model is more accurate"
         )
         return JointCompliance(compliance=known, covariance=np.diag((STATED_SD * known) ** 2))
     remarks.append(
@@ -137,7 +137,7 @@ def _take_compliance(
     known = np.zeros(0) if tables is None else np.asarray(tables.robot.error("compliance"))
     if not known.any():
         raise ModelMismatchError(
-            "the model knows no compliance of the joints.",
+            "the model has no compliance of the joints.",
             source=path,
             hint="calibrate with --method elastic, ripple or gp and with payloads, or leave "
             "--model out and state stiffness_Nm_per_rad in the cell.",
@@ -145,7 +145,7 @@ def _take_compliance(
     physics = getattr(model, "physics", model)
     whole = getattr(physics, "covariance", None)
     if whole is None:
-        remarks.append(f"{path}: no covariance of its stiffness; taken to 10 %")
+        remarks.append(f"{path}: no covariance of its stiffness; assumed accurate to 10 %")
         return JointCompliance(
             compliance=np.maximum(known, 0.0), covariance=np.diag((0.1 * known) ** 2)
         )
@@ -158,8 +158,8 @@ def _read_response(cell: Cell, files: SensingFiles, remarks: list[str]) -> Measu
         if files.frf_joints is not None or files.frf_frame is not None:
             raise ConfigurationError("--frf-joints and --frf-frame say where --frf was measured.")
         remarks.append(
-            "no frequency response: the static part alone, under the force below "
-            f"{SensingSettings().static_band:g} Hz; vibration is not seen"
+            "no frequency response: only the static part, under the force below "
+            f"{SensingSettings().static_band:g} Hz; vibration is not included"
         )
         return None
     if files.frf_joints is None or files.frf_frame is None:
@@ -178,7 +178,7 @@ def _read_response(cell: Cell, files: SensingFiles, remarks: list[str]) -> Measu
     misfit = rebuild_error(frf, modes)
     axes = set(frf.response_axes) & set(frf.excitation_axes)
     for axis in sorted(set("xyz") - axes):
-        remarks.append(f"the response says nothing along {axis}: only the arm bends there")
+        remarks.append(f"the response has no data along {axis}: only the arm deflects there")
     joints = _numbers(files.frf_joints, cell.robot.dof, "--frf-joints") * DEG
     return MeasuredResponse(
         oscillators=oscillators_of(modes),
@@ -215,7 +215,8 @@ def _read_deviation(files: SensingFiles, remarks: list[str]) -> LearnedPart | No
     model = read_learned_deviation(files.deviation)
     shown = ", ".join(f"{v:g}" for v in model.arm.direction)
     remarks.append(
-        f"the learned deviation acts along ({shown}) of base; across it physics stand alone"
+        f"the fitted deviation acts along ({shown}) of base; across it only the physical model is "
+        "used"
     )
     return LearnedPart(model=model, spindle=files.spindle_rpm / 60.0)
 
@@ -223,14 +224,14 @@ def _read_deviation(files: SensingFiles, remarks: list[str]) -> LearnedPart | No
 def _read_held_tool(files: SensingFiles, remarks: list[str]) -> HeldTool | None:
     if files.tool is None:
         remarks.append(
-            "no held tool: the force is taken as the process alone, so the sensor has to be tared "
-            "in the attitude it cuts in; --tool takes weight and offset off in every attitude"
+            "no tool stated: the force is used as the process force, so tare the sensor in the "
+            "attitude of the cut; --tool subtracts weight and offset in every attitude"
         )
         return None
     tool = held_tool_from_archive(read_archive(files.tool))
     remarks.append(
-        f"{tool.mass:.2f} kg hang on the sensor: what they do when they vibrate stays in the "
-        "force, joints do not see it"
+        f"{tool.mass:.2f} kg are on the sensor: their inertia under vibration stays in the force; "
+        "the joints do not measure it"
     )
     return tool
 

@@ -170,7 +170,8 @@ class SensingModels(Columns):
             raise ConfigurationError(f"{self.rate:g} force samples per second, expected above 0.")
         if self.compliance is None and self.response is None:
             raise ConfigurationError(
-                "neither stiffness nor frequency response: nothing says how far a force bends.",
+                "neither stiffness nor frequency response: the deflection under a force is "
+                "unknown.",
                 hint="--model of `robotrue calibrate`, [robot] stiffness_Nm_per_rad in the cell, "
                 "or --frf of a hammer test.",
             )

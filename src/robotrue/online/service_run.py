@@ -80,7 +80,7 @@ def run_service(
     """
     cell = read_cell(settings.files.cell)
     if settings.resume and settings.record is None:
-        raise ConfigurationError("--resume without --record: nothing to go on with.")
+        raise ConfigurationError("--resume without --record: no record to continue.")
     rate = force_rate(settings)
     sensing, remarks = sensing_of(settings.files, rate)
     for remark in remarks:
@@ -274,17 +274,17 @@ def _resume_record(
                 f"the record was made with another {changed[0]} ({old.get(changed[0])!r}, now "
                 f"{new.get(changed[0])!r}).",
                 source=settings.record,
-                hint="the files and options it was begun with, or another folder.",
+                hint="the files and options of its start, or another folder.",
             )
     if not settings.replayed:
-        listener.note("live streams go on in the record; estimates settle anew")
+        listener.note("live streams continue in the record; estimates settle again")
         return None
     found = resume(record, chain)
     for torn in record.torn:
         listener.note(f"{torn.length} bytes of a torn frame in {torn.segment.name} are left out")
     listener.note(
-        f"going on behind {found.rows['joints']} joint and {found.rows['force']} force "
-        f"samples; {found.checked} estimates made again and found the same"
+        f"continuing after {found.rows['joints']} joint and {found.rows['force']} force "
+        f"samples; {found.checked} estimates recomputed with the same result"
     )
     return found
 

@@ -50,7 +50,7 @@ class Door:
         if origin is not None and origin not in self.origins:
             parts = urlsplit(origin)
             if parts.scheme not in ("http", "https") or parts.netloc != host:
-                return f"origin {origin[:80]!r} may not look"
+                return f"origin {origin[:80]!r} has no access"
         if self.token and not self._is_authorised(path, bearer):
             return "no token, or a wrong one"
         return ""

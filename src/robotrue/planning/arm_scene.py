@@ -175,14 +175,14 @@ def _require_room(cell: Cell, place: Array, foot: Array, radius: float) -> None:
     if to_point(foot[None], place)[0] < radius + INSTRUMENT:
         x, y, z = place * 1e3
         raise ConfigurationError(
-            f"the tracker at ({x:.0f}, {y:.0f}, {z:.0f}) mm stands inside the robot's foot.",
+            f"the tracker at ({x:.0f}, {y:.0f}, {z:.0f}) mm is inside the robot's foot.",
             source=cell.source or None,
             hint="tracker.xyz_mm or tracker.place_mm in the robot base, some metres away.",
         )
     for body in cell.obstacles:
         if to_obstacle(np.stack([place, place])[None], body)[0] <= 0.0:
             raise ConfigurationError(
-                f"the tracker stands inside obstacle {body.name!r}.",
+                f"the tracker is inside obstacle {body.name!r}.",
                 source=cell.source or None,
                 hint="move the tracker, or check the obstacle.",
             )

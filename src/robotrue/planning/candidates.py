@@ -87,7 +87,7 @@ def draw_postures(robot: RobotModel, n: int, *, seed: int, margin: float) -> Arr
         joint = int(np.argmin(half))
         raise ReachError(
             f"joint {joint + 1} moves {np.degrees(np.diff(robot.limits[joint])[0]):.1f} deg; a "
-            f"margin of {np.degrees(margin):.1f} deg at both ends leaves nothing.",
+            f"margin of {np.degrees(margin):.1f} deg at both ends leaves no range.",
             hint="a smaller margin.",
         )
     draws = qmc.Sobol(robot.dof, scramble=True, rng=np.random.default_rng([seed, 41]))
@@ -173,7 +173,7 @@ def draw_candidates(
         if sum(map(len, found)) >= n:
             break
     kept = np.concatenate(found)
-    total.count("more than asked for", len(kept[n:]))
+    total.count("more than requested", len(kept[n:]))
     if not len(kept):
         raise nothing_left(drawn, total)
     return Candidates(joints=kept[:n], drawn=drawn, rejected=total.rejected)

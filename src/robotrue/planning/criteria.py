@@ -130,7 +130,7 @@ def greedy(
     free = np.ones(len(rows), dtype=bool) if allowed is None else np.array(allowed)
     if n > free.sum():
         raise ConfigurationError(
-            f"{n} poses are asked for, {int(free.sum())} candidates are left.",
+            f"{n} poses are requested, {int(free.sum())} candidates are left.",
             hint="draw more candidates, or ask for fewer poses.",
         )
     at = _Posterior(rows, weight, covariance)

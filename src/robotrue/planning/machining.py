@@ -73,7 +73,7 @@ def require_one_clamping(sides: Sequence[Side], box: Box) -> None:
             raise ConfigurationError(
                 f"the part frames of {sides[0].path.source} and {side.path.source} put a corner of "
                 f"the part {apart / MM:.0f} mm apart (at most {MOVED / MM:.0f} mm): it is clamped "
-                "anew between them.",
+                "again between them.",
                 hint="write one program per clamping.",
             )
 
@@ -311,8 +311,7 @@ def _pose_side(
             raise
         resolve_spin(robot, frame, side.path, settings.spin, near=home)  # or the point's own fault
         raise ReachError(
-            f"the lift of {settings.lift / MM:g} mm over this point cannot be made: "
-            f"{error.message}",
+            f"the lift of {settings.lift / MM:g} mm over this point fails: {error.message}",
             source=error.source,
             line=error.line,
             hint="a smaller --lift-mm.",
@@ -324,7 +323,7 @@ def _one_tool(paths: Sequence[Toolpath]) -> None:
     for name, source, line in tools:
         if name != tools[0][0]:
             raise ConfigurationError(
-                f"tool {name!r} is loaded after tool {tools[0][0]!r}; the cell knows one tool.",
+                f"tool {name!r} is loaded after tool {tools[0][0]!r}; the cell has one tool.",
                 source=source,
                 line=line,
                 hint="write one program per tool, each with its own [tool].",

@@ -84,7 +84,7 @@ def plan_mastering(
         x, y, z = point / MM
         raise ReachError(
             f"{len(joints)} postures reach {x:.0f}, {y:.0f}, {z:.0f} mm in base, {count} touches "
-            "are asked for.",
+            "are requested.",
             hint="a point nearer to the middle of the work area, or a larger --tool-lean-deg.",
         )
     chosen = _choose(arm, joints, point, count, settings)

@@ -226,7 +226,7 @@ def _require_poses(n: int, model: ErrorModel | None) -> None:
 def _require_candidates(n: int, postures: int, loads: int) -> None:
     if n > postures * loads:
         raise ReachError(
-            f"{n} poses are asked for, {postures} postures can be measured.",
+            f"{n} poses are requested, {postures} postures can be measured.",
             hint="more candidates, a larger region, or fewer poses.",
         )
 
@@ -365,21 +365,21 @@ def _notes(cell: Cell, settings: PlanSettings) -> tuple[str, ...]:
     notes = []
     if cell.tracker_place is None:
         notes.append(
-            "The tracker's place in the base is not known: line of sight was not checked, and "
+            "The tracker's place in the base is unknown: line of sight was not checked, and "
             "every point counts as 3 m away (tracker.place_mm)."
         )
     if cell.target_axis is None:
         notes.append(
-            "The way the reflector looks is not known: its acceptance angle was not checked "
+            "The direction of the reflector is unknown: its acceptance angle was not checked "
             "(target.axis, target.acceptance_deg)."
         )
     if cell.link_radius is None:
-        notes.append("The links were taken as tubes of 6 % and 4 % of the reach.")
+        notes.append("The links are modelled as tubes of 6 % and 4 % of the reach.")
     if not cell.obstacles:
         notes.append("No obstacles are stated, not even the floor.")
     if settings.approach == "one side":
         notes.append(
-            "Every joint enters every pose in its positive sense: backlash then looks like an "
-            "offset and holds for poses that are entered from that side."
+            "Every joint enters every pose in its positive sense: backlash then acts like an "
+            "offset, valid for poses entered from that side."
         )
     return tuple(notes)

@@ -155,7 +155,7 @@ def plan_touches(
         raise ConfigurationError(f"goal {goal!r}, expected one of {GOALS}.")
     if not 1 <= n <= len(task.candidates):
         raise ConfigurationError(
-            f"{n} touches are asked for, there are {len(task.candidates)} candidates.",
+            f"{n} touches are requested, there are {len(task.candidates)} candidates.",
             hint="fewer touches, or more features.",
         )
     linear = linear_task(task)
@@ -226,7 +226,7 @@ class LinearTask(TouchPosterior):
         square = self.squares(np.arange(len(self.rows)))
         least = float(np.sqrt(square[machined].mean()))
         most = f"touching every candidate leaves {least * 1e3:.2f} mm: {MORE_FEATURES}"
-        return least, "more of these touches would", most
+        return least, "more of these touches reduce it", most
 
 
 def linear_task(task: ProbingTask) -> LinearTask:

@@ -146,7 +146,7 @@ def touch_candidates(
         )
     untouchable = _without(features, feature[able])
     if len(able) > MOST:
-        rejections.count("more than are looked at", len(able) - MOST)
+        rejections.count("more than are checked", len(able) - MOST)
         able = able[np.linspace(0, len(able) - 1, MOST).round().astype(np.int64)]
     rows = feature[able]
     return TouchCandidates(

@@ -272,7 +272,7 @@ def plan_frame_touches(
     parts = len(np.unique(frames.work_part))
     if not LEAST * parts <= n <= candidates:
         raise ObservabilityError(
-            f"{n} touches are asked for: {parts} frames need at least {LEAST * parts}, and there "
+            f"{n} touches are requested: {parts} frames need at least {LEAST * parts}, and there "
             f"are {candidates} candidates.",
             hint="more touches, or more features.",
         )

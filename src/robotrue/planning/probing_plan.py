@@ -21,7 +21,7 @@ An arm of its type errs 5 to 10 times as much on a side that was not touched as 
 
 POWER: Final = 1.0
 """With which weights grow where the last plan left most, if the worst point counts."""
-MORE_FEATURES: Final = "add features that can be touched in its postures"
+MORE_FEATURES: Final = "add features that can be probed in its postures"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,9 +57,9 @@ class GroupCover:
         if self.covered:
             return None
         return (
-            f"no touch covers {self.name!r}: its points will be known to "
-            f"{self.uncertainty * 1e3:.2f} mm, those of touched postures to "
-            f"{self.at_touches * 1e3:.2f} mm; {self.cure}."
+            f"no touch covers {self.name!r}: expected uncertainty of its points "
+            f"{self.uncertainty * 1e3:.2f} mm, of touched postures {self.at_touches * 1e3:.2f} "
+            f"mm; {self.cure}."
         )
 
 

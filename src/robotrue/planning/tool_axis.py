@@ -289,8 +289,8 @@ def _pose_targets(side: _SideTask, stations: IntArray, way: SpinPath) -> Posed:
 
 def _narrow(path: Toolpath, target: int) -> ReachError:
     return ReachError(
-        "the arm cannot follow the straight move to this point with the tool as it is turned "
-        "there: a joint limit or a singularity lies in between.",
+        "the arm cannot follow the straight move to this point with the tool rotation there: a "
+        "joint limit or a singularity lies in between.",
         source=path.source,
         line=int(path.line[target]),
         hint="split the tool path there into two sides, or move the part.",
@@ -306,8 +306,8 @@ def _no_way(side: _SideTask, stations: IntArray, way: SpinPath) -> ReachError:
     here = _all_joints(side, at, spins[None])[0]
     if np.isfinite(can_be_taken(side.robot, side.geometry, here, settings)).any():
         return ReachError(
-            "the arm reaches this point, but not on the way from the points before it: every "
-            "configuration that got so far meets a joint limit or a singularity.",
+            "the arm reaches this point, but not on the way from the previous points: every "
+            "configuration up to here meets a joint limit or a singularity.",
             source=path.source,
             line=line,
             hint="split the tool path there into two sides, or move the part.",
@@ -325,7 +325,7 @@ def _no_way(side: _SideTask, stations: IntArray, way: SpinPath) -> ReachError:
         else:
             break
     return ReachError(
-        f"out of reach whatever the rotation about the tool axis. {why}",
+        f"out of reach at every rotation about the tool axis. {why}",
         source=path.source,
         line=line,
         hint="check tool, part frame and unit, or move the part.",

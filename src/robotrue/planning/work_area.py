@@ -160,7 +160,7 @@ def rough_frames(cell: Cell, stated: str | None, parts: Sequence[str]) -> dict[i
             raise ConfigurationError(
                 f"no part {lost[0]!r} in the cell; it has {', '.join(known)}.",
                 source=cell.source or None,
-                hint="--frame X,Y,Z,A,B,C: roughly where the part stands, mm and deg.",
+                hint="--frame X,Y,Z,A,B,C: the approximate part frame, mm and deg.",
             )
         return {k: T for k, T in found.items() if T is not None}
     if np.array_equal(cell.T_base_frame, np.eye(4)):
@@ -233,8 +233,8 @@ def read_machining(
         numbers = [parts.index(name) if name else 0 for name in item.part]
         part.append(np.array(numbers, dtype=np.int64))
     notes = tuple(
-        f"{MOST_POSTURES} of {item.postures} postures of {path.name} are looked at, evenly over "
-        "the file"
+        f"{MOST_POSTURES} of {item.postures} postures of {path.name} are checked, evenly over the "
+        "file"
         for path, item in zip(paths, found, strict=True)
         if item.postures > MOST_POSTURES
     )

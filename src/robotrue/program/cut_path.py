@@ -105,8 +105,8 @@ def cut_path(program: Program, *, cutter: Array, feed: Array | None = None) -> C
     """
     if program.held.any():
         raise ConfigurationError(
-            "the robot carries the part past a tool that stands: where that tool pushes the arm "
-            "is not worked out.",
+            "the robot carries the part past a fixed tool: process forces of a fixed tool are not "
+            "computed.",
             source=program.name,
             line=int(program.line[np.argmax(program.held)]),
             hint="leave the process force out.",

@@ -63,7 +63,7 @@ class ExternalAxis:
             raise ShapeError(
                 f"external axis {self.number} carries the robot: it must be linear, and the frames "
                 "on the floor move by themselves.",
-                hint="describe the rail with its direction and nothing that it carries.",
+                hint="describe the rail with its direction, without what it carries.",
             )
         object.__setattr__(self, "direction", frozen(direction / length, (3,), "direction"))
         if self.point is not None:

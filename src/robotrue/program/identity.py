@@ -173,8 +173,8 @@ def require_compensable(
         known, what = found[0][1], f"the program is a copy of {found[0][0].name}, which"
     if known.compensated:
         raise ModelMismatchError(
-            f"{what} is compensated already, with {known.model}; the correction would be "
-            "made twice.",
+            f"{what} is compensated already, with {known.model}; the correction would be applied "
+            "twice.",
             source=program,
             hint=f"compensate {known.made_from or 'the program it came from'}.",
         )

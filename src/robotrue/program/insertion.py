@@ -25,7 +25,7 @@ class Obstacle(Explained):
     """Why no target may be put into a move; 0 means it may."""
 
     NONE = 0, "may be split"
-    START = 1, "where it begins is not certain"
+    START = 1, "its start is uncertain"
     SHARED = 2, "its target is used by several moves"
     LOOP = 3, "it is in a loop"
     COMPUTED = 4, "its target is computed, or chosen by a computed number"

@@ -39,7 +39,7 @@ class Reason(Explained):
     """Why a target cannot be compensated, found while reading; 0 means it can."""
 
     NONE = 0, "its pose cannot be read from the program"
-    EXPRESSION = 1, "its target is computed, or used by what is not followed"
+    EXPRESSION = 1, "its target is computed, or used by statements that are not interpreted"
     RELATIVE = 2, "it is relative, or shifted by the program"
     UNKNOWN_FRAME = 3, "its base or tool is not known"
     EXTERNAL_AXIS = 4, "an external axis may carry it"

@@ -153,7 +153,7 @@ def _require_memory(path: Path, size: int, why: Whole) -> str:
         raise ConfigurationError(
             f"{text}, this machine has {_mib(_memory())}.",
             source=path,
-            hint="split the program into files, or take away what asks for the whole.",
+            hint="split the program into files, or omit the options that need the whole.",
         )
     return f"{text}."
 

@@ -260,7 +260,7 @@ def _places(report: ValidationReport, t: ReportTexts) -> Section:
 def contest_section(
     selection: Selection,
     *,
-    title: str = "Why this method",
+    title: str = "Selection of the method",
     heading: str = "Methods on held-out poses",
 ) -> Section:
     """Returns the chapter that says who won on held-out poses, by how much, and the rule."""

@@ -6,7 +6,7 @@ hands it to :func:`robotrue.report.page.report_html` and :func:`robotrue.report.
 
     content = ReportContent(
         title="Flange hole, 210 mm",
-        verdict=Conclusion(tone="good", text="Lands within 0.21 mm (mean) of where CAM said."),
+        verdict=Conclusion(tone="good", text="Within 0.21 mm (mean) of the CAM target."),
         simulated=True,
         tiles=(KeyFigure(label="mean error", value=0.205, unit="mm", before=1.459),),
         sections=(Section(title="Dry run", blocks=(table, PointErrors(...), HoleContour(...))),),

@@ -283,7 +283,7 @@ class TiltPlot(Plot):
     force: Annotated[Array, Column("n", unit="N")]
     tilt: Annotated[Array, Column("n", unit="rad")]
     limit: float | None = None
-    title: str = "Tilt left after one move"
+    title: str = "Residual tilt after one move"
     kind: ClassVar[str] = "tilt"
     json_keys: ClassVar[Mapping[str, str]] = {
         "before_deg": "before",

@@ -51,7 +51,7 @@ def dcc_xml(
     """
     if facts.check is None:
         raise ConfigurationError(
-            "a Digital Calibration Certificate states measured results, and nothing was checked.",
+            "a Digital Calibration Certificate states measured results, and no check was made.",
             hint="add a file of measured poses after the model.",
         )
     missing = [key for key in REQUIRED if not getattr(facts.head, key)]

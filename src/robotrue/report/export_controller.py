@@ -206,7 +206,7 @@ def _document(
         "tool": _frame(robot.T_flange_tool @ error_pose(robot.error("tool"))),
         "tool_meaning": "flange to the measured point, X Y Z and A B C (Rz Ry Rx)",
         "base": _frame(error_pose(robot.error("base"))),
-        "base_meaning": "where the arm's root truly is in the base it was assumed to be in",
+        "base_meaning": "true place of the arm's root in the assumed base",
         "where": dict(WHERE[maker]),
         "cannot_take": [x.name for x in lost],
         "nominal_misses_rms_mm": before.rms / MM,
@@ -247,11 +247,11 @@ def _text(d: ControllerSheet) -> str:
         f"{d['together_largest_mm']:.4f} mm at most, over poses spread over the training range;",
         f"with the nominal parameters {d['nominal_misses_rms_mm']:.4f} mm rms, "
         f"{d['nominal_misses_largest_mm']:.4f} mm at most.",
-        "Left out, each part alone (before zeros, tool and base were fitted to take some of it):",
+        "Left out, each part alone (before the fit of zeros, tool and base):",
         *(
             f"  {x['part']}: {x['rms_mm']:.4f} mm rms, {x['largest_mm']:.4f} mm at most"
             for x in d["left_out"]
         ),
-        "Programs compensated by robotrue are for the controller as it is: do not use both.",
+        "Programs compensated by robotrue are for the unchanged controller: do not use both.",
     ]
     return "\n".join(lines) + "\n"

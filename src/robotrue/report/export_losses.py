@@ -230,7 +230,7 @@ def loss_document(lost: Sequence[Loss], total: Loss) -> LossDocument:
 def loss_sentences(lost: Sequence[Loss], total: Loss) -> list[str]:
     """Returns the same as lines of text."""
     if not lost:
-        return ["Nothing of the model is left out."]
+        return ["The export contains the whole model."]
     parts = [
         f"Left out: {x.name}, {x.rms / MM:.4f} mm rms, {x.largest / MM:.4f} mm at most."
         for x in lost

@@ -53,7 +53,7 @@ class PartMap(Plot):
     touch: Annotated[Array, Column("t 3", unit="m")]
     touch_group: Annotated[Array, Column("t")]
     uncovered: tuple[str, ...] = ()
-    title: str = "How well each machined point will be known"
+    title: str = "Expected uncertainty of each machined point"
     kind: ClassVar[str] = "part_map"
     json_keys: ClassVar[Mapping[str, str]] = {"groups": "groups"}
 
@@ -85,7 +85,7 @@ class PartMap(Plot):
             bar.ax.yaxis.set_major_locator(LogLocator(10.0, subs=(1.0, 1.5, 2.0, 3.0, 5.0, 7.0)))
             bar.ax.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
             bar.ax.yaxis.set_minor_formatter(NullFormatter())
-            _style_bar(bar, "95 % of the errors within, mm")
+            _style_bar(bar, "radius of 95 % of the errors, mm")
             bar.ax.tick_params(color=MUTED)
 
         panels = max(len(self.groups), 2)
@@ -105,7 +105,7 @@ class PartMap(Plot):
         ax.plot(
             self.touch[touched, across] / MM, self.touch[touched, up] / MM, "o", color=INK,
             markerfacecolor="none", markersize=13.0, markeredgewidth=1.4,
-            label="touched from this side",
+            label="probed from this side",
         )  # fmt: skip
         name, worst = self.groups[k], self.radius[shown].max() / MM
         flag = ", no touch covers it" if name in self.uncovered else ""

@@ -47,7 +47,7 @@ def map_slices(found: WorkspaceMap, *, title: str) -> MapSlices:
     (a_name, a_unit, a_size), (u_name, u_unit, u_size) = units[others[0]], units[others[1]]
     s_name, s_unit, s_size = units[found.along]
     lost = int((~found.reachable).sum())
-    gaps = f" Crosses: {lost} poses the arm cannot take." if lost else ""
+    gaps = f" Crosses: {lost} poses out of reach." if lost else ""
     return MapSlices(
         quantities=("length", "along x", "along y", "along z", "stays, 95 %"),
         slices=tuple(f"{s_name} {float(axes[found.along][k]) / s_size:.4g} {s_unit}" for k in cut),
@@ -60,8 +60,8 @@ def map_slices(found: WorkspaceMap, *, title: str) -> MapSlices:
         title=title,
         caption=(
             "Predicted error, actual minus commanded, base axes; last row: the radius that holds "
-            f"what is left after compensation with 95 %. {ATTITUDES[found.attitude].capitalize()}."
-            + gaps
+            "the residual error after compensation with 95 %. "
+            f"{ATTITUDES[found.attitude].capitalize()}." + gaps
         ),
     )
 
@@ -92,16 +92,17 @@ def map_content(
         verdict=Conclusion(
             text=(
                 f"Predicted error {norm.mean():.3f} mm on average, {norm.max():.3f} mm at worst; "
-                f"after compensation 95 % within {bound.max():.3f} mm at the least known point."
+                f"after compensation 95 % within {bound.max():.3f} mm at the point of largest "
+                "uncertainty."
             ),
             tone="plain",
-            detail=f"{int(able.sum())} of {len(able)} grid poses can be taken; "
+            detail=f"{int(able.sum())} of {len(able)} grid poses are in reach; "
             f"{ATTITUDES[found.attitude]}.",
         ),
         tiles=(
             KeyFigure(label="mean predicted error", value=float(norm.mean()), unit="mm"),
             KeyFigure(label="largest", value=float(norm.max()), unit="mm"),
-            KeyFigure(label="stays with 95 %, mean", value=float(bound.mean()), unit="mm"),
+            KeyFigure(label="after compensation, 95 %, mean", value=float(bound.mean()), unit="mm"),
             KeyFigure(
                 label="grid poses in reach",
                 value=100.0 * float(able.mean()),
@@ -153,7 +154,7 @@ def _sectors(found: WorkspaceMap, alike: tuple[SectorSimilarity, ...]) -> Sectio
     ]
     if alike:
         blocks.append(_similarities(names, alike))
-    return Section(title="Sectors and how alike they are", blocks=tuple(blocks))
+    return Section(title="Sectors and their similarity", blocks=tuple(blocks))
 
 
 def _similarities(names: tuple[str, ...], alike: tuple[SectorSimilarity, ...]) -> ReportTable:
@@ -173,7 +174,7 @@ def _similarities(names: tuple[str, ...], alike: tuple[SectorSimilarity, ...]) -
             for s in alike
         ),
         caption=(
-            "1 is alike. Vectors: cosine of the error vectors, each component scaled to 0..1 in "
+            "1 is equal. Vectors: cosine of the error vectors, each component scaled to 0..1 in "
             "its sector (Deng et al. 2022, eq. 9-10); x, y, z, length: cosine over the points."
         ),
     )

@@ -120,7 +120,7 @@ def result_facts(summary: TrainingSummary) -> list[tuple[str, str]]:
         if size is not None:
             facts.append((name, f"{size / MM:.4f} mm"))
     if summary.white_sd is not None:
-        facts.append(("noise learned, per axis", _describe_noise(summary.white_sd)))
+        facts.append(("noise estimate per axis", _describe_noise(summary.white_sd)))
     verdict = summary.verdict or "not recorded"
     facts.append(("verdict", f"{verdict}: {VERDICTS[verdict]}" if verdict in VERDICTS else verdict))
     return facts
@@ -133,7 +133,7 @@ def _describe_noise(white: float) -> str:
 
 
 VERDICTS: Final = {
-    "determined": "the data saw everything the predictions depend on",
+    "determined": "the data determine every parameter the predictions depend on",
     "conditional": "read the warnings",
 }
 
@@ -154,7 +154,7 @@ def harmless_remark(summary: TrainingSummary) -> list[str]:
     return [
         f"note: {len(names)} combination{'' if len(names) == 1 else 's'} of parameters "
         f"({shown}) cannot be separated; predicted positions are not affected. "
-        "--json says what would show each"
+        "--json lists the remedy of each"
     ]
 
 

@@ -57,7 +57,7 @@ def report_pdf(content: ReportContent) -> bytes:
         made = typst.compile(template, format="pdf", sys_inputs={"report": document}, timestamp=0)
     except typst.TypstError as cause:
         raise ConfigurationError(
-            f"the PDF cannot be set: {cause}.", hint="check the logo; the HTML page may do."
+            f"the PDF cannot be laid out: {cause}.", hint="check the logo; the HTML page may do."
         ) from cause
     return bytes(made)
 

@@ -95,7 +95,7 @@ class ErrorDistribution(Plot):
 
     before: Annotated[Array, Column("n", unit="m")]
     after: Annotated[Array, Column("n", unit="m")]
-    title: str = "How the errors are distributed"
+    title: str = "Distribution of the errors"
     kind: ClassVar[str] = "distribution"
     json_keys: ClassVar[Mapping[str, str]] = _BEFORE_AFTER
 
@@ -149,7 +149,7 @@ class ErrorMap(Plot):
     plane: Plane = "xy"
     magnification: float = 100.0
     frame: str = "base"
-    title: str = "Where the errors point"
+    title: str = "Directions of the errors"
     kind: ClassVar[str] = "map"
     json_keys: ClassVar[Mapping[str, str]] = {
         "plane": "plane",
@@ -203,7 +203,7 @@ class CoveragePlot(Plot):
     observed: Annotated[Array, Column("k")]
     low: Annotated[Array, Column("k")]
     high: Annotated[Array, Column("k")]
-    title: str = "Is the stated uncertainty honest?"
+    title: str = "Check of the stated uncertainty"
     kind: ClassVar[str] = "coverage"
     json_keys: ClassVar[Mapping[str, str]] = {
         name: name for name in ("stated", "observed", "low", "high")

@@ -77,8 +77,8 @@ def probing_content(
         verdict=Conclusion(
             text=text,
             tone="plain" if covered else "caution",
-            detail=f"As many touches spread evenly: {plan.spread_mean[n] / MM:.3f} mm rms "
-            f"instead of {plan.mean[n] / MM:.3f} mm.",
+            detail=f"The same number of touches spread evenly: {plan.spread_mean[n] / MM:.3f} mm "
+            f"rms instead of {plan.mean[n] / MM:.3f} mm.",
         ),
         simulated=origin.simulated,
         subtitle="a plan, before any touch",
@@ -114,7 +114,7 @@ def _curve(plan: ProbePlan) -> PoseCurves:
         ),
         axis_label="touches",
         title="Expected uncertainty of the machined points, rms, one sigma",
-        caption="From the arm's priors alone; nothing was probed.",
+        caption="From the arm's priors only; no probing yet.",
     )
 
 
@@ -138,7 +138,7 @@ def _groups(plan: ProbePlan, task: ProbingTask) -> ReportTable:
             )
             for group in plan.groups
         ),
-        caption="At best: what these candidates allow, however many are touched.",
+        caption="Limit: all candidates probed.",
     )
 
 
@@ -146,7 +146,7 @@ def _touches(plan: ProbePlan, task: ProbingTask) -> ReportTable:
     touches = plan.touches
     axes = controller_axes(task.belief.robot, touches.joints) / DEG
     return ReportTable(
-        title="The touches, in the order of their worth",
+        title="The touches, in the order of their information gain",
         columns=(
             *plain_columns("touch", "feature"),
             *plain_columns(*"xyz", unit="mm", digits=1),

@@ -135,7 +135,7 @@ def _join_targets(found: Sequence[tuple[str, Difference]], *, strict: bool) -> _
             )
     parts = [one for _, one in found if len(one.change)]
     if not parts:
-        raise ModelMismatchError("no targets to judge.", hint="check the programs.")
+        raise ModelMismatchError("no targets to check.", hint="check the programs.")
     shift = np.concatenate([one.shift for one in parts])
     axis = ~to_judge(np.concatenate([one.axis_target for one in parts]), strict=strict)
     covariance = np.concatenate([one.covariance for one in parts])[~axis]

@@ -107,12 +107,12 @@ def similarity_content(
     values = np.array([each.values[reading] for each in found])
     text = f"Similarity {np.nanmin(values):.4f} to {np.nanmax(values):.4f}, reading {reading}."
     if wins is not None:
-        text += f" The cylinder is more alike than the cube in {wins[0]} of {wins[1]} regions."
+        text += f" The cylinder is more similar than the cube in {wins[0]} of {wins[1]} regions."
     return ReportContent(
         title="Similarity of regions",
         subtitle=f"{poses} measured poses, {len(regions)} regions",
         simulated=simulated,
-        verdict=Conclusion(text=text, detail="1: the errors are alike at corresponding points."),
+        verdict=Conclusion(text=text, detail="1: the errors are equal at corresponding points."),
         tiles=(
             KeyFigure(label="least similarity", value=float(np.nanmin(values)), digits=4),
             KeyFigure(label="largest", value=float(np.nanmax(values)), digits=4),

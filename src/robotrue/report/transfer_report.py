@@ -53,7 +53,7 @@ def transfer_content(
         sections.append(
             contest_section(
                 selection,
-                title="Which source is used for the target",
+                title="Source used for the target",
                 heading="Candidates on held-out target poses",
             )
         )
@@ -74,7 +74,7 @@ def transfer_content(
 def _line(verdict: GuardVerdict, selection: Selection | None) -> Line:
     if selection is None:
         return Line(
-            text=f"{verdict.winner} is used; nothing was checked against the target.",
+            text=f"{verdict.winner} is used; it was not checked against the target.",
             tone="caution",
             detail=f"{verdict.target_rows} target poses; three or more can be held out in turn.",
         )
@@ -124,7 +124,7 @@ def _curve_section(curve: LearningCurve, winner: str) -> Section:
         title="Accuracy and coverage against the number of target poses",
         caption=(
             f"Median and quartiles of {curve.repeats} random nested subsets, tested on "
-            f"{curve.held} target rows no candidate saw."
+            f"{curve.held} target rows used by no candidate."
         ),
     )
     low, median, high = curve.quartiles() / MM
@@ -144,7 +144,7 @@ def _curve_section(curve: LearningCurve, winner: str) -> Section:
         caption=" ".join(curve.failures),
         highlight=curve.names.index(winner) if winner in curve.names else None,
     )
-    return Section(title="How many target poses it takes", blocks=(plot, table))
+    return Section(title="Required number of target poses", blocks=(plot, table))
 
 
 def curves_of(curve: LearningCurve, winner: str, *, title: str, caption: str = "") -> PoseCurves:

@@ -75,8 +75,8 @@ def apply_maker(
     if wrong:
         raise ConfigurationError(
             f"maker {maker!r}: joint{'s' * (len(wrong) > 1)} {', '.join(map(str, wrong))} of the "
-            "geometry do not count as this maker's axes do (sense or zero), so its configuration "
-            "words would choose a wrong posture.",
+            "geometry do not follow this maker's convention (sense or zero), so its configuration "
+            "words would select a wrong posture.",
             hint="state what the pendant shows: axes_sign = [...] and axes_offset_deg = [...] of "
             "A = sign * q + offset.",
         )

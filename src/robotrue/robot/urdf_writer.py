@@ -61,7 +61,7 @@ def _refuse_loss(robot: RobotModel, geometry_only: bool) -> None:
     lost += ["moment"] if robot.moments.any() else []
     if lost and not geometry_only:
         raise ConfigurationError(
-            f"{robot.name} has {' and '.join(lost)} errors, which URDF cannot say.",
+            f"{robot.name} has {' and '.join(lost)} errors, which URDF cannot represent.",
             hint="geometry_only=True leaves them out.",
         )
 

@@ -159,7 +159,7 @@ class RdtSensor:
         except OSError as cause:
             self._socket.close()
             raise ConfigurationError(
-                f"UDP port {settings.port} of {settings.host} cannot be had: {cause.strerror}.",
+                f"UDP port {settings.port} of {settings.host} cannot be opened: {cause.strerror}.",
                 hint="another port.",
             ) from cause
         self.port: int = self._socket.getsockname()[1]

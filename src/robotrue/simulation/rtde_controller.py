@@ -143,7 +143,7 @@ class RtdeController:
             server = await asyncio.start_server(self._serve, settings.host, settings.port)
         except OSError as cause:
             raise ConfigurationError(
-                f"TCP port {settings.port} of {settings.host} cannot be had: {cause.strerror}.",
+                f"TCP port {settings.port} of {settings.host} cannot be opened: {cause.strerror}.",
                 hint="another port.",
             ) from cause
         self.port = server.sockets[0].getsockname()[1]

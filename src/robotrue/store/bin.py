@@ -99,7 +99,8 @@ def empty_bin(workspace: Workspace, *, days: float) -> RecycleBin:
     with hold_alone(workspace.folder / LOCK, wait=False) as mine:
         if not mine:
             raise ConfigurationError(
-                "somebody is taking files into the workspace.", hint="try again in a moment."
+                "another process is importing files into the workspace.",
+                hint="try again in a moment.",
             )
         with workspace.write() as into:
             for part in _parts(

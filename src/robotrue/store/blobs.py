@@ -66,7 +66,7 @@ class Staging:
             return self._move(written, place, digest), size
         except OSError as cause:
             raise FormatError(
-                f"cannot be taken into the workspace: {cause.strerror}.",
+                f"cannot be imported into the workspace: {cause.strerror}.",
                 source=source if isinstance(source, Path) else self._folder,
                 hint="check the folder, its permissions and the free space.",
             ) from cause

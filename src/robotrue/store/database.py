@@ -118,5 +118,5 @@ def unreachable(cause: DBAPIError, folder: Path) -> ConfigurationError:
     return DatabaseDownError(
         f"the database does not answer ({said.splitlines()[0]}).",
         source=folder,
-        hint="see that it runs, and what ROBOTRUE_DB says.",
+        hint="check that it runs, and the value of ROBOTRUE_DB.",
     )

@@ -244,8 +244,8 @@ def _new(
         differing = [k for k in row if k not in ("latest", "number") and own[k] != row[k]]
         if differing:
             raise ModelMismatchError(
-                f"{table.name} {each[0]} is here already and says something else "
-                f"({differing[0]}): both were changed since they were one.",
+                f"{table.name} {each[0]} is here already with other content ({differing[0]}): "
+                "both were changed since the export.",
                 source=source,
                 hint="import it into a separate workspace.",
             )
@@ -351,7 +351,7 @@ def require_members(
         if not _MEMBER.fullmatch(info.filename):
             raise damage_error(source, f"a member is called {info.filename[:60]!r}")
         if info.file_size != members[info.filename].size:
-            raise damage_error(source, f"{info.filename} is not as long as the manifest says")
+            raise damage_error(source, f"{info.filename} has another length than in the manifest")
         name = info.filename.partition("/")[2]
         if not info.filename.startswith("tables/") and members[info.filename].sha256 != name:
             raise damage_error(source, f"{info.filename} is not named by its hash")
@@ -388,7 +388,9 @@ class Checked:
         self._size += len(piece)
         whole = self._size == self._entry.size
         if self._size > self._entry.size or (not piece and not whole):
-            raise damage_error(self._source, f"{self._name} is not as long as the manifest says")
+            raise damage_error(
+                self._source, f"{self._name} has another length than in the manifest"
+            )
         if whole and self._digest.hexdigest() != self._entry.sha256:
             raise damage_error(self._source, f"{self._name} does not match its hash")
         return piece

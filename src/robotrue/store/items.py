@@ -109,8 +109,8 @@ def _clean(columns: Mapping[str, object]) -> dict[str, object]:
         )
     if not plain_text(clean):
         raise ConfigurationError(
-            f"{name[:40]!a} or what is said of it holds a NUL character or half of one.",
-            hint="type it anew.",
+            f"{name[:40]!a} or its note holds a NUL character or half of one.",
+            hint="type it again.",
         )
     return clean
 
@@ -403,7 +403,7 @@ def _row(session: Session, noun: Noun[R], id: str, version: int | None) -> Versi
         which = "" if version is None else f" version {version} of"
         raise ConfigurationError(
             f"there is no{which} {noun.name} {id!r} in this workspace.",
-            hint="robotrue workspace list shows what there is.",
+            hint="robotrue workspace list shows all items.",
         )
     return found
 
@@ -412,8 +412,8 @@ def _require_there(session: Session, to: Ref) -> None:
     item = session.get(ItemRow, to.id)
     if item is None:
         raise ConfigurationError(
-            f"it rests on {to.id}, which is not in this workspace.",
-            hint="robotrue workspace list shows what there is.",
+            f"it uses {to.id}, which is not in this workspace.",
+            hint="robotrue workspace list shows all items.",
         )
     if item.noun in NOUNS:
         _row(session, NOUNS[item.noun], to.id, to.version)

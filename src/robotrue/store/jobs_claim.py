@@ -205,7 +205,7 @@ def _requeue_row(into: Transaction, row: JobRow, why: str) -> None:
         end(into, row, CANCELLED)
     elif row.attempts >= row.attempts_allowed:
         message = f"its process died in attempt {row.attempts} of {row.attempts_allowed}: {why}."
-        hint = "see whether memory ran out; submit it again."
+        hint = "check the memory; submit it again."
         end(into, row, FAILED, {"kind": "Died", "message": message, "hint": hint})
     else:
         row.state, row.worker, row.progress, row.text = QUEUED, "", 0.0, ""

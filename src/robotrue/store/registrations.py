@@ -169,6 +169,6 @@ def save_session(
 def _require_latest(latest: int, seen: int) -> None:
     if latest != seen:
         raise ModelMismatchError(
-            f"the session went on meanwhile: it is at version {latest}, not {seen}.",
-            hint="look at it again; what you entered was not taken.",
+            f"the session has changed meanwhile: it is at version {latest}, not {seen}.",
+            hint="look at it again; your entry was not saved.",
         )

@@ -128,7 +128,7 @@ def check_blank(
     if touches.full.any():
         row = int(np.argmax(touches.full))
         raise ConfigurationError(
-            f"{touches.labels[row]} has no normal: which face of the blank it lies on is not said.",
+            f"{touches.labels[row]} has no normal: the face of the blank is not stated.",
             source=file_of(touches),
             line=int(touches.lines[row]) if len(touches.lines) else None,
             hint="nx,ny,nz: the face's outward normal in the part, e.g. 0,0,1.",
@@ -286,13 +286,13 @@ def _doubts(faces: Sequence[BlankFace]) -> list[str]:
     flat = [face for face in faces if not face.tilted]
     if flat:
         out.append(
-            f"Tilt of {', '.join(face.name for face in flat)} from the drawing: three touches that "
-            "are spread over the face would tell it."
+            f"Tilt of {', '.join(face.name for face in flat)} from the drawing: three touches "
+            "spread over the face determine it."
         )
     alone = [f for f in faces if not any(f in pair for pair in _pairs(faces))]
     if alone:
         out.append(
-            f"Nothing was touched opposite {', '.join(face.name for face in alone)}: what is left "
-            "there is not known, and the part is not shifted that way."
+            f"No touches opposite {', '.join(face.name for face in alone)}: the allowance there "
+            "is unknown, and the part is not shifted in that direction."
         )
     return out

@@ -126,7 +126,7 @@ def uncertainty_budget(
     """
     n = len(query.joints)
     if not n:
-        raise ShapeError("no poses: an uncertainty budget of nothing.")
+        raise ShapeError("no poses for an uncertainty budget.")
     if (T_base_part is None) != (part_covariance is None):
         raise ShapeError("a part frame and its covariance go together: one is missing.")
     covariance = model.predict(query).covariance

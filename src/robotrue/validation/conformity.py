@@ -68,7 +68,7 @@ def to_judge(axis_target: BoolArray, *, strict: bool) -> BoolArray:
         raise ObservabilityError(
             f"all of {len(axis_target)} targets state axes: none names a place that a tolerance "
             "could be held to.",
-            hint="judge a program with linear or circular moves.",
+            hint="check a program with linear or circular moves.",
         )
     return np.ones_like(axis_target) if strict else ~axis_target
 

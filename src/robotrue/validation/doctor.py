@@ -230,11 +230,11 @@ def cure_rows(
             continue
         if finding.hypothesis.cured is None:
             raise ConfigurationError(
-                f"{cause}: no rows can be put right.", hint=f"{finding.hypothesis.advice}."
+                f"{cause}: it cannot correct rows.", hint=f"{finding.hypothesis.advice}."
             )
         return finding.hypothesis.cured, finding
     listed = ", ".join(names) or "nothing"
     raise ConfigurationError(
         f"cure {cause!r} does not fit these rows: the data doctor finds {listed}.",
-        hint="robotrue inspect MEAS --doctor CELL says what it finds.",
+        hint="robotrue inspect MEAS --doctor CELL lists its findings.",
     )

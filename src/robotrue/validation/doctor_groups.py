@@ -137,7 +137,7 @@ def shift_columns(arm: Case) -> Array:
 ONE_DIRECTION: Final = Segment(
     cause="one-direction",
     make_columns=shift_columns,
-    advice="look for a second reflector, a reflection or a beam that broke and was set anew",
+    advice="look for a second reflector, a reflection or a beam that was interrupted and set again",
     describe=lambda value, size: (
         f"single rows are off by the same vector ({value[0] / MM:+.3f}, {value[1] / MM:+.3f}, "
         f"{value[2] / MM:+.3f}) mm"

@@ -49,13 +49,13 @@ class JointsEarly:
         return [
             Hypothesis(
                 cause="joints-early",
-                text=f"joints scatter by {sd / DEG:.3f} deg about where the arm was: they were "
-                "read while it settled",
+                text=f"joints scatter by {sd / DEG:.3f} deg about the position of the arm: they "
+                "were read while it settled",
                 log_odds=noisy.log_evidence - clean,
                 rows=np.arange(arm.count),
                 cure=weigh_rows,
-                advice="wait until the arm stands before both are read, or log the commanded "
-                "joints; the cure weighs each row by what its joints may be off",
+                advice="wait until the arm is at rest before reading both, or log the commanded "
+                "joints; the cure weights each row by the uncertainty of its joints",
             )
         ]
 
@@ -98,7 +98,7 @@ def _build_lag(
 
         return Hypothesis(
             cause="shifted-rows" if lag > ROWS_APART else "clock",
-            text=f"joints stand {100.0 * lag:.3g} % of the way to those of the row {other} "
+            text=f"joints are {100.0 * lag:.3g} % of the way to those of the row {other} "
             f"({size / MM:.3f} mm): the clocks of controller and instrument differ",
             log_odds=odds - np.log(2.0),
             rows=np.arange(len(rows.joints)),

@@ -32,7 +32,7 @@ SIX_WORDS: Final[Mapping[CauseName, str]] = {
     "joints-exchanged": "Two joint columns have been exchanged",
     "preset": "The cell states the wrong robot",
     "duplicates": "Some rows are in file twice",
-    "stale-points": "Tracker point was not read anew",
+    "stale-points": "Tracker point was not read again",
 }
 """The warning that a shop's engineer reads first: six words a cause."""
 SHOWN: Final = 6
@@ -127,8 +127,8 @@ def with_cure(model: ErrorModel, finding: NamedCause, raw: MeasurementSet) -> Er
         "settings": document,
     }
     told = (
-        f"{name_lines(finding, raw)} put right before the fit (--cure {finding.hypothesis.cause}): "
-        f"{finding.hypothesis.text}."
+        f"{name_lines(finding, raw)} corrected before the fit (--cure  "
+        f"{finding.hypothesis.cause}): {finding.hypothesis.text}."
     )
     more = {"verdict": "conditional", "cure": document, "lineage": [step, *history(model)]}
     return with_warnings(with_summary(model, more), [told])

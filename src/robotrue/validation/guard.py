@@ -202,16 +202,16 @@ def _fit_unchecked(
 def _nothing_checked(name: str, rows: int) -> str:
     measured = "no target pose was measured" if not rows else f"only {rows} target poses"
     return (
-        f"{measured}: {name} is used and nothing was checked against the target; measure "
+        f"{measured}: {name} is used and was not checked against the target; measure "
         f"{FEWEST_ROWS} or more poses there to check it."
     )
 
 
 def _rule(rows: int, folds: int) -> str:
-    part = "each held out by itself" if folds == rows else f"held out in {folds} random parts"
+    part = "each held out separately" if folds == rows else f"held out in {folds} random parts"
     return (
-        f"{rows} target poses, {part}, sources always in training; the first candidate is believed "
-        "until another wins by more than the one-sided 95 % interval over the parts, the target "
+        f"{rows} target poses, {part}, sources always in training; the first candidate is used "
+        "unless another wins by more than the one-sided 95 % interval over the parts, the target "
         "poses alone last"
     )
 
@@ -241,7 +241,8 @@ def _verdict(
     found = [*_harm(selection, trials, transfers), *doubts]
     if transfers and not against:
         found.append(
-            "the target poses alone could not be fitted: whether the sources help was not checked."
+            "the target poses alone could not be fitted: the benefit of the sources was not "
+            "checked."
         )
     found += _width(scored[selection.winner], len(target)) + _one_place(target, reach)
     return GuardVerdict(
@@ -274,7 +275,8 @@ def _harm(selection: Selection, trials: Trials, transfers: tuple[str, ...]) -> l
     if winner in transfers:
         return [f"{winner} is used and not {first}: {numbers}."]
     return [
-        f"the sources make it worse: {first} has {numbers} for {winner}; the sources are not used."
+        f"the sources increase the error: {first} has {numbers} for {winner}; the sources are not "
+        "used."
     ]
 
 
@@ -295,5 +297,5 @@ def _one_place(target: MeasurementSet, reach: float) -> list[str]:
         return []
     return [
         f"all {len(target)} target poses lie within {spread / MM:.3g} mm rms of one place: the "
-        "contest says nothing about the rest of the region; spread them over it."
+        "contest does not hold for other parts of the region; spread the poses over it."
     ]

@@ -264,7 +264,7 @@ def _carry_as_it_is(
         return carry_source(robot, rows, source, settings)
     if model is None or (rows is not None and _elsewhere(source, rows)):
         raise ObservabilityError(
-            f"source {source.name} does not know where the tracker of the target stands."
+            f"source {source.name} has no place for the tracker of the target."
         )
     return model
 

@@ -158,7 +158,8 @@ def check_mastering(
     seen = np.flatnonzero(sd < SEEN * TRIED)
     if not len(seen):
         raise ObservabilityError(
-            f"{len(touches)} touches show no axis: the best is known to {sd.min() / DEG:.3f} deg.",
+            f"{len(touches)} touches determine no axis: the best has an uncertainty of "
+            f"{sd.min() / DEG:.3f} deg.",
             source=file_of(touches),
             hint="touch the point with the elbow and the wrist as different as they can be.",
         )
@@ -191,7 +192,7 @@ def _as_socket(touches: ProbingSet) -> ProbingSet:
         raise ConfigurationError(
             "the zeros of the axes need touches of one point, in joints and without normals.",
             source=file_of(touches),
-            hint="name,px_mm,py_mm,pz_mm,j1_deg,j2_deg,... with px_mm, py_mm, pz_mm alike.",
+            hint="name,px_mm,py_mm,pz_mm,j1_deg,j2_deg,... with equal px_mm, py_mm, pz_mm.",
         )
     spread = float(np.ptp(touches.point, axis=0).max())
     if spread > ONE_PLACE or len(touches.parts) > 1:
@@ -203,7 +204,7 @@ def _as_socket(touches: ProbingSet) -> ProbingSet:
         )
     if len(touches) < FEWEST:
         raise ObservabilityError(
-            f"{len(touches)} touches of the point, at least {FEWEST} tell the axes apart.",
+            f"{len(touches)} touches of the point, at least {FEWEST} separate the axes.",
             source=file_of(touches),
             hint="12 to 20, as `robotrue mastering-plan` chooses them.",
         )
@@ -309,7 +310,7 @@ def _check_explained(solved: SolvedTouches, best: LostZeros, touches: ProbingSet
     if solved.surprise <= MISFIT:
         return
     raise ImplausibleDataError(
-        f"the touches lie {solved.surprise:.3g} times further off than the best of all "
+        f"the residuals of the touches are {solved.surprise:.3g} times larger than the best of all "
         f"explanations ({'joint ' if best.joints else 'no lost zero'}"
         f"{', '.join(str(j + 1) for j in best.joints)}) allows, at most {MISFIT:g}.",
         source=file_of(touches),

@@ -60,7 +60,7 @@ def error_statistics(errors: Array) -> ErrorStatistics:
     errors = frozen(errors, (None, 3), "errors")
     n = len(errors)
     if n == 0:
-        raise ShapeError("no points: statistics of nothing.", hint="check the selection of rows.")
+        raise ShapeError("no points for the statistics.", hint="check the selection of rows.")
     length = np.linalg.norm(errors, axis=1)
     spread = 1 if n > 1 else 0
     mean, std = float(length.mean()), float(length.std(ddof=spread))
@@ -147,7 +147,7 @@ def coverage(residuals: Array, covariances: Array, level: float = 0.95) -> Cover
     """
     distance = squared_distance(residuals, covariances)
     if not len(distance):
-        raise ShapeError("no points: coverage of nothing.")
+        raise ShapeError("no points for the coverage.")
     inside = distance <= chi2_quantile(level, 3)
     sigma = np.sqrt(np.diagonal(covariances, axis1=1, axis2=2))
     axis = np.abs(residuals) <= ndtri(0.5 + level / 2.0) * sigma

@@ -49,11 +49,11 @@ from robotrue.validation.validation_defaults import REGISTRATION_METHOD
 __all__ = ["RegisteredPart", "RegistrationSettings", "register"]
 
 NOMINAL_COST: Final = (
-    "The frame was found with the nominal arm, left as it is. In 100 simulated cells such a frame "
-    "machined to 0.16 to 0.20 mm rms on the side and in the postures it was touched in, to 1.4 mm "
-    "on another side, and to 0.7 mm where touches of three sides share it; nine touches or more of "
-    "three sides estimate the arm as well and leave 0.1 to 0.2 mm on each. Touch each side for "
-    "itself (column part), touch more points, or calibrate."
+    "The frame was computed with the nominal arm. In 100 simulated cells such a frame "
+    "machined to 0.16 to 0.20 mm rms on the side and in the postures of its touches, to 1.4 mm "
+    "on another side, and to 0.7 mm where touches of three sides share it; with nine or more "
+    "touches of three sides the arm is estimated as well, and 0.1 to 0.2 mm are left on each "
+    "side. Probe each side separately (column part), probe more points, or calibrate."
 )
 """What a plain frame of a nominal arm costs."""
 

@@ -168,15 +168,15 @@ def _find_reasons(frame: FoundFrame, tolerance: float | None) -> Iterator[str]:
     allowed = float(np.sqrt(chi2.ppf(MISFIT, freedom) / freedom))
     if misfit > allowed:
         yield (
-            f"The touches scatter {misfit:.1f} times what touch and arm together should "
-            f"({fit.sigma / MM:.3f} mm per axis; up to {allowed:.1f} times is allowed): worst "
-            f"{_list_distances(fit, _believed_by_distance(fit)[:3])}."
+            f"The scatter of the touches is {misfit:.1f} times that expected of touch and arm "
+            f"together ({fit.sigma / MM:.3f} mm per axis; up to {allowed:.1f} times is allowed): "
+            f"worst {_list_distances(fit, _believed_by_distance(fit)[:3])}."
         )
     if near := _many_just_beyond(fit):
         yield (
-            f"{len(near)} of {len(fit.names)} touches lie just beyond what good ones may "
-            f"({GAUSS_POINT * fit.sigma / MM:.3f} mm): {_list_distances(fit, near)}. "
-            "Touch or arm are worth less than stated."
+            f"{len(near)} of {len(fit.names)} touches lie just beyond the limit for good ones "
+            f"({GAUSS_POINT * fit.sigma / MM:.3f} mm): {_list_distances(fit, near)}. Touch or arm "
+            "are less accurate than stated."
         )
     worst = int(np.argmax(frame.region))
     if tolerance is not None and frame.region[worst] > tolerance:
@@ -190,17 +190,17 @@ def _find_doubts(frame: FoundFrame) -> Iterator[str]:
     """Yields warnings about what the touches cannot determine."""
     fit = frame.registration
     if fit.degrees_of_freedom < 1:
-        yield "No touch is left over that could contradict the frame: touch one or two more."
+        yield "The frame has no redundant touch to reveal an error: probe one or two more points."
     spare = fit.degrees_of_freedom > 0
     if spare and not _many_just_beyond(fit) and fit.rms < TOO_GOOD * fit.sigma:
         yield (
-            f"The touches fit to {fit.rms / UM:.2g} um, nobody touches that well: are "
-            "planned or computed points in the place of touched ones?"
+            f"The touches fit to {fit.rms / UM:.2g} um, better than touching allows: are they "
+            "planned or computed points instead of touched ones?"
         )
     if fit.outliers:
-        yield f"Not used: {_list_distances(fit, fit.outliers)}; touch again."
+        yield f"Not used: {_list_distances(fit, fit.outliers)}; probe again."
     elif stray := _stray(fit):
-        yield f"Far off beside the others: {_list_distances(fit, stray)}; touch again."
+        yield f"Far off compared with the others: {_list_distances(fit, stray)}; probe again."
 
 
 def _many_just_beyond(fit: Registration) -> tuple[str, ...]:

@@ -257,8 +257,8 @@ def _other_poses(touches: ProbingSet, in_base: Array, fit: Registration) -> tupl
         for a in found
     )
     return (
-        f"The touches {list_names(names)} fit the part as well turned by {turns}; only their "
-        "nominal points say which. Touch a feature that the other side does not have.",
+        f"The touches {list_names(names)} fit the part equally well when it is turned by {turns}; "
+        "only their nominal points decide. Probe a feature that the other side does not have.",
     )
 
 

@@ -201,13 +201,13 @@ def _tool_sigma(
         known = 0.0 if same_tool(robot, settings) and arm.calibrated else TOOL
         if known and arm.calibrated:
             doubts.append(
-                "The tip that touched is not the point the model was made with; its place in the "
-                f"flange is taken as known to {TOOL / MM:g} mm per axis (--tool-sigma-mm)."
+                "The probing tip is not the point of the model; its place in the flange is "
+                f"assumed to be known to {TOOL / MM:g} mm per axis (--tool-sigma-mm)."
             )
     if known and _tilt(robot, touches) < TILT:
         doubts.append(
-            f"All touches were made within {TILT / DEG:g} deg of one attitude: an error of the tip "
-            "looks like a shift of the part, and comes back when the part is machined from "
+            f"All touches were made within {TILT / DEG:g} deg of one attitude: an error of the "
+            "tip acts like a shift of the part, and appears when the part is machined from "
             "another side."
         )
     # A nominal arm's prior of the tip would stand in for 0.

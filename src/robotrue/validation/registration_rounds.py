@@ -145,8 +145,8 @@ def _check_round(
             far = dict(zip(fit.names, fit.distances, strict=True))
             told = ", ".join(f"{n} ({far[n] / MM:.2f} mm)" for n in fit.outliers)
             raise ImplausibleDataError(
-                f"touches that the others of their round contradict: {told}.",
-                hint="touch them again.",
+                f"touches that contradict the others of their round: {told}.",
+                hint="probe them again.",
             )
         return found
 
@@ -179,10 +179,10 @@ def _find_reasons(result: RoundsResult) -> tuple[str, ...]:
     last, number = end.passes[-1], len(end.passes)
     size = f"{last.worst / MM:.3f} mm and {last.angle / DEG:.3f} deg"
     if end.verdict == "run again":
-        return (f"Round {number} corrected the frame by {size}: run and touch once more.",)
+        return (f"Round {number} corrected the frame by {size}: run and probe again.",)
     if end.verdict == "not settled":
         return (
-            f"Round {number} still moved the frame by {size}, more than touching explains: the "
-            "part is loose, or touches are worth less than stated (--touch-sigma-mm).",
+            f"Round {number} still moved the frame by {size}, more than the touch uncertainty: "
+            "the part is loose, or touches are less accurate than stated (--touch-sigma-mm).",
         )
     return ()

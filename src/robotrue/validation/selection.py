@@ -154,7 +154,7 @@ def hold_out(
     """
     folds = tuple(default_splits(measurements) if splits is None else splits)
     if not candidates or not folds:
-        raise ShapeError("nothing to select from: no candidates or no splits.")
+        raise ShapeError("nothing to select: no candidates or no splits.")
     folds = tuple(f for f in map(partial(_predictable, measurements), folds) if f is not None)
     if not folds:
         raise ShapeError("no split leaves rows of the reflectors that it holds out.")
@@ -248,7 +248,7 @@ def _stop_hopeless(refits: Mapping[str, WholeFit]) -> dict[str, StoppedCandidate
         gain, noise = paired_gain(errors[0] - errors[1], block)
         if gain < HOPELESS * noise:
             stopped[name] = StoppedCandidate(
-                reason=f"{name} is not held out further: on {BLOCKS} blocks it gains "
+                reason=f"{name} is not compared further: on {BLOCKS} blocks it gains "
                 f"{gain / MM:.4f} mm over {base}, noise {noise / MM:.4f} mm"
             )
     return stopped
@@ -290,7 +290,7 @@ def _rule(
     what = " and ".join(f"{count} {kind}" for kind, count in counts.items())
     most_train, most_test = max(len(a) for a, _ in parts), max(len(b) for _, b in parts)
     shared = (
-        f"; {' and '.join(refitted)}: fitted to all rows, then scales, noise and parameters anew "
+        f"; {' and '.join(refitted)}: fitted to all rows, then scales, noise and parameters again "
         "without each fold, with the linearisation, robust weights, bands and lengths of all rows"
     )
     return (

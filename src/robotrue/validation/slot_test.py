@@ -172,24 +172,26 @@ def _uneven(step: Array, slots: Array) -> float:
 def _sentences(frames: Frames, gain: float) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Returns which errors the step detects, and which it does not."""
     sees = [
-        "The difference of the arm's own error between the two postures, across the slot.",
+        "The difference of the arm's error between the two postures, across the slot.",
     ]
     blind = [
         "Everything along and into the slot: the step is one direction of three.",
-        "Errors both sides share: the slot may stand anywhere and its halves still meet.",
+        "Errors common to both sides: the slot may be displaced and its halves still meet.",
     ]
     if gain > PARALLEL:
         sees.insert(0, f"The tool tip, {gain:.2f} times its error across the tool.")
     else:
-        blind.append("The tool tip: the tool was turned about the direction that is measured.")
+        blind.append("The tool tip: the tool was rotated about the measured direction.")
     if frames == "shared":
         blind.insert(
             0,
-            "The frame: both halves move with it, so a frame off by millimetres gives no step. "
-            "Touch a datum that was not used for it.",
+            "The frame: both halves move with it, so a frame error of millimetres gives no step. "
+            "Probe a datum that was not used for it.",
         )
     else:
-        sees.append("The difference of the two frames, in full; what they share stays unseen.")
+        sees.append(
+            "The difference of the two frames, in full; their common error is not detected."
+        )
     return tuple(sees), tuple(blind)
 
 
@@ -344,7 +346,7 @@ def _check_deviation(
     found = f"datum {names[worst]} is off by {distance[worst] / MM:.3f} mm"
     allowed = f"tolerance {tolerance / MM:.3f} mm"
     if (unlikely & beyond).any():
-        return "is off", f"{found}, {allowed}: more than frame, touch and arm explain."
+        return "is off", f"{found}, {allowed}: more than the uncertainty of frame, touch and arm."
     if resolution > tolerance:
         return (
             "cannot tell",
@@ -353,8 +355,8 @@ def _check_deviation(
     if unlikely.any():
         return (
             "holds",
-            f"{found}, {allowed}: within it, yet more than the stated uncertainty explains.",
+            f"{found}, {allowed}: within it, but more than the stated uncertainty.",
         )
     if beyond.any():
-        return "cannot tell", f"{found}, {allowed}: beyond it, but so may chance be."
+        return "cannot tell", f"{found}, {allowed}: beyond it, but within its uncertainty."
     return "holds", f"{found}, {allowed}."

@@ -88,7 +88,7 @@ def check_rows(robot: RobotModel, rows: MeasurementSet) -> None:
         raise ImplausibleDataError(
             f"{len(rows)} positions lie {gap / MM:.4g} mm (median) from the commanded ones, for a "
             f"reach of {robot.reach / MM:.4g} mm: another unit, frame or robot.",
-            hint="check units, frame and robot; six or more rows would tell which.",
+            hint="check units, frame and robot; six or more rows decide which.",
         )
 
 
@@ -105,7 +105,7 @@ def fit_doubts(
             before = float(np.median(np.linalg.norm(aligned, axis=1)))
             if held > USELESS * before and before > 3.0 * physical_floor(rows.covariance):
                 found.append(
-                    f"source {name}: a fit explains nothing, {held / MM:.3f} mm held out against "
+                    f"source {name}: a fit has no effect, {held / MM:.3f} mm held out against "
                     f"{before / MM:.3f} mm with base and tool aligned; joints and positions may "
                     "not belong together (rows shuffled?)."
                 )
@@ -119,7 +119,7 @@ def _find_contamination(name: str, summary: TrainingSummary, rows: MeasurementSe
     line = int(rows.source_row[int(screened[0])])
     return [
         f"source {name}: {len(screened)} of {len(rows)} rows carry no weight (line {line} first): "
-        "gross errors; look at these rows."
+        "gross errors; check these rows."
     ]
 
 
@@ -137,12 +137,12 @@ def prior_doubts(summary: TrainingSummary, settings: FitSettings) -> list[str]:
     if size > TIGHT:
         return [
             f"the errors found are {size:.1f} standard deviations of the prior (rms): the prior is "
-            "too tight; its scales were learned, but with few poses it pulls to zero."
+            "too tight; its scales were estimated, but with few poses it pulls to zero."
         ]
     if size < LOOSE:
         return [
             f"the errors found are {size:.3f} standard deviations of the prior (rms): the prior is "
-            "too loose; its scales were learned, but few poses determine less than they could."
+            "too loose; its scales were estimated, but few poses determine less than they could."
         ]
     return []
 
@@ -171,8 +171,8 @@ def target_doubts(
     turn = float(np.linalg.norm(rotation_vector_from_matrix(motion[:3, :3])))
     return [
         f"source {name} and the target are in different frames: they agree to {after / MM:.3f} mm "
-        f"rms once moved by {shift / MM:.3g} mm and turned by {turn / DEG:.3g} deg, to "
-        f"{before / MM:.3f} mm as they are."
+        f"rms after a shift of {shift / MM:.3g} mm and a rotation of {turn / DEG:.3g} deg, to "
+        f"{before / MM:.3f} mm without."
     ]
 
 
@@ -187,6 +187,6 @@ def drift_doubts(summary: TrainingSummary) -> list[str]:
     if not found:
         return []
     return [
-        f"between source and target more has changed than a {summary.relation or 'source'} "
-        f"should: drift beyond its usual scale in {', '.join(found)}."
+        "the change between source and target is larger than expected of a "
+        f"{summary.relation or 'source'}: drift beyond its usual scale in {', '.join(found)}."
     ]

@@ -213,7 +213,7 @@ def _from_table(
     own = np.eye(3 * n) - np.concatenate(list(turn), axis=0) @ mean
     spread = own @ (half @ half.T + white) @ own.T
     _check_residuals(touches, residuals, spread)
-    doubts = () if n > 1 else ("One touch leaves nothing that could contradict it: touch more.",)
+    doubts = () if n > 1 else ("One touch has no redundancy: probe more points.",)
     found = CalibratedTool(
         p_flange_tool=tool,
         covariance=0.5 * (covariance + covariance.T),
@@ -258,7 +258,7 @@ def _about_fixed_point(
         raise ConfigurationError(
             f"touches of places up to {spread / MM:.3f} mm apart, and no table they are on.",
             hint="--table TOUCHES.csv, what the probe touched of it; or one fixed point in all "
-            "rows (px_mm, py_mm, pz_mm alike).",
+            "rows (equal px_mm, py_mm, pz_mm).",
         )
     tool = arm.robot.T_flange_tool[:3, 3]
     flange = forward(arm.robot.nominal().with_tool(np.eye(4)), touches.joints)
@@ -285,7 +285,7 @@ def _about_fixed_point(
         covariance=0.5 * (covariance + covariance.T),
         names=touches.labels,
         residuals=fit.residuals,
-        doubts=("Three touches leave little that could contradict: touch one or two more.",)
+        doubts=("Three touches have little redundancy: probe one or two more points.",)
         if n == 3
         else (),
     )

@@ -193,7 +193,7 @@ def check_mirror(touches: ProbingSet, in_base: Array, *, sigma: float) -> tuple[
     if depth < bound:
         return (
             f"The points {list_names(touches.labels)} lie in one plane: a mirrored part, or one "
-            "upside down, would fit as well. Touch a point off that plane.",
+            "upside down, fits equally well. Probe a point off that plane.",
         )
     here = _agree(point, base, bound)
     there = _agree(point * np.array([1.0, 1.0, -1.0]), base, bound)

@@ -83,29 +83,29 @@ def find_doubts(
     found.extend(_overlap_doubt(summary, measured))
     if after.n < FEWEST_POSES:
         found.append(
-            f"{after.n} pose{'s' * (after.n > 1)}: the error of these poses is known, no more. Not "
-            "known: the accuracy of the robot, the share of points in their stated region, and "
-            f"whether the file belongs to this robot; from {FEWEST_POSES} poses on that is checked."
+            f"{after.n} pose{'s' * (after.n > 1)}: only the error of these poses is known. "
+            "Unknown: the accuracy of the robot, the share of points in their stated region, and "
+            f"whether the file belongs to this robot; {FEWEST_POSES} or more poses check it."
         )
     elif after.n < FEW_POINTS:
         found.append(
-            f"Only {after.n} poses: the largest error and the coverage mean little; at least "
-            f"{FEW_POINTS} are asked for."
+            f"Only {after.n} poses: the largest error and the coverage are not significant; at "
+            f"least {FEW_POINTS} are required."
         )
     if outside:
         found.append(
-            f"{outside} of {after.n} poses have a joint outside the range the model was trained "
-            "in: there it extrapolates."
+            f"{outside} of {after.n} poses have a joint outside the training range of the model: "
+            "there it extrapolates."
         )
     if after.mean < floor:
         found.append(
             f"A mean of {after.mean / MM:.3f} mm is below the {floor / MM:.3f} mm that instrument "
             f"and repeatability ({REPEATABILITY / MM:.2f} mm) allow for one visit per pose: "
-            "averaged, simulated, or seen by the fit."
+            "averaged, simulated, or used in the fit."
         )
     if aligned is not None and after.mean >= aligned.mean:
         found.append(
-            f"Correcting base and tool alone gives {aligned.mean / MM:.3f} mm on these poses, the "
+            f"Correcting only base and tool gives {aligned.mean / MM:.3f} mm on these poses, the "
             f"model {after.mean / MM:.3f} mm: the model is no better than a frame correction here."
         )
     found.extend(_coverage_doubt(coverage))
@@ -116,15 +116,15 @@ def find_doubts(
 def _overlap_doubt(summary: TrainingSummary, measured: MeasurementSet) -> tuple[str, ...]:
     if summary.data_sha256 == sha256(measured.joints.tobytes() + measured.position.tobytes()):
         return (
-            "The fit saw exactly these poses: the errors say how well the model bends, not how "
-            "well it predicts. Validate on poses held back.",
+            "The model was fitted to exactly these poses: the errors show the fit, not the "
+            "prediction. Validate on held-out poses.",
         )
     shared = sorted(set(summary.sources) & set(measured.sources))
     if not shared:
         return ()
     return (
-        f"The fit used rows of the same file ({', '.join(shared)}): the numbers hold only if these "
-        "poses were held back.",
+        f"The fit used rows of the same file ({', '.join(shared)}): the numbers are valid only if "
+        "these poses were held out.",
     )
 
 
@@ -262,11 +262,13 @@ def _notes(
         )
     if aligned:
         notes.append(
-            "'Base and tool aligned' fits base frame and tool point to these very rows: what a "
-            "frame correction alone is worth."
+            "'Base and tool aligned' fits base frame and tool point to these rows: the effect of "
+            "a frame correction alone."
         )
     if rotations:
-        notes.append("Tool axis angles leave out the constant rotation of the target on the tool.")
+        notes.append(
+            "The constant rotation of the target on the tool is subtracted from tool axis angles."
+        )
     if np.isfinite(measurements.temperature).any():
         low, high = np.nanmin(measurements.temperature), np.nanmax(measurements.temperature)
         notes.append(f"Temperature {low - 273.15:.1f} to {high - 273.15:.1f} deg C.")

@@ -79,7 +79,7 @@ DOCUMENTED: Final[dict[int | str, dict[str, object]]] = {
     for status, said in (
         (400, "A file, a name or a value that cannot be used."),
         (404, "Not in this workspace."),
-        (409, "Two things that do not belong together, or somebody else was first."),
+        (409, "Items that do not belong together, or another user saved first."),
         (413, "Larger than the limit for uploads."),
         (422, "Understood, and refused for what the data are; or a request of another form."),
         (501, "Needs an optional package that is not installed here."),

@@ -71,8 +71,8 @@ class Quota:
             self._taken = await asyncio.to_thread(self._measure)
         if self._taken + size > self._limit:
             raise FormatError(
-                f"files that wait to be used take {self._taken / 1e6:,.0f} MB, at most "
-                f"{self._limit / 1e6:,.0f} MB are kept.",
+                f"unused uploads take {self._taken / 1e6:,.0f} MB, at most "
+                f"{self._limit / 1e6:,.0f} MB are saved.",
                 hint="use or remove some; after a day they go by themselves.",
             )
         self._taken += size

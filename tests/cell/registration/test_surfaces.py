@@ -108,8 +108,8 @@ def open_motion(faces: list[int]) -> str:
 
 def test_a_face_never_touched_leaves_its_shift_open() -> None:
     assert open_motion([0, 2] * 6) == (
-        "12 touches do not hold the part. Left open, in part axes: shift along (+0.00, +0.00, "
-        "+1.00) (free). Allowed is 20 times one touch. Try: touch a face whose normal that motion "
+        "12 touches do not locate the part. Undetermined, in part axes: shift along (+0.00, +0.00, "
+        "+1.00) (free). Allowed is 20 times one touch. Try: probe a face whose normal that motion "
         "changes, far from the others."
     )
 
@@ -208,7 +208,7 @@ def test_a_block_turned_by_half_a_turn_is_named_and_a_boss_settles_it() -> None:
     others = symmetric_alternatives(touches, touches.position, fit.T_base_part, sigma=0.1 * MM)
     halves = [a for a in others if abs(a.angle - 180.0 * DEG) < DEG]
     assert any(abs(a.axis_in_part[2]) > 0.99 for a in halves)
-    assert "the touches cannot tell" in str(others[0])
+    assert "the touches do not separate the two" in str(others[0])
     boss = Cylinder(point=np.array([0.1, 0.05, 0.0]), axis=np.array([0.0, 0.0, 1.0]), radius=0.02)
     angle = np.linspace(0.0, 6.0, 6)
     ring = np.stack(

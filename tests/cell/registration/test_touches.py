@@ -148,7 +148,7 @@ def test_what_is_left_open_or_contradicts() -> None:
     one_face = named(
         np.column_stack([flat.point[:, :2], np.zeros(9)]), normal=np.tile([0.0, 0.0, 1.0], (9, 1))
     )
-    with pytest.raises(ObservabilityError, match="do not hold the part"):
+    with pytest.raises(ObservabilityError, match="do not locate the part"):
         fit_touches(one_face, apply(T, one_face.point), noise=NOISE)
     three = named(np.array([[0.0, 0.0, 0.0], [0.4, 0.0, 0.0], [0.0, 0.2, 0.0]]))
     base = apply(T, three.point) + np.array([[0.0] * 3, [0.01, 0.0, 0.0], [0.0] * 3])

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 TITLE: Final = "Calibration, on its own poses"
-FIT_REMARK: Final = " (fit residuals; hold poses out and validate for the truth)"
+FIT_REMARK: Final = " (fit residuals; validate on held-out poses for the accuracy)"
 SHOWN_ROWS: Final = 10
 """Screened rows that are named one by one."""
 
@@ -172,7 +172,7 @@ def _screened_lines(rows: MeasurementSet, screened: Sequence[int]) -> list[str]:
     """Returns lines and files of the rows that the fit excluded, the first ten by number."""
     lines = [
         f"screened out: line {rows.source_row[row]} of "
-        f"{rows.group_names[rows.group[row]]}, too far off to be this robot"
+        f"{rows.group_names[rows.group[row]]}, implausible for this robot"
         for row in screened[:SHOWN_ROWS]
     ]
     if len(screened) > SHOWN_ROWS:

@@ -177,7 +177,7 @@ def _table(name: str, found: Difference) -> Table:
     errors = np.column_stack(_errors(found)) / MM
     known = found.has_errors
     return Table(
-        title=f"{name}: {len(size)} targets, those that moved most",
+        title=f"{name}: {len(size)} targets, largest changes",
         columns=("line", "shift mm", "x mm", "y mm", "z mm", "turn deg")
         + (("before mm", "after mm", "95 % mm") if known else ()),
         rows=tuple(

@@ -67,8 +67,8 @@ def run(request: DoctorRequest, context: Context) -> PlainResult:
     faults = [f"{lib}. Try: pip install 'robotrue'" for lib in needed if not lib.fits]
     if not writable:
         faults.append(
-            f"kernels cannot be saved in {cache}: each run compiles them anew. "
-            "Try: NUMBA_CACHE_DIR=a folder you may write."
+            f"kernels cannot be saved in {cache}: each run compiles them again. Try: "
+            "NUMBA_CACHE_DIR=a folder you may write."
         )
     extra_rows = tuple(
         (name, EXTRAS[name], "installed" if not lacks else f"lacks {', '.join(map(str, lacks))}")
@@ -106,7 +106,7 @@ def run(request: DoctorRequest, context: Context) -> PlainResult:
                 rows=extra_rows,
                 words=True,
             ),
-            Note("ready" if not faults else f"{len(faults)} to mend"),
+            Note("ready" if not faults else f"{len(faults)} to fix"),
             *map(Note, faults),
         ),
     )

@@ -161,8 +161,8 @@ DRIFT_PLAN: Final = Operation(
 
 
 VERDICTS: Final = {
-    "keep": "nothing has changed beyond chance: keep the model",
-    "update": "one cause explains what has changed: update the model by transfer with these poses",
+    "keep": "no significant change: keep the model",
+    "update": "one cause explains the change: update the model by transfer with these poses",
     "recalibrate": "the robot has changed, and no single cause explains it: calibrate again",
     "measure again": "one reading explains it: measure that pose again before anything else",
 }
@@ -231,7 +231,7 @@ class DriftChecked:
         if check.changed:
             yield Table(
                 title="causes, most likely first",
-                columns=("cause", "shift", "chance", "chance of the rest", ""),
+                columns=("cause", "shift", "chance", "p of the residual", ""),
                 rows=tuple(
                     (
                         _place(cause, check),

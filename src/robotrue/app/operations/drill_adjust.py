@@ -89,7 +89,7 @@ def run(request: DrillAdjustRequest, context: Context) -> PlainResult:
         made, notes = {"robot": _robot_document(move)}, [*found.notes]
         rows = _robot_rows(move)
         if not move.rotation_known:
-            notes.append("the robot's model knows no rotation error: nominal axis.")
+            notes.append("the robot's model has no rotation error: nominal axis.")
         text = robot_fragment(request.language, move.T_base_tool) if request.language else ""
         origins.append(provenance_used(*open_model(request.robot)))
     surface = surface_document(found)
@@ -184,7 +184,7 @@ def _robot_move(
 
     if request.robot is None or request.joints_deg is None:
         raise ConfigurationError(
-            "--robot without --joints-deg: where does the robot stand?",
+            "--robot without --joints-deg: state the joints of the robot.",
             hint="--joints-deg J1,J2,J3,J4,J5,J6",
         )
     robot, load, seat = carrying_robot(request.robot, request.foot_abc_deg)
@@ -212,7 +212,7 @@ def _notes(found: HoleAdjustment) -> list[str]:
     if np.isfinite(found.move.shift).all():
         return list(found.notes)
     return [
-        "X, Y and Z are not known: the foot file of the fit had no [head] with pivot_to_tip_mm.",
+        "X, Y and Z are unknown: the foot file of the fit had no [head] with pivot_to_tip_mm.",
         *found.notes,
     ]
 
@@ -231,7 +231,7 @@ def _head_rows(
     added = ", ".join(f"{targets[f'{axis}_compensation_deg']:+.4f}" for axis in "AB")
     return (
         ("A, B to", turned),
-        ("of that", f"{bare} deg by the readings as they are, {added} deg learned"),
+        ("of that", f"{bare} deg by the uncorrected readings, {added} deg by the model"),
         ("X, Y, Z by", shift),
     )
 

@@ -121,12 +121,12 @@ class FootLearned:
                 (t, "".join(t.inputs) or "none", t.inputs == used) for t in self.input_trials
             )
             yield Table(
-                title="Machine positions as causes: tilt left on blocks held out",
+                title="Machine positions as causes: residual tilt on held-out blocks",
                 columns=("inputs", "mean deg", "p95 deg"),
                 rows=tuple(_trial_row(*each) for each in named),
             )
         yield Table(
-            title="Tilt left on forces and tilts held out",
+            title="Residual tilt on held-out forces and tilts",
             columns=("correction", "mean deg", "p95 deg"),
             rows=tuple(_trial_row(t, t.kind, t.kind == self.model.kind) for t in self.trials),
         )
@@ -201,9 +201,7 @@ def run(request: DrillFitRequest, context: Context) -> FootLearned:
     setup = read_foot(foot)
     head = setup.head or Head(p_pivot_tip=np.full(3, np.nan))
     if setup.head is None:
-        context.note(
-            "no [head] in the foot file: A carries B, and X, Y, Z of a move are not known."
-        )
+        context.note("no [head] in the foot file: A carries B, and X, Y, Z of a move are unknown.")
     data, digest = read_campaign(rows, setup, head.order)
     check_campaign(setup.foot, data)
     check_head(head, data)

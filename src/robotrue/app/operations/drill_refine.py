@@ -165,7 +165,8 @@ def _memory_blocks(memory: MemoryChoice | None) -> list[Block]:
         ),
     )
     said = (
-        "not refined: no memory surely predicts held-out references better than the model as it is"
+        "not refined: no memory predicts held-out references significantly better than the "
+        "current model"
         if memory.start is None
         else f"refined with forgetting {memory.start.forgetting:g}"
     )

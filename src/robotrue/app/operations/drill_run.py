@@ -211,8 +211,8 @@ def _replay(
     if request.output is not None:
         write_model(request.output, model)
     return model, (
-        f"note: {count(replayed, 'reference')} of {journal.name} taken into the model, which was "
-        f"written before them; it is version {model.version} now"
+        f"note: {count(replayed, 'reference')} of {journal.name} imported into the model, which "
+        f"was written before them; it is version {model.version} now"
     )
 
 

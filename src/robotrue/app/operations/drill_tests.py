@@ -61,7 +61,7 @@ def evaluate_model(request: DrillEvaluateRequest, context: Context) -> PlainResu
         (f"ours ({model.kind})", result.ours),
     )
     table = Table(
-        title=f"Tilt left after one move, {result.clamps} clamps",
+        title=f"Residual tilt after one move, {result.clamps} clamps",
         columns=("", "mean deg", "p95 deg", "max deg"),
         rows=tuple(
             (name, *(f"{v / DEG:.4f}" for v in (r.mean, r.p95, r.largest)))
@@ -157,11 +157,11 @@ def report_model(request: DrillReportRequest, context: Context) -> DrillJudged:
     check_reports([output], input_paths(request))
     (path,) = context.document_files(request.model, MODEL)
     rows, beside = campaign_parts(context.document_files(request.campaign, CAMPAIGN))
-    context.step("judging", 0, 1)
+    context.step("checking", 0, 1)
     model, data, digest = read_test(read_model(path), path, rows, request.foot or beside)
     if digest == model.campaign and isinstance(request.campaign, ItemVersion):
         raise ConfigurationError(
-            "the test is the campaign the model was learned from.",
+            "the test is the campaign of the model.",
             hint="another campaign, with tilts and forces in between.",
         )
     result = evaluate_test(model, data)

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 NEXT: Final = (
     "Stop the robot at each line, measure the tool point in base, write point, x_mm, y_mm, z_mm: "
-    "one file for the program as it was, one for the compensated one."
+    "one file for the program from CAM, one for the compensated one."
 )
 
 

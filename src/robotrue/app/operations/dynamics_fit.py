@@ -95,7 +95,7 @@ def _fit_paper(
     model = fit_paper(windows, arm)
     tables = paper_tables(model)
     if len(windows.pass_names) == 1:
-        context.note("one pass: the regression says nothing of another pose or line")
+        context.note("one pass: the regression does not hold for another pose or line")
     return model, _tables_document(tables), (_tables_facts(tables), *_tables_shown(tables))
 
 

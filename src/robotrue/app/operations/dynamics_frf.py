@@ -126,7 +126,7 @@ def _with_modes(
     rebuilt[:, ~frf.present] = 0.0
     remark = (
         f"the exponential window added {added_damping:.3g} 1/s to every decay; the response is "
-        "that of the modes with it taken off"
+        "that of the modes with this subtracted"
     )
     return replace(frf, response=rebuilt), fitted, (remark,)
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from robotrue.dynamics.windows import WindowSet
 
 BY_CHANCE: Final = (
-    "by chance: what a band that is right holds in 95 of 100 cases, since neighbouring windows "
+    "by chance: the share a correct band holds in 95 of 100 cases, since neighbouring windows "
     "share their errors"
 )
 NAMES: Final = {
@@ -96,7 +96,7 @@ def _hold_out(
         several = len(windows.pass_names) > 1
         kinds = tuple(k for k in QUESTIONS if several or k in ("random", "blocks"))
         if not several:
-            context.note("one pass: what it says of other poses cannot be tested")
+            context.note("one pass: predictions of other poses cannot be tested")
     row = read_static_row(request.frf, arm, context)
     found = scores(windows, arm, kinds=kinds, row=row, known=request.known, seed=request.seed)
     table = Table(

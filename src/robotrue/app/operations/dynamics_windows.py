@@ -267,7 +267,7 @@ def _facts(
                 for name, (a, b) in _stages(read).items()
             ),
             ("force rms", f"{stages.level:.1f} N in the cut, {stages.air:.2f} N in the air"),
-            ("zero taken off, N", f"{before} before; {behind} behind"),
+            ("zero subtracted, N", f"{before} before; {behind} behind"),
             ("predicted error, mean", f"{float(windows.predicted.mean()) / UM:.2f} um"),
             ("measured error, mean", measured + less),
             ("written", f"{output}, {count(rows, 'window')}"),

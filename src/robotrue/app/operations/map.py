@@ -85,7 +85,7 @@ def _blocks(
     )  # fmt: skip
     if alike:
         yield Table(
-            title="similarity of the errors at corresponding points, 1 is alike",
+            title="similarity of the errors at corresponding points, 1 is equal",
             columns=("sectors", "points", "vectors", "x", "y", "z", "length"),
             rows=tuple(
                 (
@@ -99,7 +99,7 @@ def _blocks(
     lost = int((~mapped.reachable).sum())
     if lost:
         verb = "is" if lost == 1 else "are"
-        yield Note(f"{count(lost, 'grid pose')} cannot be taken and {verb} empty")
+        yield Note(f"{count(lost, 'grid pose')} {verb} out of reach and left empty")
 
 
 def _sector_rows(error_map: WorkspaceMap) -> Iterable[tuple[str, ...]]:
@@ -132,7 +132,7 @@ def run(request: MapRequest, context: Context) -> PlainResult:
     output = context.output(request.output)
     if output.suffix.lower() not in SUFFIXES:
         raise ConfigurationError(
-            f"cannot tell what to write from {output.name!r}.",
+            f"the suffix of {output.name!r} does not state the format.",
             source=output,
             hint=f"-o with one of the endings {', '.join(SUFFIXES[:3])}.",
         )
@@ -179,7 +179,7 @@ def _model(path: Path, context: Context) -> tuple[ErrorModel, Cell]:
     cell, model = read_model_or_cell(path)
     if model is not None:
         return model, cell
-    context.note("a cell and no model: stated stiffness and prior scales, nothing measured")
+    context.note("a cell and no model: stated stiffness and prior scales, no measurements")
     return build_prior_model(cell.measured_robot, settings_of(cell)), cell
 
 

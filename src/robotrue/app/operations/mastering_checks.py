@@ -183,7 +183,7 @@ SETTING: Final[Mapping[str, str]] = {
     "offset; then update the revolution counters.",
     "yaskawa": "ROBOT, HOME POSITION: change the absolute data of the axis by the offset times its "
     "pulses per degree.",
-    "ur": "The zero of a joint is set by the maker's service; until then calibrate the arm anew.",
+    "ur": "The zero of a joint is set by the maker's service; until then calibrate the arm again.",
 }
 """Where each maker keeps the zero of an axis; compare with the manual of the controller."""
 ANY: Final = "Move the axis to the reading above and set its zero there."
@@ -252,20 +252,20 @@ def _blocks(found: MasteringCheck, robot: RobotModel, *, calibrated: bool) -> tu
     rows = [(_name(found), _sentence(found))]
     for name, offset, half in _axes(found.lost, robot):
         band = f"{offset - half:+.4f} to {offset + half:+.4f} (95 %)"
-        rows.append((name, f"add {offset:+.4f} deg to what the pendant shows, {band}"))
-        rows.append(("", f"stands at its zero where the pendant shows {-offset:+.4f} deg"))
+        rows.append((name, f"add {offset:+.4f} deg to the reading of the pendant, {band}"))
+        rows.append(("", f"is at its zero where the pendant shows {-offset:+.4f} deg"))
     rows.append(
         (
             "touches from one point",
-            f"{found.rms_before / MM:.3f} mm rms as the arm was, {found.rms_after / MM:.3f} mm "
-            "with this",
+            f"{found.rms_before / MM:.3f} mm rms before, {found.rms_after / MM:.3f} mm with these "
+            "zeros",
         )
     )
     blocks: list[Block] = [
         Facts(title="zeros of the axes", rows=tuple(rows)),
         Table(
             title="axes",
-            columns=("", "lost its zero", "would show from deg"),
+            columns=("", "lost its zero", "detectable from deg"),
             rows=tuple(
                 (
                     f"A{j + 1}",
@@ -285,7 +285,7 @@ def _name(found: MasteringCheck) -> str:
 
 def _sentence(found: MasteringCheck) -> str:
     if found.verdict == "holds":
-        return "none shows; one below the angles in the table may hide"
+        return "none detected; an offset below the angles in the table is not detectable"
     if found.verdict == "lost":
         return " and ".join(f"A{j + 1}" for j in found.lost.joints)
     told = [
@@ -303,23 +303,23 @@ def _notes(found: MasteringCheck, robot: RobotModel, *, calibrated: bool) -> lis
         notes.append(SETTING.get(robot.maker, ANY))
         notes.append("Then touch the point again: this check should find no lost zero.")
     if np.isnan(found.probability[0]):
-        notes.append("A1 turns everything alike: state where the point was (--point-mm).")
+        notes.append("A1 rotates everything equally: state the place of the point (--point-mm).")
     if np.isnan(found.probability[-1]):
         last = len(found.probability)
         notes.append(
-            f"A{last} shows only with a tip off its axis that is known in the flange "
+            f"A{last} is detectable only with a tip off its axis that is known in the flange "
             "(--tool-sigma-mm)."
         )
     if found.outliers:
-        notes.append(f"left out, they agree with no explanation: {', '.join(found.outliers)}")
+        notes.append(f"left out, no explanation fits them: {', '.join(found.outliers)}")
     if found.noise_factor > 1.5:
         notes.append(
             f"the touches scatter {found.noise_factor**0.5:.1f} times more than stated; the "
-            "intervals allow for it"
+            "intervals include this"
         )
     if not calibrated:
         notes.append(
-            "The arm was not calibrated: an offset that its own geometry may explain is not called "
-            "lost. With a model made while the arm was good smaller ones show."
+            "The arm was not calibrated: an offset that its geometry errors may explain is not "
+            "reported as lost. With a model from before the loss, smaller offsets are detectable."
         )
     return notes

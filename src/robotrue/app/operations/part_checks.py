@@ -279,7 +279,7 @@ def check_datums(request: DatumCheckRequest, context: Context) -> PlainResult:
         raise ConfigurationError(
             "these are not the touches the cell was registered with: another SHA-256.",
             source=known,
-            hint=f"--touches with the file as it was ({cell.part.points_file}), or register anew.",
+            hint=f"--touches with the file as it was ({cell.part.points_file}), or register again.",
         )
     frame = cell.part.frame(named)
     used = None
@@ -296,8 +296,8 @@ def check_datums(request: DatumCheckRequest, context: Context) -> PlainResult:
     )
     if file is None:
         context.note(
-            f"{cell.part.points_file or 'the file of touches'} is not beside the cell: whether a "
-            "datum was used for the frame cannot be told (--touches)."
+            f"{cell.part.points_file or 'the file of touches'} is not beside the cell: cannot "
+            "check whether a datum was used for the frame (--touches)."
         )
     return PlainResult(
         values=_datum_document(check, joint),
@@ -318,7 +318,7 @@ def check_datums(request: DatumCheckRequest, context: Context) -> PlainResult:
             ),
             Note(
                 f"touching resolves {check.resolution / MM:.3f} mm (95 %)"
-                f"{', without what the arm does alike both times' if joint else ''}."
+                f"{', without errors of the arm common to both times' if joint else ''}."
             ),
         ),
         provenance=merge([datums.touches.provenance, cell.part.provenance]),

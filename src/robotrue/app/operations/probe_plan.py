@@ -320,16 +320,16 @@ def _notes(
     if lost:
         named = ", ".join(lost[:LISTED]) + (", ..." if len(lost) > LISTED else "")
         what = count(len(lost), "feature")
-        notes.append(f"{what} cannot be touched as the part is machined: {named}.")
+        notes.append(f"{what} cannot be probed in the attitude of machining: {named}.")
     if not cell.obstacles:
         notes.append(
-            "No obstacles are stated, not even the floor, and the part itself is never one: drive "
-            "to the first touch of each posture by hand."
+            "No obstacles are stated, not even the floor, and the part itself is never one: jog "
+            "to the first touch of each posture."
         )
     if request.run == "compensated":
         notes.append(
-            "The program is taken to be compensated by the model that registering these touches "
-            "gives; for a controller's own model plan with --run unchanged."
+            "The program is assumed to be compensated by the model from registering these "
+            "touches; for a controller's own model plan with --run unchanged."
         )
     if not calibrated:
         notes.append(
@@ -338,8 +338,8 @@ def _notes(
         )
         if request.run == "compensated" and request.touches < ENOUGH // 3:
             notes.append(
-                f"With fewer than {ENOUGH // 3} touches registering leaves a nominal arm as it is, "
-                "unless it is told --fit joint."
+                f"With fewer than {ENOUGH // 3} touches `register` does not refine a nominal arm, "
+                "except with --fit joint."
             )
     return tuple(notes)
 

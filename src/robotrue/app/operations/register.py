@@ -134,7 +134,7 @@ def run(request: RegisterRequest, context: Context) -> PlainResult:
     if found.refined is not None:
         write_model(refined_path, found.refined, cell)
         context.inform(
-            f"touching moved the arm by {found.moved / MM:.3f} mm rms at the touches: refined "
+            f"probing changed the arm by {found.moved / MM:.3f} mm rms at the touches: refined "
             f"model written to {refined_path}; the frames belong to it"
         )
     write_atomic(output, data)

@@ -129,10 +129,10 @@ def run(request: RegisterRoundsRequest, context: Context) -> PlainResult:
 
 
 SAYS: Final = {
-    "run again": "run the part's points once more in the frame written, and touch them",
+    "run again": "run the part's points again in the written frame and probe them",
     "settled": "stop: the last correction is below its own uncertainty",
-    "as it was": "stop: the frame begun with is as good as touching can tell, and stays",
-    "not settled": "stop: the part moves, or touches are worth less than stated",
+    "as it was": "stop: no correction exceeds the touch uncertainty; the first frame is saved",
+    "not settled": "stop: the part moves, or touches are less accurate than stated",
 }
 
 
@@ -192,14 +192,16 @@ def _rounds_blocks(rounds: RoundsResult) -> Iterable[Block]:
     )
     facts = [("verdict", f"{end.verdict}: {SAYS[end.verdict]}")]
     if np.isfinite(end.floor):
-        facts.append(("floor", f"{end.floor / MM:.3f} mm: the triangle as this arm sees it"))
+        facts.append(
+            ("floor", f"{end.floor / MM:.3f} mm: error of the triangle measured by this arm")
+        )
     if np.isfinite(end.oscillation):
-        facts.append(("oscillation", f"{end.oscillation / MM:.3f} mm: the touching"))
+        facts.append(("oscillation", f"{end.oscillation / MM:.3f} mm: scatter of the touches"))
     yield Facts(title="where they ended", rows=tuple(facts))
     yield from (
         Note(
             f"note: before round {m.round} the part moved by {m.shift / MM:.3f} mm and "
-            f"{m.turn / DEG:.3f} deg, {m.times:.1f} times what touching explains; the rounds "
+            f"{m.turn / DEG:.3f} deg, {m.times:.1f} times the touch uncertainty; the rounds "
             "before are left out."
         )
         for m in rounds.moved

@@ -87,7 +87,7 @@ class ReportRequest(Request):
             if getattr(self, name) is not None:
                 return name
         raise ConfigurationError(
-            "a report of nothing, expected a program, a registration or a model.",
+            "nothing to report on, expected a program, a registration or a model.",
             hint='{"model": ..., "lang": "en"}',
         )
 
@@ -163,12 +163,12 @@ def _write(draft: ReportDraft, forms: Sequence[str], subject: str, context: Cont
     from robotrue.errors import MissingExtraError
     from robotrue.report.report_files import write_reports
 
-    context.step("setting pages", 2, STEPS)
+    context.step("laying out pages", 2, STEPS)
     content = draft.content
     name = f"{'certificate' if subject == 'model' else subject}_{content.lang}"
     written = write_reports([context.output(Path(f"{name}.html"))], content)
     if "pdf" in forms:
-        context.step("setting pages", 3, STEPS)
+        context.step("laying out pages", 3, STEPS)
         try:
             written += write_reports([context.output(Path(f"{name}.pdf"))], content)
         except (MissingExtraError, ConfigurationError) as cause:

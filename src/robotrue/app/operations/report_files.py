@@ -89,7 +89,7 @@ def draft_certificate(
     place = None if request.cell is None else context.registration_file(request.cell)
     cell, _ = open_model(path, place)
     check = context.measurements(cell, request.test, request.mapping) if request.test else None
-    context.step("judging", 1, 4)
+    context.step("checking", 1, 4)
     tests = [each for each in request.test if isinstance(each, Path)]
     facts = replace(
         certificate_facts(
@@ -194,7 +194,7 @@ def draft_program(
     path = context.model_file(request.model)
     (before, *_) = context.program_files([request.before])
     (after, *_) = context.program_files([request.after], folder="after")
-    context.step("judging", 1, 4)
+    context.step("checking", 1, 4)
     cell, model = open_model(path, registered)
     if model is None:
         raise ConfigurationError(
@@ -274,7 +274,7 @@ def draft_registration(
     from robotrue.report.words import ReportTexts
 
     path = context.registration_file(request.cell)
-    context.step("judging", 1, 4)
+    context.step("checking", 1, 4)
     cell = read_cell(path)
     if cell.part is None:
         raise ConfigurationError(

@@ -70,7 +70,7 @@ def run(request: ReproduceRequest, context: Context) -> PlainResult:
                 )
                 for table in text_tables(paper, result)
             ),
-            Facts(title="What cannot be met, and why", rows=tuple(result.unmet)),
+            Facts(title="Not reproduced, and why", rows=tuple(result.unmet)),
         ),
     )
 

@@ -158,7 +158,7 @@ def _blocks(
 ) -> Iterable[Block]:
     """The similarities under every reading."""
     yield Table(
-        title=f"similarity of errors to the reference region, {poses} poses, 1 is alike",
+        title=f"similarity of errors to the reference region, {poses} poses, 1 is equal",
         columns=("region", "reference", "points", "furthest pair mm", *found[0].values),
         rows=tuple(
             (
@@ -173,7 +173,7 @@ def _blocks(
     )
     if wins is not None:
         yield Note(
-            f"the cylinder is more alike than the cube in {wins[0]} of {wins[1]} "
+            f"the cylinder is more similar than the cube in {wins[0]} of {wins[1]} "
             f"regions, reading {reading}"
         )
 

@@ -131,7 +131,7 @@ def _drill(
         f"{request.holes} holes."
     )
     context.inform(f"robotrue drill run MODEL --journal holes.jsonl --from {address.shown}")
-    context.inform("Ctrl-C ends it after the hole under way.")
+    context.inform("Ctrl-C ends it after the current hole.")
     alone = asyncio.Event()
 
     async def practise(stop: asyncio.Event) -> object:
@@ -203,7 +203,7 @@ def _line(hole: str, tally: DrillingTally) -> str:
         return f"simulated hole {hole}: no move. {tally.refused[-1][1]}"
     before, left = (float(np.hypot(*each[-1]) / DEG) for each in (tally.before, tally.left))
     alarm = "; ALARM" if tally.alarms[-1:] == [hole] else ""
-    return f"simulated hole {hole}: tilt {before:.3f} deg, {left:.4f} deg left in truth{alarm}"
+    return f"simulated hole {hole}: tilt {before:.3f} deg, {left:.4f} deg true residual{alarm}"
 
 
 def _figures(tally: DrillingTally) -> PracticeFigures:

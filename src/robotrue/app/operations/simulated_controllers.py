@@ -316,8 +316,8 @@ def _announce_sensor(
         scale = f"http://{host}:{page_port}/netftapi2.xml"
     query = f"scale={scale}&rate={settings.rate:g}Hz&device={request.device}"
     service.announce(
-        f"ATI force sensor, udp {settings.host}:{port}, {settings.rate:g} records per second "
-        "once asked",
+        f"ATI force sensor, udp {settings.host}:{port}, {settings.rate:g} records per second on "
+        "request",
         scenario,
         f"--force 'rdt://{host}:{port}?{query}'",
         context,

@@ -129,7 +129,7 @@ def _facts(found: SlotEvaluation, names: Sequence[str]) -> tuple[tuple[str, str]
         facts.append(("sd between slots", f"{found.spread / MM:.3f} mm"))
         facts.append(("mean, 95 %", f"{found.mean / MM:+.3f} [{low:+.3f} {high:+.3f}] mm"))
     if np.isfinite(found.uneven):
-        facts.append(("chance that slots differ so", f"{found.uneven:.3f}"))
+        facts.append(("probability of such differences", f"{found.uneven:.3f}"))
     if np.isfinite(found.tip):
         facts.append(("tip that alone explains it", f"{found.tip / MM:+.3f} mm across the tool"))
     return tuple(facts)
@@ -215,7 +215,7 @@ def _sight(found: SlotEvaluation) -> tuple[Facts, Facts]:
     """Returns what the steps can detect, and what they cannot."""
     return (
         Facts(title="The steps see", rows=tuple(("", text) for text in found.sees)),
-        Facts(title="The steps do not see", rows=tuple(("", text) for text in found.blind)),
+        Facts(title="Not detected by the steps", rows=tuple(("", text) for text in found.blind)),
     )
 
 

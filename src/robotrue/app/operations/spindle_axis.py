@@ -110,7 +110,7 @@ def _flange(request: SpindleAxisRequest) -> tuple[Array, list[Provenance]]:
     cell, model = open_model(request.robot)
     if request.joints_deg is None:
         raise ConfigurationError(
-            "--robot without --joints-deg: where does the robot stand?",
+            "--robot without --joints-deg: state the joints of the robot.",
             source=request.robot,
             hint="--joints-deg J1,J2,J3,J4,J5,J6",
         )

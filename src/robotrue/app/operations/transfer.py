@@ -108,7 +108,7 @@ def _curve_table(curve: LearningCurve) -> Table:
     median = curve.quartiles()[1] / MM
     return Table(
         title=f"mean error in mm against target poses, median of {curve.repeats} subsets, tested "
-        f"on {count(curve.held, 'row')} no candidate saw",
+        f"on {count(curve.held, 'row')} used by no candidate",
         columns=("", *(str(n) for n in curve.counts)),
         rows=tuple(
             (name, *(f"{v:.4f}" if isfinite(v) else "-" for v in median[c]))

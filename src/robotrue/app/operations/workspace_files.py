@@ -213,7 +213,7 @@ def verify_workspace(request: WorkspaceVerifyRequest, context: Context) -> Plain
     for fault in found.faults:
         context.inform(fault)
     for name in found.unnamed:
-        context.note(f"{name} is a file that no row names")
+        context.note(f"{name} is a file without a row")
     if found.faults:
         raise ArchiveError(
             f"{count(len(found.faults), 'fault')} in {count(found.items, 'item')} and "
@@ -231,7 +231,7 @@ def verify_workspace(request: WorkspaceVerifyRequest, context: Context) -> Plain
             "faults": list(found.faults),
             "unnamed": list(found.unnamed),
         },
-        shown=(Facts(title="workspace is whole", rows=facts),),
+        shown=(Facts(title="workspace is intact", rows=facts),),
     )
 
 
@@ -281,11 +281,11 @@ def empty_recycle_bin(request: WorkspaceEmptyBinRequest, context: Context) -> Pl
         },
         shown=(
             Facts(
-                title="bin is empty" if removed.items else "nothing in the bin is to go",
+                title="bin is empty" if removed.items else "nothing in the bin is old enough",
                 rows=(
-                    ("items removed for good", str(len(removed.items))),
+                    ("items permanently removed", str(len(removed.items))),
                     ("files", f"{removed.files}, {removed.bytes / 2**20:.1f} MiB"),
-                    ("kept, something rests on them", str(len(removed.needed))),
+                    ("kept, other items use them", str(len(removed.needed))),
                 ),
             ),
         ),
@@ -300,11 +300,11 @@ def _confirm(found: RecycleBin, folder: Path, context: Context) -> None:
         context.inform(f"and {len(found.items) - SHOWN} more")
     size = f"{count(found.files, 'file')} of {found.bytes / 2**20:.1f} MiB"
     answer = context.shell.confirm(
-        f"this and {size} cannot be brought back; type yes to remove them", "yes"
+        f"this and {size} cannot be restored; type yes to remove them", "yes"
     )
     if answer is None:
         raise ConfigurationError(
-            f"{count(len(found.items), 'item')} and {size} would be removed for good from "
+            f"{count(len(found.items), 'item')} and {size} would be permanently removed from "
             f"{folder.name or folder}, and there is no terminal to confirm it.",
             hint="--yes, after an export.",
         )

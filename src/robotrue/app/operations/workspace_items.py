@@ -279,9 +279,7 @@ def delete_item(request: WorkspaceDeleteRequest, context: Context) -> PlainResul
     with Workspace.open(request.folder) as workspace:
         noun, id = items.resolve(workspace, request.item)
         record = items.delete(workspace, noun_of(noun), id)
-    context.inform(
-        f"{noun} {record.name!r} deleted; robotrue workspace undo {id[:8]} brings it back"
-    )
+    context.inform(f"{noun} {record.name!r} deleted; robotrue workspace undo {id[:8]} restores it")
     return item_result(noun, record)
 
 

@@ -67,7 +67,7 @@ def submit_job(request: JobsSubmitRequest, context: Context) -> PlainResult:
     with Workspace.open(request.folder) as workspace:
         id = jobs.submit(workspace, request.kind, parse_parameters(request.parameter))
         job = jobs.status(workspace, id)
-    context.inform(f"job {id} waits; robotrue jobs run does it")
+    context.inform(f"job {id} is queued; robotrue jobs run processes it")
     return _job_result(job)
 
 
@@ -250,7 +250,7 @@ def run_jobs(request: JobsRunRequest, context: Context) -> PlainResult:
     stopped = Event()
     for name in (signal.SIGINT, signal.SIGTERM):
         signal.signal(name, lambda *_: stopped.set())
-    context.inform("working; Ctrl-C stops, and what is under way is begun anew by the next worker")
+    context.inform("working; Ctrl-C stops, and the next worker restarts unfinished jobs")
     attempts = run_worker(
         request.folder,
         kinds=job_kinds(),

@@ -248,7 +248,7 @@ def save_cell_text(
     if len(text) > LARGEST:
         raise ConfigurationError(f"a cell.toml of {len(text)} characters, expected {LARGEST:,}.")
     if not plain_text(text):
-        raise ConfigurationError("the text holds a NUL or half a character.", hint="type it anew.")
+        raise ConfigurationError("the text holds a NUL or half a character.", hint="type it again.")
     with TemporaryDirectory() as place:
         path = Path(place) / "cell.toml"
         if not id:
@@ -267,7 +267,7 @@ def save_cell_text(
                 raise ModelMismatchError(
                     f"the cell was changed meanwhile: it is at version {record.version - 1}, "
                     f"not {version}.",
-                    hint="open it again; nothing of yours was written.",
+                    hint="open it again; your change was not saved.",
                 )
         return record
 

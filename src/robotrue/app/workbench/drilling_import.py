@@ -67,7 +67,8 @@ def _known_foot(workspace: Workspace, place: Path) -> list[Path]:
                 return [Path(shutil.copyfile(workspace.path_of(each.sha256), place / each.name))]
     raise ConfigurationError(
         "a campaign without its foot file.",
-        hint="drop foot.toml together with it: where the sensors stand, what a count is.",
+        hint="drop foot.toml together with it: it states the places of the sensors and the size "
+        "of a count.",
     )
 
 

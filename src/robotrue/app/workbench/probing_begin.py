@@ -100,7 +100,7 @@ def _session(
     postures = _postures(cell, features, rough, words) if planned is None else planned
     reads = require_kind(str(stated.get("reads", "joints")), ("joints", "position"), "reads")
     if reads == "joints" and not any(postures):
-        raise ConfigurationError("not one feature can be reached as far as is known.")
+        raise ConfigurationError("no feature is reachable.")
     nan = np.isnan(features.normal[:, 0])
     return ProbingSession(
         features=tuple(
@@ -184,7 +184,7 @@ def _features(
     for name in features.names:
         if name.startswith("#") or len(name) > 100:
             raise FormatError(
-                f"a feature named {name[:40]!r}: a row that begins so is a remark in tables.",
+                f"a feature named {name[:40]!r}: a row that starts with # is a comment in tables.",
                 source=path.name,
                 hint="letters and numbers, up to 100 characters.",
             )
@@ -231,7 +231,7 @@ def _rough(
     lost = [features.parts[k] for k in numbers if k not in found]
     if lost:
         raise ConfigurationError(
-            f"nothing says roughly where part {lost[0]!r} stands in the robot base.",
+            f"the approximate frame of part {lost[0]!r} in the robot base is not stated.",
             hint="X, Y, Z, A, B, C in mm and deg, to some centimetres.",
         )
     return found

@@ -257,10 +257,10 @@ def finish_probing(workspace: Workspace, id: str, version: int, name: str) -> Re
         at = open_session(workspace, id, version)
         if at.session.held is not None:
             raise ConfigurationError(
-                "a reading waits for a decision.", hint="keep it, touch again, or skip the point."
+                "a reading waits for a decision.", hint="accept it, probe again, or skip the point."
             )
         if not at.session.kept:
-            raise ConfigurationError("nothing was touched yet.", hint="take a reading first.")
+            raise ConfigurationError("no point was probed yet.", hint="take a reading first.")
         place, readings = Path(scratch), readings_name(at.session)
         file = file_of(at, at.session.kept)
         found = register(at.arm, file.touches, parts=file.parts, settings=at.settings)

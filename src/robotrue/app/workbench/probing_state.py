@@ -240,7 +240,7 @@ def fit_readings(
         return None, error
     except np.linalg.LinAlgError:
         return None, ObservabilityError(
-            "the touches do not fix the frame.", hint="touch points that are far apart."
+            "the touches do not determine the frame.", hint="probe points that are far apart."
         )
 
 

@@ -232,8 +232,8 @@ def _part_known_to(frame: PartFrame) -> dict[str, object]:
 def _require_known(known: BoolArray) -> BoolArray:
     if not known.any():
         raise ModelMismatchError(
-            "no target has a predicted error: none is a pose the arm can take, or nothing says how "
-            "the arm stands there.",
+            "no target has a predicted error: none is a reachable pose, or the arm configuration "
+            "is not stated.",
             hint="check tool, frames, robot and [controller] start_deg of the cell.",
         )
     return known

@@ -211,8 +211,8 @@ class PoseModel:
         away = np.linalg.norm(T_flange_tool[:3, 3] - self.robot.T_flange_tool[:3, 3])
         if away > UM:
             raise ModelMismatchError(
-                f"the tool point is {away / MM:.3f} mm from the point that was measured; a model "
-                "of poses does not know how the error differs between them.",
+                f"the tool point is {away / MM:.3f} mm from the measured point; a model of poses "
+                "does not predict the error at another point.",
                 hint="measure with the reflector at the tool point.",
             )
 
@@ -315,7 +315,7 @@ def pose_summary(
         "verdict": "conditional",
         "doubts": [
             *doubts,
-            "A model of poses: it holds for the payload, the tool point and the arm configuration "
-            f"that were measured{inside}.",
+            "A model of poses: it is valid for the measured payload, tool point and arm "
+            f"configuration{inside}.",
         ],
     }

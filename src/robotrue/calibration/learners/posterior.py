@@ -92,7 +92,7 @@ def solve(covariance: Array, values: Array, trend: Array, *, integrated: bool = 
     if fault:
         raise ObservabilityError(
             f"the covariance of {rows} rows is not positive definite at row {fault}: "
-            "rows too alike for the noise they carry.",
+            "rows too similar for their noise.",
             hint="a larger noise or noise_variance, or one row for each place.",
         )
     solved, _ = lapack.dpotrs(lower, np.concatenate([values, trend], axis=1), lower=1)

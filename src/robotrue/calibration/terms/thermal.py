@@ -242,7 +242,7 @@ class Thermal(Term):
         told = (
             f"warmth: links grow by {values[0] / UM:.1f} +- {sd[0] / UM:.1f} um/m {per}, joint "
             f"zeros turn by up to {abs(zero[most]):.2f} +- {zero_sd[most]:.2f} mdeg {per} (joint "
-            f"{most + 1}); learned from {low:.1f} to {high:.1f} "
+            f"{most + 1}); estimated from {low:.1f} to {high:.1f} "
             f"{'degC' if kelvin else 'h after the start'}, elsewhere extrapolated"
         )
         if not kelvin:
@@ -252,7 +252,7 @@ class Thermal(Term):
         if not len(blind):
             return (told,)
         which = ", ".join(map(str, blind))
-        return told, f"warmth: the rows do not show how the zeros of joints {which} turn"
+        return told, f"warmth: the rows do not determine the zero rotation of joints {which}"
 
     def arrays(self, values: Array) -> Mapping[str, Array]:
         """Returns parameters, usual state and span."""

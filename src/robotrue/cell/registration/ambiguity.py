@@ -74,7 +74,7 @@ def check_names(
     example = ", ".join(f"{labels[i]} for {labels[others[0][i]]}" for i in range(len(labels)))
     return (
         f"The pattern fits {len(others) + 1} ways within {tolerance / MM:.2f} mm (for example "
-        f"{example}); only the names say which. Touch one point that breaks the symmetry.",
+        f"{example}); only the names decide. Probe one point that breaks the symmetry.",
     )
 
 
@@ -165,7 +165,7 @@ class Alternative:
         x, y, z = self.axis_in_part
         return (
             f"The part turned by {self.angle / DEG:.1f} deg about ({x:+.2f}, {y:+.2f}, {z:+.2f}) "
-            f"leaves {self.rms / MM:.3f} mm rms: the touches cannot tell."
+            f"leaves {self.rms / MM:.3f} mm rms: the touches do not separate the two."
         )
 
 

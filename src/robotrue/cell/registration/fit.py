@@ -289,7 +289,7 @@ def check_pattern(points: Array, names: tuple[str, ...]) -> None:
     if size[0] <= np.finfo(float).eps * np.abs(points).max():
         raise ObservabilityError(
             f"points {listed} coincide: they spread by {size[0] / MM:.3g} mm.",
-            hint="touch points that are far apart.",
+            hint="probe points that are far apart.",
         )
     if size[1] <= FLAT * size[0]:
         axis = ", ".join(f"{v:+.2f}" for v in axes[0])
@@ -310,7 +310,7 @@ def _check_mirror(in_part: Array, in_base: Array, weights: Array, residuals: Arr
     if here > 1e-2 * size and there < 0.1 * here:
         left = np.sqrt(np.mean((residuals**2).sum(axis=1))) / MM
         raise ImplausibleDataError(
-            f"the touched points are the mirror image of the part: {left:.3g} mm rms are left, "
+            f"the touched points are the mirror image of the part: {left:.3g} mm rms residual, "
             f"{left * there / here:.3g} mm with one axis of the part reversed.",
             hint="check the sign of one coordinate, or the order of the names.",
         )

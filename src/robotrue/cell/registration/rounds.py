@@ -327,8 +327,9 @@ def _find_motion(
         told = ", ".join(f"{n} {d / MM:.2f} mm" for n, d in zip(names, far, strict=True))
         raise ImplausibleDataError(
             f"the points of round {number} moved against each other since the rounds before by "
-            f"more than touching does ({sigma / MM:.3f} mm per axis): {told}.",
-            hint="touch that round again; or state the touch as it is with --touch-sigma-mm.",
+            f"more than the touch uncertainty ({sigma / MM:.3f} mm per axis): {told}.",
+            hint="probe that round again; or state the real uncertainty of a touch with "
+            "--touch-sigma-mm.",
         )
     rigid = float(((now - mean) ** 2).sum()) / scale**2 - loose
     if rigid <= chi2.ppf(MOVED, 6):

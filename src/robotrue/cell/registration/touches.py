@@ -160,7 +160,7 @@ def solve_frame(touches: SurfaceDistances, start: Array, weights: Array) -> Arra
             return T
     raise ConvergenceError(
         f"the surface fit still moves by {length * 1e3:.3g} mm after {STEPS} steps; "
-        f"{np.sqrt(cost / weights.sum()) * 1e3:.3g} mm rms are left.",
+        f"{np.sqrt(cost / weights.sum()) * 1e3:.3g} mm rms residual.",
         hint="start nearer to the part's pose, or touch more points.",
     )
 
@@ -230,7 +230,7 @@ def fit_all_touches(
     parts = list_distances(touches, base)
     if sigma is None and len(parts.owner) < 7:
         raise ShapeError(
-            f"{len(touches)} touches leave no residual to tell the noise from; sigma in m "
+            f"{len(touches)} touches leave no residual to estimate the noise; sigma in m "
             "is needed, or 7 touches or more."
         )
     begin = _start(touches, base) if start is None else np.asarray(start, dtype=np.float64)
@@ -323,7 +323,7 @@ def _choose_touches(
         )
         raise ImplausibleDataError(
             f"{n} touches contradict each other by more than {bound.max() / MM:.2f} mm and are "
-            f"too few to say which is wrong: {told}.",
+            f"too few to find the wrong one: {told}.",
             hint="touch them again, and one or two more; check names and units.",
         ) from None
 
@@ -342,8 +342,8 @@ def _check_majority(keep: BoolArray, names: tuple[str, ...], distance: Array, bo
         if not good
     )
     raise ImplausibleDataError(
-        f"{len(keep) - int(keep.sum())} of {len(keep)} touches disagree with the rest by more than "
-        f"{bound / MM:.2f} mm: {wrong}.",
+        f"{len(keep) - int(keep.sum())} of {len(keep)} touches disagree with the others by more "
+        f"than {bound / MM:.2f} mm: {wrong}.",
         hint="check names and units of the touches, and whether the tool is the one stated; the "
         "stated noise must include the robot's own error.",
     )

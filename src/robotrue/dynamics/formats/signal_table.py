@@ -257,7 +257,7 @@ def _read_csv_force(path: str | Path) -> tuple[ForceRecord, tuple[str, ...]]:
         )
     table.require(
         COLUMNS,
-        hint="a force that was not measured cannot be taken as zero; write zeros if it is.",
+        hint="an unmeasured force is not assumed to be zero; write zeros if it is.",
     )
     clock = even_rate(table.column("t_s"), path, table.line)
     return _build_record(path, table.stack(COLUMNS[1:]), clock, table.provenance, table.line)

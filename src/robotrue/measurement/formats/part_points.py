@@ -188,7 +188,7 @@ def _read_joints(sheet: Sheet, names: Sequence[str], relation: AxisRelation | No
         return np.empty((0, 0))
     if relation is None:
         raise sheet.fault(
-            f"columns {names[0]}.. are axes of a controller, and no robot says how they count.",
+            f"columns {names[0]}.. are axes of a controller, and no robot states their convention.",
             "name joints of the robot model j1_deg, j2_deg, ...",
         )
     values = sheet.numbers(names, named_by="name") * DEG

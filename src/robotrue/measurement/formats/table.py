@@ -95,7 +95,7 @@ def read_joint_columns(columns: MappedSheet, relation: AxisRelation | None = Non
         if relation is None:
             raise columns.sheet.fault(
                 f"columns {', '.join(mapping.joints)} are axes of the controller, and no robot "
-                "says how they count.",
+                "states their convention.",
                 "read the file with a cell or a model.",
             )
         return relation(columns.numbers("joints") * ANGLE[mapping.joints_unit])

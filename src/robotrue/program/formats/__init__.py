@@ -62,7 +62,7 @@ def detect(data: bytes, name: str) -> Language:
         if suffix in each.suffixes:
             return each
     raise FormatError(
-        f"not a program robotrue reads; it knows {', '.join(language_names())}.",
+        f"not a supported program; supported are {', '.join(language_names())}.",
         source=name,
         line=1,
         hint=_INSTEAD.get(suffix, "give the file the controller runs, with its own suffix."),
@@ -157,7 +157,7 @@ def read_program(path: str | Path, frames: FrameTable | None = None) -> Program:
     job = read_job(path, frames)
     if len(job) > 1:
         raise FormatError(
-            f"the targets stand in {len(job)} files: {', '.join(p.name for p in job)}.",
+            f"the targets are in {len(job)} files: {', '.join(p.name for p in job)}.",
             source=path,
             hint="read them together with read_job and write each.",
         )

@@ -60,7 +60,7 @@ UNREAD_MOTIONS: Final = {
     "GOBACK": "is a motion along surfaces",
     "GOUP": "is a motion along surfaces",
     "GODOWN": "is a motion along surfaces",
-    "GOHOME": "goes where the file does not say",
+    "GOHOME": "has no end in the file",
     "TLLFT": "is a motion along surfaces",
     "TLRGT": "is a motion along surfaces",
     "TLON": "is a motion along surfaces",
@@ -179,15 +179,15 @@ class _Reader:
                 "CIRCLE/ without a GOTO/ after it.", source=self.source, line=self.circle.line
             )
         if not self.unit_line:
-            self._note(1, "the file does not state UNITS/: millimetres were taken.")
+            self._note(1, "the file does not state UNITS/: millimetres are assumed.")
         if self.systems.own:
             self._note(
                 self.systems.own,
-                "the points are in their own machining axis system; that is the frame to "
-                "register, and the one a mesh must be in.",
+                "the points are in a machining axis system; register that frame, and export a "
+                "mesh in it.",
             )
         for word, line in self.unknown.items():
-            self._note(line, f"{word} is not known here; it was kept as a remark.")
+            self._note(line, f"{word} is unknown; it was saved as a comment.")
         columns = list(zip(*self.columns, strict=True)) or [(), (), (), ()]
         stem = Path(self.source).stem
         return Toolpath(
@@ -219,7 +219,7 @@ class _Reader:
         point = np.array(values[:3]) * self.unit
         if statement.head == "GODLTA":
             if self.here is None:
-                self._refuse(statement, "GODLTA/ before any point: there is nothing to add to")
+                self._refuse(statement, "GODLTA/ before any point: it has no start point")
             point = point + self.here
         if statement.head == "FROM":
             self.here = point

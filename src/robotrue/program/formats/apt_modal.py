@@ -86,8 +86,8 @@ class AxisSystems:
         plain = values in _PLAIN
         if values != self._known and (self._known is not None or (points and not plain)):
             raise FormatError(
-                "a second machining axis system: the points before and after it stand in "
-                "different frames.",
+                "a second machining axis system: the points before and after it are in different "
+                "frames.",
                 source=self.source,
                 line=line,
                 hint="post one file per axis system, or all operations in one.",

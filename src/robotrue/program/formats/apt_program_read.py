@@ -354,7 +354,7 @@ class _Reader:
         reason[unknown | turned] = Reason.INCOMPLETE
         if turned.any() and frames.orientation.spin is None:
             notes.rows(
-                turned, "only the tool axis is known: state [controller] spin_deg in the cell"
+                turned, "only the tool axis is stated: state [controller] spin_deg in the cell"
             )
         elif turned.any():
             notes.rows(turned, "a tool axis not of length 1")
@@ -382,11 +382,11 @@ class _Reader:
 
     def _tell(self, notes: TargetNotes) -> None:
         if not self.told_unit:
-            notes.say(f"{self.name}:1: the file does not state UNITS/: millimetres were taken.")
+            notes.say(f"{self.name}:1: the file does not state UNITS/: millimetres are assumed.")
         if self.systems.own:
             notes.say(
-                f"{self.name}:{self.systems.own}: the points stand in a machining axis system of "
-                "their own; that is the work frame."
+                f"{self.name}:{self.systems.own}: the points are in a machining axis system; that "
+                "is the work frame."
             )
         if self.lost:
             notes.say(f"{self.name}: {self.lost}; points behind it are not compensated.")

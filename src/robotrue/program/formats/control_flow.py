@@ -26,7 +26,7 @@ AS_FOUND: Final = -2
 """Mark of the version in force where the routine was called."""
 _JOINED: Final = -3
 """``-3 - node``: mark of different versions that join at a node."""
-_NO_WAY: Final = "is not known here: no way through the program leads here"
+_NO_WAY: Final = "is unknown: no path through the program leads here"
 
 
 class Reaching(NamedTuple):
@@ -126,7 +126,7 @@ class ControlFlow:
 
     def call(self, at: int, names: Iterable[str]) -> int:
         """Passes through other routines, of this program or not; returns the node."""
-        node = self._add(at, [self._at], "depends on the way a called subprogram took")
+        node = self._add(at, [self._at], "depends on the path through a called subprogram")
         self._calls[node] = tuple(names)
         return node
 
@@ -171,7 +171,7 @@ class ControlFlow:
             head, exits = self._loops.pop()
             if self._at >= 0:
                 self._before[head].append(self._at)
-            what = "depends on how often the loop before it has run"
+            what = "depends on the number of turns of the previous loop"
             self._add(at, [head, self._at, *exits], what)
 
     def exit_loop(self, at: int) -> None:
@@ -183,7 +183,7 @@ class ControlFlow:
 
     def label(self, at: int, name: str) -> None:
         """A place a jump leads to."""
-        node = self._add(at, [self._at], "differs between the ways that lead to this label")
+        node = self._add(at, [self._at], "differs between the paths to this label")
         self._labels[len(self._first) - 1, name] = node
 
     def jump(self, at: int, name: str) -> None:
@@ -242,7 +242,7 @@ class ControlFlow:
         The place is -1 if no way leads to where the mark is in force.
         """
         if mark > _JOINED:
-            return -1, "is not known: no way through the program leads here"
+            return -1, "is unknown: no path through the program leads here"
         return self._place[_JOINED - mark], self._what[_JOINED - mark]
 
     def mark_of(self, node: int) -> int:

@@ -46,7 +46,7 @@ def read_csv_program(data: bytes, name: str, frames: FrameTable) -> Program:
     notes.rows(odd, "a number of a form that is not rewritten")
     if rule.spin is None:
         reason[~odd] = Reason.INCOMPLETE
-        notes.rows(~odd, "only the tool axis is known: state [controller] spin_deg in the cell")
+        notes.rows(~odd, "only the tool axis is stated: state [controller] spin_deg in the cell")
     return Program(
         name=name, dialect="toolpath_csv", data=data, position=position, rotation=rotation,
         axes=axes, motion=np.full(n, int(Motion.LIN)), reason=reason,

@@ -58,7 +58,7 @@ _OPTIONS: Final = (
         Reason.EXPRESSION,
         "an offset from a register moves the target",
     ),
-    (re.compile(rb"\bRTCP\b"), Reason.TOOL_ON_FLOOR, "RTCP has the tool stand outside the robot"),
+    (re.compile(rb"\bRTCP\b"), Reason.TOOL_ON_FLOOR, "RTCP uses a tool fixed outside the robot"),
     (re.compile(rb"\bCOORD\b"), Reason.EXTERNAL_AXIS, "COORD moves with another group"),
 )
 _SETS: Final = re.compile(rb"[ \t]*=")

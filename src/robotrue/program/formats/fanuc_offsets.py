@@ -115,20 +115,20 @@ def _shift_of(
     else:
         condition = state.get(name)
         if not isinstance(condition, OffsetCondition):
-            return None, "the register of its condition is not known there"
+            return None, "the register of its condition is unknown there"
         what = f"PR[{condition.register}]"
         told = state.get(f"PR{condition.register}")
         if told != condition.pose:
-            return None, f"{what} is not the same at its condition and at the move"
+            return None, f"{what} differs between its condition and the move"
         if condition.frame >= 0 and condition.frame != frame:
             return None, f"its condition names frame {condition.frame}, the target has another"
     if not isinstance(told, RegisterPose):
         return None, (
-            f"what {what} holds there is not known: give POSREG.VA beside the program, or set it "
-            "by constants on every way to the move"
+            f"the value of {what} there is unknown: give POSREG.VA beside the program, or set it "
+            "by constants on every path to the move"
         )
     if any(told.values[3:]):
-        return None, f"{what} turns the target, and how is not documented"
+        return None, f"{what} rotates the target in an undocumented way"
     x, y, z = told.values[:3]
     return (x, y, z), ""
 
@@ -140,14 +140,14 @@ def target_of(
     pose, base, tool = (state.get(name) for name in (f"PR{number}", "UF", "UT"))
     if not isinstance(pose, RegisterPose):
         return None, (
-            f"what PR[{number}] holds there is not known: give POSREG.VA beside the program, or "
-            "set it from a position on every way to the move"
+            f"the value of PR[{number}] there is unknown: give POSREG.VA beside the program, or "
+            "set it from a position on every path to the move"
         )
     if not pose.config.strip():
-        return None, f"the CONFIG of PR[{number}] is not known: set it from a position"
+        return None, f"the CONFIG of PR[{number}] is unknown: set it from a position"
     if not isinstance(base, float) or not isinstance(tool, float):
         return None, (
-            f"PR[{number}] stands in the frames in force, which are not known there: set "
+            f"PR[{number}] is in the frames in force, which are unknown there: set "
             "UFRAME_NUM and UTOOL_NUM by numbers before the move"
         )
     if base != int(base) or tool != int(tool) or min(base, tool) < 0:

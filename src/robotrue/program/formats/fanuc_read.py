@@ -200,8 +200,9 @@ class _Builder:
         if calls:
             what = f"is the one in force, which {', '.join(calls[:5])} may change"
             cure = (
-                "give what is called, too, write the number at the positions, or say in the cell "
-                f"that it sets none: [controller] harmless_routines = {json.dumps(calls[:5])}"
+                "give the called programs, too, write the number at the positions, or state in "
+                "the cell that they set none: [controller] harmless_routines = "
+                f"{json.dumps(calls[:5])}"
             )
             return self.frames.unknown(side, what, line, cure)
         if len(current) == 1 and current != {"?"}:
@@ -251,8 +252,8 @@ class _Builder:
         rows = np.zeros(len(reason), np.bool_)
         rows[away] = True
         cure = (
-            "describe it in the cell ([[controller.external]]); if it stands still and the frames "
-            "hold there, say so there (external_axes_at_rest)"
+            "describe it in the cell ([[controller.external]]); if it is at rest and the frames "
+            "are valid there, state external_axes_at_rest"
         )
         self._tell(rows, "positions with an external axis or another group away from zero", cure)
 
@@ -266,8 +267,9 @@ class _Builder:
     def _axis_note(self, reason: IntArray) -> None:
         if (reason == Reason.JOINT_TARGET).any():
             self.notes.append(
-                f"{self.name}: positions with J1 to J6 are read as the controller counts them, J3 "
-                "from the horizontal; the arm must be described with that coupling of J2 and J3."
+                f"{self.name}: positions with J1 to J6 are read in the convention of the "
+                "controller, J3 from the horizontal; the arm must be described with that coupling "
+                "of J2 and J3."
             )
 
     def _words(self) -> IntArray:
@@ -287,8 +289,8 @@ class _Builder:
         if odd.any():
             line = self.line[np.flatnonzero(odd)[0]]
             self.notes.append(
-                f"{self.name}:{line}: CONFIG is not of the form 'N U T, 0, 0, 0'; it stays as it "
-                "is and does not choose the arm's configuration."
+                f"{self.name}:{line}: CONFIG is not of the form 'N U T, 0, 0, 0'; it is not "
+                "changed and does not determine the arm configuration."
             )
         return words
 

@@ -293,7 +293,7 @@ class _Reader:
             self._twice(int(number[first]), int(place[first]), int(place[second]))
 
     def _twice(self, number: int, first: int, second: int) -> NoReturn:
-        what = f"P[{number}] stands in line {line_at(self.data, first)}, too"
+        what = f"P[{number}] is in line {line_at(self.data, first)}, too"
         self._refuse(what, "remove one of the two", second)
 
     def _refuse(self, what: str, cure: str, place: int) -> NoReturn:

@@ -125,7 +125,7 @@ class Survey(ABC):
         if len(data) > _LONGEST_LINE:
             return Whole(why="a line is longer than any controller reads", line=self.lines + 1)
         if b"\0" in data or (not self.size and data.startswith((b"\xff\xfe", b"\xfe\xff"))):
-            return Whole(why="the encoding is to be judged", line=self.lines + 1)
+            return Whole(why="the encoding must be checked", line=self.lines + 1)
         lines = self._sort_lines(data)
         if isinstance(lines, Whole):
             return lines
@@ -139,7 +139,7 @@ class Survey(ABC):
         since = self.targets - self._cuts[-1][2]
         if since > _LONGEST_CHUNK * self._asked:
             return Whole(
-                why=f"{since} targets after it without one that leaves nothing out",
+                why=f"{since} targets after it without a complete one",
                 line=self._cuts[-1][1] + 1,
             )
         return None
@@ -207,7 +207,7 @@ class Survey(ABC):
     def _check_end(self) -> Whole | None:
         """Returns why the whole file cannot be cut, if so."""
         if not self.targets:
-            return Whole(why="no targets that stand in place or in arrays")
+            return Whole(why="no targets in moves or in arrays")
         return None
 
     def judge(self, skeleton: Program, others: Sequence[tuple[str, bytes]]) -> Whole | None:

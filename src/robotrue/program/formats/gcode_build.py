@@ -234,8 +234,8 @@ class _Builder:
         reason[place[donor]] = Reason.INCOMPLETE
         self.notes.rows(
             which,
-            "left alone, too: the next point is left alone and takes over words from here that "
-            "cannot be written there",
+            "not compensated either: the next point is not compensated and takes over words from "
+            "here that cannot be written there",
         )
 
     def _remark(self) -> None:
@@ -247,7 +247,7 @@ class _Builder:
                 line = int(np.searchsorted(self.blocks.first, place, side="right"))
                 self.notes.say(f"{self.name}:{line}: {what}.")
         if found.inch is None and (self.blocks.state[:, Modal.INCH] == NO_STATE).all():
-            self.notes.say(f"{self.name}:1: the program states no unit: millimetres were taken.")
+            self.notes.say(f"{self.name}:1: the program states no unit: millimetres are assumed.")
 
     def _motion(self) -> IntArray:
         rows = self.rows
@@ -344,7 +344,7 @@ class _Builder:
         give(
             uncertain,
             Reason.INCOMPLETE,
-            "what is in force is not certain: state it again behind calls, labels and jumps",
+            "the modal state is uncertain: state it again after calls, labels and jumps",
         )
         give(force[:, Modal.RELATIVE] == 1, Reason.RELATIVE, "relative (G91)")
         motion = force[:, Modal.MOTION]
@@ -394,19 +394,20 @@ class _Builder:
         angles = rows.turn == Turn.ANGLES
         told = force[:, Modal.ANGLES]
         other = (told == 2) | ((told == 1) & (self.rule.angles == "kuka"))
-        give(angles & other, Reason.EXPRESSION, "angles of another order than the cell states")
+        give(angles & other, Reason.EXPRESSION, "angles in another order than in the cell")
         if not self.rule.angles:
             give(
                 angles,
                 Reason.INCOMPLETE,
-                "what angles mean is data of the control: state [controller] angles in the cell",
+                "the meaning of angles is data of the control: state [controller] angles in the "
+                "cell",
             )
         if self.rule.spin is None:
             axis = (rows.turn == Turn.VECTOR) | (rows.turn == Turn.FIXED)
             give(
                 axis,
                 Reason.INCOMPLETE,
-                "only the tool axis is known: state [controller] spin_deg in the cell",
+                "only the tool axis is stated: state [controller] spin_deg in the cell",
             )
         short = np.isfinite(rows.value[:, 3:]).all(axis=1)
         short &= ~np.isfinite(tool_axes(rows.value[:, 3:])).all(axis=1)
@@ -433,4 +434,4 @@ class _Builder:
                 if lost
             ]
             what = ", ".join(name for name in said if name) or "a coordinate or angle"
-            self.notes.rows(same, f"{what}: left out here and not said before; write it there")
+            self.notes.rows(same, f"{what}: left out here and not stated before; write it there")

@@ -68,7 +68,7 @@ class GcodeFrames(NumberedFrames):
         said = [each for each in self._list_stated(Modal.FRAME, block) if each not in own]
         inch = self._list_stated(Modal.INCH, block)
         if inch and inch[-1] != 0:
-            what = f"{name} is not in millimetres for sure"
+            what = f"{name} is not certainly in millimetres"
             return self.unknown("base", what, line, "state G21 before it")
         index = self._base_without_local(said[-1] if said else 0, version, line)
         if not any(zero):

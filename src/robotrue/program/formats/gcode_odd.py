@@ -136,7 +136,7 @@ class OddReader:
         label = _LABEL.match(text, lead)
         if label:
             self.found.barrier(block)
-            self.found.told.append((first, "jumps may lead here: what is in force is not certain"))
+            self.found.told.append((first, "jumps may lead here: the modal state is uncertain"))
             lead = label.end()
         _Block(self, block, first, text, lead).read()
 
@@ -205,7 +205,7 @@ class _Block:
         once = {word[1]: word for word in self._found}
         if len(once) < len(self._found):
             self._out.flag(self._block, Reason.EXPRESSION)
-            self._tell("an address stands twice in a block")
+            self._tell("an address occurs twice in a block")
         self._out.words += once.values()
 
     def _comment_end(self) -> int:
@@ -385,7 +385,7 @@ class _Block:
 
     def _call(self, what: str) -> None:
         if what != "M99":
-            self._tell(f"{what} calls another program: what is in force behind it is not certain")
+            self._tell(f"{what} calls another program: the modal state after it is uncertain")
         self._quiet = True
         self._out.barrier(self._block)
 
@@ -440,8 +440,8 @@ class _Block:
         elif word in (b"DEF", b"EXTERN", b"PROC", b"MSG", b"FGROUP", b"WORKPIECE"):
             self._quiet, self._at = True, len(self._text)
         elif word not in _QUIET:
-            self._tell(f"{word.decode('latin-1')} may call or skip anything: what is in force "
-                       "behind it is not certain")  # fmt: skip
+            self._tell(f"{word.decode('latin-1')} may call or skip anything: the modal state "
+                "after it is uncertain")  # fmt: skip
             self._quiet, self._at = True, len(self._text)
             self._out.barrier(self._block)
         return True

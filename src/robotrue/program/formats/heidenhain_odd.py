@@ -117,7 +117,7 @@ class ConversationalReader:
         else:
             what = rest[:30].decode("latin-1").strip()
             calls = "jumps" if _JUMPS.match(rest) else "is not known here"
-            self.found.told.append((first, f"{what!r} {calls}: what is in force is not certain"))
+            self.found.told.append((first, f"{what!r} {calls}: the modal state is uncertain"))
             self.found.barrier(block)
 
     def _own(self, block: int, first: int, rest: bytes) -> None:
@@ -154,7 +154,7 @@ class ConversationalReader:
             if match:
                 self._call_preset(block, match)
         elif number not in _HARMLESS_CYCLES:
-            self.found.told.append((first, f"CYCL DEF {number} is a cycle; it stays as it is"))
+            self.found.told.append((first, f"CYCL DEF {number} is a cycle; it is not changed"))
 
     def _call_preset(self, block: int, match: re.Match[bytes]) -> None:
         named = self.found.name(f"preset {int(match[1])}")

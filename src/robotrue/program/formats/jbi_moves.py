@@ -138,7 +138,7 @@ class _Walk:
             self._call(line, text)
         if text.startswith(b"CALL") and self._shift:
             self._tell("called", f"{self.name}:{line}: a job that is called while SFTON shifts "
-                       "moves elsewhere than its points say; do not compensate it.")  # fmt: skip
+                "moves away from its points; do not compensate it.")  # fmt: skip
         for pattern, found in ((_FRAME, self.out.frames), (_TOOL, self.out.tools)):
             found += [(number.decode(), line) for number in pattern.findall(text)]
         for number in _VARIABLE.findall(text):
@@ -171,8 +171,8 @@ class _Walk:
         for row in used:
             self._flag(row, Reason.EXPRESSION)
         names = list(dict.fromkeys(name for name, _ in self._calls))
-        what = (f"P points: {len(used)} points behind it are not compensated; user frames, tools "
-                "and shifts are taken to stay as they are")  # fmt: skip
+        what = (f"P points: {len(used)} points after it are not compensated; user frames, tools "
+            "and shifts are assumed unchanged")  # fmt: skip
         sentence = absent_routine(f"{self.name}:{self._calls[0][1]}", names, what)
         self.out.notes.append(sentence)
 

@@ -151,7 +151,7 @@ class _Builder:
             return frames.unknown("base", what, line, cure)
         if postype == "USER":
             return self._user(header.user, line, count)
-        what = f"{postype or 'of points without ///POSTYPE'} is not one robotrue knows"
+        what = f"{postype or 'of points without ///POSTYPE'} is not supported by robotrue"
         return frames.unknown("base", what, line, "convert the points to BASE or USER")
 
     def _user(self, number: str, line: int, count: int) -> int:
@@ -185,10 +185,10 @@ class _Builder:
             if proposal is not None:
                 hint += (
                     f"; the gear ratios in {proposal[0]} at 4096 pulses a turn give {proposal[1]}, "
-                    "without the sign of an axis that counts the other way: compare one position "
+                    "without the sign of an axis with the opposite direction: compare one position "
                     "with the pendant first"
                 )
-            self._tell(pulses, "points in pulses whose axis values are not known", hint)
+            self._tell(pulses, "points in pulses whose axis values are unknown", hint)
         odd = self.scan.count != 6
         if odd.any():
             self._tell(odd, "points that have not six values", "six-axis arms are supported")
@@ -254,8 +254,8 @@ class _Builder:
         rows = np.zeros(len(reason), np.bool_)
         rows[away] = True
         cure = (
-            "describe the axis in the cell ([[controller.external]]); if it stands still and the "
-            "frames hold there, say so there (external_axes_at_rest)"
+            "describe the axis in the cell ([[controller.external]]); if it is at rest and the "
+            "frames are valid there, state external_axes_at_rest"
         )
         self._tell(rows, "points moved to together with a base or station axis", cure)
 
@@ -263,8 +263,8 @@ class _Builder:
         have = tuple(self.scan.found.get(kind, 0) for kind in _COUNTED)
         if self.scan.counts and self.scan.counts != have:
             self.notes.append(
-                f"{self.name}: ///NPOS says {','.join(map(str, self.scan.counts))}, but "
-                f"{','.join(map(str, have))} points ({', '.join(_COUNTED)}) stand there; the "
+                f"{self.name}: ///NPOS states {','.join(map(str, self.scan.counts))}, but "
+                f"{','.join(map(str, have))} points ({', '.join(_COUNTED)}) are there; the "
                 "controller may refuse the job."
             )
 

@@ -151,7 +151,7 @@ class _Reader:
         if len(twice):
             first, second = table[order[twice[0]], 1], table[order[twice[0] + 1], 1]
             self.line = int(second)
-            self._refuse(f"this point stands in line {first}, too", "remove one of the two")
+            self._refuse(f"this point is in line {first}, too", "remove one of the two")
         return JbiScan(
             data=self.data,
             names=names,
@@ -189,7 +189,7 @@ class _Reader:
             if text.upper() == _ARGUMENTS:
                 self._pass_arguments()
             if text and not text.startswith((b"/", b"'")):
-                self._refuse(f"{_show(text)} stands where {names} should", "export the job again")
+                self._refuse(f"{_show(text)} is in place of {names}", "export the job again")
         self._refuse(f"the file ends before {names}", "give a whole Yaskawa job")
 
     def _points(self) -> None:

@@ -259,9 +259,9 @@ class Builder:
         names = list(dict.fromkeys(item.variable.partition("@")[0] for item in done))
         shown = ", ".join(names[:5]) + (" and others" if len(names) > 5 else "")
         return [
-            f"{name}: {len(done)} targets are GLOBAL points ({shown}), compensated in the base and "
-            "tool of this job; a program outside of it that moves to them gets the same numbers. "
-            "Give all programs that use them as one job."
+            f"{name}: {len(done)} targets are GLOBAL points ({shown}), compensated in the base "
+            "and tool of this job; other programs that move to them get the same numbers. Give "
+            "all programs that use them as one job."
         ]
 
     def _moves(self, file: int, agg: IntArray, motion: IntArray) -> IntArray:
@@ -379,8 +379,8 @@ class Builder:
         if refused.any():
             notes.append(
                 f"{self.frames.name}: {int(refused.sum())} targets carry the workpiece on the "
-                "robot (#TCP), or may do so; they are not compensated. Say in the cell what they "
-                "mean: fixed_tool in [controller]."
+                "robot (#TCP), or may do so; they are not compensated. State fixed_tool in "
+                "[controller] of the cell."
             )
         return reason, notes
 
@@ -420,8 +420,8 @@ class Builder:
         return [
             f"{name}: external axis E{column + 1} is {low:g} to {high:g} (mm or deg) and may carry "
             f"the robot or the part; {int(away.sum())} targets are not compensated. Describe it in "
-            "the cell ([[controller.external]]); if it stands still and the frames hold there, say "
-            "so there (external_axes_at_rest)."
+            "the cell ([[controller.external]]); if it is at rest and the frames are valid there, "
+            "state external_axes_at_rest."
         ]
 
     def _foreign(self, state: IntArray, axis: BoolArray, reason: IntArray) -> list[str]:
@@ -438,7 +438,7 @@ class Builder:
             absent_routine(
                 f"{self.frames.name}:{line}",
                 [self.story.spelled.get(name, name) for name in names],
-                f"base or tool: {count} targets behind it are not compensated, until both are set "
+                f"base or tool: {count} targets after it are not compensated, until both are set "
                 "again",
             )
             for names, (line, count) in found.items()
@@ -448,8 +448,8 @@ class Builder:
         notes = list(self.story.notes) if file == max(self.main, 0) else []
         if self.main < 0:
             notes.append(
-                f"{name}: points without the .src that moves to them; they are taken as linear "
-                "motions in the frames of their inline forms, or the defaults."
+                f"{name}: points without the .src that moves to them; they are assumed to be "
+                "linear motions in the frames of their inline forms, or the defaults."
             )
         return notes
 

@@ -61,9 +61,7 @@ def matrix_of(value: KrlValue) -> Array:
     """
     if not isinstance(value, dict) or not all(part in value for part in POSE_PARTS):
         missing = "a number" if not isinstance(value, dict) else "a structure without all six"
-        raise NotConstantError(
-            f"{missing} stands where a frame belongs", "write all of X, Y, Z, A, B, C"
-        )
+        raise NotConstantError(f"{missing} in place of a frame", "write all of X, Y, Z, A, B, C")
     printed = np.array([value[part] for part in POSE_PARTS])
     out: Array = pose_from_xyz_abc(printed[:3] * MM, printed[3:] * DEG)
     return out
@@ -85,7 +83,7 @@ class _KrlReader(ExpressionReader[KrlValue]):
 
     def number(self, value: KrlValue) -> int | float:
         if isinstance(value, dict | str):
-            raise NotConstantError("a structure stands where a number belongs")
+            raise NotConstantError("a structure in place of a number")
         if not math.isfinite(value):
             raise NotConstantError("a number is beyond all bounds")
         return value

@@ -88,7 +88,7 @@ class KrlFlow(ControlFlow):
 
     def take_pending(self, at: int) -> None:
         """Puts FDAT_ACT in force: ``BAS(#FRAMES)``, ``BAS(#PTP_PARAMS)``, ``BAS(#CP_PARAMS)``."""
-        what = "comes from an FDAT_ACT that depends on the way here"
+        what = "comes from an FDAT_ACT that depends on the path here"
         self._takes.add(self._add(at, [self._at], what))
 
     def trigger(self, at: int, names: Iterable[str]) -> None:

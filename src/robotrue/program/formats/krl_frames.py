@@ -195,8 +195,8 @@ class Frames:
             return self.unknown(
                 side,
                 line,
-                f"number {number} is on an external axis and is taken as if it stood still",
-                "take it with BAS(#EX_BASE,..) or EK(..)",
+                f"number {number} is on an external axis and is used as if it were at rest",
+                "set it with BAS(#EX_BASE,..) or EK(..)",
             )
         if matrix is not None:
             return self.index_frame(side, matrix, number)

@@ -83,7 +83,7 @@ def measuring_program(name: str, axes: Array, pre: Array, trigger: Trigger) -> b
         "&ACCESS RVP",
         f"DEF {name}()",
         f"; {len(axes)} poses; output {trigger.output} triggers the instrument at each",
-        "; drive it slowly once without the pulses: only stated obstacles were kept clear",
+        "; drive it slowly once without the pulses: only stated obstacles were avoided",
         "BAS(#INITMOV,0)",
         f"BAS(#VEL_PTP,{trigger.speed})",
     ]

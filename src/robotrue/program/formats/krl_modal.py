@@ -102,7 +102,7 @@ def incomplete_notes(name: str, line: IntArray, rows: BoolArray) -> list[str]:
     if not len(at):
         return []
     return [
-        f"{name}:{line[at[0]]}: {len(at)} targets from this line on leave components out, and what "
-        "they inherit is not known; they are not compensated, but follow the target before them "
-        "where it is. Write all six components."
+        f"{name}:{line[at[0]]}: {len(at)} targets from this line on leave components out, and "
+        "their inherited values are unknown; they are not compensated, but follow the previous "
+        "target where it is compensated. Write all six components."
     ]

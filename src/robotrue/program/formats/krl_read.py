@@ -153,8 +153,8 @@ def _camrob(name: str, data: bytes, builder: Builder) -> Program:
     start = builder.axes_before(calls[0].line) if calls else np.empty(0)
     if used.any() and not len(start):
         notes.append(
-            f"{name}: no axis target stands before its call, so nothing says how the arm stands at "
-            "its first target."
+            f"{name}: no axis target before its call, so the arm configuration at its first "
+            "target is unknown."
         )
     program = camrob_program(
         name, data, tokens, line, reason=reason, frame=settled.frame, tool=settled.tool,

@@ -59,8 +59,8 @@ _ERRORS: Final = {
         "KRL keeps a statement on one line; export the program again, or close the brace.",
     ),
     2: ("'}' without a '{' before it on this line.", "export the program again."),
-    3: ("a number that cannot be read.", "write it as -12.345 or 1.5E-03."),
-    4: ("a component that stands twice in one aggregate.", "remove one of the two."),
+    3: ("an unreadable number.", "write it as -12.345 or 1.5E-03."),
+    4: ("a component that occurs twice in one aggregate.", "remove one of the two."),
     5: ("a based integer that is not closed.", "write it as 'B0110' or 'H1F'."),
 }
 _PIECE: Final = 1 << 18

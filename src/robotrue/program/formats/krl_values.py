@@ -187,9 +187,9 @@ class KrlValues:
         if name.startswith("$"):
             if name == "$nullframe":
                 return dict.fromkeys(("x", "y", "z", "a", "b", "c"), 0.0)
-            raise NotConstantError(f"{name.upper()} is known to the controller alone")
+            raise NotConstantError(f"{name.upper()} is known only to the controller")
         if depth > _DEEPEST:
-            raise NotConstantError(f"{name.upper()} hangs on too many others")
+            raise NotConstantError(f"{name.upper()} depends on too many others")
         key = self.key(name, line)
         if arguments is not None and ":" in key and name in arguments and key not in self._changes:
             return arguments[name]
@@ -230,7 +230,7 @@ class KrlValues:
         routine, _, name = key.rpartition(":")
         names = [parameter for parameter, _ in self.routines[routine].parameters]
         if name not in names:
-            raise NotConstantError(f"{name.upper()} is declared and never given a value")
+            raise NotConstantError(f"{name.upper()} is declared without a value")
         number, values = names.index(name), []
         for call in self.calls:
             if call.name == routine:
@@ -240,7 +240,7 @@ class KrlValues:
         if not values or any(each != values[0] for each in values):
             what = "several values" if values else "no value in this job"
             raise NotConstantError(
-                f"{name.upper()} is a parameter that is given {what}",
+                f"{name.upper()} is a parameter that receives {what}",
                 "write the number out, or give the program that calls it, too",
             )
         return values[0]
@@ -287,13 +287,13 @@ class KrlValues:
             )
         if version <= 0:
             raise NotConstantError(
-                f"{shown} is changed by the program, and here it may have any value of before",
+                f"{shown} is changed by the program, and here it may have any earlier value",
                 "give it its value as a whole before this line",
             )
         change = mine[version - 1]
         if change.text is None:
             raise NotConstantError(
-                f"{shown} is set by what is not followed (line {change.line + 1})"
+                f"{shown} is set by a statement that is not interpreted (line {change.line + 1})"
             )
         value = self.value(change.text, change.line, arguments, depth + 1)
         if not change.path:

@@ -201,7 +201,7 @@ class KrlWalk(KrlPoints):
             self.story.called_files.append(Called(line, match[1], first, last))
         else:
             name = match[1] if match else "a file named elsewhere"
-            self.note(line, file, f"the targets stand in {name}, which is not beside the program")
+            self.note(line, file, f"the targets are in {name}, which is not next to the program")
 
     def _note_calls(self, line: int, code: str) -> None:
         started = _STARTED.match(code)
@@ -319,7 +319,7 @@ class KrlWalk(KrlPoints):
             if index.isdecimal() and not path:
                 new = self._resolve(file, line, side, rest)
                 if self.flow.in_branch and new != self.frames.number(side, line, index):
-                    what, cure = f"data {index} is set on one branch", "set it on every way"
+                    what, cure = f"data {index} is set on one branch", "set it on every path"
                     new = self.frames.unknown(side, line, what, cure)
                 self.frames.store(side, index, new)
             else:

@@ -100,7 +100,7 @@ class NumberedFrames:
             return self.root(side)
         return self.unknown(
             side,
-            f"{printed} stands in the controller ({self._holder[side]}), not in the program",
+            f"{printed} is in the controller ({self._holder[side]}), not in the program",
             line,
             f"add {side} {printed} to the cell ([[controller.{side}]])",
         )

@@ -271,8 +271,8 @@ def path_losses(program: Program, replacement: Replacement) -> tuple[str, ...]:
     if len(rows) and off.max() > _SLIGHT:
         worst = int(np.argmax(off))
         out.append(
-            f"{len(rows)} arcs stay in their plane: in the middle they are left up to "
-            f"{off[worst] / UM:.1f} um off (line {program.line[rows[worst]]})."
+            f"{len(rows)} arcs stay in their plane: in the middle they deviate by up to "
+            f"{off[worst] / UM:.1f} um (line {program.line[rows[worst]]})."
         )
     quiet = np.isin(words.turn, (Turn.FIXED, Turn.VECTOR)) & changed & ~words.skip
     turn = np.zeros(len(program))

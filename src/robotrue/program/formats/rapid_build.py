@@ -272,8 +272,8 @@ class _Builder:
             away,
             f"external axis {column + 1} is {low[column]:g} to {high[column]:g} (mm or deg) and "
             f"may carry the robot or the part; {int(away.sum())} targets are not compensated. "
-            "Describe it in the cell ([[controller.external]]); if it stands still and the frames "
-            "hold there, say so there (external_axes_at_rest)",
+            "Describe it in the cell ([[controller.external]]); if it is at rest and the frames "
+            "are valid there, state external_axes_at_rest",
         )
 
     def _flag_points(self) -> None:
@@ -295,12 +295,12 @@ class _Builder:
         self._put(
             based & ~self.used,
             Reason.RELATIVE,
-            "this target is used by Offs or RelTool alone; it is not compensated",
+            "this target is used only by Offs or RelTool; it is not compensated",
         )
         self.tell.rows(
             based & (self.reason == Reason.NONE),
-            "this target is also the start of Offs or RelTool: what is reached from it moves "
-            "along with its correction",
+            "this target is also the start of Offs or RelTool: targets computed from it move with "
+            "its correction",
         )
 
     def _si(self) -> tuple[Array, Array, Array]:
@@ -336,7 +336,7 @@ class _Builder:
         for what, offset in story.checks.items():
             self.tell.say(
                 f"{name}:{int(np.searchsorted(self.starts, offset, side='right'))}: {what}: the "
-                "controller does not compare confdata from here; they are kept right all the same."
+                "controller does not compare confdata from here; they are updated nevertheless."
             )
         for each in self.walk.course.handlers():
             self.tell.say(

@@ -61,7 +61,7 @@ def pose_of(value: RapidValue) -> Array:
         NotConstantError: It is none.
     """
     if not isinstance(value, tuple) or len(value) not in (2, 4):
-        raise NotConstantError("a value stands where a pose belongs")
+        raise NotConstantError("a value in place of a pose")
     trans, rot = _vector(value[0], 3), _vector(value[1], 4)
     length = float(np.linalg.norm(rot))
     if not 0.5 < length < 2.0:
@@ -95,13 +95,13 @@ def printed_pose(matrix: Array, near: RapidValue) -> tuple[RapidValue, RapidValu
 
 def _vector(value: RapidValue, count: int) -> Array:
     if not isinstance(value, tuple) or len(value) != count:
-        raise NotConstantError(f"a value stands where {count} numbers belong")
+        raise NotConstantError(f"a value in place of {count} numbers")
     return np.array([_number(each) for each in value])
 
 
 def _number(value: RapidValue) -> float:
     if isinstance(value, bool | str | tuple) or not math.isfinite(value):
-        raise NotConstantError("a value stands where a number belongs")
+        raise NotConstantError("a value in place of a number")
     return float(value)
 
 
@@ -189,7 +189,7 @@ def _element(value: RapidValue, index: float) -> RapidValue:
 
 def _target(value: RapidValue) -> tuple[RapidValue, ...]:
     if not isinstance(value, tuple) or len(value) != 4:
-        raise NotConstantError("a value stands where a robtarget belongs")
+        raise NotConstantError("a value in place of a robtarget")
     return value
 
 

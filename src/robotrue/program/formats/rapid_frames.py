@@ -197,7 +197,7 @@ class RapidFrames:
         differs = [member for member, each in version.items() if each == DIFFERS]
         if differs:
             return self._lose(
-                side, name, variable, f"depends on the way the program took ({differs[0]})"
+                side, name, variable, f"depends on the path through the program ({differs[0]})"
             ), False
         values = {member: variable.versions[member][each] for member, each in version.items()}
         if values.get("ufprog") is False:

@@ -130,7 +130,7 @@ class RapidTask:
             NotConstantError: It has none, or not one alone.
         """
         if depth > _DEEPEST:
-            raise NotConstantError(f"{name!r} hangs on too many others")
+            raise NotConstantError(f"{name!r} depends on too many others")
         found = [
             module
             for module in self._given.get(name, ())
@@ -229,7 +229,7 @@ class RapidValues:
 
     def _find(self, name: str, place: int, scope: str, depth: int) -> RapidValue:
         if depth > _DEEPEST:
-            raise NotConstantError(f"{name!r} hangs on too many others")
+            raise NotConstantError(f"{name!r} depends on too many others")
         key = self._key(scope, name)
         if key not in self._given and key not in self._changes:
             return self.task.value(name, self.module)
@@ -270,12 +270,12 @@ class RapidValues:
             if key[0] and text is not None:
                 return self.value(text, place, key[0], depth + 1)
             raise NotConstantError(
-                f"{name!r} is changed by the program, and here it may have any value of before",
+                f"{name!r} is changed by the program, and here it may have any earlier value",
                 "give it its value as a whole before this line",
             )
         change = changes[version - 1]
         if change.text is None:
-            raise NotConstantError(f"{name!r} is set by what is not followed")
+            raise NotConstantError(f"{name!r} is set by a statement that is not interpreted")
         value = self.value(change.text, change.place, self._routine(change.place), depth + 1)
         if not change.path and not change.subscript:
             return value

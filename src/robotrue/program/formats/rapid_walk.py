@@ -409,7 +409,7 @@ class RapidWalk(Data):
             if variable is not None:
                 why = "is a parameter or is computed"
             elif module is not None:
-                why = f"stands in {module}: declare it in the module that moves to it"
+                why = f"is in {module}: declare it in the module that moves to it"
             return [self._lose_point(start, Reason.EXPRESSION, f"the target {text[:40]!r} {why}")]
         shifting = _SHIFTING.match(text)
         if shifting:

@@ -26,7 +26,7 @@ def absent_routine(place: str, names: Sequence[str], what: str) -> str:
     listed = json.dumps(list(names[:TOLD]), ensure_ascii=False)
     return (
         f"{place}: {shown or 'a routine'} is in no file given and may change {what}. Give its "
-        f"file, too; if it changes none of them, say so in the cell: [controller] "
+        "file, too; if it changes none of them, state in the cell: [controller] "
         f"harmless_routines = {listed}."
     )
 

@@ -114,7 +114,7 @@ def _header(header: list[str], source: str, line: int) -> list[str]:
         if name not in COLUMNS:
             near = difflib.get_close_matches(name, COLUMNS, n=1)
             raise FormatError(
-                f"column {name!r} is not known; known are {', '.join(COLUMNS)}.",
+                f"column {name!r} is unknown; known are {', '.join(COLUMNS)}.",
                 source=source,
                 line=line,
                 hint=f"did you mean {near[0]}?" if near else "remove it.",

@@ -119,7 +119,7 @@ class _Builder:
         if (tool < 0).any():
             at = int(self.line[self.point[np.argmax(tool < 0)]])
             cure = "set it again before this line"
-            tool[tool < 0] = self.frames.unknown("tool", at - 1, "depends on the way here", cure)
+            tool[tool < 0] = self.frames.unknown("tool", at - 1, "depends on the path here", cure)
         states = np.stack([tool, by_number[self.setting]])
         state = np.zeros((2, self.count), np.int64)
         state[:, self.used] = states[:, self.first[self.used]]

@@ -185,7 +185,7 @@ class ScriptWalk:
         motion = _MOTION.search(self.code, start, end)
         word = motion[1].decode() if motion else ""
         if motion and word not in self._own:
-            where = " where it stands, behind other words" if word in _MOVES else ""
+            where = " after other words" if word in _MOVES else ""
             self.story.notes.append((motion.start(), f"{word} is not followed{where}"))
             for match in POSE.finditer(self.code, motion.start(), end):
                 point = self.story.add(match.start(), self.table.add(*match.span(), POINT), POINT)

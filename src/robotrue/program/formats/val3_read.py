@@ -91,7 +91,7 @@ class _Application:
         known = self.rows.setdefault(value.name, {})
         if value.key in known:
             raise FormatError(
-                f"{value.name}[{value.key}] stands twice.",
+                f"{value.name}[{value.key}] occurs twice.",
                 source=self.files[file][0],
                 line=value.line,
                 hint="delete one of the two; give the files of one application.",
@@ -151,8 +151,8 @@ class _Application:
         path = np.array(self.path[file], np.int64).reshape(-1, 3)
         if (tokens.kind == POSE).any():
             notes.say(
-                f"{name}: shoulder, elbow and wrist of its points are kept as they are written and "
-                "do not choose how the arm stands."
+                f"{name}: shoulder, elbow and wrist of its points are not changed and do not "
+                "determine the arm configuration."
             )
         return Program(
             name=name,
@@ -288,7 +288,7 @@ class _Frames:
             base = self._index.get(_parent_of(value, self._root))
             own = _read_pose(value)
             if base is None or base in self._lost or own is None:
-                self._lose(name, f"what {_spell(name)} stands on is not known")
+                self._lose(name, f"the parent frame of {_spell(name)} is unknown")
             else:
                 self._index[name] = len(self.matrices)
                 self.matrices.append(self.matrices[base] @ own)

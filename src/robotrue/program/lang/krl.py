@@ -154,8 +154,8 @@ def _read_config(name: str, text: str) -> ControllerFile:
         frame = _read_aggregate(name, text, match, match[3], f"{side}_DATA[{number}]")
         if side == "BASE" and machine.get(int(number), 0) > 1:
             notes.append(
-                f"{name}: base {number} stands on machine {machine[int(number)]}, not on the "
-                "floor; give it in cell.toml, with the external axis that carries it."
+                f"{name}: base {number} is on machine {machine[int(number)]}, not on the floor; "
+                "give it in cell.toml, with the external axis that carries it."
             )
             continue
         (out.bases if side == "BASE" else out.tools)[number] = frame

@@ -47,8 +47,8 @@ _LARGEST_LOSS: Final = 0.05
 """Share of a feed that its printed digits may be off."""
 _SAME_FRAME: Final = 1e-12
 _STRAIGHT: Final = (
-    "between sides the tool moves on straight lines to the postures of the joint moves that were "
-    "checked: the lines themselves were not; drive them slowly."
+    "between sides the tool moves on straight lines to the postures of the checked joint moves; "
+    "the lines are not checked: drive them slowly."
 )
 
 

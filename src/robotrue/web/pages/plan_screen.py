@@ -29,7 +29,7 @@ REASONS: Final = {
     "pre-position at a limit": "pre_limit",
     "pre-position in collision": "pre_collision",
     "outside the region": "region",
-    "more than asked for": "more",
+    "more than requested": "more",
 }
 BODIES: Final = {"collision with ": "collision", "line of sight: ": "sight"}
 
