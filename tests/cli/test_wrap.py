@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from robotrue.simulation import rail_practice
+
 PICK = """DEF pick()
 DECL E6POS XP
 INT I
@@ -87,6 +89,7 @@ REFUSED = [
     (("-o", "rt_fix.src", *BOX, *START, "--tolerance-mm", "0"), "expected above 0"),
     (("-o", "much_too_long_a_name.src", *BOX, *START), "is the name of the function"),
     (("-o", "rt_fix.txt", *BOX, *START), "a controller module is written"),
+    (("-o", "rt_fix.src", *BOX, *START, "--temperature", "25"), "no part of the model depends"),
     (("-o", "RtFix.mod", "--program", "pick.src", *START), "pick.src is a program in krl"),
     (("-o", "rt_fix.src", *BOX, *START, "--wrap-computed", "."), "--wrap-computed without"),
     (
@@ -107,3 +110,19 @@ def test_what_cannot_be_is_refused_and_nothing_written(
     assert said in got.err
     assert sorted(path.name for path in shop.iterdir()) == before
     assert (shop / "pick.src").read_text() == PICK
+
+
+def test_an_arm_on_a_rail_needs_its_position(cli, tmp_path: Path) -> None:
+    rail_practice.main([str(tmp_path)])
+    model, output = tmp_path / "model.robotrue", tmp_path / "rt_fix.src"
+    cli("calibrate", tmp_path / "cell.toml", tmp_path / "measured.csv", "--method", "ripple",
+        "-o", model)  # fmt: skip
+    wrap = ("wrap", model, "-o", output, "--box-mm", "1000,1200,400,500,700,800",
+            "--attitude-deg", "0,90,0", "--turn-deg", "1,1,1", "--start", "0,-90,90,0,30,0",
+            "--tolerance-mm", "0.08")  # fmt: skip
+    got = cli(*wrap)
+    assert got.code != 0
+    assert "where the arm is on it" in got.err
+    assert not output.exists()
+    assert "E1 at 500 mm" in cli(*wrap, "--e1-mm", "500").err
+    assert "; Made for E1 at 500 mm" in output.read_text()

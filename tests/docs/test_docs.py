@@ -35,7 +35,7 @@ CALL = re.compile(
     r"register|report|export|drift-plan|drift|probe-plan|slot-test|reproduce|dynamics|drill|simulate|workspace|jobs)"
     r"\b([^\n`|]*)"
 )
-OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
+OPTION = re.compile(r"(?<![\w-])--[a-z][a-z0-9-]*")
 
 
 def page_id(page: Path) -> str:

@@ -15,7 +15,7 @@ from robotrue.app.force_options import read_force_options
 from robotrue.app.outputs import check_output, require_suffix
 from robotrue.app.registered import open_model, provenance_used
 from robotrue.app.reporting import place_in_file
-from robotrue.calibration.calibrated_model import CalibratedModel
+from robotrue.app.stated_conditions import model_under
 from robotrue.calibration.lineage import identity_of
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.nominal import NominalModel
@@ -26,10 +26,8 @@ from robotrue.compensation.process_force import DescribedForce
 from robotrue.compensation.stance import start_joints
 from robotrue.compensation.steps import StepRule
 from robotrue.core.arrays import Array
-from robotrue.core.conditions import EXTERNAL_AXES, ArmConditions
 from robotrue.core.model_identity import ModelIdentity
 from robotrue.core.provenance import Provenance
-from robotrue.core.units import MM, ZERO_CELSIUS
 from robotrue.errors import ConfigurationError
 from robotrue.program.identity import require_compensable
 from robotrue.program.lang import find_language, languages
@@ -87,7 +85,8 @@ def open_ground(request: CompensateRequest, context: Context) -> Ground:
     ground, registered = _ground_files(request, context)
     cell, model = open_model(ground, registered)
     used = identity_of(model or NominalModel(robot=cell.robot))
-    model = _at_conditions(model, request, context)
+    stated = (request.temperature_degC, request.time_s, request.e1_mm)
+    model = model_under(model, *stated, context)
     frame = None if cell.part is None else cell.part.frame(request.part)
     if frame is not None:
         cell = replace(cell, T_base_frame=frame.T_base_part)
@@ -114,34 +113,6 @@ def open_ground(request: CompensateRequest, context: Context) -> Ground:
         split=SplitOptions(
             tolerance_um=request.split_um, limit=request.split_limit, deviation=request.deviation
         ),
-    )
-
-
-def _at_conditions(
-    model: ErrorModel | None, request: CompensateRequest, context: Context
-) -> ErrorModel | None:
-    """The model at the temperature or time that is stated.
-
-    Raises:
-        ConfigurationError: It depends on none.
-    """
-    options = (request.temperature_degC, request.time_s, request.e1_mm)
-    celsius, time, place = (np.nan if value is None else value for value in options)
-    external = np.full((1, EXTERNAL_AXES), np.nan)
-    external[0, 0] = place * MM
-    conditions = ArmConditions(
-        temperature=np.array([[celsius + ZERO_CELSIUS]]), time=np.array([time]), external=external
-    )
-    if isinstance(model, CalibratedModel):
-        for remark in model.remarks_on(conditions):
-            context.note(remark)
-    if all(value is None for value in options):
-        return model
-    if isinstance(model, CalibratedModel):
-        return model.under(conditions)
-    raise ConfigurationError(
-        "--temperature, --time or --e1-mm with a cell that has no calibrated model.",
-        hint="state the model of a calibration with temperatures or a rail.",
     )
 
 

@@ -16,6 +16,7 @@ from robotrue.app.request import (
     Reference,
     Request,
 )
+from robotrue.app.request_fields import ArmTemperature, RailPosition, RunTime
 from robotrue.program.compensation_defaults import MAX_SHIFT_MM, MAX_STEP_MM, SPLIT_LIMIT
 
 MAX_STEP: Final = Option(
@@ -91,34 +92,9 @@ class CompensateRequest(Request):
             help="Process force along the path: TOML of rules, or CSV by line or path.",
         ),
     ] = None
-    temperature_degC: Annotated[
-        float | None,
-        Option(
-            names=("--temperature",),
-            metavar="DEGC",
-            advanced=True,
-            help="Of the arm when the program runs; default: the mean of the calibration.",
-        ),
-    ] = None
-    time_s: Annotated[
-        float | None,
-        Option(
-            names=("--time",),
-            metavar="S",
-            advanced=True,
-            help="When the program runs, on the clock of the calibration's time_s, where no "
-            "temperature was measured.",
-        ),
-    ] = None
-    e1_mm: Annotated[
-        float | None,
-        Option(
-            names=("--e1-mm",),
-            metavar="MM",
-            advanced=True,
-            help="Place of the arm on its rail, for a program that does not state it.",
-        ),
-    ] = None
+    temperature_degC: ArmTemperature = None
+    time_s: RunTime = None
+    e1_mm: RailPosition = None
     cutter: Annotated[
         str | None,
         Option(

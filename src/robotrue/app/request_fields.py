@@ -165,3 +165,31 @@ PredictedWith: TypeAlias = Annotated[
     Path | None,
     InputFile(help="Frequency response of the predictions in the windows, axes of base."),
 ]
+ArmTemperature: TypeAlias = Annotated[
+    float | None,
+    Option(
+        names=("--temperature",),
+        metavar="DEGC",
+        advanced=True,
+        help="Temperature of the arm when the program runs; default: the calibration mean.",
+    ),
+]
+RunTime: TypeAlias = Annotated[
+    float | None,
+    Option(
+        names=("--time",),
+        metavar="S",
+        advanced=True,
+        help="When the program runs, on the clock of the calibration's time_s, where no "
+        "temperature was measured.",
+    ),
+]
+RailPosition: TypeAlias = Annotated[
+    float | None,
+    Option(
+        names=("--e1-mm",),
+        metavar="MM",
+        advanced=True,
+        help="Position of the arm on its rail, for a program that does not state it.",
+    ),
+]

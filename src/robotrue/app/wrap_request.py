@@ -1,4 +1,4 @@
-"""What is asked of a function that corrects computed targets: region, tool, tolerance."""
+"""Request for a function that corrects computed targets: region, tool, tolerance."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated, Final
 
 from robotrue.app.request import InputFile, Item, Option, Output, Reference, Request
-from robotrue.app.request_fields import CalibratedModel
+from robotrue.app.request_fields import ArmTemperature, CalibratedModel, RailPosition, RunTime
 
 TOLERANCE_MM: Final = 0.02
 MOST_NUMBERS: Final = 10_000
@@ -16,7 +16,7 @@ LANGUAGES: Final = {".src": "krl", ".mod": "rapid", ".modx": "rapid", ".prg": "r
 
 
 class WrapRequest(Request):
-    """For which region and tool to write the function, and how exact it has to be."""
+    """Region and tool of the function, and its tolerance."""
 
     model: CalibratedModel
     output: Annotated[
@@ -78,6 +78,9 @@ class WrapRequest(Request):
             help="Process force on the tool, base axes: FX,FY,FZ[,MX,MY,MZ] in N, N m.",
         ),
     ] = None
+    temperature_degC: ArmTemperature = None
+    time_s: RunTime = None
+    e1_mm: RailPosition = None
     tolerance_mm: Annotated[
         float, Option(help="Largest difference from the model's own correction.")
     ] = TOLERANCE_MM

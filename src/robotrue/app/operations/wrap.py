@@ -36,6 +36,7 @@ def run(request: WrapRequest, context: Context) -> PlainResult:
         StepError: No table of that size keeps the tolerance.
     """
     from robotrue.app.registered import open_model, provenance_used
+    from robotrue.app.stated_conditions import model_under
     from robotrue.app.wrapped_region import open_arm
     from robotrue.cell.cell import frame_table
     from robotrue.compensation.fit_correction_table import fit_table
@@ -50,9 +51,11 @@ def run(request: WrapRequest, context: Context) -> PlainResult:
     cell, model = open_model(path, place)
     if model is None:
         raise ConfigurationError("a cell has no errors to correct.", source=path, hint="a model.")
+    stated = (request.temperature_degC, request.time_s, request.e1_mm)
+    used = model_under(model, *stated, context) or model
     table = frame_table(cell)
     programs = _read_programs(request, table, language)
-    arm = open_arm(request, cell, model, table, programs)
+    arm = open_arm(request, cell, used, table, programs)
     fitted = fit_table(arm, tolerance=request.tolerance_mm * MM, most_numbers=request.max_numbers)
     origin = provenance_used(cell, model)
     files = _print_module(request, arm, fitted, table, language, origin)
@@ -65,7 +68,8 @@ def run(request: WrapRequest, context: Context) -> PlainResult:
     document = {"output": str(output), "language": language, **_numbers(arm, fitted)}
     document["files"] = list(files)
     document["calls"] = [_call_document(call) for call in calls]
-    for note in (*_axis_notes(arm, fitted, language), *_backlash_note(model)):
+    notes = (*_axis_notes(arm, fitted, language), *_backlash_note(model))
+    for note in (*notes, *_condition_notes(request)):
         context.note(note)
     context.wrote(f"{fitted.table.numbers} numbers", output)
     return PlainResult(
@@ -109,7 +113,7 @@ def _print_module(
         name=request.output.stem,
         T_world_base=inverse(table.T_base_world),
         T_flange_tool=arm.T_flange_tool,
-        remarks=tuple(_remarks(arm, fitted, origin)),
+        remarks=(*_remarks(arm, fitted, origin), *_condition_notes(request)),
     )
     if language == "krl":
         return write_krl_module(module)
@@ -231,6 +235,17 @@ def _backlash_note(model: ErrorModel) -> list[str]:
     if tables is None or not tables.backlash.any():
         return []
     return ["the model knows a backlash; a function does not know where a joint comes from."]
+
+
+def _condition_notes(request: WrapRequest) -> list[str]:
+    """What the function holds for and does not check."""
+    stated = {
+        "the arm at {:g} degC": request.temperature_degC,
+        "{:g} s on the clock of the calibration": request.time_s,
+        "E1 at {:g} mm": request.e1_mm,
+    }
+    said = [text.format(value) for text, value in stated.items() if value is not None]
+    return [f"Made for {', '.join(said)}; the function does not check that."] if said else []
 
 
 def _blocks(
