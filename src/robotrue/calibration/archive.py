@@ -105,7 +105,7 @@ def robot_arrays(robot: RobotModel) -> dict[str, Array]:
 
 @archive_reader
 def robot_from(archive: Archive) -> RobotModel:
-    """Returns the robot kept by :func:`robot_document` and :func:`robot_arrays`.
+    """Returns the robot stored by :func:`robot_document` and :func:`robot_arrays`.
 
     Raises:
         ArchiveError: A part is missing, or cannot be.

@@ -44,7 +44,7 @@ class LinearArm:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArmWithTerms:
-    """An arm, its terms and the tool that is asked about: what does not change between postures.
+    """An arm, its terms, and the tool of the query: everything that postures share.
 
     Attributes:
         actual: The arm with its errors and that tool.

@@ -214,7 +214,7 @@ class CalibratedModel(Columns):
         return arm, arm.postures(query.joints, query.load, query.approach, query.conditions)
 
     def _linear(self, arm: ArmWithTerms, rows: ArmPostures) -> tuple[LinearArm, Array]:
-        """The arm, linearised, and d(error)/d(what the posterior is over)."""
+        """Returns the linearised arm, and d(error)/d(columns of the posterior)."""
         at = arm.linearise_at(rows)
         if self.root is None:
             return at, at.columns

@@ -63,7 +63,7 @@ class WhitenedRows:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Design:
-    """What the columns are, and where they are taken.
+    """Columns of the linear model, and the point of linearisation.
 
     Attributes:
         observations: Points and poses.

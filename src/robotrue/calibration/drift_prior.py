@@ -1,4 +1,4 @@
-"""What changes between a calibration and the rows it is carried to, and by how much.
+"""Prior for the changes between a calibration and the rows it is transferred to.
 
 The source's posterior N(m, S) becomes the target's prior
 
@@ -45,7 +45,7 @@ WHITE_FLOOR: Final = 1e-7
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriftScales:
-    """How far a target may be from its source; standard deviations.
+    """Prior distance of a target from its source; standard deviations.
 
     Attributes:
         base: m, base or tracker registration, both in base.

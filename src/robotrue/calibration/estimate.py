@@ -29,7 +29,7 @@ LOOSE_TURN: Final = 0.02
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FitVerdict:
-    """What may be said of a fit.
+    """Verdict on a fit, with its warnings.
 
     Attributes:
         status: ``"determined"``: every direction a prediction depends on was seen by the data.
@@ -285,7 +285,7 @@ def _verdict(
 
 
 def _loose_turns(posterior: Posterior) -> list[str]:
-    """Which tracker frames may be turned about a line, as all poses on one line leave them."""
+    """Warns of tracker frames that are free to turn about a line, since all poses lie on one."""
     out = []
     for k in posterior.layout.stations:
         place = posterior.layout.blocks[f"station/{k}"]

@@ -1,4 +1,4 @@
-"""How far off, and how sure, a linear model is on rows it did not see; the width that follows.
+"""Held-out error and coverage of a linear model, and the width factor that follows.
 
 Within the training rows alone: the rows are cut into contiguous blocks in the order they were
 measured; the scales, the noise and the weights are learned anew without each block, which is then

@@ -75,7 +75,7 @@ SEED: Final = 20
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LearnedParts:
-    """Which learned parts are tried.
+    """Learned parts to try.
 
     Attributes:
         ripple: Joint ripple and backlash.
@@ -276,7 +276,7 @@ def _rung(
 
 
 def _find_sighted(design: Design, sums: Sequence[Sums]) -> BoolArray:
-    """Which active columns the rows can see: not the ripple of a joint without a lever."""
+    """Returns a mask of active columns with information: no ripple of a joint without lever."""
     waves = design.place("ripple")
     covered = np.flatnonzero(design.active)
     seen = sum(s.power_by_column() for s in sums) * START**2

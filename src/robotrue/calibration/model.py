@@ -21,7 +21,7 @@ from robotrue.robot.statics import NO_LOAD, Load
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Query:
-    """Where the error is wanted.
+    """Poses and loads at which the error is predicted.
 
     Attributes:
         joints: (n, dof) rad, commanded.
@@ -70,7 +70,7 @@ class Prediction:
 
 
 class ErrorModel(Protocol):
-    """What compensation, validation and online work know of a calibration, and nothing else."""
+    """Contract of a calibration, the only one that compensation, validation and online use."""
 
     @property
     def robot(self) -> RobotModel:
@@ -79,7 +79,7 @@ class ErrorModel(Protocol):
 
     @property
     def calibrated(self) -> bool:
-        """Whether it comes from measurements; False for the arm as the controller computes it."""
+        """True if fitted to measurements; False for the arm as the controller computes it."""
         ...
 
     def predict(self, query: Query) -> Prediction:

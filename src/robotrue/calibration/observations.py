@@ -1,4 +1,4 @@
-"""What instruments say about the arm, each with its residual, analytic Jacobian and covariance.
+"""Observations of the arm, each with its residual, analytic Jacobian and covariance.
 
 ``residual = measured - predicted`` and ``jacobian = d predicted / d parameters``, so a Gauss-Newton
 step solves ``jacobian @ step = residual``. Covariances hold the instrument and the repeatability;
@@ -57,7 +57,7 @@ class Linearisation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArmVisits(ArmPostures):
-    """n visits of the arm: what decides where a reflector on the flange is.
+    """n visits of the arm, which determine the place of a reflector on the flange.
 
     Attributes:
         target: (n,) reflector.

@@ -1,4 +1,4 @@
-"""What a model says of its training: JSON values in an archive, decoded here and nowhere else."""
+"""Training summary of a model: JSON values in an archive, decoded only here."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ class TrainingSummary(Mapping[str, object]):
 
     @property
     def target_rows(self) -> int:
-        """Of those, how many a transfer took from the target itself."""
+        """Of those, the number that a transfer took from the target itself."""
         return self._read("target_rows", int, 0)
 
     @property
@@ -210,17 +210,17 @@ class TrainingSummary(Mapping[str, object]):
 
     @property
     def relation(self) -> str:
-        """Of a transfer: ``region``, ``campaign`` or ``unit``."""
+        """Relation of a transfer: ``region``, ``campaign`` or ``unit``."""
         return str(self.document.get("relation", ""))
 
     @property
     def drift_scales(self) -> Mapping[str, float]:
-        """Of a transfer: how far the target is from its source, by group."""
+        """Distance of a transfer's target from its source, by group."""
         return self._read("drift_scales", dict[str, float], {})
 
     @property
     def drift_defaults(self) -> Mapping[str, float]:
-        """What of that is usual."""
+        """Usual distances of a transfer."""
         return self._read("drift_defaults", dict[str, float], {})
 
     @property

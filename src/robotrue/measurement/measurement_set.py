@@ -128,7 +128,7 @@ class MeasurementSet(Columns):
 
 
 def concatenate(sets: Sequence[MeasurementSet]) -> MeasurementSet:
-    """Returns all rows of several sets; groups stay apart, station and target numbers are kept.
+    """Returns all rows of several sets; groups stay separate, station and target numbers remain.
 
     Raises:
         ShapeError: No sets, another number of joints, or frames that differ.

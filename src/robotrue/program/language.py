@@ -1,4 +1,4 @@
-"""What robotrue knows of a program language: one frozen object, made in one leaf file.
+"""Contract of a program language: one frozen object, made in one leaf file.
 
 :mod:`robotrue.program.lang` registers the leaf files. Whoever needs something of a language asks
 its object; no other file of the product lists languages.
@@ -30,7 +30,7 @@ ANY: Final = 1_000_000
 
 
 class Cutter(Protocol):
-    """What reads a long file of a language a chunk of lines at a time."""
+    """Reads a long file of a language a chunk of lines at a time."""
 
     def survey_file(self, name: str, frames: FrameTable, targets: int) -> Survey | Whole:
         """Returns the survey of a file of this name, not yet run, or why it cannot be cut."""
@@ -59,7 +59,7 @@ class FrameFiles:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TableForm:
-    """How a controller takes an entry of its table of frames, or of tools.
+    """Format of an entry in the controller's table of frames or tools.
 
     Attributes:
         first: First number of the table.
@@ -75,7 +75,7 @@ class TableForm:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrameForm:
-    """How a controller takes a frame or a tool that is typed in or pasted.
+    """Format of a frame or tool that is typed in or pasted.
 
     Attributes:
         name: By which a user asks for it.

@@ -242,7 +242,7 @@ def outline_job(
 
 
 def read_chunk(data: bytes, lines: ChunkLines, content: Program | Skeleton) -> ReadChunk:
-    """Returns the targets of some lines, as they stand in the program of the whole file.
+    """Returns the targets of some lines, as in the program of the whole file.
 
     Statements are not read again: the skeleton says what they bring about.
 

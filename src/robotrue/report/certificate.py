@@ -75,7 +75,7 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CertificateFacts:
-    """What a certificate is made of. SI.
+    """Data of a certificate. SI.
 
     Attributes:
         robot: Name of the arm.
@@ -166,7 +166,7 @@ def certificate_content(
 
 
 def _decision_rule(facts: CertificateFacts, tolerance: float | None, t: ReportTexts) -> Fact:
-    """How conformity is decided, ISO/IEC 17025:2017, 7.8.6."""
+    """Returns the decision rule, ISO/IEC 17025:2017, 7.8.6."""
     if tolerance is None or facts.check is None:
         return fact(t, "head.rule", t("cert.no_rule"))
     return fact(t, "head.rule", t("cert.rule", tolerance=tolerance / MM))

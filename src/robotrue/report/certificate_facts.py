@@ -1,4 +1,4 @@
-"""What the certificate of a model is made of."""
+"""Collection of the data for a model's certificate."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def certificate_facts(
     files: Sequence[tuple[str, Path]] = (),
     lang: Lang = DEFAULT_LANG,
 ) -> CertificateFacts:
-    """Returns what a certificate is made of.
+    """Returns the data of a certificate.
 
     Args:
         model: The error model.

@@ -1,4 +1,4 @@
-"""What a controller's own parameters can take of a calibration: joint zeros, tool and base.
+"""Calibration as parameters of the controller: joint zeros, tool and base.
 
 Lengths and angles of links, gears, compliance and all that is learned stay outside. So the numbers
 are not simply copied: zeros, tool and base are fitted to the whole model over the training range::

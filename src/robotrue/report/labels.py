@@ -1,4 +1,4 @@
-"""What reports share: tiles, columns, facts and tables of statistics, in the reader's language.
+"""Shared parts of reports: tiles, columns, facts and statistics, in the reader's language.
 
 Each is labelled in the language of its :class:`~robotrue.report.words.Words` and named in English
 in the JSON of every language.

@@ -1,4 +1,4 @@
-"""What a model knows, in shop units: for commands and pages."""
+"""Properties of a model in shop units, for commands and pages."""
 
 from __future__ import annotations
 
@@ -127,7 +127,7 @@ def result_facts(summary: TrainingSummary) -> list[tuple[str, str]]:
 
 
 def _describe_noise(white: float) -> str:
-    """White noise of an sd in m; one that rounds to zero means that what is stated is enough."""
+    """White noise of an sd in m; an sd that rounds to zero means that the stated noise suffices."""
     text = f"{white / MM:.4f} mm"
     return "none beyond instrument and repeatability" if float(text.split()[0]) == 0.0 else text
 

@@ -67,7 +67,7 @@ class NamedCause:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Diagnosis:
-    """What the data doctor says of a measurement set.
+    """Findings of the data doctor on a measurement set.
 
     Attributes:
         findings: Named causes, those that need no statistics first.

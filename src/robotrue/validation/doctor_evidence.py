@@ -1,4 +1,4 @@
-"""How well a hypothesis about measured rows explains them: evidence in closed form.
+"""Evidence of a hypothesis about measured rows, in closed form.
 
     y ~ N(0, K),   K = H H' + geometry + ripple + smooth + joints + C + white
 

@@ -78,7 +78,7 @@ class Misread:
 
 
 def examine(reading: ColumnReading, residuals: Evidence, price: float) -> Hypothesis:
-    """Returns the hypothesis of a reading: its own fit against that of the file as it stands."""
+    """Returns the hypothesis of another reading: its fit against that of the file as read."""
     arm, robot = residuals.case, reading.robot
     put_right = arm.rows if robot is not None else replace(arm.rows, joints=reading.joints)
     robot = robot and robot.with_tool(arm.robot.T_flange_tool)
@@ -259,7 +259,7 @@ def find_turns(rows: MeasurementSet, robot: RobotModel) -> list[Hypothesis]:
 
 
 def _turns_off(angles: Array, limits: Array) -> Array:
-    """Turns (n,) by which the smaller heap of a joint's angles stands away; zeros if none does."""
+    """Returns the turns (n,) that separate a joint's smaller cluster of angles; else zeros."""
     beyond = np.where(angles > limits[1] + DEG, 1.0, np.where(angles < limits[0] - DEG, -1.0, 0.0))
     if beyond.any():
         back = angles - TURN * beyond

@@ -1,4 +1,4 @@
-"""What the data doctor may suspect: one protocol, and the noun of what it finds."""
+"""Contract of the data doctor's suspicions, and their findings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether a robot still is the one that was calibrated: a few poses measured again.
+"""Drift check: whether the robot has changed since its calibration, from a few poses.
 
 With residuals r = measured - predicted (all poses in one vector) and their covariance C (what the
 model does not know of these poses together, scatter, instrument)::
@@ -89,7 +89,7 @@ class Cause(Columns):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriftCheck:
-    """What a few poses say of a stored model.
+    """Result of measuring a few poses again for a stored model.
 
     Attributes:
         verdict: ``keep``; ``update``: one cause explains it, a transfer with these poses will do;
@@ -119,7 +119,7 @@ class DriftCheck:
 
     @property
     def changed(self) -> bool:
-        """Whether the robot is called changed."""
+        """True if the verdict is that the robot has changed."""
         return self.verdict != "keep"
 
     @property
@@ -265,7 +265,7 @@ def _ways(
 
 
 def _well_seen(white: Array, terms: Sequence[str]) -> bool:
-    """Whether every number of a cause, the others free, is known well enough to speak of it."""
+    """True if every number of a cause, the others free, is determined well enough to report it."""
     size = np.array([SEEN_LENGTH if term in POSE_TERMS[:3] else SEEN_ANGLE for term in terms])
     information = white.T @ white * np.outer(size, size)
     if np.linalg.cond(information) > ILL_CONDITIONED:

@@ -1,4 +1,4 @@
-"""What a model says about measured rows: the one comparison everything else here counts.
+"""Predictions of a model at measured rows: the one comparison that all validation uses.
 
 Beside it stands the honest "before": what a mere correction of base and tool is worth.
 """

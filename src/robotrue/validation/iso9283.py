@@ -190,7 +190,7 @@ class RepeatedPose:
 
     @property
     def is_standard(self) -> bool:
-        """Whether there are as many cycles as ISO 9283 asks for."""
+        """True if the number of cycles meets ISO 9283."""
         return len(self.rows) >= CYCLES
 
 

@@ -61,7 +61,7 @@ class AxisAngles:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ValidationReport:
-    """What a set of measured poses says about a model. SI, base frame.
+    """Validation of a model on a set of measured poses. SI, base frame.
 
     Attributes:
         robot: Name of the robot.

@@ -24,7 +24,7 @@ EXAMPLE: Final = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArmFile:
-    """Arm as a file states it.
+    """Content of an arm's file.
 
     Attributes:
         table: The keys of ``[robot]``.

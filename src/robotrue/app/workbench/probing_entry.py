@@ -58,7 +58,7 @@ DECISIONS: Final = ("keep", "retake", "skip", "undo")
 def enter_reading(
     workspace: Workspace, id: str, version: int, feature: int, text: str
 ) -> DocumentRecord:
-    """Returns the session with one more reading: kept, or held because it is not as expected."""
+    """Returns the session with one more reading: accepted, or pending because it is unexpected."""
     at = open_session(workspace, id, version)
     if not 0 <= feature < len(at.session.features):
         raise ConfigurationError(f"feature {feature + 1} of {len(at.session.features)}.")
@@ -116,7 +116,7 @@ def reading_values(at: Opened, text: str) -> tuple[float, ...]:
 def _with(
     at: Opened, feature: int, values: tuple[float, ...], text: str, *, hold: bool
 ) -> ProbingSession:
-    """The session with a reading that was judged by those before it."""
+    """Returns the session with a reading, checked against those before it."""
     before = [each for each in at.session.kept if each.feature != feature]
     found, _ = fit_readings(at, before)
     known = belief_after(at, select_trusted(at, before, found))
@@ -144,7 +144,7 @@ def _with(
 
 
 def _with_file(at: Opened, path: Path) -> ProbingSession:
-    """The session with the readings of a file: judged together where they fix a frame."""
+    """Returns the session with the readings of a file: checked together if they fix a frame."""
     rows, session = _rows_of_file(at, path), at.session
     for feature, values in rows:
         reading = TouchReading(
@@ -176,7 +176,7 @@ def _others(at: Opened, feature: int) -> ProbingSet:
 
 
 def _with_radius(at: Opened, session: ProbingSession) -> ProbingSession:
-    """The session whose last kept reading says how well the worst place is known after it."""
+    """Returns the session whose last accepted reading states the uncertainty of the worst place."""
     kept = [k for k, each in enumerate(session.readings) if each.state == "kept"]
     if not kept or session.readings[kept[-1]].radius_mm is not None:
         return session
@@ -306,7 +306,7 @@ def write_readings(workspace: Workspace, id: str) -> bytes:
 
 
 def _write_cell(workspace: Workspace, at: Opened, table: PartTable, place: Path) -> None:
-    """The registered cell, read back before it is kept."""
+    """Writes the registered cell, and reads it back before saving."""
     own = place / "cell"
     own.mkdir()
     text = cells.copy_cell(workspace, at.cell_record, own).read_text(encoding="utf-8")

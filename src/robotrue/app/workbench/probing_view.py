@@ -133,7 +133,7 @@ def _features(
 
 
 def _residuals(at: Opened, found: RegisteredPart) -> dict[int, tuple[float, bool]]:
-    """Distance from where the frame puts it, mm, and whether it was believed, by feature."""
+    """Returns the residual, mm, and whether the reading was accepted, by feature."""
     rows = {frame.name: 0 for frame in found.frames}
     frames = {frame.name: frame for frame in found.frames}
     out = {}

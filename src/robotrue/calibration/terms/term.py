@@ -1,4 +1,4 @@
-"""What one physical error of an arm says of itself, so that nothing else has to know it.
+"""Contract of one physical error term of an arm; all code about a term is in its file.
 
 A calibrated arm is its nominal tables, the error vector of :class:`RobotModel` (geometry and
 compliance) and any number of terms with parameters v:
@@ -73,7 +73,7 @@ def without_errors(tables: MeanTables, groups: Sequence[str]) -> MeanTables:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effect:
-    """What a term does at n postures; None is nothing.
+    """Effect of a term at n postures; None is no effect.
 
     Attributes:
         drive_shift: (n, dof) rad added to the drive angles.

@@ -1,4 +1,4 @@
-"""Which terms there are. A new one adds itself here with :func:`register`.
+"""Registry of terms. A new term adds itself with :func:`register`.
 
 A package outside registers its own by an entry point of the group ``robotrue.terms`` that names the
 class; it is imported when a fit or an archive first asks for terms.

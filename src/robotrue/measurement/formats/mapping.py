@@ -1,4 +1,4 @@
-"""Which column of a file holds what: the whole difference between one instrument and another.
+"""Column mapping of a file: the whole difference between one instrument and another.
 
 A mapping is a TOML file of the fields of :class:`ColumnMapping`: the user's own, or one of the
 known layouts in the folder ``layouts``, which are named by their files.
@@ -82,7 +82,7 @@ ONE_COLUMN: Final = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ColumnMapping:
-    """Where the columns are, in which units and signs. Names are compared without case.
+    """Columns with their units and signs. Names are compared without case.
 
     ``position = sign * (columns - columns of position_minus) + offset``, then the unit;
     ``joints = sign * columns + offset`` likewise.
@@ -256,7 +256,7 @@ class ColumnMapping:
                 )
 
     def count(self, group: str) -> int:
-        """Returns how many columns a group has where it is there."""
+        """Returns the number of columns of a group."""
         if group in ("joints", "approach", "joint_temperature"):
             return len(self.joints)
         if group in ONE_COLUMN:

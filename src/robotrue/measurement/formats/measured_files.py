@@ -1,4 +1,4 @@
-"""Files of measured or asked poses, by the name of their layout or by their header."""
+"""Files of measured or queried poses, by the name of their layout or by their header."""
 
 from __future__ import annotations
 

@@ -89,7 +89,7 @@ class Features(Columns):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PointsFile:
-    """What a file of touched points holds.
+    """Content of a file of probing points.
 
     Attributes:
         touches: The rows.

@@ -1,4 +1,4 @@
-"""One pass over a long file: stretches, chunks, and the skeleton that stands for it.
+"""One pass over a long file: stretches, chunks, and the skeleton that represents it.
 
 A *stretch* is lines whose targets share all that statements decide; comments, and statements that
 no target depends on, may stand between. In the skeleton a line stands for each stretch, or its
@@ -59,7 +59,7 @@ class WindowLines(NamedTuple):
 
 
 class Survey(ABC):
-    """What is common to the surveys of all languages.
+    """Base of the surveys of all languages.
 
     Attributes:
         name: File name.
@@ -112,7 +112,7 @@ class Survey(ABC):
 
     @property
     def sha256(self) -> str:
-        """Of the bytes."""
+        """SHA-256 of the bytes."""
         return self._hash.hexdigest()
 
     @property

@@ -56,7 +56,7 @@ class LineCutter:
         return LineSurvey(name, targets, self)
 
     def read_lines(self, data: bytes, skeleton: Skeleton) -> ReadChunk:
-        """Returns the targets of some lines; their data stand between a head and a foot."""
+        """Returns the targets of some lines; their data are between a head and a foot."""
         keys: set[Key] = set()
         text = np.frombuffer(data, np.uint8).copy()
         for start, end in pairwise(_line_edges(data).tolist()):
