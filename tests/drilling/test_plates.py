@@ -108,7 +108,7 @@ def test_plates_over_a_range_let_a_sag_be_learned(tmp_path: Path) -> None:
                  "interactions", "--inputs", "none")  # fmt: skip
     assert learned["held_out_mean_deg"] < 0.3 * alone["held_out_mean_deg"]
     foot.write_text(FOOT.replace("[-1, 1]", "[1, 1]"))
-    with pytest.raises(RobotrueError, match="A are reversed"):
+    with pytest.raises(RobotrueError, match="reversed axes A"):
         call("drill", "fit", foot, sheet, "-o", model)
 
 

@@ -219,8 +219,8 @@ def check_head(head: Head, campaign: Campaign) -> None:
     raise ImplausibleDataError(
         f"the calibration plane seems to turn with the head: neighbouring normals are "
         f"{stated / DEG:.3f} deg apart with sense {[int(v) for v in head.sense]}, "
-        f"{spread / DEG:.3f} deg with {[int(v) for v in sense]}: {' and '.join(wrong)} are "
-        "reversed.",
+        f"{spread / DEG:.3f} deg with {[int(v) for v in sense]}: reversed "
+        f"axes {' and '.join(wrong)}.",
         source=campaign.source or None,
         hint=f"[head] sense = {[int(v) for v in sense]} in the foot file, or the sign of "
         f"{', '.join(f'axis_{name}_deg' for name in wrong)}.",
