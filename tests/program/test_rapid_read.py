@@ -426,3 +426,12 @@ def test_a_target_of_another_module_is_told() -> None:
     assert first.reason.tolist() == [0, EXPRESSION]  # p10 is written out in its motion
     assert any("'p20' is in no file of this program" in note for note in first.notes)
     assert find_language("rapid").write(second, replacement(second)) == data.encode()
+
+
+def test_a_loop_without_a_counter_and_a_point_hidden_by_one_without_value() -> None:
+    point = "[[5,9,0],[0,7,0,5],[0,1,1,1],[9E9,9E9,9E9,9E9,9E9,9E9]]"
+    lines = (f"CONST robtarget p2:={point};", "PROC n()", "FOR;", "ENDFOR", "MoveL p2,v1,z1,tool0;",
+             "CONST robtarget p2;", "ENDPROC")  # fmt: skip
+    data = "\n".join(["MODULE m", *lines, "ENDMODULE", ""]).encode()
+    program = find_language("rapid").read(data, name="m.mod", frames=FrameTable())
+    assert Reason.NONE not in program.reason.tolist()

@@ -211,8 +211,7 @@ class RapidWalk(Data):
             course.join(at)
         elif word in ("for", "while"):
             course.loop(at)
-            name = self._text(statement).split(maxsplit=1)[0].lower() if word == "for" else ""
-            if name:
+            for name in self._text(statement).lower().split()[:1] if word == "for" else ():
                 self.values.change(self.scope, name, RapidChange(at, "", "", None))
         elif word in ("endfor", "endwhile"):
             course.close_loop(at)
@@ -402,8 +401,9 @@ class RapidWalk(Data):
         if named:
             variable = self.variables.find(self.scope, named[1].lower())
             if variable is not None and stored is not None and stored[0]:
-                self.variables.doubt(variable, stored[1])
-                return stored[0]
+                if all(one in variable.all for one in stored[1]):
+                    self.variables.doubt(variable, stored[1])
+                    return stored[0]
             module = self.frames.elsewhere.get(named[1].lower())
             why = "is in no file of this program"
             if variable is not None:
@@ -439,7 +439,7 @@ class RapidWalk(Data):
             return variable is None
         if variable.computed or not stored[0]:
             return True
-        return len(stored[0]) == 1 and any(len(variable.all[one]) > 1 for one in stored[1])
+        return len(stored[0]) == 1 and any(len(variable.all.get(one, ())) > 1 for one in stored[1])
 
     def _write_out(self, start: int, end: int, text: str, code: int) -> int:
         """Returns a new point that is written out where a motion computes it.
