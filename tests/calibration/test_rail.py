@@ -18,7 +18,7 @@ from robotrue.calibration.terms.rail_guide import RailGuide
 from robotrue.calibration.update import update_model
 from robotrue.core.archive import archive_bytes
 from robotrue.core.arrays import Array
-from robotrue.core.conditions import ArmConditions, Rail, unstated
+from robotrue.core.conditions import ArmConditions, Rail, no_conditions
 from robotrue.core.poses import pose
 from robotrue.core.rotations import matrix_from_rotation_vector
 from robotrue.errors import ConfigurationError
@@ -131,14 +131,14 @@ def test_an_unstated_place_is_uncertain_and_a_program_must_state_it(
     assert (np.sqrt(gain) > 2e-4).all()
     assert in_base.mean_tables() is None
     with pytest.raises(ConfigurationError, match="rail E1, and 2 of 2 targets do not state"):
-        in_base.require_stated(unstated(2))
+        in_base.require_stated(no_conditions(2))
     in_base.require_stated(at_place(1.0))
 
 
 def at_place(place: float) -> ArmConditions:
     external = np.full((1, 6), np.nan)
     external[0, 0] = place
-    return replace(unstated(1), external=external)
+    return replace(no_conditions(1), external=external)
 
 
 def test_beyond_the_travel_of_the_rows_it_is_less_certain(in_base: CalibratedModel) -> None:
@@ -164,7 +164,7 @@ def test_a_model_at_a_stated_place_has_tables(in_base: CalibratedModel) -> None:
     found = deflect_arm(tables.robot, joints, PAYLOAD)[0].position
     nominal = deflect_arm(NOMINAL, joints)[0].position
     assert np.linalg.norm(found - nominal - told.error, axis=1).max() < 2e-5  # without ripple
-    there.require_stated(unstated(2))
+    there.require_stated(no_conditions(2))
 
 
 def test_the_archive_keeps_it(in_base: CalibratedModel) -> None:

@@ -18,7 +18,7 @@ from robotrue.calibration.terms.thermal import REFERENCE, Thermal, link_lengths
 from robotrue.calibration.update import update_model
 from robotrue.core.archive import archive_bytes
 from robotrue.core.arrays import Array
-from robotrue.core.conditions import ArmConditions, unstated
+from robotrue.core.conditions import ArmConditions, no_conditions
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.forward import parameter_jacobian, walk
@@ -162,7 +162,9 @@ def test_a_temperature_beyond_the_calibration_is_remarked_on(
     assert by_temperature.remarks_on(hot)[0].startswith("40.0 degC is beyond the 18.")
     usual = ArmConditions(temperature=np.array([[REFERENCE + 3.0]]))
     assert by_temperature.remarks_on(usual) == []
-    assert by_temperature.remarks_on(unstated())[0].startswith("for the mean of the calibration, 2")
+    assert by_temperature.remarks_on(no_conditions())[0].startswith(
+        "for the mean of the calibration, 2"
+    )
     assert by_time.remarks_on(usual)[0].endswith("--time states another")
     late = ArmConditions(temperature=np.array([[np.nan]]), time=np.array([9.0 * HOUR]))
     assert "h is beyond the 0.0 to" in by_time.remarks_on(late)[0]

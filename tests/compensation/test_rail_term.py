@@ -27,7 +27,7 @@ from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.model import Query
 from robotrue.calibration.terms.rail_guide import WAVES, RailGuide
 from robotrue.compensation import CompensationSettings, Status, compensate
-from robotrue.core.conditions import unstated
+from robotrue.core.conditions import no_conditions
 from robotrue.core.poses import inverse
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError
@@ -68,7 +68,7 @@ def test_targets_are_compensated_where_the_arm_is_on_its_rail(name, make) -> Non
     np.testing.assert_allclose(program.external[:, 0], E1_MM * MM, atol=1e-12)
     result = compensate(model, program, settings=CompensationSettings(home=JOINTS[0]))
     assert (result.status == Status.COMPENSATED).all()
-    conditions = replace(unstated(len(JOINTS)), external=program.external)
+    conditions = replace(no_conditions(len(JOINTS)), external=program.external)
     told = model.predict(Query(joints=result.joints, conditions=conditions))
     landed = forward(model.robot, result.joints)[:, :3, 3] + told.error
     target = (frames_in_base(False) @ wanted)[:, :3, 3]
@@ -84,7 +84,7 @@ def test_a_program_that_does_not_state_the_place_is_refused() -> None:
         compensate(model, program, settings=settings)
     external = np.full((1, 6), np.nan)
     external[0, 0] = 0.5
-    there = model.under(replace(unstated(), external=external))
+    there = model.under(replace(no_conditions(), external=external))
     assert (compensate(there, program, settings=settings).status == Status.COMPENSATED).all()
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robotrue.core.conditions import ArmConditions, Rail, unstated
+from robotrue.core.conditions import ArmConditions, Rail, no_conditions
 from robotrue.core.units import DEG, ZERO_CELSIUS
 from robotrue.errors import FormatError, ShapeError
 from robotrue.measurement.formats.canonical import write_canonical
@@ -101,7 +101,7 @@ def test_a_rail_is_written_as_the_floor_sees_it(tmp_path: Path, frame: str) -> N
 
 
 def test_one_row_of_conditions_stands_for_all() -> None:
-    assert len(unstated().spread(4)) == 4
+    assert len(no_conditions().spread(4)) == 4
     assert len(ArmConditions(temperature=np.full((4, 1), 290.0)).spread(4)) == 4
     with pytest.raises(ShapeError, match="conditions of 2 postures, expected 1 or 4"):
-        unstated(2).spread(4)
+        no_conditions(2).spread(4)

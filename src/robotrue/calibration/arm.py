@@ -16,7 +16,7 @@ import numpy as np
 
 from robotrue.calibration.terms.term import ArmPostures, Term
 from robotrue.core.arrays import Array
-from robotrue.core.conditions import ArmConditions, unstated
+from robotrue.core.conditions import ArmConditions, no_conditions
 from robotrue.core.rotations import matrix_from_rotation_vector
 from robotrue.robot.forward import forward, parameter_jacobian, sensitivity_of, walk
 from robotrue.robot.model import RobotModel, parameter_slice
@@ -94,7 +94,7 @@ class ArmWithTerms:
             torque=torque,
             weight=weight,
             approach=np.empty(0) if approach is None else approach,
-            conditions=(conditions or unstated()).spread(len(joints)),
+            conditions=(conditions or no_conditions()).spread(len(joints)),
         )
 
     def linearise_at(self, at: ArmPostures) -> LinearArm:

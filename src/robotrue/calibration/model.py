@@ -12,7 +12,7 @@ from robotrue.calibration.mean_tables import MeanTables
 from robotrue.calibration.training_summary import TrainingSummary
 from robotrue.core.archive import Archive
 from robotrue.core.arrays import Array
-from robotrue.core.conditions import ArmConditions, unstated
+from robotrue.core.conditions import ArmConditions, no_conditions
 from robotrue.errors import ConfigurationError, ShapeError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel
@@ -34,7 +34,7 @@ class Query:
     joints: Array
     load: Load = NO_LOAD
     approach: Array = field(default_factory=lambda: np.empty(0))
-    conditions: ArmConditions = field(default_factory=unstated)
+    conditions: ArmConditions = field(default_factory=no_conditions)
     T_flange_tool: Array | None = None
 
     def expand(self, dof: int) -> Query:

@@ -20,7 +20,7 @@ from robotrue.compensation.inversion_kernels import write_predicted
 from robotrue.compensation.settings import CompensationSetup
 from robotrue.compensation.status import Status
 from robotrue.core.arrays import Array, IntArray
-from robotrue.core.conditions import unstated
+from robotrue.core.conditions import no_conditions
 from robotrue.core.rotations import matrix_from_rotation_vector, rotation_vector_from_matrix
 from robotrue.program.program import Program
 from robotrue.robot.forward import joint_jacobian, walk
@@ -154,7 +154,7 @@ def _query(
     Raises:
         ConfigurationError: The model has a rail, and a target does not state where the arm is.
     """
-    conditions = unstated(len(rows))
+    conditions = no_conditions(len(rows))
     if program.external is not None:
         conditions = replace(conditions, external=program.external[rows])
     if isinstance(setup.model, CalibratedModel):

@@ -45,7 +45,7 @@ class ArmConditions(Columns):
         return self if len(self) == rows else self.take(np.zeros(rows, dtype=np.int64))
 
 
-def unstated(rows: int = 1) -> ArmConditions:
+def no_conditions(rows: int = 1) -> ArmConditions:
     """Returns conditions of which nothing is known."""
     return ArmConditions(temperature=np.full((rows, 1), np.nan))
 

@@ -23,7 +23,7 @@ from robotrue.calibration.evidence import PriorGroup
 from robotrue.calibration.mean_tables import MeanTables
 from robotrue.core.arrays import Array
 from robotrue.core.columns import EMPTY, Column, Columns
-from robotrue.core.conditions import ArmConditions, unstated
+from robotrue.core.conditions import ArmConditions, no_conditions
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.forward import Sensitivity
 from robotrue.robot.model import RobotModel, parameter_slice
@@ -51,7 +51,7 @@ class ArmPostures(Columns):
     torque: Annotated[Array, Column("n dof", unit="N m")]
     weight: Annotated[Array, Column("n dof 2 dof", unit="m^2/s^2", fill=0.0)] = EMPTY
     approach: Annotated[Array, Column("n dof", fill=0.0)] = EMPTY
-    conditions: Annotated[ArmConditions, Column("n", fill=unstated)] = EMPTY
+    conditions: Annotated[ArmConditions, Column("n", fill=no_conditions)] = EMPTY
 
     def __len__(self) -> int:
         return len(self.joints)
