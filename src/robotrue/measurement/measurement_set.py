@@ -102,9 +102,9 @@ class MeasurementSet(Columns):
 
     @property
     def carried(self) -> Array:
-        """(n, 3) m, base axes: how far the arm is from where its base is as stated.
+        """Offset (n, 3) m of the arm's base from the stated one, in base axes.
 
-        Zero of positions in base, from which it is taken off.
+        Zero for positions in base, which do not contain it.
         """
         if self.rail is None or self.frame == "base":
             return np.zeros((len(self), 3))
@@ -112,7 +112,7 @@ class MeasurementSet(Columns):
 
     @property
     def floor_position(self) -> Array:
-        """(n, 3) m, positions as a file has them: in the base where the rail is ``at``."""
+        """Positions (n, 3) m as in a file, in the base where the rail is ``at``."""
         if self.rail is None or self.frame != "base":
             return self.position
         return np.asarray(self.position + self.rail.carry(self.external))
