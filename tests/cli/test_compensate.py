@@ -186,6 +186,10 @@ def test_a_folder_is_a_job_and_a_folder_takes_it(cli, work: Path, tmp_path: Path
                 "--allow-steps")  # fmt: skip
     assert (out / "part.src").read_bytes() == (work / "o.src").read_bytes()
     assert got.document["compensated"] == alone.document["compensated"] == 3
+    (source / "two.src").write_bytes((work / "part.src").read_bytes().replace(b"part()", b"two()"))
+    new = tmp_path / "new"
+    assert cli("compensate", work / "model.rtm", source, "-o", new, "--allow-steps").code == 0
+    assert sorted(path.name for path in new.glob("*.src")) == ["part.src", "two.src"]
 
 
 def test_frames_the_cell_names_reach_the_program(cli, work: Path) -> None:

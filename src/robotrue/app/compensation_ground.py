@@ -188,7 +188,9 @@ def open_programs(
     )
     _refuse_second_place(request, files)
     names = [file.name for file in files]
-    outputs = job_outputs(names, ground.folder, ground.output, files[0].dialect)
+    outputs = job_outputs(
+        names, ground.folder, ground.output, files[0].dialect, whole=ground.programs[0].is_dir()
+    )
     known = [
         require_compensable(
             ground.folder / file.name, file.sha256, ground.used, copies=outputs[0].parent
@@ -203,7 +205,9 @@ def open_programs(
     return files, outputs
 
 
-def job_outputs(names: Sequence[str], folder: Path, output: Path, language: str) -> list[Path]:
+def job_outputs(
+    names: Sequence[str], folder: Path, output: Path, language: str, *, whole: bool
+) -> list[Path]:
     """Returns the file that each file of a job is written to.
 
     A folder takes all of them under their own names. A file is the first; a companion that belongs
@@ -214,11 +218,12 @@ def job_outputs(names: Sequence[str], folder: Path, output: Path, language: str)
         folder: Where they were read.
         output: A file, or a folder that exists.
         language: Name of their dialect.
+        whole: The job is a folder: an output that does not exist and has no suffix is a folder.
 
     Raises:
         ConfigurationError: A file that is read, no folder, or one name for two files.
     """
-    if output.is_dir():
+    if output.is_dir() or (whole and not output.suffix and not output.exists()):
         paths = [output / name for name in names]
         for folder in dict.fromkeys(path.parent for path in paths):
             folder.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""The region that a correcting function is asked for, and the arm over it."""
+"""Region of a correction function, and the arm over it."""
 
 from __future__ import annotations
 

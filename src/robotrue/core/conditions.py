@@ -1,4 +1,4 @@
-"""What surrounds postures of an arm: temperature, time, and where its external axes stand."""
+"""Conditions of an arm at its postures: temperature, time, positions of external axes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ EXTERNAL_AXES: Final = 6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArmConditions(Columns):
-    """ArmConditions at n postures, or one row for all; NaN where nobody stated them.
+    """Conditions at n postures, or one row for all; NaN where they are not stated.
 
     An error term reads them in :attr:`~robotrue.calibration.terms.term.ArmPostures.conditions`.
 
@@ -46,7 +46,7 @@ class ArmConditions(Columns):
 
 
 def no_conditions(rows: int = 1) -> ArmConditions:
-    """Returns conditions of which nothing is known."""
+    """Returns conditions without any stated value."""
     return ArmConditions(temperature=np.full((rows, 1), np.nan))
 
 

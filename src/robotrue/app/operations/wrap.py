@@ -175,7 +175,7 @@ def _numbers(arm: RegionArm, fitted: FittedTable) -> dict[str, Any]:
 def _list_calls(
     request: WrapRequest, programs: Sequence[Program], sources: Sequence[Path], context: Context
 ) -> tuple[ComputedCall, ...]:
-    """The moves to computed targets; writes the programs with the calls where that is asked.
+    """Lists the moves to computed targets; writes the programs with the calls if requested.
 
     Raises:
         ConfigurationError: The folder is that of the programs, or is none.
