@@ -1,16 +1,16 @@
-"""A rail that carries the arm: scale, direction, straightness, and the turns of the carriage.
+"""Rail term: scale, direction and straightness of a rail, and rotations of its carriage.
 
 With x = (e - low) / (high - low) along the travel of the rows, the base of the arm moves by
 
     shift_c = sum_k  A_ck b_k(x)     turn_c = sum_k  B_ck b_k(x)     c: along, two across
     b_0 = x - 1/2     b_k = cos((k + 1) pi x), k = 1..5
 
-beside the rail as the cell states it, in axes along the rail and across it. ``A_c0`` is the scale
-of the rail (along) and its direction (across); the cosines are straightness and pitch of the rack.
-The turns are roll, pitch and yaw of the carriage, about the origin of the base. Cosines reach half
-waves of a sixth of the travel; beyond its ends they stay as they are, and what they vary by along
-the travel is uncertain. A posture that does not state where the arm is on its rail has the mean
-over the travel, and its spread as uncertainty.
+relative to the rail of the cell, in axes along and across the rail. ``A_c0`` is the scale of the
+rail (along) and its direction (across); the cosines are straightness and pitch of the rack. The
+turns are roll, pitch and yaw of the carriage, about the origin of the base. The shortest cosine has
+half waves of a sixth of the travel. Beyond the travel the cosines are constant, and their variation
+along the travel becomes uncertainty. A posture without a stated position on the rail takes the mean
+over the travel, with its spread as uncertainty.
 """
 
 from __future__ import annotations
@@ -36,20 +36,20 @@ from robotrue.robot.model import RobotModel, parameter_slice
 WAVES: Final = 6
 """Functions of the travel for each of six motions: a slope and five cosines."""
 SCALE: Final = 3e-4
-"""Prior sd of the scale: a rack and its gear."""
+"""Prior sd of the scale of rack and gear."""
 DIRECTION: Final = 2e-3
-"""rad, prior sd of the direction across, as a cell states it."""
+"""rad, prior sd of the stated direction, across the rail."""
 STRAIGHT: Final = 2e-4
-"""m, prior sd of the longest cosine; of the k-th that over k^2."""
+"""m, prior sd of the longest cosine; the k-th has that over k^2."""
 TURN: Final = 1e-4
 """rad, the same of the turns of the carriage, its slope too."""
 REST_SHIFT: Final = 1e-6
 REST_TURN: Final = 1e-7
-"""m and rad, where the cosines fall back to that the data do not ask for."""
+"""m and rad, sd of cosines for which the data show no effect."""
 HOLD: Final = 0.5
-"""To these sizes where rows are few: a factor of e is one sigma."""
+"""Sd of the log scales, where rows are few."""
 LEAST_TRAVEL: Final = 0.2
-"""m that rows must span."""
+"""m, smallest span of the rows for this term."""
 FEWEST_ROWS: Final = 20
 MOTIONS: Final = ("along", "across", "up", "roll", "pitch", "yaw")
 """The second axis across is up for a level rail."""
@@ -64,7 +64,7 @@ class RailGuide(Term):
         direction: (3,) unit vector in base.
         low: m, travel that the rows cover.
         high: m.
-        stated: m, where the arm is if a posture does not state it; NaN: not known.
+        stated: m, position of postures that state none; NaN: unknown.
     """
 
     name: ClassVar[str] = "rail"
@@ -102,7 +102,7 @@ class RailGuide(Term):
 
     @property
     def travel(self) -> float:
-        """M, from the lowest to the highest place of the rows."""
+        """Travel of the rows in m, from the lowest to the highest position."""
         return self.high - self.low
 
     def columns(self, robot: RobotModel, at: ArmPostures, by: Sensitivity, values: Array) -> Array:

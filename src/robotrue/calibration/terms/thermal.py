@@ -1,15 +1,15 @@
-"""Warmth: links that grow and joint zeros that turn, by temperature or by the time since a start.
+"""Thermal term: expansion of links and drift of joint zeros, by temperature or by time.
 
-    state_i = T_i - 20 degC                where temperatures are measured, of the arm or its joints
-    state_i = 1 - exp(-(t - t_0) / lag)    where only the time is: a body that warms to a steady end
+    state_i = T_i - 20 degC                with measured temperatures, of the arm or its joints
+    state_i = 1 - exp(-(t - t_0) / lag)    with time alone: first-order warming to a steady state
 
     dd_i = (growth + growth_i) state_i d_i      da_i = (growth + growth_i) state_i a_i
     dq_i = zero_i state_i
 
-``growth`` is what all links have in common; cast iron, steel and aluminium grow by 11e-6 to 23e-6 a
-kelvin, and a body that follows the thermometer late by less. Lengths grow to the tool point. A
-posture that states neither temperature nor time has the mean state of the calibration, and
-``unstated`` is how far it is off, in standard deviations of those rows: zero, and never sure.
+``growth`` is common to all links: cast iron, steel and aluminium expand by 11e-6 to 23e-6 per
+kelvin, a body that lags behind the thermometer by less. Lengths up to the tool point expand. A
+posture without temperature and time takes the mean state of the calibration; ``unstated`` is its
+deviation from that mean, in standard deviations of those rows, with mean zero and unit variance.
 """
 
 from __future__ import annotations
@@ -36,39 +36,39 @@ Driver: TypeAlias = Literal["temperature", "time"]
 REFERENCE: Final = 293.15
 """K at which the geometry of the arm is stated: 20 degC, as ISO 1 has it."""
 GROWTH: Final = 17e-6
-"""1/K, prior sd of what all links have in common: the materials of arms, or none of it yet."""
+"""1/K, prior sd of the common expansion: the materials of arms, or a lagging body."""
 GROWTH_APART: Final = 4e-6
-"""1/K, prior sd of one link beside the others."""
+"""1/K, prior sd of the difference of one link."""
 ZERO: Final = 5e-6
 """rad/K, prior sd of a joint zero: a housing that warms on one side by a third of a kelvin."""
 REST: Final = 1e-7
-"""rad/K, where the zeros fall back to that the data do not ask for."""
+"""rad/K, sd of zeros for which the data show no drift."""
 HOLD: Final = 0.5
-"""Of the zeros to their prior sd, where rows are few: a factor of e is one sigma."""
+"""Sd of the log scale of the zeros, where rows are few."""
 RISE: Final = 10.0
-"""K by which an arm warms in a shift, where only the time is known."""
+"""K, prior temperature rise of an arm in a shift, where only the time is known."""
 LAG: Final = 3600.0
-"""s, time constant of an arm that warms."""
+"""s, prior time constant of warming."""
 LAG_SD: Final = 0.7
-"""Of its logarithm: a factor of two is one sigma."""
+"""Prior sd of its logarithm: a factor of two."""
 LEAST_SPAN: Final[Mapping[Driver, float]] = {"temperature": 1.5, "time": 1800.0}
-"""K and s that rows must span."""
+"""K and s, smallest span of the rows for this term."""
 MARGIN: Final[Mapping[Driver, float]] = {"temperature": 1.0, "time": 3600.0}
-"""K and s beyond them from which a stated value is remarked on."""
+"""K and s beyond the rows from which a stated value gets a warning."""
 FEWEST_ROWS: Final = 12
 BLIND: Final = 0.8
-"""Of its prior sd, from which a zero counts as not seen."""
+"""Share of the prior sd above which a zero counts as undetermined."""
 HOUR: Final = 3600.0
 MDEG: Final = 1e-3 * DEG
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WarmState:
-    """Where an arm stands on its way to warmth.
+    """Thermal state of the arm at n postures.
 
     Attributes:
         state: (n, dof) K beside 20 degC, or share of the way.
-        unsure: (n,) sd of it where nobody states it.
+        unsure: (n,) its sd where it is not stated.
         by_lag: (n, dof) derivative by the logarithm of the lag.
     """
 
@@ -79,14 +79,14 @@ class WarmState:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Thermal(Term):
-    """Growth of links and turn of joint zeros.
+    """Expansion of links and drift of joint zeros.
 
     Attributes:
         dof: Number of joints.
-        driver: What the state follows.
-        start: s, when warming began; by temperature 0.
-        usual: (dof,) state where a posture states none: the mean of the calibration.
-        spread: sd of the state over the rows of the calibration; 0 where somebody states it.
+        driver: Quantity that determines the state.
+        start: s, start of warming; 0 with temperatures.
+        usual: (dof,) state of a posture without a stated one: the mean of the calibration.
+        spread: sd of the state over the rows of the calibration; 0 if it is stated.
         span: (2,) lowest and highest temperature (K) or time (s) of those rows.
     """
 
