@@ -115,7 +115,7 @@ def test_a_surface_sees_only_its_normal() -> None:
 def test_parts_in_one_place_have_no_distance() -> None:
     rows, belief = rows_and_belief()
     together = {**rows.T_tracker_base, 5: rows.T_tracker_base[2]}
-    with pytest.raises(ImplausibleDataError, match="parts 2 and 5 stand 0 mm apart"):
+    with pytest.raises(ImplausibleDataError, match="parts 2 and 5 are 0 mm apart"):
         replace(rows, T_tracker_base=together).pieces(belief)
 
 

@@ -99,7 +99,7 @@ def test_external_axes_of_a_camrob_file(tmp_path: Path) -> None:
 def test_a_camrob_file_that_is_not_there_or_not_one(tmp_path: Path) -> None:
     made(tmp_path, part_src=CALLER)
     (alone,) = read_job(tmp_path / "part.src")
-    assert any("path.csv, which is not beside" in note for note in alone.notes)
+    assert any("path.csv, which is not next to" in note for note in alone.notes)
     made(tmp_path, path_csv=CAMROB + "4;1.0;2.0;x;0;0;0\n")
     with pytest.raises(FormatError, match=r"path.csv:4: '4;1.0;2.0;x;0;0;0' is no line of a CAM"):
         read_job(tmp_path / "part.src")

@@ -131,7 +131,7 @@ def registration_blocks(found: RegisteredPart, controller_lines: Sequence[str]) 
             title="touches",
             columns=("", "residual mm", f"{_share(frame)}, 95 % mm", ""),
             rows=tuple(
-                (name, f"{far / MM:.4f}", f"{reach / MM:.3f}", "" if good else "not believed")
+                (name, f"{far / MM:.4f}", f"{reach / MM:.3f}", "" if good else "rejected")
                 for name, far, reach, good in touches[:SHOWN]
             ),
         )

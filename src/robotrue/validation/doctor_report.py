@@ -127,7 +127,7 @@ def with_cure(model: ErrorModel, finding: NamedCause, raw: MeasurementSet) -> Er
         "settings": document,
     }
     told = (
-        f"{name_lines(finding, raw)} corrected before the fit (--cure  "
+        f"{name_lines(finding, raw)} corrected before the fit (--cure "
         f"{finding.hypothesis.cause}): {finding.hypothesis.text}."
     )
     more = {"verdict": "conditional", "cure": document, "lineage": [step, *history(model)]}
