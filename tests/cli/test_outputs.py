@@ -29,7 +29,8 @@ OWN = {  # refused by the command itself, in its own tests
     ("report registration", "-o"),
 }
 FOLDERS = {("demo", "--out"), ("reproduce", "-o"), ("reproduce", "--data"),
-           ("workspace show", "-o"), ("simulate drill", "--write"), ("wrap", "--wrap-computed")}  # fmt: skip
+           ("workspace show", "-o"), ("simulate drill", "--write"),
+           ("wrap", "--wrap-computed")}  # fmt: skip
 READ = {("program", "--post")}
 """Files that are read; their help speaks of what is written."""
 
