@@ -11,10 +11,10 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array
-from robotrue.core.poses import inverse, pose
-from robotrue.core.units import DEG, MM
+from robotrue.core.poses import inverse
+from robotrue.core.units import MM
 from robotrue.program.controller_files import print_abc, print_mm
-from robotrue.program.correction_table import DIGITS, SLACK, TOOL_MM, TableModule
+from robotrue.program.correction_table import TableModule, print_term
 
 TYPES: Final = {"E6POS": "", "FRAME": "_F", "POS": "_P"}
 """What a function takes and returns, and how its name ends."""
@@ -152,16 +152,8 @@ def write_krl_module(module: TableModule) -> dict[str, bytes]:
     """Returns the ``.src`` and the ``.dat`` by their names; lines end with CR LF."""
     name = module.name.upper()
     products = module.print_products("W", "V", "[]")
-    cells, terms = module.table.cells.tolist(), len(module.table.powers)
     body = _BODY.format(
-        name=name,
-        terms=terms,
-        side=module.sides_mm,
-        turn=module.turns_deg,
-        sums=(_GRID if any(cells) else _PLAIN).format(name=name, terms=terms, cells=cells),
-        tool=f"{TOOL_MM:g}",
-        slack=f"{SLACK:g}",
-        half=f"{0.5 * DEG:.9f}",
+        **module.template_fields(name, _GRID if module.table.cells.any() else _PLAIN),
         products="".join(f"W[{k}]={text}\n" for k, text in enumerate(products, 2)),
     )
     parts = [_whole(name, "E6POS", "DEFFCT"), body, _whole(name, "POS", "GLOBAL DEFFCT")]
@@ -188,7 +180,6 @@ def _comment(module: TableModule) -> str:
 
 
 def _print_data(module: TableModule, name: str) -> str:
-    T_mid = pose(module.table.region.R_frame_tool.T, np.zeros(3))
     values = module.table.values
     lines = [
         f"DEFDAT {name} PUBLIC",
@@ -198,13 +189,12 @@ def _print_data(module: TableModule, name: str) -> str:
         f"DECL GLOBAL BOOL {name}_HALT=TRUE",
         f"DECL FRAME {name}_TL={_aggregate(inverse(module.T_flange_tool))}",
         f"DECL FRAME {name}_IN={_aggregate(module.T_corner_world)}",
-        f"DECL FRAME {name}_MID={_aggregate(T_mid)}",
+        f"DECL FRAME {name}_MID={_aggregate(module.T_attitude_corner)}",
         "DECL REAL {}_T[{},{},{}]".format(name, *values.shape),
     ]
-    for node, term, k in np.ndindex(*values.shape):
-        unit, digits = (MM, DIGITS[0]) if k < 3 else (DEG, DIGITS[1])
-        number = f"{values[node, term, k] / unit + 0.0:.{digits}f}"
-        lines.append(f"{name}_T[{node + 1},{term + 1},{k + 1}]={number}")
+    for node, term in np.ndindex(*values.shape[:2]):
+        for k, number in enumerate(print_term(values[node, term]), 1):
+            lines.append(f"{name}_T[{node + 1},{term + 1},{k}]={number}")
     return "\n".join([*lines, "ENDDAT", ""])
 
 

@@ -8,13 +8,11 @@ from __future__ import annotations
 
 from typing import Final
 
-import numpy as np
-
 from robotrue.core.arrays import Array
-from robotrue.core.poses import inverse, pose
+from robotrue.core.poses import inverse
 from robotrue.core.rotations import quat_wxyz_from_matrix
 from robotrue.core.units import DEG, MM
-from robotrue.program.correction_table import DIGITS, SLACK, TOOL_MM, TableModule
+from robotrue.program.correction_table import TOOL_MM, TableModule, print_term
 
 _BODY: Final = """
   FUNC robtarget {name}(robtarget rtP\\PERS wobjdata WObj\\PERS tooldata Tool)
@@ -164,28 +162,18 @@ _GRID: Final = """    ! the cell of the grid, and where in it
 
 def write_rapid_module(module: TableModule) -> dict[str, bytes]:
     """Returns the module by the name of its file; lines end with CR LF."""
-    name, table = module.name, module.table
     products = module.print_products("w", "v", "{}")
-    cells, terms = table.cells.tolist(), len(table.powers)
     body = _BODY.format(
-        name=name,
-        terms=terms,
-        side=module.sides_mm,
-        turn=module.turns_deg,
-        sums=(_GRID if any(cells) else _PLAIN).format(name=name, terms=terms, cells=cells),
-        tool=f"{TOOL_MM:g}",
+        **module.template_fields(module.name, _GRID if module.table.cells.any() else _PLAIN),
         tilt=f"{TOOL_MM * 0.5 * DEG:.6f}",
-        slack=f"{SLACK:g}",
-        half=f"{0.5 * DEG:.9f}",
         products="".join(f"    w{{{k}}}:={text};\n" for k, text in enumerate(products, 2)),
     )
     text = _print_data(module) + body
-    return {f"{name}.mod": text.replace("\n", "\r\n").encode()}
+    return {f"{module.name}.mod": text.replace("\n", "\r\n").encode()}
 
 
 def _print_data(module: TableModule) -> str:
     name, values, region = module.name, module.table.values, module.table.region
-    mid = pose(region.R_frame_tool.T, np.zeros(3))
     frame = module.T_world_base @ region.T_base_frame
     nodes = ["    [" + ",\n     ".join(map(_print_term, node)) + "]" for node in values]
     return "\n".join(
@@ -198,7 +186,7 @@ def _print_data(module: TableModule) -> str:
             f"  LOCAL CONST pose {name}Frame:={_print_pose(frame)};",
             f"  LOCAL CONST pose {name}Tool:={_print_pose(inverse(module.T_flange_tool))};",
             f"  LOCAL CONST pose {name}In:={_print_pose(module.T_corner_world)};",
-            f"  LOCAL CONST pose {name}Mid:={_print_pose(mid)};",
+            f"  LOCAL CONST pose {name}Mid:={_print_pose(module.T_attitude_corner)};",
             "  LOCAL CONST num {}T{{{},{},{}}}:=[".format(name, *values.shape),
             ",\n".join(nodes) + "];",
         ]
@@ -206,9 +194,7 @@ def _print_data(module: TableModule) -> str:
 
 
 def _print_term(term: Array) -> str:
-    shift = (f"{value + 0.0:.{DIGITS[0]}f}" for value in term[:3] / MM)
-    turn = (f"{value + 0.0:.{DIGITS[1]}f}" for value in term[3:] / DEG)
-    return f"[{','.join((*shift, *turn))}]"
+    return f"[{','.join(print_term(term))}]"
 
 
 def _print_pose(T: Array) -> str:

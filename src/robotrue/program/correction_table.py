@@ -9,7 +9,7 @@ is about the tool point.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice, product
 from typing import Annotated, Final, NamedTuple
@@ -19,7 +19,7 @@ import numpy as np
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.columns import Column, Columns
 from robotrue.core.poses import inverse, pose
-from robotrue.core.rotations import abc_from_matrix, matrix_from_abc, matrix_from_rotation_vector
+from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 
@@ -84,11 +84,6 @@ class PoseRegion(Columns):
         position = self.low + (self.high - self.low) * share[:, :3]
         return position, self.R_frame_tool @ matrix_from_abc(self.turn * share[:, 3:])
 
-    def share_of(self, position: Array, rotation: Array) -> Array:
-        """Returns the shares (n, 6) of poses in the work frame, as in :meth:`place_poses`."""
-        turns = abc_from_matrix(self.R_frame_tool.T @ rotation) / self.turn
-        return np.concatenate([(position - self.low) / (self.high - self.low), turns], axis=1)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CorrectionTable(Columns):
@@ -127,13 +122,6 @@ class CorrectionTable(Columns):
             node = self.values[(a * nodes[1] + b) * nodes[2] + c]
             correction += weight[:, None] * np.einsum("nt,ntk->nk", terms, node)
         return correction
-
-    def correct(self, position: Array, rotation: Array) -> tuple[Array, Array]:
-        """Returns the poses to command (n, 3) m and (n, 3, 3), all in the work frame."""
-        found = self.interpolate(self.region.share_of(position, rotation))
-        R = self.region.R_frame_tool
-        turned = matrix_from_rotation_vector(found[:, 3:] @ R.T)
-        return position + found[:, :3] @ R.T, turned @ rotation
 
 
 def pose_terms(powers: IntArray, share: Array) -> Array:
@@ -203,14 +191,28 @@ class TableModule(NamedTuple):
         return inverse(self.T_world_base @ self.table.region.T_base_corner)
 
     @property
-    def sides_mm(self) -> list[str]:
-        """Sides of the box, as printed."""
-        return [f"{value:.4f}" for value in (self.table.region.high - self.table.region.low) / MM]
+    def T_attitude_corner(self) -> Array:
+        """(4, 4) the axes of the corner in those of the middle attitude."""
+        return pose(self.table.region.R_frame_tool.T, np.zeros(3))
 
-    @property
-    def turns_deg(self) -> list[str]:
-        """Turns of the attitude, as printed."""
-        return [f"{value:.6f}" for value in self.table.region.turn / DEG]
+    def template_fields(self, name: str, sums: str) -> dict[str, str | list[str]]:
+        """Returns what the body of a function needs in any language.
+
+        Args:
+            name: Of the function, as the language writes it.
+            sums: Template of the statements that add up the terms.
+        """
+        region, terms = self.table.region, len(self.table.powers)
+        return {
+            "name": name,
+            "terms": str(terms),
+            "side": [f"{value:.4f}" for value in (region.high - region.low) / MM],
+            "turn": [f"{value:.6f}" for value in region.turn / DEG],
+            "sums": sums.format(name=name, terms=terms, cells=self.table.cells.tolist()),
+            "tool": f"{TOOL_MM:g}",
+            "slack": f"{SLACK:g}",
+            "half": f"{0.5 * DEG:.9f}",
+        }
 
     def print_products(self, term: str, share: str, brackets: str) -> list[str]:
         """Returns the right sides that build the terms after the first, ``W[1]*V[2]``."""
@@ -223,6 +225,13 @@ class TableModule(NamedTuple):
             before = f"{term}{opening}{rows.index(lower) + 1}{closing}"
             out.append(f"{before}*{share}{opening}{axis + 1}{closing}")
         return out
+
+
+def print_term(term: Array) -> Sequence[str]:
+    """Returns shift (mm) and rotation vector (deg) of a term (6,) as text."""
+    shift = (f"{value + 0.0:.{DIGITS[0]}f}" for value in term[:3] / MM)
+    turn = (f"{value + 0.0:.{DIGITS[1]}f}" for value in term[3:] / DEG)
+    return (*shift, *turn)
 
 
 def require_module_name(name: str) -> None:
