@@ -24,10 +24,9 @@ from scipy.optimize import least_squares
 
 from robotrue.calibration.methods import METHODS
 from robotrue.calibration.observations import observations_of
-from robotrue.calibration.parameters import retract
+from robotrue.calibration.parameters import retract, start_state
 from robotrue.calibration.settings import FitSettings
-from robotrue.calibration.start import start_state
-from robotrue.calibration.terms.geometry import PriorScales
+from robotrue.calibration.terms.error_vector import PriorScales
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.poses import pose
 from robotrue.core.rotations import matrix_from_rotation_vector

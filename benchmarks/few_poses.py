@@ -27,7 +27,7 @@ import numpy as np
 from robotrue.calibration.methods import METHODS, fit
 from robotrue.calibration.model import ErrorModel, Query
 from robotrue.calibration.settings import SolverSettings
-from robotrue.calibration.terms.geometry import PriorScales
+from robotrue.calibration.terms.error_vector import PriorScales
 from robotrue.core.units import MM
 from robotrue.robot.forward import forward
 from robotrue_reproductions.deng2022.scenarios import (

@@ -30,7 +30,7 @@ import numpy as np
 from robotrue.calibration.methods import FitSettings, fit
 from robotrue.calibration.model import ErrorModel, Query
 from robotrue.calibration.settings import RP_PER_SIGMA
-from robotrue.calibration.terms.compliance import StiffnessPrior
+from robotrue.calibration.terms.error_vector import StiffnessPrior
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel
 from robotrue.robot.statics import Load

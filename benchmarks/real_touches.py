@@ -34,7 +34,7 @@ from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.nominal import NominalModel
 from robotrue.calibration.probing import ProbingSettings, estimate_probing, model_of_estimate
 from robotrue.calibration.settings import FitSettings, SolverSettings
-from robotrue.calibration.terms.geometry import PriorScales
+from robotrue.calibration.terms.error_vector import PriorScales
 from robotrue.cell.registration.tool import fit_tool_point
 from robotrue.core.poses import pose
 from robotrue.core.units import MM

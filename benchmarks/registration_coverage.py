@@ -38,19 +38,18 @@ from robotrue.calibration.machined import (
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel, Query, require_belief
 from robotrue.calibration.nominal import NominalModel
-from robotrue.calibration.priors import prior_belief
 from robotrue.calibration.probing import (
     ProbingEstimate,
     ProbingSettings,
     estimate_probing,
     model_of_estimate,
 )
-from robotrue.calibration.robust import LEVEL, chi_point
-from robotrue.calibration.settings import RP_PER_SIGMA, FitSettings
-from robotrue.calibration.terms.geometry import PriorScales
+from robotrue.calibration.settings import RP_PER_SIGMA, FitSettings, prior_belief
+from robotrue.calibration.terms.error_vector import PriorScales
 from robotrue.cell.registration.fit import fit_points, frame_gain, point_covariance
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, inverse, pose
+from robotrue.core.robust import LEVEL, chi_point
 from robotrue.core.units import DEG, MM
 from robotrue.robot.model import RobotModel, parameter_slice
 from robotrue_reproductions.feng2018.machining_cell import (

@@ -23,7 +23,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "compensation"))
 import cases
 
-from robotrue.calibration.mean_tables import rigid_tables
+from robotrue.calibration.terms.term import rigid_tables
 from robotrue.compensation import CompensationSettings, Status, compensate
 from robotrue.compensation.split_deviation import job_deviation, measure_moves
 from robotrue.compensation.split_shapes import JobMoves, job_moves

@@ -14,9 +14,8 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.calibration.priors import prior_belief
-from robotrue.calibration.settings import FitSettings
-from robotrue.calibration.terms.geometry import PriorScales
+from robotrue.calibration.settings import FitSettings, prior_belief
+from robotrue.calibration.terms.error_vector import PriorScales
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, pose
 from robotrue.core.units import MM

@@ -11,8 +11,8 @@ from planted_arm import PAYLOAD, arm, measure, planted, postures
 from robotrue.calibration.estimate import estimate
 from robotrue.calibration.methods import FitSettings, fit
 from robotrue.calibration.model import Query
-from robotrue.calibration.priors import free_groups
-from robotrue.calibration.terms.compliance import StiffnessPrior
+from robotrue.calibration.settings import free_groups
+from robotrue.calibration.terms.error_vector import StiffnessPrior
 from robotrue.core.poses import inverse, pose
 from robotrue.core.rotations import matrix_from_rotation_vector
 from robotrue.errors import (

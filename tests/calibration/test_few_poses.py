@@ -13,8 +13,8 @@ from robotrue.calibration.held_out_blocks import HeldOutRows, average_held_out, 
 from robotrue.calibration.learned import LearnedMethod, LearnedParts, climb_ladder, share_waves
 from robotrue.calibration.methods import FitSettings, fit
 from robotrue.calibration.model import Query
-from robotrue.calibration.robust import student_factor
 from robotrue.calibration.terms.ripple import LAW, Ripple, harmonics
+from robotrue.core.robust import student_factor
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.forward import forward

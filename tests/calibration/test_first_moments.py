@@ -10,9 +10,9 @@ from robotrue.calibration.archive import open_model
 from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.methods import FitSettings, fit
 from robotrue.calibration.model import Query
-from robotrue.calibration.robust import chi_point
-from robotrue.calibration.terms.first_moments import assumed_masses, moment_prior
+from robotrue.calibration.terms.error_vector import assumed_masses, moment_prior
 from robotrue.calibration.update import update_model
+from robotrue.core.robust import chi_point
 from robotrue.robot.forward import forward, walk
 from robotrue.robot.model import moment_slice
 from robotrue.robot.presets import preset

@@ -13,7 +13,7 @@ from planted_arm import PAYLOAD, arm, measure, planted, postures
 from robotrue.calibration.belief import Belief, standard_terms
 from robotrue.calibration.methods import FitSettings, fit
 from robotrue.calibration.sources import FEWEST_ARMS, TransferSource, fleet_belief
-from robotrue.calibration.terms.geometry import PriorScales
+from robotrue.calibration.terms.error_vector import PriorScales
 from robotrue.calibration.transfer import fit_transfer
 from robotrue.core.units import MM
 from robotrue.robot.model import parameter_slice

@@ -10,8 +10,8 @@ from planted_arm import PAYLOAD, arm, measure, planted, postures
 
 from robotrue.calibration.estimate import estimate
 from robotrue.calibration.methods import FitSettings
-from robotrue.calibration.priors import free_groups
-from robotrue.calibration.terms.compliance import StiffnessPrior
+from robotrue.calibration.settings import free_groups
+from robotrue.calibration.terms.error_vector import StiffnessPrior
 from robotrue.errors import ObservabilityError
 
 SETTINGS = FitSettings(payload=PAYLOAD, repeatability=0.0)

@@ -18,16 +18,15 @@ from robotrue.calibration.machined import (
 )
 from robotrue.calibration.model import Query
 from robotrue.calibration.nominal import NominalModel
-from robotrue.calibration.priors import prior_belief
 from robotrue.calibration.probing import ProbingSettings, estimate_probing, model_of_estimate
-from robotrue.calibration.probing_evidence import few_factor
-from robotrue.calibration.robust import LEVEL, chi_point
-from robotrue.calibration.settings import RP_PER_SIGMA, FitSettings
-from robotrue.calibration.terms.geometry import PriorScales
+from robotrue.calibration.settings import RP_PER_SIGMA, FitSettings, prior_belief
+from robotrue.calibration.terms.error_vector import PriorScales
 from robotrue.calibration.terms.smooth import SmoothBasis, features
+from robotrue.calibration.touches import few_factor
 from robotrue.cell.registration.fit import fit_points, frame_gain
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, inverse, pose
+from robotrue.core.robust import LEVEL, chi_point
 from robotrue.core.rotations import matrix_from_rotation_vector
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ModelMismatchError, ShapeError

@@ -7,8 +7,7 @@ import pytest
 from planted_arm import arm, planted, postures
 
 from robotrue.calibration.archive import open_model
-from robotrue.calibration.lineage import identity_of
-from robotrue.calibration.model import Query
+from robotrue.calibration.model import Query, identity_of
 from robotrue.calibration.nominal import NominalModel
 from robotrue.core.archive import archive_bytes
 from robotrue.errors import ModelMismatchError, ShapeError

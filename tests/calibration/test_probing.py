@@ -21,9 +21,8 @@ from robotrue.calibration.probing import (
     estimate_probing,
     model_of_estimate,
 )
-from robotrue.calibration.probing_evidence import few_factor
 from robotrue.calibration.terms.smooth import choose_centres
-from robotrue.calibration.touches import frame_displacement
+from robotrue.calibration.touches import few_factor, frame_displacement
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, fit_rigid, inverse, pose
 from robotrue.core.rotations import matrix_from_rotation_vector

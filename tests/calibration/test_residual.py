@@ -22,7 +22,7 @@ from robotrue.calibration.learned import (
 )
 from robotrue.calibration.methods import FitSettings
 from robotrue.calibration.model import Query
-from robotrue.calibration.priors import free_groups
+from robotrue.calibration.settings import free_groups
 from robotrue.calibration.terms.smooth import SmoothBasis
 from robotrue.core.archive import write_archive
 from robotrue.errors import ArchiveError, ShapeError

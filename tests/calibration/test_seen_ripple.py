@@ -8,7 +8,7 @@ from planted_arm import PAYLOAD, arm, measure, planted, postures
 
 from robotrue.calibration.methods import FitSettings, fit
 from robotrue.calibration.model import Query
-from robotrue.calibration.seen_ripple import SeenRipple, see_at_postures
+from robotrue.calibration.sources import SeenRipple, see_at_postures
 from robotrue.calibration.transfer import TransferSource, carry_source, fit_transfer
 
 SETTINGS = FitSettings(payload=PAYLOAD)

@@ -16,7 +16,7 @@ from robotrue.calibration.held_out_blocks import (
 )
 from robotrue.calibration.learned import LearnedParts, climb_ladder, first_design
 from robotrue.calibration.methods import FitSettings
-from robotrue.calibration.priors import free_groups
+from robotrue.calibration.settings import free_groups
 from robotrue.calibration.terms.smooth import choose_centres
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.statics import deflect_arm

@@ -10,7 +10,7 @@ import pytest
 from robotrue.calibration.belief import Belief
 from robotrue.calibration.new_rows import NewRows
 from robotrue.calibration.parameters import ParameterLayout, State, difference, retract
-from robotrue.calibration.priors import prior_belief
+from robotrue.calibration.settings import prior_belief
 from robotrue.calibration.touches import frame_displacement, touch_rows
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, inverse, pose_from_xyz_abc

@@ -11,9 +11,8 @@ from planted_arm import PAYLOAD, arm, planted, postures
 from robotrue.calibration.archive import open_model
 from robotrue.calibration.drift_prior import DEFAULTS, drift_of, prior_of
 from robotrue.calibration.learned import LearnedMethod, LearnedParts
-from robotrue.calibration.lineage import model_hash
 from robotrue.calibration.methods import FitSettings, fit
-from robotrue.calibration.model import Query
+from robotrue.calibration.model import Query, model_hash
 from robotrue.calibration.transfer import TransferSource, carry_source, fit_transfer, student
 from robotrue.core.archive import read_archive, write_archive
 from robotrue.core.poses import pose

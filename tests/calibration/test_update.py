@@ -9,9 +9,8 @@ import pytest
 from planted_arm import PAYLOAD, arm, measure, planted, postures
 
 from robotrue.calibration.archive import open_model
-from robotrue.calibration.lineage import model_hash
 from robotrue.calibration.methods import FitSettings, fit
-from robotrue.calibration.model import Query
+from robotrue.calibration.model import Query, model_hash
 from robotrue.calibration.settings import SolverSettings
 from robotrue.calibration.terms.smooth import SmoothBasis, add_centres
 from robotrue.calibration.update import update_model

@@ -151,7 +151,7 @@ def test_with_a_model_the_program_is_what_compensate_makes_of_it(cli, bench: Pat
 
 
 def test_a_frame_registered_with_a_model_asks_for_that_model(cli, bench: Path) -> None:
-    from robotrue.calibration.lineage import identity_of
+    from robotrue.calibration.model import identity_of
 
     identity = identity_of(read_model(bench / "model.rtm").model)
     register(bench / "cell.toml", identity=identity, model_file="model.rtm")
@@ -298,7 +298,7 @@ def test_a_universal_robot_gets_ur_script_that_reads_back(cli, tmp_path: Path) -
 
 
 def test_a_post_of_the_user_and_a_compensated_program_in_another_language(cli, bench: Path) -> None:
-    from robotrue.calibration.lineage import identity_of
+    from robotrue.calibration.model import identity_of
 
     cell = bench / "cell.toml"
     cell.write_text(cell.read_text() + '\n[controller]\nangles = "rpy"\n')

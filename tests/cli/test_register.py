@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import touched
 
-from robotrue.calibration.lineage import identity_of
+from robotrue.calibration.model import identity_of
 from robotrue.calibration.nominal import NominalModel
 from robotrue.cell.config import read_cell
 from robotrue.core.poses import pose_from_xyz_abc

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robotrue.calibration.mean_tables import MeanTables, rigid_tables
 from robotrue.calibration.model import Prediction, Query
+from robotrue.calibration.terms.term import MeanTables, rigid_tables
 from robotrue.core.arm_words import NO_WORD
 from robotrue.core.poses import inverse, pose_from_xyz_abc
 from robotrue.core.rotations import rotation_vector_from_matrix

@@ -10,8 +10,8 @@ import cases
 import numpy as np
 import pytest
 
-from robotrue.calibration.mean_tables import rigid_tables
 from robotrue.calibration.model import Query
+from robotrue.calibration.terms.term import rigid_tables
 from robotrue.compensation import CompensationSettings, Status, compensate, zero_correction
 from robotrue.core.arm_words import NO_WORD
 from robotrue.core.units import DEG

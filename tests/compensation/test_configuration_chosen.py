@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from robotrue.calibration.archive import robot_arrays, robot_document, robot_from
-from robotrue.calibration.mean_tables import rigid_tables
 from robotrue.calibration.model import Query
+from robotrue.calibration.terms.term import rigid_tables
 from robotrue.cell.cell_text import cell_text
 from robotrue.cell.config import parse_cell
 from robotrue.compensation import CompensationSettings, Status, compensate

@@ -12,7 +12,7 @@ import cases
 import numpy as np
 import pytest
 
-from robotrue.calibration.mean_tables import rigid_tables
+from robotrue.calibration.terms.term import rigid_tables
 from robotrue.compensation import fit_correction_table
 from robotrue.compensation.compensate import compensate
 from robotrue.compensation.fit_correction_table import FittedTable, fit_table

@@ -8,7 +8,7 @@ import cases
 import numpy as np
 import pytest
 
-from robotrue.calibration.mean_tables import rigid_tables
+from robotrue.calibration.terms.term import rigid_tables
 from robotrue.compensation.compensate import compensate
 from robotrue.compensation.frame_correction import FrameCorrection, fit_frames
 from robotrue.compensation.settings import CompensationSettings

@@ -12,7 +12,7 @@ from test_compensate_file import text
 from test_split import TOLERANCE, Case
 
 from robotrue.calibration.calibrated_model import CalibratedModel
-from robotrue.calibration.mean_tables import rigid_tables
+from robotrue.calibration.terms.term import rigid_tables
 from robotrue.compensation import CompensationSettings, Status, compensate
 from robotrue.compensation.compensate_file import compensate_file
 from robotrue.compensation.split_deviation import measure_moves

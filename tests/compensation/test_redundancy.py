@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from cases import TableModel, kr160, with_errors
 
-from robotrue.calibration.mean_tables import rigid_tables
+from robotrue.calibration.terms.term import rigid_tables
 from robotrue.compensation.compensate import compensate
 from robotrue.compensation.process_force import DescribedForce, ForceRule
 from robotrue.compensation.redundancy import (

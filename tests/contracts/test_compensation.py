@@ -12,8 +12,8 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[1] / "compensation"))
 import cases
 
-from robotrue.calibration.mean_tables import rigid_tables
 from robotrue.calibration.model import Query
+from robotrue.calibration.terms.term import rigid_tables
 from robotrue.compensation import CompensationSettings, Status, compensate
 from robotrue.robot.forward import forward
 from robotrue.robot.statics import Load

@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 
 from robotrue.calibration.arm import prepare_arm, term_columns
-from robotrue.calibration.mean_tables import rigid_tables
 from robotrue.calibration.terms import term_registry
 from robotrue.calibration.terms.backlash import Backlash
 from robotrue.calibration.terms.rail_guide import RailGuide
 from robotrue.calibration.terms.ripple import Ripple, harmonics
 from robotrue.calibration.terms.smooth import SmoothBasis, SmoothResidual
-from robotrue.calibration.terms.term import ArmPostures, Effect, Term
+from robotrue.calibration.terms.term import ArmPostures, Effect, Term, rigid_tables
 from robotrue.calibration.terms.thermal import Thermal
 from robotrue.core.arrays import Array
 from robotrue.robot.forward import forward, parameter_jacobian, sensitivity_of, walk

@@ -16,9 +16,8 @@ from robotrue.calibration.machined import (
     unchanged_covariance,
 )
 from robotrue.calibration.model import Query
-from robotrue.calibration.priors import prior_belief
-from robotrue.calibration.settings import FitSettings
-from robotrue.calibration.terms.geometry import PriorScales
+from robotrue.calibration.settings import FitSettings, prior_belief
+from robotrue.calibration.terms.error_vector import PriorScales
 from robotrue.cell.registration.fit import frame_gain
 from robotrue.core.arrays import Array
 from robotrue.core.poses import apply, pose

@@ -13,9 +13,8 @@ import pytest
 
 from robotrue.calibration.estimate import estimate
 from robotrue.calibration.methods import FitSettings, fit
-from robotrue.calibration.priors import free_groups
-from robotrue.calibration.settings import RP_PER_SIGMA
-from robotrue.calibration.terms.compliance import StiffnessPrior
+from robotrue.calibration.settings import RP_PER_SIGMA, free_groups
+from robotrue.calibration.terms.error_vector import StiffnessPrior
 from robotrue.robot.forward import forward
 from robotrue.robot.model import parameter_names
 from robotrue.robot.statics import drive_torque

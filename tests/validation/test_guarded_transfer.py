@@ -15,7 +15,7 @@ import pytest
 from robotrue.calibration.drift_prior import DEFAULTS
 from robotrue.calibration.methods import fit
 from robotrue.calibration.sources import TransferSource
-from robotrue.calibration.terms.geometry import PriorScales
+from robotrue.calibration.terms.error_vector import PriorScales
 from robotrue.core.units import MM
 from robotrue.errors import ImplausibleDataError, ModelMismatchError
 from robotrue.robot.forward import forward

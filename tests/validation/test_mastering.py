@@ -10,7 +10,7 @@ import pytest
 from robotrue.calibration.nominal import NominalModel
 from robotrue.calibration.probing_estimate import ProbingSettings
 from robotrue.calibration.settings import FitSettings
-from robotrue.calibration.terms.geometry import PriorScales
+from robotrue.calibration.terms.error_vector import PriorScales
 from robotrue.core.arrays import Array
 from robotrue.core.poses import pose
 from robotrue.core.units import DEG, MM

@@ -8,9 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robotrue.calibration.lineage import identity_of
 from robotrue.calibration.methods import fit
-from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.model import ErrorModel, identity_of
 from robotrue.calibration.nominal import NominalModel
 from robotrue.calibration.settings import FitSettings
 from robotrue.core.arrays import Array

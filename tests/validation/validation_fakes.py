@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from robotrue.calibration.mean_tables import MeanTables
 from robotrue.calibration.model import Prediction, Query
+from robotrue.calibration.terms.term import MeanTables
 from robotrue.calibration.training_summary import TrainingSummary
 from robotrue.core.archive import Archive
 from robotrue.core.arrays import Array

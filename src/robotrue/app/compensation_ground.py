@@ -16,8 +16,7 @@ from robotrue.app.outputs import check_output, require_suffix
 from robotrue.app.registered import open_model, provenance_used
 from robotrue.app.reporting import place_in_file
 from robotrue.app.stated_conditions import model_under
-from robotrue.calibration.lineage import identity_of
-from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.model import ErrorModel, identity_of
 from robotrue.calibration.nominal import NominalModel
 from robotrue.cell.cell import Cell, frame_table
 from robotrue.cell.part import PartFrame

@@ -15,7 +15,7 @@ import numpy as np
 from robotrue.app.context import Context
 from robotrue.app.demo_page import demo_content, demo_results, demo_tables
 from robotrue.calibration.methods import METHODS, fit
-from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.model import ErrorModel, with_summary
 from robotrue.cell.cell import Cell, frame_table
 from robotrue.cell.config import read_cell
 from robotrue.compensation.compensate import compensate
@@ -38,7 +38,6 @@ from robotrue.simulation.presets import STIFFNESS, VirtualCell, deng2022, reflec
 from robotrue.simulation.virtual_tracker import measure
 from robotrue.store.model_file import write_model
 from robotrue.validation.selection import select
-from robotrue.validation.summary_notes import with_summary
 from robotrue.validation.validate import validate
 
 CALIBRATION_POSES: Final = 80

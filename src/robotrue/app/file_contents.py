@@ -12,8 +12,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.app.presentation import Block, Facts, Note, PlainResult, Table
-from robotrue.calibration.lineage import provenance_of
-from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.model import ErrorModel, provenance_of
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
 from robotrue.cell.part import PartTable

@@ -6,8 +6,7 @@ import os
 from functools import partial
 from pathlib import Path
 
-from robotrue.calibration.lineage import identity_of, provenance_of
-from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.model import ErrorModel, identity_of, provenance_of
 from robotrue.calibration.nominal import NominalModel
 from robotrue.cell.cell import Cell, overlay_cell
 from robotrue.cell.cell_text import cell_text

@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from robotrue.app.toolpath_sides import SideDocument, SidesDocument
-from robotrue.calibration.lineage import provenance_of
-from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.model import ErrorModel, provenance_of
 from robotrue.cell.cell import Cell
 from robotrue.core.files import write_atomic
 from robotrue.core.provenance import Provenance, merge

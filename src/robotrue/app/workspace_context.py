@@ -11,7 +11,7 @@ from robotrue.app.context import Context, Shell
 from robotrue.app.measured_rows import join_rows, read_rows, require_mapped
 from robotrue.app.reporting import Message
 from robotrue.app.request import ItemVersion, Naming, Reference
-from robotrue.calibration.lineage import data_hash
+from robotrue.calibration.model import data_hash
 from robotrue.cell.cell import Cell
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.measurement_set import MeasurementSet

@@ -21,10 +21,9 @@ from robotrue.calibration.arm import ArmWithTerms, LinearArm, parts_of, prepare_
 from robotrue.calibration.belief import Belief, compress_root, root_of_covariance, standard_terms
 from robotrue.calibration.evidence import spread
 from robotrue.calibration.held_out_blocks import HeldOutRows
-from robotrue.calibration.mean_tables import MeanTables, rigid_tables
 from robotrue.calibration.model import Prediction, Query
 from robotrue.calibration.observations import take_to_base
-from robotrue.calibration.terms.term import ArmPostures, Term
+from robotrue.calibration.terms.term import ArmPostures, MeanTables, Term, rigid_tables
 from robotrue.calibration.terms.term_registry import STANDARD
 from robotrue.calibration.training_summary import TrainingSummary
 from robotrue.core.archive import Archive

@@ -20,12 +20,12 @@ from robotrue.calibration.observations import (
     linear_rows,
 )
 from robotrue.calibration.parameters import ParameterLayout, State, difference
-from robotrue.calibration.priors import LEARNED, Prior
-from robotrue.calibration.robust import Loss, consistency
+from robotrue.calibration.settings import LEARNED, Prior
 from robotrue.calibration.terms.ripple import Ripple
 from robotrue.calibration.terms.smooth import SmoothBasis, SmoothResidual
 from robotrue.calibration.terms.term import Term
 from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.robust import Loss, consistency
 
 MOST_NUMBERS: Final = 20_000
 """Numbers beyond which the rows are not kept in memory side by side."""

@@ -11,10 +11,8 @@ import numpy as np
 from robotrue.calibration.estimator import Posterior, maximise
 from robotrue.calibration.identifiability import Identifiability, analyse
 from robotrue.calibration.observations import Observation, PointObservation, observations_of
-from robotrue.calibration.parameters import ParameterLayout, State
-from robotrue.calibration.priors import build_prior
-from robotrue.calibration.settings import FitSettings
-from robotrue.calibration.start import start_state
+from robotrue.calibration.parameters import ParameterLayout, State, start_state
+from robotrue.calibration.settings import FitSettings, build_prior
 from robotrue.calibration.training_summary import describe_parameters
 from robotrue.core.arrays import Array, IntArray
 from robotrue.errors import ModelMismatchError, ObservabilityError
@@ -79,7 +77,7 @@ class FitResult:
 
         Args:
             method: Of the fit.
-            rows: What the rows were, see :func:`robotrue.calibration.lineage.describe_rows`.
+            rows: What the rows were, see :func:`robotrue.calibration.model.describe_rows`.
         """
         posterior, classes = self.posterior, self.identifiability.classes
         names, values, sd = zip(*self.table(), strict=True)

@@ -28,10 +28,9 @@ from robotrue.calibration.observations import (
     linearise_all,
 )
 from robotrue.calibration.parameters import ParameterLayout, State, difference, retract
-from robotrue.calibration.priors import Prior
-from robotrue.calibration.robust import Loss, consistency, robust_variance, weights
-from robotrue.calibration.settings import SolverSettings
+from robotrue.calibration.settings import Prior, SolverSettings
 from robotrue.core.arrays import Array, BoolArray
+from robotrue.core.robust import Loss, consistency, robust_variance, weights
 from robotrue.errors import ConvergenceError, ObservabilityError
 
 INNER: Final = 60

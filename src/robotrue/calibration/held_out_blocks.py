@@ -44,8 +44,8 @@ from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
 from robotrue.calibration.design import Design, WhitenedRows
 from robotrue.calibration.evidence import Sums, Weights, find_scales
-from robotrue.calibration.robust import CUT, LEVEL, chi_point, student_factor
 from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.robust import CUT, LEVEL, chi_point, student_factor
 
 BLOCKS: Final = 5
 """As in validation: a contiguous fifth is held out at a time."""

@@ -15,7 +15,7 @@ from typing import Final, Literal, TypeAlias
 import numpy as np
 
 from robotrue.calibration.parameters import ParameterLayout
-from robotrue.calibration.terms.first_moments import supposed_masses
+from robotrue.calibration.terms.error_vector import supposed_masses
 from robotrue.core.arrays import Array, IntArray
 from robotrue.robot.forward import drive_jacobian, parameter_jacobian, walk
 from robotrue.robot.model import RobotModel, moment_slice, parameter_slice

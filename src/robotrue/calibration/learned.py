@@ -27,9 +27,7 @@ from robotrue.calibration.evidence import Sums, Weights, learn, posterior
 from robotrue.calibration.held_out_blocks import HeldOutRows, compare_left_out, predict_held_out
 from robotrue.calibration.learned_assembly import LinearFit, WholeFit, day_shift, widen_covariance
 from robotrue.calibration.parameters import retract
-from robotrue.calibration.priors import free_groups
-from robotrue.calibration.robust import weights as robust_weights
-from robotrue.calibration.settings import FitSettings
+from robotrue.calibration.settings import FitSettings, free_groups
 from robotrue.calibration.terms.backlash import Backlash
 from robotrue.calibration.terms.ripple import (
     LADDER,
@@ -47,6 +45,7 @@ from robotrue.calibration.terms.smooth import (
 )
 from robotrue.calibration.terms.term_registry import further_terms
 from robotrue.core.arrays import Array, BoolArray
+from robotrue.core.robust import weights as robust_weights
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel
 

@@ -31,7 +31,7 @@ from robotrue.calibration.held_out_blocks import (
     sums_without,
     widen,
 )
-from robotrue.calibration.lineage import describe_rows
+from robotrue.calibration.model import describe_rows
 from robotrue.calibration.parameters import retract, station_as_base, target_as_tool
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.terms.ripple import Ripple, harmonics

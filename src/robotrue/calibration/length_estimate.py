@@ -30,10 +30,8 @@ from robotrue.calibration.observations import (
     observations_of,
     seen_points,
 )
-from robotrue.calibration.parameters import ParameterLayout, State
-from robotrue.calibration.priors import free_groups
-from robotrue.calibration.settings import FitSettings
-from robotrue.calibration.start import start_state
+from robotrue.calibration.parameters import ParameterLayout, State, start_state
+from robotrue.calibration.settings import FitSettings, free_groups
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.files import sha256
 from robotrue.core.poses import pose

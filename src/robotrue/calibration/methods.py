@@ -13,11 +13,9 @@ from robotrue.calibration.estimate import Estimate, estimate
 from robotrue.calibration.held_out_blocks import HeldOutRows
 from robotrue.calibration.learned import LearnedMethod, LearnedParts, hold_out_physical
 from robotrue.calibration.learned_assembly import describe_width, warn_of_width
-from robotrue.calibration.lineage import describe_rows
-from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.model import ErrorModel, describe_rows
 from robotrue.calibration.parameters import station_as_base, target_as_tool
-from robotrue.calibration.priors import free_groups
-from robotrue.calibration.settings import FitSettings
+from robotrue.calibration.settings import FitSettings, free_groups
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel, parameter_slice

@@ -27,11 +27,10 @@ from robotrue.calibration.observations import (
     observations_of,
     take_to_base,
 )
-from robotrue.calibration.parameters import ParameterLayout, State, retract
-from robotrue.calibration.robust import Loss, weights
+from robotrue.calibration.parameters import ParameterLayout, State, retract, start_state
 from robotrue.calibration.settings import FitSettings
-from robotrue.calibration.start import start_state
 from robotrue.core.arrays import Array, BoolArray, IntArray
+from robotrue.core.robust import Loss, weights
 from robotrue.core.units import MM
 from robotrue.errors import ConvergenceError
 from robotrue.measurement.measurement_set import MeasurementSet

@@ -8,10 +8,9 @@ from typing import Final
 from robotrue.calibration.archive import robot_arrays, robot_document, robot_from
 from robotrue.calibration.belief import Belief
 from robotrue.calibration.calibrated_model import model_of, unknown_reflector
-from robotrue.calibration.mean_tables import MeanTables, rigid_tables
 from robotrue.calibration.model import Prediction, Query
-from robotrue.calibration.priors import prior_belief
-from robotrue.calibration.settings import FitSettings
+from robotrue.calibration.settings import FitSettings, prior_belief
+from robotrue.calibration.terms.term import MeanTables, rigid_tables
 from robotrue.calibration.training_summary import TrainingSummary
 from robotrue.core.archive import Archive, archive_reader
 from robotrue.core.arrays import Array

@@ -25,21 +25,21 @@ from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel, require_belief
 from robotrue.calibration.new_rows import NewRows, condition_on_rows
 from robotrue.calibration.parameters import ParameterLayout, State
-from robotrue.calibration.priors import build_prior, free_groups, prior_belief
 from robotrue.calibration.probing_estimate import (
     ProbingEstimate,
     ProbingSettings,
     model_of_estimate,
     probing_summary,
 )
-from robotrue.calibration.probing_evidence import (
+from robotrue.calibration.probing_start import check_held, start_frames, tips
+from robotrue.calibration.settings import build_prior, free_groups, prior_belief
+from robotrue.calibration.touches import (
     find_agreeing_touches,
     learn_scales,
     noise_factor,
     surprise,
+    touch_rows,
 )
-from robotrue.calibration.probing_start import check_held, start_frames, tips
-from robotrue.calibration.touches import touch_rows
 from robotrue.calibration.update import carry_residual, update_model
 from robotrue.core.arrays import Array, BoolArray, frozen
 from robotrue.core.poses import inverse

@@ -14,8 +14,7 @@ import numpy as np
 from robotrue.calibration.belief import Belief, drop_nuisances
 from robotrue.calibration.calibrated_model import CalibratedModel, model_of
 from robotrue.calibration.identifiability import visibility
-from robotrue.calibration.lineage import history, merged_document, record_step
-from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.model import ErrorModel, history, merged_document, record_step
 from robotrue.calibration.parameters import ParameterLayout
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.touches import frame_displacement

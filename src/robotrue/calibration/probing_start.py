@@ -15,9 +15,9 @@ import numpy as np
 from robotrue.calibration.arm import prepare_arm
 from robotrue.calibration.belief import Belief
 from robotrue.core.arrays import Array, BoolArray, IntArray
-from robotrue.core.graduated import GAUSS_POINT, agreeing
 from robotrue.core.observable import check_motions
 from robotrue.core.poses import apply, fit_rigid, inverse, pose
+from robotrue.core.robust import GAUSS_POINT, agreeing
 from robotrue.core.units import MM
 from robotrue.errors import ConvergenceError, ImplausibleDataError, ObservabilityError
 from robotrue.measurement.probing_set import ProbingSet

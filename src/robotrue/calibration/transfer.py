@@ -34,9 +34,15 @@ from robotrue.calibration.drift_scales import (
     mean_slopes,
     stack_rows,
 )
-from robotrue.calibration.lineage import history, merged_document, record_step, widen_region
 from robotrue.calibration.methods import fit
-from robotrue.calibration.model import ErrorModel, require_belief
+from robotrue.calibration.model import (
+    ErrorModel,
+    history,
+    merged_document,
+    record_step,
+    require_belief,
+    widen_region,
+)
 from robotrue.calibration.new_rows import (
     NewRows,
     condition_on_rows,
@@ -44,7 +50,6 @@ from robotrue.calibration.new_rows import (
     weigh_innovations,
 )
 from robotrue.calibration.parameters import State, station_as_base
-from robotrue.calibration.robust import Loss, robust_variance, student_factor, weights
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.sources import (
     DRIFT,
@@ -64,6 +69,7 @@ from robotrue.calibration.update import (
     without_nuisances,
 )
 from robotrue.core.arrays import Array, IntArray
+from robotrue.core.robust import Loss, robust_variance, student_factor, weights
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel, parameter_slice

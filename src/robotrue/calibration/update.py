@@ -19,8 +19,14 @@ from robotrue.calibration.belief import (
     with_centres,
 )
 from robotrue.calibration.calibrated_model import CalibratedModel, model_of
-from robotrue.calibration.lineage import history, merged_document, record_step, widen_region
-from robotrue.calibration.model import ErrorModel, require_belief
+from robotrue.calibration.model import (
+    ErrorModel,
+    history,
+    merged_document,
+    record_step,
+    require_belief,
+    widen_region,
+)
 from robotrue.calibration.new_rows import (
     NewRows,
     condition_on_rows,

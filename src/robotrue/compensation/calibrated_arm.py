@@ -10,7 +10,7 @@ from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 
-from robotrue.calibration.mean_tables import MeanTables
+from robotrue.calibration.terms.term import MeanTables
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.poses import inverse
 from robotrue.errors import ConfigurationError

@@ -1,7 +1,7 @@
 """The calibrated, loaded arm at given joints; formulae of :mod:`~compensation.calibrated_arm`.
 
 The tests hold these kernels to a nanometre against :mod:`robotrue.robot.forward`,
-:mod:`robotrue.robot.statics` and :mod:`robotrue.calibration.mean_tables`.
+:mod:`robotrue.robot.statics` and :mod:`robotrue.calibration.terms.term`.
 """
 
 from __future__ import annotations

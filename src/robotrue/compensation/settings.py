@@ -7,8 +7,8 @@ from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
-from robotrue.calibration.mean_tables import rigid_tables
 from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.terms.term import rigid_tables
 from robotrue.compensation.arm_state import ArmState, state_at
 from robotrue.compensation.calibrated_arm import CalibratedArm, calibrated_arm
 from robotrue.core.arrays import Array, BoolArray, frozen

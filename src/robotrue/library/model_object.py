@@ -15,7 +15,7 @@ from robotrue.app.operations.predict import Predictions
 from robotrue.app.operations.transfer import Transferred
 from robotrue.app.presentation import Block
 from robotrue.app.reporting import Message
-from robotrue.calibration.lineage import identity_of, provenance_of
+from robotrue.calibration.model import identity_of, provenance_of
 from robotrue.calibration.training_summary import TrainingSummary
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import MM

@@ -8,8 +8,7 @@ from typing import Final, cast
 
 import numpy as np
 
-from robotrue.calibration.lineage import provenance_of
-from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.model import ErrorModel, provenance_of
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
 from robotrue.core.archive import read_archive

@@ -24,10 +24,8 @@ from robotrue.calibration.belief import Belief, root_of_covariance, standard_ter
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.observations import linear_rows, observations_of
 from robotrue.calibration.parameters import ParameterLayout, State
-from robotrue.calibration.priors import prior_belief
-from robotrue.calibration.settings import FitSettings
-from robotrue.calibration.terms.compliance import StiffnessPrior
-from robotrue.calibration.terms.geometry import PriorScales
+from robotrue.calibration.settings import FitSettings, prior_belief
+from robotrue.calibration.terms.error_vector import PriorScales, StiffnessPrior
 from robotrue.calibration.terms.ripple import harmonics
 from robotrue.cell.cell import Cell
 from robotrue.core.arrays import Array, IntArray

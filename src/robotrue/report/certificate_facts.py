@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robotrue.calibration.lineage import history, provenance_of
-from robotrue.calibration.model import ErrorModel, Query
+from robotrue.calibration.model import ErrorModel, Query, history, provenance_of
 from robotrue.cell.cell import Cell, tracker_covariance
 from robotrue.core.arrays import Array
 from robotrue.core.files import DEFAULT_LANG

@@ -12,9 +12,8 @@ from typing import Annotated, TypedDict
 
 import numpy as np
 
-from robotrue.calibration.lineage import model_hash, provenance_of
-from robotrue.calibration.mean_tables import MeanTables
-from robotrue.calibration.model import ErrorModel, Query
+from robotrue.calibration.model import ErrorModel, Query, model_hash, provenance_of
+from robotrue.calibration.terms.term import MeanTables
 from robotrue.calibration.terms.term_registry import export_parts
 from robotrue.core.arrays import Array
 from robotrue.core.columns import Column, Columns

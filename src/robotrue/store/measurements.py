@@ -17,7 +17,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from robotrue.calibration.lineage import data_hash
+from robotrue.calibration.model import data_hash
 from robotrue.core.arrays import Array
 from robotrue.core.conditions import Rail
 from robotrue.core.document_decoder import decode

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
-from robotrue.calibration.lineage import history, identity_of, provenance_of
+from robotrue.calibration.model import history, identity_of, provenance_of
 from robotrue.store import items
 from robotrue.store.layout import copy_files
 from robotrue.store.model_file import ModelFile, read_model

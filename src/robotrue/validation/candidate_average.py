@@ -9,11 +9,15 @@ import numpy as np
 
 from robotrue.calibration.averaging import average_models, refuse_strangers
 from robotrue.calibration.calibrated_model import CalibratedModel
-from robotrue.calibration.lineage import RANGES, merged_document
-from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.model import (
+    RANGES,
+    ErrorModel,
+    merged_document,
+    with_summary,
+    with_warnings,
+)
 from robotrue.errors import RobotrueError
 from robotrue.validation.contest import Selection, Trials, weigh
-from robotrue.validation.summary_notes import with_summary, with_warnings
 
 FitWhole: TypeAlias = Callable[[], ErrorModel]
 """Fits a candidate on all rows."""

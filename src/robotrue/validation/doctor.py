@@ -12,8 +12,8 @@ from typing import Final
 
 import numpy as np
 
+from robotrue.calibration.parameters import IMPLAUSIBLE
 from robotrue.calibration.settings import FitSettings
-from robotrue.calibration.start import IMPLAUSIBLE
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel

@@ -15,8 +15,7 @@ import numpy as np
 
 from robotrue.calibration.observations import observations_of
 from robotrue.calibration.parameters import ParameterLayout, State, difference, retract
-from robotrue.calibration.priors import build_prior, free_groups, typical_ripple
-from robotrue.calibration.settings import FitSettings
+from robotrue.calibration.settings import FitSettings, build_prior, free_groups, typical_ripple
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.poses import fit_rigid
 from robotrue.measurement.measurement_set import MeasurementSet

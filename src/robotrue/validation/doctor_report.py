@@ -7,14 +7,12 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.calibration.lineage import data_hash, history
-from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.model import ErrorModel, data_hash, history, with_summary, with_warnings
 from robotrue.core.json_values import json_values
 from robotrue.core.units import MM
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.validation.doctor import Diagnosis, NamedCause
 from robotrue.validation.doctor_suspicion import CauseName
-from robotrue.validation.summary_notes import with_summary, with_warnings
 
 SIX_WORDS: Final[Mapping[CauseName, str]] = {
     "instrument-moved": "Tracker moved while poses were measured",

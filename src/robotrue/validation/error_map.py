@@ -19,9 +19,7 @@ from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.deng2022.similarity import similarity
 from robotrue.calibration.model import ErrorModel, Query
 from robotrue.calibration.settings import FitSettings
-from robotrue.calibration.terms.compliance import compliance_scale
-from robotrue.calibration.terms.first_moments import moment_prior
-from robotrue.calibration.terms.geometry import PER_JOINT_GROUPS
+from robotrue.calibration.terms.error_vector import PER_JOINT_GROUPS, compliance_scale, moment_prior
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.columns import Column, Columns
 from robotrue.core.poses import pose

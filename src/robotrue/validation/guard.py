@@ -21,7 +21,7 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from robotrue.calibration.calibrated_model import CalibratedModel
-from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.model import ErrorModel, with_summary
 from robotrue.calibration.training_summary import TrainingSummary
 from robotrue.core.document_decoder import decode
 from robotrue.core.json_values import json_values
@@ -45,7 +45,6 @@ from robotrue.validation.contest import (
 from robotrue.validation.metrics import wilson_interval
 from robotrue.validation.selection import AVERAGED_ROWS, hold_out
 from robotrue.validation.splits import random_folds
-from robotrue.validation.summary_notes import with_summary
 
 Candidate: TypeAlias = Callable[[MeasurementSet | None], ErrorModel]
 """Fits a model from the target rows it is given (None without any) and from what it holds."""

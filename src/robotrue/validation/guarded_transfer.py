@@ -20,10 +20,9 @@ from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.deng2022.transfer_gpr import fit_boosted_poses
 from robotrue.calibration.drift_prior import NO_DRIFT, DriftScales
 from robotrue.calibration.methods import fit
-from robotrue.calibration.model import ErrorModel
-from robotrue.calibration.seen_ripple import see_at_postures
+from robotrue.calibration.model import ErrorModel, with_summary
 from robotrue.calibration.settings import FitSettings
-from robotrue.calibration.sources import TransferSource
+from robotrue.calibration.sources import TransferSource, see_at_postures
 from robotrue.calibration.transfer import carry_source, fit_transfer
 from robotrue.core.progress import Progress
 from robotrue.errors import ModelMismatchError, ObservabilityError, RobotrueError
@@ -38,7 +37,6 @@ from robotrue.validation.source_check import (
     prior_doubts,
     target_doubts,
 )
-from robotrue.validation.summary_notes import with_summary
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

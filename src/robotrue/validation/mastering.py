@@ -27,9 +27,8 @@ from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.new_rows import NUISANCE_SD, NewRows
 from robotrue.calibration.probing import before_touching
 from robotrue.calibration.probing_estimate import ProbingSettings
-from robotrue.calibration.probing_evidence import find_agreeing_touches, noise_factor
 from robotrue.calibration.probing_start import tips
-from robotrue.calibration.touches import touch_rows
+from robotrue.calibration.touches import find_agreeing_touches, noise_factor, touch_rows
 from robotrue.calibration.update import carry_residual
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.columns import Column, Columns

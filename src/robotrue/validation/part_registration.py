@@ -13,8 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.calibration.lineage import identity_of, provenance_of
-from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.model import ErrorModel, identity_of, provenance_of
 from robotrue.cell.registration.fit import Noise
 from robotrue.core.provenance import merge
 from robotrue.core.surfaces import TriangleMesh

@@ -14,9 +14,9 @@ from robotrue.cell.part import PartFrame, PartTable
 from robotrue.cell.registration.fit import Registration, point_covariance
 from robotrue.core.arrays import Array
 from robotrue.core.columns import Column, Columns
-from robotrue.core.graduated import GAUSS_POINT
 from robotrue.core.model_identity import ModelIdentity
 from robotrue.core.provenance import MEASURED, Provenance
+from robotrue.core.robust import GAUSS_POINT
 from robotrue.core.units import MM, UM
 
 Route = Literal["frame", "joint"]

@@ -10,8 +10,7 @@ import numpy as np
 from robotrue.calibration.belief import Belief, add_variance
 from robotrue.calibration.machined import tip_columns, unchanged_covariance
 from robotrue.calibration.model import ErrorModel, Query
-from robotrue.calibration.priors import prior_belief
-from robotrue.calibration.settings import FitSettings
+from robotrue.calibration.settings import FitSettings, prior_belief
 from robotrue.cell.registration.ambiguity import symmetric_alternatives
 from robotrue.cell.registration.fit import Noise, Registration, point_residuals
 from robotrue.core.arrays import Array

@@ -8,9 +8,8 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.calibration.lineage import identity_of, provenance_of
 from robotrue.calibration.machined import compensated_covariance
-from robotrue.calibration.model import ErrorModel, Query
+from robotrue.calibration.model import ErrorModel, Query, identity_of, provenance_of
 from robotrue.calibration.probing import (
     ProbingEstimate,
     ProbingSettings,

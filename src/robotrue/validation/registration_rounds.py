@@ -8,9 +8,8 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.calibration.lineage import identity_of, provenance_of
 from robotrue.calibration.machined import tip_columns
-from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.model import ErrorModel, identity_of, provenance_of
 from robotrue.cell.registration.rounds import RoundsResult, adjust_in_rounds
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.provenance import merge

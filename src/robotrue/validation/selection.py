@@ -30,7 +30,7 @@ from robotrue.calibration.learned import LearnedMethod, share_waves
 from robotrue.calibration.learned_assembly import LinearFit, WholeFit
 from robotrue.calibration.methods import METHODS
 from robotrue.calibration.methods import FitFunction as MethodFunction
-from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.model import ErrorModel, with_summary
 from robotrue.calibration.settings import FitSettings
 from robotrue.core.arrays import BoolArray, IntArray
 from robotrue.core.progress import Progress
@@ -60,7 +60,6 @@ from robotrue.validation.splits import (
     random_folds,
     spatial_regions,
 )
-from robotrue.validation.summary_notes import with_summary
 
 FitFunction: TypeAlias = Callable[[MeasurementSet], ErrorModel]
 """Fits a model on the rows it is given."""

@@ -16,9 +16,9 @@ import numpy as np
 
 from robotrue.calibration.machined import tip_columns, uncarried_variance
 from robotrue.calibration.model import ErrorModel, Query, require_belief
-from robotrue.calibration.robust import LEVEL, chi_point
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.columns import EMPTY, Column, Columns
+from robotrue.core.robust import LEVEL, chi_point
 from robotrue.errors import ConfigurationError, ModelMismatchError, ObservabilityError
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.robot.forward import forward

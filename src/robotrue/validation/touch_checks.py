@@ -17,8 +17,8 @@ from scipy.optimize import linear_sum_assignment
 from robotrue.cell.registration.ambiguity import check_names
 from robotrue.cell.registration.fit import check_pattern
 from robotrue.core.arrays import Array, BoolArray
-from robotrue.core.graduated import GAUSS_POINT, agreeing
 from robotrue.core.poses import apply, fit_rigid
+from robotrue.core.robust import GAUSS_POINT, agreeing
 from robotrue.core.surfaces import TriangleMesh
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ImplausibleDataError, ObservabilityError, RobotrueError

@@ -22,8 +22,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from robotrue.calibration.settings import FitSettings
-from robotrue.calibration.terms.compliance import StiffnessPrior
-from robotrue.calibration.terms.geometry import PriorScales
+from robotrue.calibration.terms.error_vector import PriorScales, StiffnessPrior
 from robotrue.core.arrays import Array
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ReachError

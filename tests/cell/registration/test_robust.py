@@ -8,8 +8,8 @@ import pytest
 from robotrue.cell.registration.fit import Noise, Registration, fit_points
 from robotrue.cell.registration.touches import fit_touches
 from robotrue.core.arrays import Array
-from robotrue.core.graduated import weigh_touches
 from robotrue.core.poses import apply, fit_rigid, pose_from_xyz_abc
+from robotrue.core.robust import weigh_touches
 from robotrue.core.surfaces import Plane
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ImplausibleDataError, ShapeError

@@ -9,8 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from robotrue.calibration.evidence import PriorGroup
-from robotrue.calibration.mean_tables import MeanTables
-from robotrue.calibration.terms.term import ArmPostures, Effect, Term
+from robotrue.calibration.terms.term import ArmPostures, Effect, MeanTables, Term
 from robotrue.core.arrays import Array
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.forward import Sensitivity

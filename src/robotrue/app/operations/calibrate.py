@@ -107,7 +107,7 @@ def run(request: CalibrateRequest, context: Context) -> Calibrated:
         ObservabilityError: Too few measurements for what is asked.
     """
     from robotrue.app.data_doctor import read_examined
-    from robotrue.calibration.lineage import provenance_of
+    from robotrue.calibration.model import provenance_of
     from robotrue.store.model_file import write_model
     from robotrue.validation.validate import validate
 
@@ -246,7 +246,7 @@ def calibrate_from_lengths(request: CalibrateLengthsRequest, context: Context) -
     """
     from robotrue.app.measured_rows import read_together
     from robotrue.calibration.length_estimate import estimate_lengths, model_of_lengths
-    from robotrue.calibration.lineage import provenance_of
+    from robotrue.calibration.model import provenance_of
     from robotrue.measurement.length_set import read_lengths
     from robotrue.planning.information import settings_of
     from robotrue.store.model_file import write_model

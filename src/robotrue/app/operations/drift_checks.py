@@ -80,8 +80,7 @@ def plan_check(request: DriftPlanRequest, context: Context) -> DriftPlan:
         ConfigurationError: Too few poses, or more than candidates.
         ReachError: Nothing can be measured.
     """
-    from robotrue.calibration.lineage import provenance_of
-    from robotrue.calibration.model import Query
+    from robotrue.calibration.model import Query, provenance_of
     from robotrue.cell.cell import tracker_covariance
     from robotrue.core.files import write_atomic
     from robotrue.planning.discriminating_poses import (
@@ -254,7 +253,7 @@ def check_drift(request: DriftRequest, context: Context) -> DriftChecked:
     Raises:
         ObservabilityError: Too few poses.
     """
-    from robotrue.calibration.lineage import provenance_of
+    from robotrue.calibration.model import provenance_of
     from robotrue.validation.drift_check import drift_check
 
     context.step("reading", 0, 3)

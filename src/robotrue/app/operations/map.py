@@ -123,7 +123,7 @@ def run(request: MapRequest, context: Context) -> PlainResult:
         ConfigurationError: Ranges that are missing or no ranges, or another ending of the output.
     """
     from robotrue.app.number_options import parse_grid, parse_map_region, parse_numbers
-    from robotrue.calibration.lineage import provenance_of
+    from robotrue.calibration.model import provenance_of
     from robotrue.core.files import write_atomic
     from robotrue.report.map_report import map_document
     from robotrue.validation.error_map import error_map, sector_similarities
@@ -192,7 +192,7 @@ def _picture(
     path: Path,
 ) -> bytes:
     """The picture, the table or the page; ``path`` is the file of the model."""
-    from robotrue.calibration.lineage import provenance_of
+    from robotrue.calibration.model import provenance_of
     from robotrue.core.files import read_bytes, sha256
     from robotrue.report.content import Fact
     from robotrue.report.map_report import map_content, map_slices, map_table

@@ -81,8 +81,7 @@ def run(request: PredictRequest, context: Context) -> Predictions:
     """
     import numpy as np
 
-    from robotrue.calibration.lineage import provenance_of
-    from robotrue.calibration.model import Query
+    from robotrue.calibration.model import Query, provenance_of
     from robotrue.core.files import write_atomic
     from robotrue.core.provenance import mark_line
     from robotrue.core.units import MM

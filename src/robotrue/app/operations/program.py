@@ -355,7 +355,7 @@ def _compensate(
     """Compensates the program as ``robotrue compensate`` does, from a temporary file."""
     import tempfile
 
-    from robotrue.calibration.lineage import identity_of
+    from robotrue.calibration.model import identity_of
     from robotrue.calibration.nominal import NominalModel
     from robotrue.core.files import write_atomic
     from robotrue.program.identity import write_identity

@@ -129,7 +129,7 @@ def run(request: TransferRequest, context: Context) -> Transferred:
     from robotrue.app.transfer_method import paper_contestants
     from robotrue.app.transfer_sources import known_sources, read_source, read_target
     from robotrue.app.workspace_context import WorkspaceContext
-    from robotrue.calibration.lineage import provenance_of
+    from robotrue.calibration.model import provenance_of
     from robotrue.planning.information import settings_of
     from robotrue.store.model_file import write_model
     from robotrue.validation.doctor_report import with_findings

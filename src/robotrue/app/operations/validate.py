@@ -93,7 +93,7 @@ def _row(name: str, statistics: ErrorStatistics) -> tuple[str, ...]:
 def run(request: ValidateRequest, context: Context) -> Validated:
     """Predicts the poses and compares; writes the report page if requested."""
     from robotrue.app.data_doctor import find_warnings
-    from robotrue.calibration.lineage import provenance_of
+    from robotrue.calibration.model import provenance_of
     from robotrue.report.model_view import harmless_remark
     from robotrue.report.warning_groups import group_warnings
     from robotrue.validation.validate import validate

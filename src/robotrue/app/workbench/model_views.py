@@ -9,8 +9,7 @@ import numpy as np
 
 from robotrue.app.workbench.arm_body import answer
 from robotrue.app.workbench.file_imports import cell_of
-from robotrue.calibration.lineage import provenance_of
-from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.model import ErrorModel, provenance_of
 from robotrue.core.arrays import Array
 from robotrue.core.provenance import merge
 from robotrue.core.units import MM

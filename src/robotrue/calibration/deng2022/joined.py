@@ -14,10 +14,9 @@ from robotrue.calibration.calibrated_model import unknown_reflector
 from robotrue.calibration.deng2022.committee import Committee, restore_committee
 from robotrue.calibration.deng2022.domains import LEVER, Labelled, pose_features
 from robotrue.calibration.deng2022.readings import Outside
-from robotrue.calibration.lineage import describe_rows
-from robotrue.calibration.mean_tables import MeanTables
-from robotrue.calibration.model import Prediction, Query
+from robotrue.calibration.model import Prediction, Query, describe_rows
 from robotrue.calibration.settings import FitSettings
+from robotrue.calibration.terms.term import MeanTables
 from robotrue.calibration.training_summary import TrainingSummary
 from robotrue.core.archive import Archive, archive_reader
 from robotrue.core.arrays import Array, IntArray, frozen

@@ -22,8 +22,7 @@ from typing import ClassVar, Final, Self
 import numpy as np
 
 from robotrue.calibration.evidence import PriorGroup
-from robotrue.calibration.mean_tables import MeanTables
-from robotrue.calibration.terms.term import ArmPostures, Effect, Term
+from robotrue.calibration.terms.term import ArmPostures, Effect, MeanTables, Term
 from robotrue.core.arrays import Array
 from robotrue.core.conditions import ArmConditions
 from robotrue.core.document_decoder import decode

@@ -19,8 +19,7 @@ from typing import ClassVar, Final, Self
 import numpy as np
 
 from robotrue.calibration.evidence import PriorGroup
-from robotrue.calibration.mean_tables import MeanTables
-from robotrue.calibration.terms.term import ArmPostures, Carry, Effect, Term
+from robotrue.calibration.terms.term import ArmPostures, Carry, Effect, MeanTables, Term
 from robotrue.core.arrays import Array, IntArray, frozen
 from robotrue.errors import ArchiveError
 from robotrue.measurement.measurement_set import MeasurementSet

@@ -25,8 +25,7 @@ from scipy.linalg import solve_triangular
 from robotrue.calibration.evidence import PriorGroup
 from robotrue.calibration.learners.process import centre_rows, log_evidence
 from robotrue.calibration.learners.search import search_theta
-from robotrue.calibration.mean_tables import MeanTables
-from robotrue.calibration.terms.term import ArmPostures, Carry, Effect, Term
+from robotrue.calibration.terms.term import ArmPostures, Carry, Effect, MeanTables, Term
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.columns import Column, Columns
 from robotrue.core.document_decoder import decode

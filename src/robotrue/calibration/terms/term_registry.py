@@ -10,14 +10,16 @@ from collections.abc import Callable, Mapping
 from functools import cache
 from typing import Final
 
-from robotrue.calibration.mean_tables import MeanTables
 from robotrue.calibration.terms.backlash import Backlash
-from robotrue.calibration.terms.compliance import without_compliance
-from robotrue.calibration.terms.geometry import without_gear, without_geometry
+from robotrue.calibration.terms.error_vector import (
+    without_compliance,
+    without_gear,
+    without_geometry,
+)
 from robotrue.calibration.terms.rail_guide import RailGuide
 from robotrue.calibration.terms.ripple import Ripple
 from robotrue.calibration.terms.smooth import SmoothResidual
-from robotrue.calibration.terms.term import Term
+from robotrue.calibration.terms.term import MeanTables, Term
 from robotrue.calibration.terms.thermal import Thermal
 from robotrue.core.extensions import load_extensions, refuse_extension
 from robotrue.errors import ArchiveError, ConfigurationError

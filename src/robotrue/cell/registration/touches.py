@@ -16,9 +16,9 @@ import numpy as np
 
 from robotrue.cell.registration.fit import Noise, Registration, check_pattern, displace_frame
 from robotrue.core.arrays import Array, BoolArray, IntArray, frozen
-from robotrue.core.graduated import GAUSS_NORMAL, GAUSS_POINT, agreeing
 from robotrue.core.observable import check_motions
 from robotrue.core.poses import apply, fit_rigid, inverse
+from robotrue.core.robust import GAUSS_NORMAL, GAUSS_POINT, agreeing
 from robotrue.core.surfaces import Surface
 from robotrue.core.units import MM
 from robotrue.errors import ConvergenceError, ImplausibleDataError, ObservabilityError, ShapeError

@@ -1,19 +1,24 @@
-"""First moments of the links' masses: gravity torques that show them, and their prior.
+"""Groups of the error vector: geometry, joint compliance, first moments of the links' masses.
 
-The torque of gravity on the drives is linear in two first moments for each link
+Geometry are joint zeros, links, gear ratios, base and tool. A drive winds up in proportion to the
+torque on it. The torque of gravity on the drives is linear in two first moments for each link
 (:func:`robotrue.robot.statics.weight_torque`), the wind-up of a drive the product of its compliance
 and that torque. Unloaded poses show the products; poses under another known load show the
-compliances, and with them the moments. Masses that are stated make the prior narrow and are never
-taken as exact; without them it is that of an arm of this size.
+compliances, and with them the moments. Stated masses make the prior narrow and are never taken as
+exact; without them it is that of an arm of this size.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array
+from robotrue.calibration.terms.term import MeanTables, without_errors
+from robotrue.core.arrays import Array, frozen
+from robotrue.errors import ConfigurationError
 from robotrue.robot.forward import walk
 from robotrue.robot.model import RobotModel
 from robotrue.robot.statics import weight_torque
@@ -129,3 +134,133 @@ def _have_effect(robot: RobotModel) -> Array:
     weight = weight_torque(nominal, walk(nominal, joints))
     largest = np.abs(weight).max(axis=(0, 1)).ravel()
     return np.asarray(largest > 1e-6 * max(float(largest.max()), 1e-12))
+
+
+PER_JOINT_GROUPS: Final = ("theta", "d", "a", "alpha", "beta", "gear")
+"""Groups of the error vector with a prior scale that is learned."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PriorScales:
+    """Standard deviation of each group of errors: those of a production industrial arm.
+
+    Attributes:
+        theta: rad, joint offsets.
+        d: m.
+        a: m.
+        alpha: rad.
+        beta: rad, Hayati's angle about y.
+        gear: Relative error of the gear ratio.
+        base: m, position of the robot root.
+        base_rotation: rad.
+        tool: m, position of the reflector on the flange.
+        tool_rotation: rad.
+    """
+
+    theta: float = 1e-3
+    d: float = 5e-4
+    a: float = 5e-4
+    alpha: float = 5e-4
+    beta: float = 5e-4
+    gear: float = 2e-5
+    base: float = 2e-2
+    base_rotation: float = 2e-2
+    tool: float = 1e-2
+    tool_rotation: float = 2e-2
+
+    def __post_init__(self) -> None:
+        """Refuses scales that are not positive."""
+        for name in self.__slots__:
+            if not getattr(self, name) > 0.0:
+                raise ConfigurationError(
+                    f"prior scale {name} is {getattr(self, name)}, must be positive."
+                )
+
+    def deviations(self, dof: int) -> Mapping[str, Array]:
+        """Returns the sd of every parameter, by group of the error vector, SI."""
+        per_joint = {name: np.full(dof, getattr(self, name)) for name in PER_JOINT_GROUPS}
+        return {
+            **per_joint,
+            "base": np.repeat([self.base, self.base_rotation], 3),
+            "tool": np.repeat([self.tool, self.tool_rotation], 3),
+        }
+
+
+def without_geometry(tables: MeanTables) -> MeanTables:
+    """Returns the tables without errors of links; joint zeros, base and tool stay."""
+    return without_errors(tables, ("d", "a", "alpha", "beta"))
+
+
+def without_gear(tables: MeanTables) -> MeanTables:
+    """Returns the tables without errors of gear ratios."""
+    return without_errors(tables, ("gear",))
+
+
+WIND_UP: Final = 5e-3
+"""rad by which a drive may turn under the weight it carries at arm's length."""
+LIGHTER: Final = 4.0
+"""What arms weigh that have the size of others, over the weight of a light one of them."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StiffnessPrior:
+    """Joint stiffness known before measuring, from a data sheet or an earlier calibration.
+
+    Attributes:
+        stiffness: (n,) N m/rad.
+        relative_sd: (n,) or one number: standard deviation of the compliance, relative to its mean.
+    """
+
+    stiffness: Array
+    relative_sd: Array
+
+    def __post_init__(self) -> None:
+        """Checks values and freezes."""
+        stiffness = frozen(self.stiffness, (None,), "stiffness")
+        sd = frozen(np.broadcast_to(self.relative_sd, stiffness.shape), (None,), "relative_sd")
+        if (stiffness <= 0.0).any() or (sd <= 0.0).any():
+            raise ConfigurationError("stiffness and its relative sd must be positive.")
+        object.__setattr__(self, "stiffness", stiffness)
+        object.__setattr__(self, "relative_sd", sd)
+
+
+def compliance_scale(robot: RobotModel, payload_mass: float) -> Array:
+    """Returns a broad scale of joint compliance (n,) rad/(N m) from the arm's own weight.
+
+    Drives are built for their load: each is taken to wind up by at most about :data:`WIND_UP`
+    under everything outboard of it hanging at arm's length. An arm without masses is taken
+    for a light one of its size.
+    """
+    links_mass = supposed_masses(robot)
+    if not robot.link_mass.any() and not robot.total_mass:
+        links_mass = links_mass / LIGHTER
+    mass = np.cumsum(links_mass[::-1])[::-1] + payload_mass
+    links = np.hypot(robot.a, robot.d)
+    if robot.convention == "mdh":
+        links = np.hypot(np.append(robot.a[1:], 0.0), robot.d)
+    lever = np.cumsum(links[::-1])[::-1] + float(np.linalg.norm(robot.T_flange_tool[:3, 3]))
+    torque = mass * lever * float(np.linalg.norm(robot.gravity))
+    known = torque > 1.0
+    return np.where(known, WIND_UP / np.where(known, torque, 1.0), 1e-5)
+
+
+def compliance_prior(
+    robot: RobotModel, stiffness: StiffnessPrior | None, payload_mass: float
+) -> tuple[Array, Array]:
+    """Returns mean and sd (n,) rad/(N m): of the stated stiffness, else broad about the robot's.
+
+    Raises:
+        ConfigurationError: A stiffness list of another length than the robot's joints.
+    """
+    if stiffness is None:
+        return robot.error("compliance"), compliance_scale(robot, payload_mass)
+    if len(stiffness.stiffness) != robot.dof:
+        raise ConfigurationError(
+            f"{len(stiffness.stiffness)} stiffness values for a robot of {robot.dof} joints."
+        )
+    return 1.0 / stiffness.stiffness, stiffness.relative_sd / stiffness.stiffness
+
+
+def without_compliance(tables: MeanTables) -> MeanTables:
+    """Returns the tables of a stiff arm."""
+    return without_errors(tables, ("compliance",))
