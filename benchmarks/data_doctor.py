@@ -39,8 +39,7 @@ from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel, parameter_slice
 from robotrue.robot.presets import preset
 from robotrue.robot.statics import Load, drive_torque
-from robotrue.validation.doctor import Diagnosis, diagnose
-from robotrue.validation.doctor_report import describe_diagnosis
+from robotrue.validation.doctor import Diagnosis, describe_diagnosis, diagnose
 from robotrue.validation.evaluation import evaluate
 
 REAL = {"ur5": "UR5", "B": "UR10", "A": "UR10"}

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robotrue.validation.coverage_parts import coverage_parts
 from robotrue.validation.metrics import wilson_interval
+from robotrue.validation.report import coverage_parts
 
 RANGE = np.array([[-1.0] * 6, [1.0] * 6])
 

@@ -18,10 +18,11 @@ from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.forward import forward
 from robotrue.robot.model import parameter_slice
 from robotrue.robot.presets import preset
-from robotrue.validation.doctor import cure_rows, diagnose
-from robotrue.validation.doctor_report import (
+from robotrue.validation.doctor import (
     SIX_WORDS,
+    cure_rows,
     describe_diagnosis,
+    diagnose,
     diagnosis_document,
     with_cure,
 )

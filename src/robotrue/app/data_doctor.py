@@ -20,9 +20,12 @@ from robotrue.measurement.measurement_set import MeasurementSet, concatenate
 from robotrue.measurement.plausibility import FEWEST_POSES, check_plausible
 from robotrue.planning.information import settings_of
 from robotrue.robot.forward import forward
-from robotrue.validation.doctor import Diagnosis, NamedCause, cure_rows, diagnose
-from robotrue.validation.doctor_report import (
+from robotrue.validation.doctor import (
+    Diagnosis,
+    NamedCause,
+    cure_rows,
     describe_diagnosis,
+    diagnose,
     diagnosis_document,
     with_cure,
     with_findings,

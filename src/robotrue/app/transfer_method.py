@@ -26,8 +26,7 @@ from robotrue.errors import ConfigurationError, ObservabilityError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.planning.work_area import EXAMPLE, parse_region
 from robotrue.robot.model import RobotModel
-from robotrue.validation.guarded_transfer import Contestants
-from robotrue.validation.requested_transfer import METHOD, deng2022_contestants
+from robotrue.validation.guarded_transfer import METHOD, Contestants, deng2022_contestants
 from robotrue.validation.source_check import check_rows
 
 

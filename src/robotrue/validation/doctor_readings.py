@@ -18,8 +18,14 @@ from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel
 from robotrue.robot.presets import similar_presets
 from robotrue.validation.doctor_case import Case, open_case, robust_frame
-from robotrue.validation.doctor_evidence import Evidence, columns_fit, fit_rows, learn
-from robotrue.validation.doctor_suspicion import CauseName, Hypothesis
+from robotrue.validation.doctor_evidence import (
+    CauseName,
+    Evidence,
+    Hypothesis,
+    columns_fit,
+    fit_rows,
+    learn,
+)
 
 BETTER: Final = 0.75
 """A reading that leaves less than this part of the misfit is examined in full."""

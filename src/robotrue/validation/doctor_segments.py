@@ -14,8 +14,16 @@ from robotrue.core.units import MM
 from robotrue.robot.forward import walk
 from robotrue.robot.statics import NO_LOAD, Load, torque_at
 from robotrue.validation.doctor_case import Case
-from robotrue.validation.doctor_evidence import WIDTHS, Evidence, column_odds, columns_fit
-from robotrue.validation.doctor_suspicion import HOPELESS, CauseName, Hypothesis, move_points
+from robotrue.validation.doctor_evidence import (
+    HOPELESS,
+    WIDTHS,
+    CauseName,
+    Evidence,
+    Hypothesis,
+    column_odds,
+    columns_fit,
+    move_points,
+)
 
 LEAST: Final = 4
 """Rows of a segment."""

@@ -30,13 +30,13 @@ from robotrue.core.units import MM
 from robotrue.errors import ObservabilityError, RobotrueError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.statics import Load
-from robotrue.validation.candidate_average import average_candidates
 from robotrue.validation.contest import (
     UNKNOWN,
     CandidateResults,
     Selection,
     StoppedCandidate,
     Trials,
+    average_candidates,
     decide,
     drop_excluded,
     find_voters,

@@ -6,8 +6,11 @@
 ``source-only``     a source as it is, widened by drift; target rows only place a new tracker frame
 ``learned``         boosted Gaussian processes on poses, no knowledge of the arm (method ``gp``)
 ``target-only``     geometry and compliance from the target rows, the rest from the prior
-``target-only gp``  and ripple and a smooth rest
+``target-only gp``  and ripple and a smooth residual
 ==================  ==============================================================================
+
+A requested method (:func:`requested_transfer`; ``deng2022`` among them: Tr-GPR, the source aligned
+to each sub-space, boosted Gaussian processes) is fitted with the same comparison beside it.
 """
 
 from __future__ import annotations
@@ -15,9 +18,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
+from typing import Final
 
 from robotrue.calibration.calibrated_model import CalibratedModel
-from robotrue.calibration.deng2022.transfer_gpr import fit_boosted_poses
+from robotrue.calibration.deng2022.domains import Domains
+from robotrue.calibration.deng2022.readings import DengReadings
+from robotrue.calibration.deng2022.transfer_gpr import fit_boosted_poses, fit_deng2022
 from robotrue.calibration.drift_prior import NO_DRIFT, DriftScales
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel, with_summary
@@ -25,7 +31,12 @@ from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.sources import TransferSource, see_at_postures
 from robotrue.calibration.transfer import carry_source, fit_transfer
 from robotrue.core.progress import Progress
-from robotrue.errors import ModelMismatchError, ObservabilityError, RobotrueError
+from robotrue.errors import (
+    ConfigurationError,
+    ModelMismatchError,
+    ObservabilityError,
+    RobotrueError,
+)
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel
 from robotrue.validation.guard import Candidate, select_guarded
@@ -295,3 +306,64 @@ def _fit_alone(
     if rows is None or not len(rows):
         raise ObservabilityError("no target row to fit.")
     return fit(robot, rows, method=method, settings=replace(settings, lean_on_prior=True))
+
+
+METHOD: Final = "deng2022"
+BESIDE: Final = ("transfer", "source-only")
+"""Candidates with the source that the requested method is compared with."""
+ALONE: Final = "target-only"
+"""The candidate without the source."""
+
+
+def deng2022_contestants(
+    robot: RobotModel,
+    target: MeasurementSet,
+    source: TransferSource,
+    settings: FitSettings,
+    domains: Domains,
+    readings: DengReadings,
+) -> Contestants:
+    """Returns Tr-GPR and what it is compared with on held-out target poses.
+
+    Tr-GPR is fitted once here, so data that it cannot take are refused before the contest. Its
+    width is learned on all target rows and held in the contest.
+
+    Args:
+        robot: Nominal arm of the target with the measured tool.
+        target: Target rows.
+        source: Measurements of the source region.
+        settings: Of every fit.
+        domains: Source, target and sub-spaces.
+        readings: Of the paper's equations.
+
+    Raises:
+        ConfigurationError: A source without measurements.
+        ImplausibleDataError: Rows that cannot be this robot's: another unit, frame or robot.
+        ModelMismatchError: Another number of joints, or positions in a tracker frame.
+        ObservabilityError: Too few rows.
+    """
+    known = source.measurements
+    if known is None:
+        raise ConfigurationError(
+            f"source {source.name} is a model; {METHOD} aligns measured poses.",
+            hint="the measurement file of the source region, --source NAME=FILE.csv",
+        )
+    for rows in (known, target):
+        check_rows(robot, rows)
+    model = fit_deng2022(robot, known, target, domains, settings, readings)
+    inflation = model.experts[0].inflation
+
+    def transfer_poses(rows: MeasurementSet | None) -> ErrorModel:
+        if rows is None or len(rows) == len(target):
+            return model
+        return fit_deng2022(robot, known, rows, domains, settings, readings, inflation=inflation)
+
+    found = contestants(robot, target, [source], settings)
+    beside: dict[str, Candidate] = {
+        name: found.transfers[name] for name in BESIDE if name in found.transfers
+    }
+    return Contestants(
+        transfers={**beside, METHOD: transfer_poses},
+        alone={ALONE: found.alone[ALONE]},
+        doubts=found.doubts,
+    )

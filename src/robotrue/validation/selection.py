@@ -39,7 +39,6 @@ from robotrue.errors import ConvergenceError, RobotrueError, ShapeError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import RobotModel
 from robotrue.robot.statics import Load
-from robotrue.validation.candidate_average import average_candidates
 from robotrue.validation.contest import (
     BASELINE,
     CandidateResults,
@@ -47,6 +46,7 @@ from robotrue.validation.contest import (
     Selection,
     StoppedCandidate,
     Trials,
+    average_candidates,
     decide,
     find_voters,
     paired_gain,

@@ -17,7 +17,6 @@ from robotrue.measurement.plausibility import FEWEST_POSES
 from robotrue.robot.configuration import controller_axes
 from robotrue.robot.model import RobotModel
 from robotrue.robot.statics import Load
-from robotrue.validation.coverage_parts import coverage_parts
 from robotrue.validation.evaluation import Evaluation, aligned_rows, evaluate
 from robotrue.validation.metrics import (
     Coverage,
@@ -26,7 +25,7 @@ from robotrue.validation.metrics import (
     coverage_probability,
     error_statistics,
 )
-from robotrue.validation.report import AxisAngles, ValidationReport, WorstPoint
+from robotrue.validation.report import AxisAngles, ValidationReport, WorstPoint, coverage_parts
 
 __all__ = ["ValidationReport", "validate"]
 

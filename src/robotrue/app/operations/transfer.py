@@ -132,7 +132,7 @@ def run(request: TransferRequest, context: Context) -> Transferred:
     from robotrue.calibration.model import provenance_of
     from robotrue.planning.information import settings_of
     from robotrue.store.model_file import write_model
-    from robotrue.validation.doctor_report import with_findings
+    from robotrue.validation.doctor import with_findings
     from robotrue.validation.guard import verdict_from_summary
     from robotrue.validation.guarded_transfer import contestants, select_transfer
 
