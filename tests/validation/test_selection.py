@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 
 import numpy as np
 import pytest
@@ -98,6 +99,36 @@ def test_fits_are_limited_and_the_winner_sees_all_rows():
     evidence = model.training_summary()["selection"]
     assert evidence["table"][0]["n"] == 5 * 500
     assert "3 blocks and 2 regions; up to 1000 rows fit and 500 score" in evidence["rule"]
+
+
+def test_a_clear_loser_leaves_a_long_contest():
+    fits = {name: 0 for name in FAKES}
+
+    def count(name, measurements):
+        fits[name] += 1
+        return FAKES[name](measurements)
+
+    candidates = {name: partial(count, name) for name in FAKES}
+    result = select(candidates, measured(1200, error=bend))
+    assert fits == {"simple": 2, "rich": 8}
+    assert result.winner == "rich"
+    assert result.table[0].stopped
+    assert "simple is not compared further: on 2 of 8 parts it is 0." in result.reason
+
+
+def test_who_lost_to_one_that_fails_later_is_compared_anew():
+    turns = iter(range(100))
+
+    def fails_late(measurements):
+        if next(turns) >= 4:
+            raise ConvergenceError("still moving.")
+        return fit_features(measurements)
+
+    result = select({"simple": fit_nothing, "rich": fails_late}, measured(1200, error=bend))
+    assert result.winner == "simple"
+    assert not result.table[0].stopped
+    assert result.table[0].n == sum(len(s.test) for s in default_splits(measured(1200)))
+    assert result.table[1].unsettled
 
 
 def test_auto_attaches_the_evidence_and_passes_the_settings_on():

@@ -37,7 +37,7 @@ from robotrue.errors import ConvergenceError
 PULL: Final = 0.5
 """Weight of the scale at rest in a learned one, in parameters."""
 LEAST_GAIN: Final = 1.0
-"""Gain in log evidence per step below which learning stops."""
+"""Gain in log evidence per step below which learning stops, where nothing else is said."""
 COMMON_HOLD: Final = 0.5
 """Hold of the factor that held groups have in common: a factor of e in the scale is one sigma."""
 FEW_PER_COLUMN: Final = 0.6
@@ -373,14 +373,24 @@ def _weights(
 
 
 def learn(
-    channels: Sequence[Sums], groups: Sequence[PriorGroup], noise: Array, *, steps: int = 40
+    channels: Sequence[Sums],
+    groups: Sequence[PriorGroup],
+    noise: Array,
+    *,
+    steps: int = 40,
+    least_gain: float = LEAST_GAIN,
 ) -> Weights:
     """Returns :func:`find_scales` with the root of the posterior made."""
-    return find_scales(channels, groups, noise, steps=steps).with_root()
+    return find_scales(channels, groups, noise, steps=steps, least_gain=least_gain).with_root()
 
 
 def find_scales(
-    channels: Sequence[Sums], groups: Sequence[PriorGroup], noise: Array, *, steps: int
+    channels: Sequence[Sums],
+    groups: Sequence[PriorGroup],
+    noise: Array,
+    *,
+    steps: int,
+    least_gain: float = LEAST_GAIN,
 ) -> Weights:
     """Returns the posterior at scales and noise of (locally) greatest evidence.
 
@@ -388,8 +398,9 @@ def find_scales(
         channels: Sums per noise channel.
         groups: Starting scales.
         noise: (c,) starting tau; 1 is the noise of the whitening.
-        steps: Most fixed-point steps; learning also stops when a step gains less than
-            :data:`LEAST_GAIN`; with few rows, where steps are cheap, not before the fourth.
+        steps: Most fixed-point steps.
+        least_gain: Learning also stops when a step gains less log evidence; with few rows, where
+            steps are cheap, not before the fourth.
     """
     least = 3 if all(s.few for s in channels) else 0
     best = posterior(channels, groups, noise)
@@ -398,7 +409,7 @@ def find_scales(
         trial = posterior(channels, groups, noise)
         gain = trial.evidence - best.evidence
         best = replace(trial, steps=step)
-        if step > least and gain < LEAST_GAIN:
+        if step > least and gain < least_gain:
             break
     return best
 

@@ -206,6 +206,8 @@ def describe_width(held_out: HeldOutRows) -> dict[str, object]:
 
 STEPS: Final = 12
 """Of learning without the rows left out."""
+LEAST_GAIN: Final = 3.0
+"""Log evidence that a step of it must gain for another: 20 to 1, as a richer model must."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -246,7 +248,9 @@ class WholeFit:
         if begin is not None:
             scales = {group.name: group.sd for group in begin.weights.groups}
             noise = begin.weights.noise
-        weights = learn(others, design.groups(scales), noise, steps=STEPS)
+        weights = learn(
+            others, design.groups(scales), noise, steps=STEPS, least_gain=LEAST_GAIN
+        )
         return LinearFit(design=design, sums=others, weights=weights)
 
     def model_of(self, refit: LinearFit, left_out: BoolArray) -> CalibratedModel:

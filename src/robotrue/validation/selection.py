@@ -9,16 +9,18 @@ The choice is one of name. With fewer than :data:`AVERAGED_ROWS` rows the model 
 the candidates by their held-out density: what was not excluded stays in its width.
 
 Cost is bounded by rule, not by luck: at most :data:`MOST_TRAIN` rows fit a fold and at most
-:data:`MOST_TEST` score it, evenly spaced; the winner is refitted on all rows. From
+:data:`MOST_TEST` score it, evenly spaced; the winner is refitted on all rows. With more rows than
+that, a candidate that another one beats by :data:`LOST` times the noise on the folds so far is not
+fitted to the others. From
 :data:`AVERAGED_ROWS` rows learned methods are fitted to all rows first and then refitted without
 each fold (:mod:`robotrue.calibration.learned_assembly`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from typing import Final, TypeAlias
 
@@ -76,6 +78,8 @@ MANY_ROWS: Final = 3000
 """From here on fewer, larger parts are held out."""
 HOPELESS: Final = 1.0 / 3.0
 """Share of the noise on blocks below which a gain ends the contest for a candidate."""
+LOST: Final = 2.0
+"""Times the noise on the folds so far by which a loser of a long contest leaves it."""
 AVERAGED_ROWS: Final = 200
 """Rows below which the model is an average: so few leave more than one candidate possible."""
 
@@ -158,34 +162,77 @@ def hold_out(
     if not folds:
         raise ShapeError("no split leaves rows of the reflectors that it holds out.")
     parts = [(_space_rows(f.train, MOST_TRAIN), _space_rows(f.test, MOST_TEST)) for f in folds]
-    total = len(candidates) * len(folds)
-    done: dict[str, list[Evaluation]] = {name: [] for name in candidates}
-    failed: dict[str, RobotrueError | StoppedCandidate] = {**_stop_hopeless(refits or {})}
-    for k, (train, test) in enumerate(parts):
-        unseen = measurements.subset(test)
-        fits = _fold_fits(candidates, refits or {}, measurements, folds[k], train)
-        with share_waves():
-            for index, (name, fit) in enumerate(fits.items()):
-                if name in failed:
-                    continue
-                if progress is not None:
-                    progress(f"{name}, {folds[k].name}", k * len(candidates) + index, total)
-                try:
-                    done[name].append(evaluate(fit(), unseen, payload=payload))
-                except RobotrueError as cause:
-                    failed[name] = cause
-    held: dict[str, CandidateResults | StoppedCandidate | RobotrueError] = {
-        name: failed[name] if name in failed else _join_folds(results)
-        for name, results in done.items()
-    }
-    if progress is not None:
-        progress("chosen", total, total)
+    contest = [
+        _Fold(
+            name=fold.name,
+            fits=partial(_fold_fits, candidates, refits or {}, measurements, fold, train),
+            unseen=measurements.subset(test),
+        )
+        for fold, (train, test) in zip(folds, parts, strict=True)
+    ]
+    hold = partial(_hold_folds, contest, candidates, _stop_hopeless(refits or {}), payload)
+    held, leaders = hold(progress, race=len(measurements) > MOST_TRAIN)
+    if any(isinstance(held[leader], RobotrueError) for leader in leaders):
+        held, _ = hold(progress, race=False)  # who lost to one that fails later lost to nobody
     return Trials(
         held=held,
         folds=folds,
         fold_of_row=np.repeat(np.arange(len(parts)), [len(test) for _, test in parts]),
         rule=_rule(folds, parts, tuple(refits or {})),
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Fold:
+    """A part that is held out.
+
+    Attributes:
+        name: Of the split.
+        fits: Returns how each candidate is fitted without it.
+        unseen: Its rows.
+    """
+
+    name: str
+    fits: Callable[[], Mapping[str, Callable[[], ErrorModel]]]
+    unseen: MeasurementSet
+
+
+def _hold_folds(
+    folds: Sequence[_Fold],
+    candidates: Collection[str],
+    hopeless: Mapping[str, StoppedCandidate],
+    payload: Load | None,
+    progress: Progress | None,
+    *,
+    race: bool,
+) -> tuple[dict[str, CandidateResults | StoppedCandidate | RobotrueError], set[str]]:
+    """Results by candidate, and those that others lost to and left the race for."""
+    total = len(candidates) * len(folds)
+    done: dict[str, list[Evaluation]] = {name: [] for name in candidates}
+    failed: dict[str, RobotrueError | StoppedCandidate] = {**hopeless}
+    leaders: set[str] = set()
+    for k, fold in enumerate(folds):
+        with share_waves():
+            for index, (name, fit) in enumerate(fold.fits().items()):
+                if name in failed:
+                    continue
+                if progress is not None:
+                    progress(f"{name}, {fold.name}", k * len(candidates) + index, total)
+                try:
+                    done[name].append(evaluate(fit(), fold.unseen, payload=payload))
+                except RobotrueError as cause:
+                    failed[name] = cause
+        if race and 0 < k < len(folds) - 1:
+            live = {name: results for name, results in done.items() if name not in failed}
+            leader, lost = _find_losers(live, len(folds))
+            leaders |= {leader} if lost else set()
+            failed |= lost
+    if progress is not None:
+        progress("chosen", total, total)
+    return {
+        name: failed[name] if name in failed else _join_folds(results)
+        for name, results in done.items()
+    }, leaders
 
 
 def _fold_fits(
@@ -251,6 +298,28 @@ def _stop_hopeless(refits: Mapping[str, WholeFit]) -> dict[str, StoppedCandidate
                 f"{gain / MM:.4f} mm over {base}, noise {noise / MM:.4f} mm"
             )
     return stopped
+
+
+def _find_losers(
+    done: Mapping[str, Sequence[Evaluation]], parts: int
+) -> tuple[str, dict[str, StoppedCandidate]]:
+    """The best candidate on the folds so far, and those that lose to it beyond doubt."""
+    errors = {
+        name: np.concatenate([np.linalg.norm(r.after, axis=1) for r in results])
+        for name, results in done.items()
+    }
+    leader = min(errors, key=lambda name: float(errors[name].mean()), default="")
+    lost: dict[str, StoppedCandidate] = {}
+    for name, error in errors.items():
+        sizes = [len(result.after) for result in done[name]]
+        fold = np.repeat(np.arange(len(sizes)), sizes)
+        gain, noise = paired_gain(error - errors[leader], fold)
+        if gain > LOST * noise:
+            lost[name] = StoppedCandidate(
+                reason=f"{name} is not compared further: on {len(sizes)} of {parts} parts it is "
+                f"{gain / MM:.4f} mm behind {leader}, noise {noise / MM:.4f} mm"
+            )
+    return leader, lost
 
 
 def _join_folds(results: Sequence[Evaluation]) -> CandidateResults:
