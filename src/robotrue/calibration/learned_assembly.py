@@ -248,9 +248,7 @@ class WholeFit:
         if begin is not None:
             scales = {group.name: group.sd for group in begin.weights.groups}
             noise = begin.weights.noise
-        weights = learn(
-            others, design.groups(scales), noise, steps=STEPS, least_gain=LEAST_GAIN
-        )
+        weights = learn(others, design.groups(scales), noise, steps=STEPS, least_gain=LEAST_GAIN)
         return LinearFit(design=design, sums=others, weights=weights)
 
     def model_of(self, refit: LinearFit, left_out: BoolArray) -> CalibratedModel:
