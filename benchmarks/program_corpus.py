@@ -3,17 +3,14 @@
 The programs are written here in the manner of handling, welding and milling cells: stored points,
 approach points by geometric operators, frame numbers in constants, routines that set frames, data
 in modules and controller files. Of each it is stated how many of its moves go to a pose that is the
-same in every run; the share of these that can be compensated is printed. ``--backup N`` writes a
-controller backup of N files and times its reading.
+same in every run; the share of these that can be compensated is printed.
 
-    python benchmarks/program_corpus.py [--backup 500]
+    python benchmarks/program_corpus.py
 """
 
 from __future__ import annotations
 
-import argparse
 import tempfile
-import time
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -36,7 +33,7 @@ def _krl(x: float, y: float, z: float, beside: str = "") -> str:
     return f"{{X {x:.3f},Y {y:.3f},Z {z:.3f},A 10.000,B 5.000,C 178.000{beside}}}"
 
 
-def _points(count: int) -> str:
+def print_points(count: int) -> str:
     rows = (f"DECL E6POS XP{k}={_krl(900 + 7 * k, -50 + 3 * k, 400, ',S 2,T 35,E1 0.0')}\n"
             for k in range(1, count + 1))  # fmt: skip
     return "".join(rows)
@@ -53,7 +50,7 @@ INT BASE_TABLE=2
 ENDDAT
 """
 _INIT: Final = "BAS(#INITMOV,0)\nBAS(#VEL_PTP,50)\n"
-_SETTINGS: Final = """GLOBAL DEF MoveSettings(T:IN,B:IN,V:IN,A:IN)
+SETTINGS: Final = """GLOBAL DEF MoveSettings(T:IN,B:IN,V:IN,A:IN)
 INT T,B,V,A
 BAS(#TOOL,T)
 BAS(#BASE,B)
@@ -65,14 +62,14 @@ KRL: Final = (
         "pick.src": f"DEF pick()\n{_INIT}BAS(#TOOL,TOOL_GRIPPER)\nBAS(#BASE,BASE_TABLE)\n"
         "PTP XP1:ABOVE\nLIN XP1\nLIN XP1:ABOVE C_DIS\nPTP XP2:ABOVE\nLIN XP2\nLIN XP2:ABOVE\n"
         "PTP XSERVICE\nEND\n",
-        "pick.dat": f"DEFDAT pick\n{_points(2)}"
+        "pick.dat": f"DEFDAT pick\n{print_points(2)}"
         "DECL FRAME ABOVE={X 0.0,Y 0.0,Z -120.0,A 0.0,B 0.0,C 0.0}\nENDDAT\n",
         "$config.dat": CONFIG}, 7),
     Case("welding: frames by a routine of its own module, GLOBAL points of another", {
         "weld.src": "DEF weld()\nMoveSettings(1,1,100,50)\nPTP XP1\nLIN XP2\nCIRC XP3,XP4\n"
         "MoveSettings(2,2,100,50)\nLIN XG1\nLIN XG2\nMoveSettings(1,2,60,50)\nLIN XP5\nEND\n",
-        "weld.dat": f"DEFDAT weld\n{_points(5)}ENDDAT\n",
-        "lib.src": f"DEF lib()\nEND\n{_SETTINGS}",
+        "weld.dat": f"DEFDAT weld\n{print_points(5)}ENDDAT\n",
+        "lib.src": f"DEF lib()\nEND\n{SETTINGS}",
         "shared.dat": "DEFDAT shared PUBLIC\n"
         + "".join(f"DECL GLOBAL E6POS XG{k}={_krl(800, 40 * k, 350, ',S 2,T 35')}\n"
                   for k in (1, 2))
@@ -82,7 +79,7 @@ KRL: Final = (
         "pallet.src": f"DEF pallet()\n{_INIT}$TOOL=TOOL_DATA[TOOL_GRIPPER]\n$BASE=BASE_DATA[1]\n"
         "PUT=XP1\nPUT.Z=PUT.Z+CLEAR\nLIN PUT\nLIN XP1\nPUT.Z=XP1.Z+2*CLEAR\nLIN PUT C_DIS\n"
         "FOR I=1 TO 4\nPUT=XP2\nPUT.X=PUT.X+I*PITCH\nLIN PUT\nENDFOR\nLIN XP3\nEND\n",
-        "pallet.dat": f"DEFDAT pallet\n{_points(3)}DECL E6POS PUT\nREAL CLEAR=80.0\n"
+        "pallet.dat": f"DEFDAT pallet\n{print_points(3)}DECL E6POS PUT\nREAL CLEAR=80.0\n"
         "REAL PITCH=55.0\nENDDAT\n",
         "$config.dat": CONFIG}, 4),
     Case("milling: lines of a post in a base joined by ':'", {
@@ -95,7 +92,7 @@ KRL: Final = (
     Case("probing: what a sensor finds", {
         "probe.src": f"DEF probe()\n{_INIT}BAS(#TOOL,1)\nBAS(#BASE,1)\nLIN XP1\n"
         "FOUND.X=FOUND.X+$ANIN[1]\nLIN XP2:FOUND\nLIN XP3\nEND\n",
-        "probe.dat": f"DEFDAT probe\n{_points(3)}"
+        "probe.dat": f"DEFDAT probe\n{print_points(3)}"
         "DECL FRAME FOUND={X 0.0,Y 0.0,Z 0.0,A 0.0,B 0.0,C 0.0}\nENDDAT\n",
         "$config.dat": CONFIG}, 2),
 )  # fmt: skip
@@ -103,51 +100,51 @@ KRL: Final = (
 _ROB: Final = "[0.00000000,1.00000000,0.00000000,0.00000000],[0,0,-1,0],[9E9,9E9,9E9,9E9,9E9,9E9]]"
 
 
-def _target(x: float, y: float, z: float) -> str:
+def spot(x: float, y: float, z: float) -> str:
     return f"[[{x:.3f},{y:.3f},{z:.3f}],{_ROB}"
 
 
-_DATA: Final = """TASK PERS tooldata tGrip:=[TRUE,[[0,0,215.5],[1,0,0,0]],
+DATA: Final = """TASK PERS tooldata tGrip:=[TRUE,[[0,0,215.5],[1,0,0,0]],
   [2,[0,0,15],[1,0,0,0],0,0,0]];
 TASK PERS wobjdata wTable:=[FALSE,TRUE,"",[[800,-100,450],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];
 """
 
 
-def _go(*targets: str, how: str = "MoveL") -> str:
+def go(*targets: str, how: str = "MoveL") -> str:
     return "".join(f"{how} {each},v200,z1,tGrip\\WObj:=wTable;\n" for each in targets)
 
 
 RAPID: Final = (
     Case("handling: targets and frames of a data module, approach by Offs", {
         "main.mod": "MODULE main\nPROC main()\n"
-        + _go("Offs(pPick,0,0,nLift)", "pPick", "Offs(pPick,0,0,nLift)", "Offs(pPlace,0,0,nLift)",
+        + go("Offs(pPick,0,0,nLift)", "pPick", "Offs(pPick,0,0,nLift)", "Offs(pPlace,0,0,nLift)",
               "pPlace", "RelTool(pPlace,0,0,-nLift)")
         + "ENDPROC\nENDMODULE\n",
-        "data.mod": f"MODULE data\n{_DATA}CONST robtarget pPick:={_target(100, 0, 20)};\n"
-        f"CONST robtarget pPlace:={_target(100, 300, 20)};\nCONST num nLift:=75;\nENDMODULE\n"}, 6),
+        "data.mod": f"MODULE data\n{DATA}CONST robtarget pPick:={spot(100, 0, 20)};\n"
+        f"CONST robtarget pPlace:={spot(100, 300, 20)};\nCONST num nLift:=75;\nENDMODULE\n"}, 6),
     Case("stacking: copies with components set, one place counted", {
-        "stack.mod": f"MODULE stack\n{_DATA}CONST robtarget pBase:={_target(50, 50, 0)};\n"
+        "stack.mod": f"MODULE stack\n{DATA}CONST robtarget pBase:={spot(50, 50, 0)};\n"
         "VAR robtarget pT;\nVAR num nCount;\nPROC main()\npT:=pBase;\npT.trans.z:=pT.trans.z+40;\n"
-        + _go("pT", "pBase") + "pT:=Offs(pBase,10,0,0);\n"
-        + _go("pT", "RelTool(pT,0,0,-30\\Rz:=15)")
-        + "nCount:=nCount+1;\n" + _go("Offs(pBase,0,0,nCount*40)") + "ENDPROC\nENDMODULE\n"}, 4),
+        + go("pT", "pBase") + "pT:=Offs(pBase,10,0,0);\n"
+        + go("pT", "RelTool(pT,0,0,-30\\Rz:=15)")
+        + "nCount:=nCount+1;\n" + go("Offs(pBase,0,0,nCount*40)") + "ENDPROC\nENDMODULE\n"}, 4),
     Case("two stations: a displacement of constants", {
-        "twin.mod": f"MODULE twin\n{_DATA}CONST pose dTwo:=[[0,600,0],[1,0,0,0]];\n"
-        + "".join(f"CONST robtarget p{k}:={_target(10 * k, 0, 5)};\n" for k in range(1, 7))
-        + "PROC main()\nPDispOff;\n" + _go("p1", "p2", "p3") + "PDispSet dTwo;\n"
-        + _go("p4", "p5", "p6") + "PDispOff;\nENDPROC\nENDMODULE\n"}, 6),
+        "twin.mod": f"MODULE twin\n{DATA}CONST pose dTwo:=[[0,600,0],[1,0,0,0]];\n"
+        + "".join(f"CONST robtarget p{k}:={spot(10 * k, 0, 5)};\n" for k in range(1, 7))
+        + "PROC main()\nPDispOff;\n" + go("p1", "p2", "p3") + "PDispSet dTwo;\n"
+        + go("p4", "p5", "p6") + "PDispOff;\nENDPROC\nENDMODULE\n"}, 6),
     Case("milling: literals of a post", {
-        "mill.mod": f"MODULE mill\n{_DATA}PROC main()\n"
-        + _go(*(_target(5 * k, 0, 1) for k in range(10))) + "ENDPROC\nENDMODULE\n"}, 10),
+        "mill.mod": f"MODULE mill\n{DATA}PROC main()\n"
+        + go(*(spot(5 * k, 0, 1) for k in range(10))) + "ENDPROC\nENDMODULE\n"}, 10),
     Case("search: what a signal finds", {
-        "find.mod": f"MODULE find\n{_DATA}VAR robtarget pF;\n"
-        f"CONST robtarget p1:={_target(1, 2, 3)};\n"
-        "PROC main()\n" + _go("p1") + "pF:=CRobT(\\Tool:=tGrip\\WObj:=wTable);\n"
-        + _go("Offs(pF,0,0,20)", "p1") + "ENDPROC\nENDMODULE\n"}, 2),
+        "find.mod": f"MODULE find\n{DATA}VAR robtarget pF;\n"
+        f"CONST robtarget p1:={spot(1, 2, 3)};\n"
+        "PROC main()\n" + go("p1") + "pF:=CRobT(\\Tool:=tGrip\\WObj:=wTable);\n"
+        + go("Offs(pF,0,0,20)", "p1") + "ENDPROC\nENDMODULE\n"}, 2),
 )  # fmt: skip
 
 
-def _ls(lines: str, points: dict[int, tuple[int, int]]) -> str:
+def ls(lines: str, points: dict[int, tuple[int, int]]) -> str:
     held = "".join(
         f"P[{n}]{{\n   GP1:\n\tUF : {uf}, UT : {ut},\t\tCONFIG : 'N U T, 0, 0, 0',\n"
         f"\tX =   {700 + n}.000  mm,\tY =   {10 * n}.000  mm,\tZ =   400.000  mm,\n"
@@ -157,7 +154,7 @@ def _ls(lines: str, points: dict[int, tuple[int, int]]) -> str:
     return f"/PROG  JOB\n/ATTR\n/MN\n{lines}/POS\n{held}/END\n"
 
 
-_FRAME_VA: Final = """[*SYSTEM*]$MNUFRAME  Storage: CMOS  Access: RW  : ARRAY[1,9] OF POSITION
+FRAME_VA: Final = """[*SYSTEM*]$MNUFRAME  Storage: CMOS  Access: RW  : ARRAY[1,9] OF POSITION
  Field: $MNUFRAME Access: RW
    [1,1] =
       Group: 1   Config: N D B, 0, 0, 0
@@ -179,26 +176,26 @@ _POSREG_VA: Final = """[*POSREG*]$POSREG  Storage: CMOS  Access: RW  : ARRAY[1,9
 """
 FANUC: Final = (
     Case("handling: frames of SYSFRAME.VA", {
-        "PICK.LS": _ls("   1:  UFRAME_NUM=1 ;\n   2:  UTOOL_NUM=1 ;\n   3:J P[1] 50% CNT50    ;\n"
+        "PICK.LS": ls("   1:  UFRAME_NUM=1 ;\n   2:  UTOOL_NUM=1 ;\n   3:J P[1] 50% CNT50    ;\n"
                        "   4:L P[2] 200mm/sec FINE    ;\n   5:L P[3] 200mm/sec FINE    ;\n",
                        {1: (1, 1), 2: (1, 1), 3: (1, 1)}),
-        "SYSFRAME.VA": _FRAME_VA}, 3),
+        "SYSFRAME.VA": FRAME_VA}, 3),
     Case("approach by an offset of constants", {
-        "OFFS.LS": _ls("   1:  UFRAME_NUM=1 ;\n   2:  UTOOL_NUM=1 ;\n   3:  PR[1]=LPOS-LPOS    ;\n"
+        "OFFS.LS": ls("   1:  UFRAME_NUM=1 ;\n   2:  UTOOL_NUM=1 ;\n   3:  PR[1]=LPOS-LPOS    ;\n"
                        "   4:  PR[1,3]=50    ;\n"
                        "   5:L P[1] 200mm/sec FINE Offset,PR[1]    ;\n"
                        "   6:L P[1] 200mm/sec FINE    ;\n",
                        {1: (1, 1)}),
-        "SYSFRAME.VA": _FRAME_VA}, 2),
+        "SYSFRAME.VA": FRAME_VA}, 2),
     Case("approach by an offset of which the job sets three of six numbers", {
-        "PART.LS": _ls("   1:  UFRAME_NUM=1 ;\n   2:  UTOOL_NUM=1 ;\n"
+        "PART.LS": ls("   1:  UFRAME_NUM=1 ;\n   2:  UTOOL_NUM=1 ;\n"
                        "   3:  PR[1,1]=0    ;\n   4:  PR[1,2]=0    ;\n   5:  PR[1,3]=50    ;\n"
                        "   6:L P[1] 200mm/sec FINE Offset,PR[1]    ;\n"
                        "   7:L P[1] 200mm/sec FINE    ;\n",
                        {1: (1, 1)}),
-        "SYSFRAME.VA": _FRAME_VA}, 2),
+        "SYSFRAME.VA": FRAME_VA}, 2),
     Case("registers set from a position, by sums and numbers in R", {
-        "SUMS.LS": _ls("   1:  UFRAME_NUM=1 ;\n   2:  UTOOL_NUM=1 ;\n   3:  R[1]=120    ;\n"
+        "SUMS.LS": ls("   1:  UFRAME_NUM=1 ;\n   2:  UTOOL_NUM=1 ;\n   3:  R[1]=120    ;\n"
                        "   4:  PR[5]=P[1]    ;\n   5:  PR[5,3]=PR[5,3]+R[1]    ;\n"
                        "   6:J PR[5] 50% CNT50    ;\n   7:L P[1] 200mm/sec FINE    ;\n"
                        "   8:  PR[6]=LPOS-LPOS    ;\n   9:  PR[6,2]=(-30)    ;\n"
@@ -207,35 +204,35 @@ FANUC: Final = (
                        "  13:  OFFSET CONDITION PR[6]    ;\n"
                        "  14:L P[2] 200mm/sec FINE Offset    ;\n",
                        {1: (1, 1), 2: (1, 1)}),
-        "SYSFRAME.VA": _FRAME_VA}, 5),
+        "SYSFRAME.VA": FRAME_VA}, 5),
     Case("a loop, a branch and a called program between them", {
-        "LOOP.LS": _ls("   1:  UFRAME_NUM=1 ;\n   2:  UTOOL_NUM=1 ;\n   3:  PR[1]=LPOS-LPOS    ;\n"
+        "LOOP.LS": ls("   1:  UFRAME_NUM=1 ;\n   2:  UTOOL_NUM=1 ;\n   3:  PR[1]=LPOS-LPOS    ;\n"
                        "   4:  PR[1,3]=60    ;\n   5:  FOR R[2]=1 TO 4    ;\n"
                        "   6:L P[1] 200mm/sec FINE Offset,PR[1]    ;\n   7:  CALL GRIP    ;\n"
                        "   8:L P[2] 200mm/sec FINE Offset,PR[1]    ;\n   9:  ENDFOR    ;\n"
                        "  10:  IF DI[3]=ON,JMP LBL[9]    ;\n  11:L P[3] 200mm/sec FINE    ;\n"
                        "  12:  LBL[9]    ;\n  13:L P[4] 200mm/sec FINE Offset,PR[1]    ;\n",
                        {1: (1, 1), 2: (1, 1), 3: (1, 1), 4: (1, 1)}),
-        "GRIP.LS": _ls("   1:  DO[4]=ON    ;\n   2:  WAIT    .50(sec)    ;\n", {1: (1, 1)})
+        "GRIP.LS": ls("   1:  DO[4]=ON    ;\n   2:  WAIT    .50(sec)    ;\n", {1: (1, 1)})
         .replace("/PROG  JOB", "/PROG  GRIP"),
-        "SYSFRAME.VA": _FRAME_VA}, 4),
+        "SYSFRAME.VA": FRAME_VA}, 4),
     Case("home and rest in registers of POSREG.VA", {
-        "REST.LS": _ls("   1:  UFRAME_NUM=1 ;\n   2:  UTOOL_NUM=1 ;\n"
+        "REST.LS": ls("   1:  UFRAME_NUM=1 ;\n   2:  UTOOL_NUM=1 ;\n"
                        "   3:J PR[2:home] 50% FINE    ;\n   4:L P[1] 200mm/sec FINE    ;\n"
                        "   5:C P[2]    \n       P[3] 200mm/sec FINE    ;\n"
                        "   6:J PR[2:home] 50% FINE    ;\n",
                        {1: (1, 1), 2: (1, 1), 3: (1, 1)}),
-        "POSREG.VA": _POSREG_VA, "SYSFRAME.VA": _FRAME_VA}, 5),
+        "POSREG.VA": _POSREG_VA, "SYSFRAME.VA": FRAME_VA}, 5),
     Case("a shelf counted by a register, a point of vision", {
-        "SHELF.LS": _ls("   1:  UFRAME_NUM=1 ;\n   2:  UTOOL_NUM=1 ;\n   3:L P[1] 99mm/sec FINE ;\n"
+        "SHELF.LS": ls("   1:  UFRAME_NUM=1 ;\n   2:  UTOOL_NUM=1 ;\n   3:L P[1] 99mm/sec FINE ;\n"
                         "   4:  PR[3,3]=R[7]*40    ;\n   5:L P[2] 200mm/sec FINE Offset,PR[3]  ;\n"
                         "   6:L P[3] 200mm/sec FINE VOFFSET,VR[1]    ;\n",
                         {1: (1, 1), 2: (1, 1), 3: (1, 1)}),
-        "SYSFRAME.VA": _FRAME_VA}, 1),
+        "SYSFRAME.VA": FRAME_VA}, 1),
 )  # fmt: skip
 
 
-def _job(points: str, moves: str) -> str:
+def print_job(points: str, moves: str) -> str:
     counted = sum(line[:1] == "C" for line in points.split("\n"))
     variables = sum(line[:1] == "P" for line in points.split("\n"))
     return (
@@ -264,13 +261,13 @@ JBI: Final = (
         "///ATTR SC,RW\r\n///GROUP1 RB1\r\nNOP\r\nMOVL C00000 V=100.0\r\nMOVL C00001 V=100.0\r\n"
         "END\r\n"}, 2),
     Case("a job with arguments, arcs, a label and an output", {
-        "ARCS.JBI": _job("///TOOL 0\n///POSTYPE BASE\n///RECTAN\n///RCONF 0,0,0,0,0,0,0,0\n"
+        "ARCS.JBI": print_job("///TOOL 0\n///POSTYPE BASE\n///RECTAN\n///RCONF 0,0,0,0,0,0,0,0\n"
                          + _c_points(6) + "//ARGINFO\n///ARGTYPE B,,,,,,,\n///COMMENT\npart\n",
                          "MOVJ C00000 VJ=10.00\nMOVL C00001 V=50.0\nMOVC C00001 V=50.0\n"
                          "MOVC C00002 V=50.0\nMOVC C00003 V=50.0\nDOUT OT#(3) ON\n*NEXT\n"
                          "MOVL C00004 V=99.0\nMOVL C00005 V=99.0 PL=1\n")}, 7),
     Case("user frame and tool of the condition files, points in degrees", {
-        "USER.JBI": _job("///USER 1\n///TOOL 3\n///POSTYPE USER\n///RECTAN\n"
+        "USER.JBI": print_job("///USER 1\n///TOOL 3\n///POSTYPE USER\n///RECTAN\n"
                          "///RCONF 0,0,0,0,0,0,0,0\n" + _c_points(3)
                          + "///POSTYPE ANGLE\n///ANGLE\nC00003=0.0,10.0,-20.0,0.0,-60.0,0.0\n",
                          "MOVJ C00003 VJ=10.00\nMOVL C00000 V=50.0\nMOVL C00001 V=50.0\n"
@@ -278,16 +275,16 @@ JBI: Final = (
         "UFRAME.CND": "//UFRAME 1\n///NAME\n///TOOL 0\n////BUSER 900,0,300,0,0,15\n",
         "TOOL.CND": "//TOOL 3\n///NAME torch\n0.0,5.0,380.0,0.0,35.0,0.0\n"}, 4),
     Case("a shift by a known variable, and a step", {
-        "SHIFT.JBI": _job("///TOOL 0\n///POSTYPE BASE\n///RECTAN\n///RCONF 0,0,0,0,0,0,0,0\n"
+        "SHIFT.JBI": print_job("///TOOL 0\n///POSTYPE BASE\n///RECTAN\n///RCONF 0,0,0,0,0,0,0,0\n"
                           + _c_points(2) + "P00009=0.000,0.000,50.000,0.0000,0.0000,0.0000\n",
                           "SFTON P009\nMOVL C00000 V=50.0\nSFTOF\nMOVL C00001 V=50.0\n"
                           "IMOV P009 V=20.0 BF\n")}, 2),
     Case("a called job, points of variables that nothing sets", {
-        "CALLS.JBI": _job("///TOOL 0\n///POSTYPE BASE\n///RECTAN\n///RCONF 0,0,0,0,0,0,0,0\n"
+        "CALLS.JBI": print_job("///TOOL 0\n///POSTYPE BASE\n///RECTAN\n///RCONF 0,0,0,0,0,0,0,0\n"
                           + _c_points(2) + "P00001=900.0,0.0,500.0,180.0,0.0,0.0\n",
                           "MOVJ P001 VJ=10.00\nCALL JOB:GRIP\nMOVL C00000 V=50.0\n"
                           "MOVL C00001 V=50.0\nMOVL P001 V=50.0\n"),
-        "GRIP.JBI": _job("///TOOL 0\n///POSTYPE BASE\n///RECTAN\n" + _c_points(1),
+        "GRIP.JBI": print_job("///TOOL 0\n///POSTYPE BASE\n///RECTAN\n" + _c_points(1),
                          "DOUT OT#(1) ON\nTIMER T=0.30\n").replace("NAME JOB", "NAME GRIP")}, 4),
 )  # fmt: skip
 _GCODE_HEAD: Final = "%\nO100 (PART)\nG90 G17 G21\nG54 G43.4 H1 T1 M6\n"
@@ -347,35 +344,8 @@ def count_moves(programs: tuple[Program, ...]) -> int:
     return count
 
 
-def write_backup(folder: Path, files: int) -> int:
-    """Writes a KUKA backup of so many files; returns how many moves it has."""
-    system, programs = folder / "KRC/R1/System", folder / "KRC/R1/Program"
-    for each in (system, programs):
-        each.mkdir(parents=True)
-    (system / "$config.dat").write_text(CONFIG)
-    (programs / "lib.src").write_text(f"DEF lib()\nEND\n{_SETTINGS}")
-    moves = 0
-    for number in range((files - 2) // 2):
-        home = programs / f"part{number % 20}"
-        home.mkdir(exist_ok=True)
-        lines = "".join(f"LIN XP{k}:ABOVE\nLIN XP{k} C_DIS\n" for k in range(1, 21))
-        (home / f"job{number}.src").write_text(
-            f"DEF job{number}()\nMoveSettings(1,BASE_TABLE,100,50)\nIF $IN[1] THEN\nWAIT SEC 0\n"
-            f"ENDIF\n{lines}rest()\nEND\nDEF rest()\nPTP XSERVICE\nEND\n"
-        )
-        (home / f"job{number}.dat").write_text(
-            f"DEFDAT job{number}\n{_points(20)}"
-            "DECL FRAME ABOVE={X 0.0,Y 0.0,Z -120.0,A 0.0,B 0.0,C 0.0}\nENDDAT\n"
-        )
-        moves += 41
-    return moves
-
-
 def main() -> None:
     """Prints the shares."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("--backup", type=int, default=0, help="files of a backup to time")
-    files = parser.parse_args().backup
     print(f"{'language':9} {'compensated':>11} {'constant':>9} {'share':>6}")
     for language, cases in CORPUS.items():
         done, every, lines = 0, 0, []
@@ -385,16 +355,6 @@ def main() -> None:
             lines.append(f"    {count:3} of {case.constant:3}  {case.what}")
             done, every = done + count, every + case.constant
         print(f"{language:9} {done:11} {every:9} {done / every:6.0%}", *lines, sep="\n", flush=True)
-    if files:
-        with tempfile.TemporaryDirectory() as place:
-            moves = write_backup(Path(place), files)
-            begun = time.process_time()
-            programs = tuple(read_job(Path(place)))
-            took = time.process_time() - begun
-        print(
-            f"backup of {files} files: {len(programs)} programs, {count_moves(programs)} of "
-            f"{moves} moves, {took:.1f} CPU s"
-        )
 
 
 if __name__ == "__main__":

@@ -205,6 +205,17 @@ def test_go_only_where_the_uncertainty_fits_in_too():
     assert {r[0]: r[2] for r in table(far, "Targets by decision").rows}["does not conform"] == 1
 
 
+def test_files_of_a_job_have_a_row_each():
+    content = program_content(
+        [("one.src", found([0.05, 0.15])), ("two.src", found([0.02]))], robot="Arm 7",
+        before="job", after="job", tolerance=0.2e-3, simulated=True,
+    )  # fmt: skip
+    rows = table(content, "Files").rows
+    assert [row[:3] for row in rows] == [("one.src", 2, 1), ("two.src", 1, 1)]
+    assert rows[0][5] == pytest.approx(0.1)
+    assert rows[0][6] == pytest.approx(0.15 + 2.795 * 0.02, abs=1e-4)
+
+
 def test_a_target_without_a_prediction_is_no_go_and_an_axis_target_is_not_judged():
     lost = found([0.05, np.nan])
     assert judged(lost).verdict.tone == "bad"

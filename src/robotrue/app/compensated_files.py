@@ -8,13 +8,15 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, BinaryIO, TypeAlias
+from typing import Any, BinaryIO
 
 import numpy as np
 
+from robotrue.app.compensated_job import Counts, FileResult, common_notes, report_job
 from robotrue.app.compensation_ground import Ground, open_ground, open_programs
 from robotrue.app.compensation_request import CompensateRequest
 from robotrue.app.context import Context
+from robotrue.app.presentation import PlainResult
 from robotrue.app.reporting import place_in_file
 from robotrue.cell.cell import cutter_axis
 from robotrue.cell.part import PartFrame
@@ -43,7 +45,6 @@ from robotrue.compensation.steps import (
 )
 from robotrue.core.arrays import Array
 from robotrue.core.files import atomic_stream, sha256
-from robotrue.core.provenance import Provenance
 from robotrue.core.units import MM
 from robotrue.errors import StepError
 from robotrue.program.formats import read_job, write_program
@@ -51,8 +52,6 @@ from robotrue.program.identity import ProgramIdentity, identity_path, write_iden
 from robotrue.program.program import Program
 from robotrue.program.program_file import ProgramFile
 
-Counts: TypeAlias = Mapping[str, Any]
-"""Counts of a compensated file and what was predicted of it: JSON values."""
 PART: tuple[str, ...] = ("name", "xyz_mm", "abc_deg", "verdict")
 """What is said of the part frame a program runs in."""
 
@@ -75,10 +74,8 @@ class Rewritten:
     held: tuple[Program, Compensation] | None = None
 
 
-def compensate_files(
-    request: CompensateRequest, context: Context
-) -> tuple[Mapping[str, object], Provenance]:
-    """Writes the compensated program; returns the counts as JSON values, and what they rest on.
+def compensate_files(request: CompensateRequest, context: Context) -> PlainResult:
+    """Writes the compensated program; returns the counts, and of several programs their tables.
 
     Raises:
         ConfigurationError: Options that do not go together, or a limit that is none.
@@ -100,13 +97,22 @@ def compensate_files(
         frames = [] if request.free_spin else _fit_frames(ground, rewritten)
         _tell_each([], [place_in_file(each.program, each.sentence()) for each in frames], context)
         _require_steps(ground, files, rewritten, steps, context)
+        report = None
+        if ground.model is not None:
+            report = report_job(_file_results(files, rewritten, steps))
+        told = context if report is None or request.verbose else None
         documents = []
         for file, target, force, made, stack in zip(
             files, outputs, forces, rewritten, stacks, strict=True
         ):
             stack.close()
-            documents.append(_finish(ground, file, target, force, made, context))
+            documents.append(_finish(ground, file, target, force, made, told))
     document = documents[0] if len(documents) == 1 else _together(documents)
+    if report is not None:
+        document |= report.document()
+        if told is None:
+            notes = [(str(each["source"]), note) for each in documents for note in each["notes"]]
+            _tell_each([], common_notes(notes), context)
     if ground.model is not None:
         document = {**document, "steps": ground.steps.document(steps)}
         _tell_each([path_sentence(steps)], [steps_sentence(steps)], context)
@@ -116,7 +122,23 @@ def compensate_files(
         document = {**document, "between_targets": between.document}
         _tell_each(between.sentences, between.left_whole, context)
         _tell_each(between.worst, [], context)
-    return document, ground.provenance
+    shown = () if report is None else report.blocks()
+    return PlainResult(values=document, shown=shown, provenance=ground.provenance)
+
+
+def _file_results(
+    files: Sequence[ProgramFile], rewritten: Sequence[Rewritten], steps: Steps
+) -> list[FileResult]:
+    return [
+        FileResult(
+            name=file.name,
+            language=file.dialect,
+            counts=made.counts,
+            path=steps.by_file.get(file.name, (0.0, 0.0)),
+            held=made.held,
+        )
+        for file, made in zip(files, rewritten, strict=True)
+    ]
 
 
 def _forces(ground: Ground, files: Sequence[ProgramFile]) -> list[StatedForce]:
@@ -290,17 +312,15 @@ def _finish(
     target: Path,
     force: StatedForce,
     made: Rewritten,
-    context: Context,
-) -> dict[str, object]:
-    """Writes the identity of a written program, by its hash, and says what was done."""
+    context: Context | None,
+) -> dict[str, Any]:
+    """Writes the identity of a written program, by its hash, and reports to a context, if any."""
     frame, document = ground.frame, {"source": file.name, **made.counts}
     notes = [
         *file.notes,
         *_frame_notes(file.frames_in_use, frame),
         *note_rigid_model(force, ground.model),
     ]
-    for note in notes:
-        context.note(place_in_file(file.name, note))
     if ground.model is not None or frame is not None:
         identity = ProgramIdentity(
             model=ground.used,
@@ -315,7 +335,9 @@ def _finish(
     if frame is not None:
         stated = frame.document()
         document["part"] = {key: stated[key] for key in PART}
-    _tell(target, document, force, context)
+    if context is not None:
+        _tell_each([], [place_in_file(file.name, note) for note in notes], context)
+        _tell(target, document, force, context)
     return {"output": str(target), **document, "notes": [*notes, *document["notes"]]}
 
 
@@ -349,7 +371,7 @@ def _tell(target: Path, document: Counts, force: StatedForce, context: Context) 
     _tell_each(sentences, [*(won["notes"] if won else ()), *document["notes"]], context)
 
 
-def _together(documents: Sequence[Counts]) -> dict[str, object]:
+def _together(documents: Sequence[Counts]) -> dict[str, Any]:
     """The counts of a program of several files, and each file by itself."""
     status: Counter[str] = Counter()
     left = [each for document in documents for each in document.get("left_alone", ())]

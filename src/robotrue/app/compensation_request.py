@@ -158,3 +158,11 @@ class CompensateRequest(Request):
         bool,
         Option(advanced=True, help="Report the deviation of lines and arcs between their targets."),
     ] = False
+    verbose: Annotated[
+        bool,
+        Option(
+            names=("--verbose", "-v"),
+            shells=ON_COMMAND_LINE,
+            help="Of several programs, also report each by itself.",
+        ),
+    ] = False

@@ -132,11 +132,12 @@ _HEAD: Final = re.compile(r"(\d+(?:, \d+)*)(?: and \d+ more lines)?: ")
 
 
 class TargetLeftAlone(TypedDict):
-    """One target, for JSON: the file, its line, its number in the file, and sentences."""
+    """One target, for JSON: file, line, number in the file, kind of reason, and sentences."""
 
     file: str
     line: int
     target: int
+    kind: str
     reason: str
     remedy: str
 
@@ -164,11 +165,35 @@ def list_left_alone(program: Program, status: IntArray) -> list[TargetLeftAlone]
                 file=program.name,
                 line=line,
                 target=row + 1,
+                kind=_kind(reason if by_reader else why),
                 reason=notes.get(line, text) if by_reader else text,
                 remedy=_BY_REASON[reason] if by_reader else _BY_STATUS[why],
             )
         )
     return out
+
+
+def _kind(why: Reason | Status) -> str:
+    """Returns the name of a reason in words, such as ``joint limit``."""
+    if why is Reason.NONE or why is Status.UNCHANGED_SOURCE:
+        return "unreadable"
+    return why.name.lower().removeprefix("unchanged_").replace("_", " ")
+
+
+def count_by_kind(counts: Mapping[str, int]) -> dict[tuple[str, str], int]:
+    """Returns targets left alone by kind and remedy, where only their statuses are known.
+
+    Args:
+        counts: Targets by the lower-case name of their :class:`Status`.
+    """
+    known = {status.name.lower(): status for status in _BY_STATUS}
+    known["unchanged_source"] = Status.UNCHANGED_SOURCE
+    remedies = {**_BY_STATUS, Status.UNCHANGED_SOURCE: _BY_REASON[Reason.NONE]}
+    return {
+        (_kind(known[name]), remedies[known[name]]): number
+        for name, number in counts.items()
+        if name in known
+    }
 
 
 def _notes_by_line(program: Program) -> dict[int, str]:

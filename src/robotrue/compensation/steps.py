@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Final, NamedTuple
 
 import numpy as np
@@ -87,6 +87,7 @@ class Steps:
         worst: The largest.
         length: m, of the moves on a path between targets whose place is known, arcs as chords.
         corrected: m, of those whose two ends are compensated.
+        by_file: Both lengths, m, of the moves that lead to targets of each file.
         head: First target of the part.
         tail: Last target of the part.
     """
@@ -96,6 +97,7 @@ class Steps:
     worst: PathStep | None = None
     length: float = 0.0
     corrected: float = 0.0
+    by_file: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     head: PathTargets | None = None
     tail: PathTargets | None = None
 
@@ -137,9 +139,14 @@ def job_steps(parts: Sequence[tuple[Program, IntArray, Array]]) -> Steps:
     Args:
         parts: As :func:`steps_of`, in the order of the job.
     """
-    one = [part for part in parts if _is_one_text(part[0])]
-    texts = [one] if one else []
-    texts += [[part] for part in parts if not any(part is each for each in one)]
+    texts: list[list[tuple[Program, IntArray, Array]]] = []
+    whole: dict[str, list[tuple[Program, IntArray, Array]]] = {}
+    for part in parts:
+        if _is_one_text(part[0]):
+            whole.setdefault(part[0].dialect, []).append(part)
+        else:
+            texts.append([part])
+    texts = [*whole.values(), *texts]
     apart = [replace(steps_of(text), head=None, tail=None) for text in texts]
     return join_steps(apart)
 
@@ -164,9 +171,21 @@ def join_steps(parts: Iterable[Steps]) -> Steps:
             worst=max(known, key=lambda step: step.size, default=None),
             length=out.length + between.length + part.length,
             corrected=out.corrected + between.corrected + part.corrected,
+            by_file=_add_lengths(out.by_file, between.by_file, part.by_file),
             head=out.head or part.head,
             tail=part.tail or out.tail,
         )
+    return out
+
+
+def _add_lengths(
+    *parts: Mapping[str, tuple[float, float]],
+) -> Mapping[str, tuple[float, float]]:
+    out: dict[str, tuple[float, float]] = {}
+    for part in parts:
+        for name, (length, corrected) in part.items():
+            before = out.get(name, (0.0, 0.0))
+            out[name] = (before[0] + length, before[1] + corrected)
     return out
 
 
@@ -225,6 +244,9 @@ def _measure_path(path: PathTargets) -> Steps:
     uneven = joined & (left[1:] != left[:-1]) & ~path.home[:-1]
     at = np.flatnonzero(uneven)
     size = path.size[at] + path.size[at + 1]
+    both = far * ~(left[1:] | left[:-1])
+    files = len(path.names)
+    by_file = [np.bincount(path.file[1:], each, minlength=files).tolist() for each in (far, both)]
 
     def step(k: int) -> PathStep:
         row = int(at[k])
@@ -236,7 +258,8 @@ def _measure_path(path: PathTargets) -> Steps:
         first=tuple(step(k) for k in range(min(len(at), NAMED))),
         worst=step(int(np.argmax(size))) if len(at) else None,
         length=float(far.sum()),
-        corrected=float(far[~(left[1:] | left[:-1])].sum()),
+        corrected=float(both.sum()),
+        by_file=dict(zip(path.names, zip(*by_file, strict=True), strict=True)),
         # By index: a slice would keep the whole chunk alive.
         head=path.take(np.array([0])),
         tail=path.take(np.array([-1])),

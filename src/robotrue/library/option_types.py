@@ -60,6 +60,7 @@ class CompensateOptions(TypedDict, total=False):
     split_um: float | None
     split_limit: int
     deviation: bool
+    verbose: bool
 
 
 class PlanOptions(TypedDict, total=False):

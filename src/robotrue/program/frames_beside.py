@@ -97,7 +97,7 @@ def _frame_files(path: Path, dialect: str, root: Path | None) -> list[Path]:
         return []
     folders = [path.parent]
     if root is not None:
-        folders += [each for each in sorted(root.rglob("*")) if each.is_dir()]
+        folders += [root, *(each for each in sorted(root.rglob("*")) if each.is_dir())]
     else:
         above = list(path.parent.resolve().parents)[:_ABOVE]
         folders += [each / name for each in above for name in _SYSTEM]

@@ -213,6 +213,7 @@ def _decision(joined: _Targets, states: IntArray, tolerance: float, t: ReportTex
         caption=t("prog.counts_text"),
     )
     total = np.where(joined.known, joined.after + joined.bound, np.inf)
+    programs = [] if len(set(joined.file)) < 2 else [_programs_table(joined, states, total, t)]
     order = np.argsort(-total, kind="stable")[:MOST_WORST]
     worst = ReportTable(
         title=t("prog.worst"),
@@ -225,7 +226,32 @@ def _decision(joined: _Targets, states: IntArray, tolerance: float, t: ReportTex
         rows=tuple(_worst_row(joined, int(i), t(_STATES[int(states[i])])) for i in order),
         caption=t("prog.worst_text"),
     )
-    return Section(title=t("prog.decision"), text=t("prog.rule"), blocks=(counts, worst))
+    return Section(title=t("prog.decision"), text=t("prog.rule"), blocks=(*programs, counts, worst))
+
+
+def _programs_table(
+    joined: _Targets, states: IntArray, total: Array, t: ReportTexts
+) -> ReportTable:
+    """Returns one row per file: its targets, those that are proven, changes and errors."""
+    names = np.array(joined.file)
+    rows = []
+    for name in dict.fromkeys(joined.file):
+        own = names == name
+        shift, after = joined.shift[own], joined.after[own]
+        sizes = (np.nanmean, shift), (np.nanmax, shift), (np.nanmean, after), (np.max, total[own])
+        lengths = (float(size(of)) / MM if np.isfinite(of).any() else np.nan for size, of in sizes)
+        proven = int((states[own] == Conformity.CONFORMS).sum())
+        rows.append((name, int(own.sum()), proven, *map(finite_or_none, lengths)))
+    return ReportTable(
+        title=t("prog.programs"),
+        columns=(
+            *columns(t, "prog.file", "prog.of_file", "prog.proven"),
+            *columns(t, "prog.shift", "prog.tile_changed", "prog.error_after", unit=_MM),
+            column(t, "prog.total", unit=_MM),
+        ),
+        rows=tuple(rows),
+        caption=t("prog.programs_text"),
+    )
 
 
 def _worst_row(joined: _Targets, i: int, state: str) -> tuple[Cell, ...]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from robotrue.app.compensation_request import CompensateRequest
 from robotrue.app.context import Context
+from robotrue.app.job_files import BLOCKS
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import PlainResult
 from robotrue.core.provenance import marked_document
@@ -31,8 +32,7 @@ def run(request: CompensateRequest, context: Context) -> PlainResult:
     """
     from robotrue.app.compensated_files import compensate_files
 
-    counts, provenance = compensate_files(request, context)
-    return PlainResult(values=counts, provenance=provenance)
+    return compensate_files(request, context)
 
 
 def save(
@@ -42,6 +42,7 @@ def save(
     context: WorkspaceContext,
 ) -> Mapping[str, object]:
     """Leaves the program after, tied to the program before and to what it was made with."""
+    from robotrue.app.job_places import plain_block
     from robotrue.app.workspace_context import ref_document
     from robotrue.program.identity import SUFFIX
     from robotrue.store import programs
@@ -51,6 +52,7 @@ def save(
     folder = context.program_output(request.output)
     files = [folder / each.name for each in before.files(programs.FILE)]
     detail = marked_document(result.document(), result.provenance)
+    detail |= {BLOCKS: [plain_block(each, folder) for each in result.blocks()]}
     after = programs.add_after(
         into,
         [each for each in files if each.is_file()],

@@ -89,13 +89,34 @@ def read_job(
 
     Raises:
         FormatError: A file cannot be read, is not in a registered dialect, or in another than the
-            first.
+            first; below a folder each language is a separate job.
     """
     every = [find_language(name) for name in language_names()]
     given = [Path(path)] if isinstance(path, str | Path) else [Path(each) for each in path]
     root = given[0] if len(given) == 1 and given[0].is_dir() else None
     found = paths_of(path, {s for each in every for s in each.suffixes})
-    paths, language = _of_one_language(named_last(found, every), root)
+    frames = frames or FrameTable()
+    (paths, language), *others = _by_language(named_last(found, every), root)
+    programs = list(_read_files(paths, language, frames, root, instead or {}))
+    left_out = []
+    for paths, language in others:
+        try:
+            programs += _read_files(paths, language, frames, root, instead or {})
+        except FormatError as cause:
+            left_out.append(f"{len(paths)} files in {language.name} are left out: {cause}")
+    if left_out:
+        programs[0] = replace(programs[0], notes=(*programs[0].notes, *left_out))
+    return tuple(programs)
+
+
+def _read_files(
+    paths: Sequence[Path],
+    language: Language,
+    frames: FrameTable,
+    root: Path | None,
+    instead: Mapping[str, bytes],
+) -> tuple[Program, ...]:
+    """Returns the programs of files in one language, with companions that hold targets."""
     job = gather_files(paths, language, root=root)
     for name, data in job.files[1 : job.given]:
         other = language if name in job.named or "/" in name else detect(data, name)
@@ -105,8 +126,8 @@ def read_job(
                 source=paths[0].with_name(name),
                 hint="give the files of one job.",
             )
-    table, notes = with_files_beside(paths[0], language.name, frames or FrameTable(), root=root)
-    files = [(name, (instead or {}).get(name, data)) for name, data in job.files]
+    table, notes = with_files_beside(paths[0], language.name, frames, root=root)
+    files = [(name, instead.get(name, data)) for name, data in job.files]
     programs = language.read_job(files, frames=table)
     if notes:
         programs = (replace(programs[0], notes=(*programs[0].notes, *notes)), *programs[1:])
@@ -114,29 +135,29 @@ def read_job(
     return named + tuple(program for program in programs[job.given :] if len(program))
 
 
-def _of_one_language(paths: list[Path], root: Path | None) -> tuple[list[Path], Language]:
-    """Returns the files of a job and their language.
+def _by_language(paths: list[Path], root: Path | None) -> list[tuple[list[Path], Language]]:
+    """Returns the files of a job by their language, that of the job first.
 
-    Files below a folder that are in no language for sure, or in another, are no programs of it.
+    Files below a folder that are in no language for sure are no programs of it.
     """
     deep = [path for path in paths if root is not None and path.parent != root]
+    sure = {path: _surest(path) for path in deep}
     if len(deep) < len(paths):
-        first = next(path for path in paths if path not in set(deep))
+        first = next(path for path in paths if path not in sure)
         language = detect(read_bytes(first), first.name)
     else:
-        sure = [(_surest(path), path) for path in deep]
-        names = [language.name for language, _ in sure if language is not None]
+        names = [each.name for each in sure.values() if each is not None]
         if not names:
-            return deep, detect(read_bytes(deep[0]), deep[0].name)
+            return [(deep, detect(read_bytes(deep[0]), deep[0].name))]
         language = find_language(max(dict.fromkeys(names), key=names.count))
-    inside = set(deep)
-    kept = [
-        path
-        for path in paths
-        if path not in inside
-        or (path.suffix.lower() in language.suffixes and language.detect(read_bytes(path)) >= _SURE)
-    ]
-    return kept, language
+    groups: dict[str, list[Path]] = {language.name: []}
+    for path in paths:
+        own: Language | None = language
+        if path in sure and language.detect(read_bytes(path)) < _SURE:
+            own = sure[path]
+        if own is not None and (path not in sure or path.suffix.lower() in own.suffixes):
+            groups.setdefault(own.name, []).append(path)
+    return [(group, find_language(name)) for name, group in groups.items()]
 
 
 def _surest(path: Path) -> Language | None:

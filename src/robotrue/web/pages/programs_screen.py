@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from robotrue.app.compensation_request import CompensateRequest
+from robotrue.app.job_files import BLOCKS
 from robotrue.app.workbench import workbench_calls as calls
 from robotrue.store.nouns import (
     CELL,
@@ -46,6 +47,7 @@ async def _build(context: PageContext) -> str:
         form=None if after or context.model is None else await _form(context, context.model),
         jobs=jobs,
         notes=[str(each) for each in record.detail.get("notes") or ()] if after else [],
+        tables=record.detail.get(BLOCKS) or [],
         most=NOTES,
         reports=await _reports(context, record) if after else None,
         tolerance=_tolerance(context),
