@@ -38,8 +38,8 @@ ASSUMED_CENTRE: Final = 0.25
 LEAST_OFFSET: Final = 0.05
 """m, of the same: motors sit beside the axes of short links."""
 METRE_MASS: Final = 18.0
-"""kg, mass of an arm whose links add up to a metre: data sheets of arms from 0.6 to 2.7 m reach lie
-within a factor of 2 to 3, heavy ones above, arms that work beside people below."""
+"""Mass in kg of an arm whose links add up to a metre. Data sheets of arms from 0.6 to 2.7 m reach
+lie within a factor of 2 to 3, heavy ones above, arms that work beside people below."""
 GROWTH: Final = 3.2
 """Power of the length with which that grows."""
 SHARES: Final = (0.28, 0.20, 0.19, 0.06, 0.035, 0.015)
