@@ -10,7 +10,8 @@ from robotrue.calibration.archive import open_model
 from robotrue.calibration.model import Query, identity_of
 from robotrue.calibration.nominal import NominalModel
 from robotrue.core.archive import archive_bytes
-from robotrue.errors import ModelMismatchError, ShapeError
+from robotrue.core.conditions import ArmConditions, no_conditions
+from robotrue.errors import ConfigurationError, ModelMismatchError, ShapeError
 from robotrue.robot.forward import forward
 from robotrue.robot.model import nominal_identity
 
@@ -50,3 +51,12 @@ def test_what_it_does_not_know_is_refused():
         model.at_reflector(1)
     with pytest.raises(ShapeError):
         model.predict(Query(joints=np.zeros((2, 5))))
+
+
+def test_conditions_leave_a_model_without_such_terms_alone_and_cannot_be_stated():
+    model = NominalModel(robot=arm())
+    warm = ArmConditions(temperature=np.array([[303.15]]))
+    assert model.remarks_on(warm) == []
+    model.require_stated(no_conditions(3))
+    with pytest.raises(ConfigurationError, match="no part of the model depends on it"):
+        model.under(warm)

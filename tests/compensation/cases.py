@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robotrue.calibration.model import Prediction, Query
+from robotrue.calibration.model import Prediction, Query, UnconditionalModel
 from robotrue.calibration.terms.term import MeanTables, rigid_tables
 from robotrue.core.arm_words import NO_WORD
 from robotrue.core.poses import inverse, pose_from_xyz_abc
@@ -39,7 +39,7 @@ def oracle(tables: MeanTables, query: Query, robot: RobotModel) -> tuple[np.ndar
 
 
 @dataclass(frozen=True, kw_only=True)
-class TableModel:
+class TableModel(UnconditionalModel):
     """An ErrorModel that is its tables; ``flat=False`` hides them, as a model without would."""
 
     tables: MeanTables

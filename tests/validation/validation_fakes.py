@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from robotrue.calibration.model import Prediction, Query
+from robotrue.calibration.model import Prediction, Query, UnconditionalModel
 from robotrue.calibration.terms.term import MeanTables
 from robotrue.calibration.training_summary import TrainingSummary
 from robotrue.core.archive import Archive
@@ -34,7 +34,7 @@ def arm() -> RobotModel:
 
 
 @dataclass(frozen=True)
-class FakeModel:
+class FakeModel(UnconditionalModel):
     """Predicts ``mean(joints)`` with an isotropic sigma."""
 
     mean: Callable[[Array], Array] = lambda joints: np.zeros((len(joints), 3))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from robotrue.app.context import Context
-from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.model import ErrorModel
 from robotrue.core.conditions import EXTERNAL_AXES, ArmConditions
 from robotrue.core.units import MM, ZERO_CELSIUS
@@ -31,13 +30,13 @@ def model_under(
     conditions = ArmConditions(
         temperature=np.array([[celsius + ZERO_CELSIUS]]), time=np.array([time]), external=external
     )
-    if isinstance(model, CalibratedModel):
+    stated = any(value is not None for value in options)
+    if model is not None:
         for remark in model.remarks_on(conditions):
             context.note(remark)
-    if all(value is None for value in options):
-        return model
-    if isinstance(model, CalibratedModel):
-        return model.under(conditions)
+        return model.under(conditions) if stated else model
+    if not stated:
+        return None
     raise ConfigurationError(
         "--temperature, --time or --e1-mm with a cell that has no calibrated model.",
         hint="state the model of a calibration with temperatures or a rail.",

@@ -21,7 +21,7 @@ from robotrue.calibration.arm import ArmWithTerms, LinearArm, parts_of, prepare_
 from robotrue.calibration.belief import Belief, compress_root, root_of_covariance, standard_terms
 from robotrue.calibration.evidence import spread
 from robotrue.calibration.held_out_blocks import HeldOutRows
-from robotrue.calibration.model import Prediction, Query
+from robotrue.calibration.model import Prediction, Query, no_dependence
 from robotrue.calibration.observations import take_to_base
 from robotrue.calibration.terms.term import ArmPostures, MeanTables, Term, rigid_tables
 from robotrue.calibration.terms.term_registry import STANDARD
@@ -227,11 +227,7 @@ class CalibratedModel(Columns):
         """
         terms = tuple(term.under(conditions) for term in self.terms)
         if all(new is old for new, old in zip(terms, self.terms, strict=True)):
-            raise ConfigurationError(
-                "a temperature, time or place is stated, and no part of the model depends on it.",
-                hint="calibrate with a column temperature_C, time_s or e1_mm, method auto, ripple "
-                "or gp.",
-            )
+            raise no_dependence()
         return replace(self, terms=terms)
 
     def remarks_on(self, conditions: ArmConditions) -> list[str]:

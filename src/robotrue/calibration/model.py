@@ -128,6 +128,26 @@ class ErrorModel(Protocol):
         """
         ...
 
+    def under(self, conditions: ArmConditions) -> ErrorModel:
+        """Returns the model at conditions (1 row) that hold where a query states none.
+
+        Raises:
+            ConfigurationError: No part of the model depends on them.
+        """
+        ...
+
+    def remarks_on(self, conditions: ArmConditions) -> list[str]:
+        """Returns what a user should know of a program under conditions (1 row)."""
+        ...
+
+    def require_stated(self, conditions: ArmConditions) -> None:
+        """Refuses conditions that leave out what the error depends on far too much.
+
+        Raises:
+            ConfigurationError: A value that the model needs is not stated.
+        """
+        ...
+
     def training_summary(self) -> TrainingSummary:
         """Returns method, data hash, row counts, region, held-out result, warnings."""
         ...
@@ -135,6 +155,35 @@ class ErrorModel(Protocol):
     def to_archive(self) -> Archive:
         """Returns everything needed to rebuild the model."""
         ...
+
+
+class UnconditionalModel:
+    """The part of :class:`ErrorModel` about conditions, for a model that depends on none."""
+
+    __slots__ = ()
+
+    def under(self, conditions: ArmConditions) -> ErrorModel:
+        """Refuses stated conditions.
+
+        Raises:
+            ConfigurationError: Always.
+        """
+        raise no_dependence()
+
+    def remarks_on(self, conditions: ArmConditions) -> list[str]:
+        """Returns no remarks."""
+        return []
+
+    def require_stated(self, conditions: ArmConditions) -> None:
+        """Accepts all conditions."""
+
+
+def no_dependence() -> ConfigurationError:
+    """Returns the error for stated conditions on which no part of a model depends."""
+    return ConfigurationError(
+        "a temperature, time or place is stated, and no part of the model depends on it.",
+        hint="calibrate with a column temperature_C, time_s or e1_mm, method auto, ripple or gp.",
+    )
 
 
 def require_belief(model: ErrorModel) -> Belief:

@@ -8,7 +8,7 @@ from typing import Final
 from robotrue.calibration.archive import robot_arrays, robot_document, robot_from
 from robotrue.calibration.belief import Belief
 from robotrue.calibration.calibrated_model import model_of, unknown_reflector
-from robotrue.calibration.model import Prediction, Query
+from robotrue.calibration.model import Prediction, Query, UnconditionalModel
 from robotrue.calibration.settings import FitSettings, prior_belief
 from robotrue.calibration.terms.term import MeanTables, rigid_tables
 from robotrue.calibration.training_summary import TrainingSummary
@@ -24,7 +24,7 @@ SCHEMA: Final = 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, weakref_slot=True)
-class NominalModel:
+class NominalModel(UnconditionalModel):
     """An error model that corrects nothing: the nominal arm, with the priors of its type.
 
     Attributes:

@@ -13,7 +13,6 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.model import Query
 from robotrue.compensation.calibrated_arm import Chunk, InversionLimits, Outcome
 from robotrue.compensation.inversion_kernels import write_predicted
@@ -157,7 +156,7 @@ def _query(
     conditions = no_conditions(len(rows))
     if program.external is not None:
         conditions = replace(conditions, external=program.external[rows])
-    if isinstance(setup.model, CalibratedModel):
+    if setup.model is not None:
         setup.model.require_stated(conditions)
     return Query(
         joints=joints,

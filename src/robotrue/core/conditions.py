@@ -69,13 +69,18 @@ class Rail(Columns):
         return np.asarray((external[:, self.number - 1, None] - self.at) * self.direction)
 
 
-def join_temperatures(whole: Array, of_joints: Array) -> Array:
-    """Returns temperatures (n, 1) or (n, dof) K for :class:`ArmConditions`.
+def join_conditions(
+    *, temperature: Array, joint_temperature: Array, time: Array, external: Array
+) -> ArmConditions:
+    """Returns the conditions of n postures from the arrays that files and sets hold.
 
     Args:
-        whole: (n,) K of the arm; NaN where not measured.
-        of_joints: (n, dof) K; where NaN that of the arm stands.
+        temperature: (n,) K of the arm; NaN where not measured.
+        joint_temperature: (n, dof) K; where NaN that of the arm stands.
+        time: (n,) s.
+        external: (n, 6) m or rad.
     """
-    if np.isnan(of_joints).all():
-        return whole[:, None]
-    return np.where(np.isnan(of_joints), whole[:, None], of_joints)
+    joined = temperature[:, None]
+    if not np.isnan(joint_temperature).all():
+        joined = np.where(np.isnan(joint_temperature), joined, joint_temperature)
+    return ArmConditions(temperature=joined, time=time, external=external)

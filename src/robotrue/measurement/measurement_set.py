@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.columns import EMPTY, Column, Columns, concat, count_rows
-from robotrue.core.conditions import ArmConditions, Rail, join_temperatures
+from robotrue.core.conditions import ArmConditions, Rail, join_conditions
 from robotrue.core.provenance import MEASURED, Provenance, merge
 from robotrue.errors import ShapeError
 from robotrue.measurement.probing_set import ProbingSet
@@ -97,8 +97,12 @@ class MeasurementSet(Columns):
     @property
     def conditions(self) -> ArmConditions:
         """Temperature, time and external axes; of a joint without one, that of the arm."""
-        temperature = join_temperatures(self.temperature, self.joint_temperature)
-        return ArmConditions(temperature=temperature, time=self.time, external=self.external)
+        return join_conditions(
+            temperature=self.temperature,
+            joint_temperature=self.joint_temperature,
+            time=self.time,
+            external=self.external,
+        )
 
     @property
     def carried(self) -> Array:

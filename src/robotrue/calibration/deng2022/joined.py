@@ -14,7 +14,7 @@ from robotrue.calibration.calibrated_model import unknown_reflector
 from robotrue.calibration.deng2022.committee import Committee, restore_committee
 from robotrue.calibration.deng2022.domains import LEVER, Labelled, pose_features
 from robotrue.calibration.deng2022.readings import Outside
-from robotrue.calibration.model import Prediction, Query, describe_rows
+from robotrue.calibration.model import Prediction, Query, UnconditionalModel, describe_rows
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.terms.term import MeanTables
 from robotrue.calibration.training_summary import TrainingSummary
@@ -58,7 +58,7 @@ class Expert:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, weakref_slot=True)
-class PoseModel:
+class PoseModel(UnconditionalModel):
     """Errors learned on Cartesian poses, eq. 26; the first expert whose domain holds a pose speaks.
 
     A model of poses knows nothing of joints, loads, approach or other tools: it holds for the

@@ -11,7 +11,7 @@ import numpy as np
 
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.columns import Column, Columns
-from robotrue.core.conditions import ArmConditions
+from robotrue.core.conditions import ArmConditions, join_conditions
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.formats.canonical import (
     axes_in,
@@ -31,7 +31,7 @@ from robotrue.measurement.formats.table import (
     AxisRelation,
     approach_columns,
     payload_column,
-    read_conditions,
+    read_condition_columns,
     read_joint_columns,
     read_run,
     split_monuments,
@@ -86,7 +86,7 @@ def read_queries(
         wrench=wrench_columns(columns),
         approach=approach_columns(columns),
         payload_mass=payload_column(columns),
-        conditions=read_conditions(columns),
+        conditions=join_conditions(**read_condition_columns(columns)),
         source_row=np.array(sheet.lines),
     )
 

@@ -11,12 +11,12 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Final, TypeAlias
+from typing import Final, TypeAlias, TypedDict
 
 import numpy as np
 
 from robotrue.core.arrays import Array, IntArray
-from robotrue.core.conditions import EXTERNAL_AXES, ArmConditions, join_temperatures
+from robotrue.core.conditions import EXTERNAL_AXES
 from robotrue.core.rotations import (
     matrix_from_quat_wxyz,
     matrix_from_rotation_vector,
@@ -70,10 +70,7 @@ def read_table(
         payload_mass=payload_column(columns),
         payload_com=columns.numbers("payload_com", absent=np.nan) * LENGTH[mapping.position_unit],
         approach=approach_columns(columns),
-        temperature=temperature_columns(columns, "temperature")[:, 0],
-        joint_temperature=temperature_columns(columns, "joint_temperature"),
-        time=time_column(columns),
-        external=external_columns(columns),
+        **read_condition_columns(columns),
         target=columns.whole("target"),
         station=columns.whole("station"),
         group=group,
@@ -119,19 +116,26 @@ def payload_column(columns: MappedSheet) -> Array:
     return values[:, 0]
 
 
-def read_conditions(columns: MappedSheet) -> ArmConditions:
-    """Returns temperature and time of every row, as far as the file has them."""
-    whole, of_joints = (
-        temperature_columns(columns, group) for group in ("temperature", "joint_temperature")
-    )
-    return ArmConditions(
-        temperature=join_temperatures(whole[:, 0], of_joints),
-        time=time_column(columns),
-        external=external_columns(columns),
-    )
+class ConditionColumns(TypedDict):
+    """Conditions of n rows, as :class:`MeasurementSet` and ``join_conditions`` name them."""
+
+    temperature: Array
+    joint_temperature: Array
+    time: Array
+    external: Array
 
 
-def external_columns(columns: MappedSheet) -> Array:
+def read_condition_columns(columns: MappedSheet) -> ConditionColumns:
+    """Returns temperature, time and external axes of every row; NaN where the file has none."""
+    return {
+        "temperature": _temperature_columns(columns, "temperature")[:, 0],
+        "joint_temperature": _temperature_columns(columns, "joint_temperature"),
+        "time": _time_column(columns),
+        "external": _external_columns(columns),
+    }
+
+
+def _external_columns(columns: MappedSheet) -> Array:
     """Returns external axes (n, 6) m or rad; NaN where the file has none.
 
     Raises:
@@ -149,12 +153,12 @@ def external_columns(columns: MappedSheet) -> Array:
     return out
 
 
-def temperature_columns(columns: MappedSheet, group: str) -> Array:
+def _temperature_columns(columns: MappedSheet, group: str) -> Array:
     """Returns temperatures (n, k) K of a group; NaN where the file has none."""
     return columns.numbers(group, absent=np.nan) + ZERO_CELSIUS
 
 
-def time_column(columns: MappedSheet) -> Array:
+def _time_column(columns: MappedSheet) -> Array:
     """Returns the time (n,) s of every row, of time stamps since 1970; NaN where the file has none.
 
     Raises:
