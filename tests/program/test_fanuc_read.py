@@ -282,7 +282,7 @@ def test_other_words_of_an_english_listing_are_let_pass() -> None:
 def test_a_called_program_may_set_the_numbers_in_force(call: str, left: bool) -> None:
     table = replace(TABLE, harmless_routines=("grip",))
     records = record(1, uf="F", ut="F") + record(2)
-    moves = f"UFRAME_NUM=1 ;\nUTOOL_NUM=1 ;\n{call} ;\n{MOVE}\nL P[2] 9mm/sec FINE ;"
+    moves = f"UFRAME_NUM=1 ;\nUTOOL_NUM=1 ;\n{MOVE}\n{call} ;\n{MOVE}\nL P[2] 9mm/sec FINE ;"
     program = body(records, moves, table)
     assert program.reason.tolist() == [Reason.UNKNOWN_FRAME if left else Reason.NONE, Reason.NONE]
     assert any('harmless_routines = ["PROBE"]' in note for note in program.notes) == left

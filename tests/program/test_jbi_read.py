@@ -294,6 +294,7 @@ def test_points_of_other_instructions(text: str, reason: Reason) -> None:
     [
         ("MOVL C00000\nCALL JOB:PROBE\nMOVL P001", True),
         ("MOVL P001\nCALL JOB:PROBE", False),
+        ("MOVL P001\nCALL JOB:PROBE\nMOVL P001", True),
         ("*A\nMOVL P001\nCALL JOB:PROBE IF B000=1\nJUMP *A", True),
         ("CALL JOB:GRIP\nMOVL P001", False),
     ],

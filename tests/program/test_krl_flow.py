@@ -132,6 +132,25 @@ def test_targets_behind_an_unknown_routine_are_left_alone_until_both_frames_are_
     assert read(text + f"CUT()\n{P}\nEND\n", table).reason.tolist() == [Reason.NONE] * 5
 
 
+@pytest.mark.parametrize("declared", ["", "AXIS "])
+def test_a_stored_point_used_before_and_behind_an_unknown_routine_is_left_alone(
+    declared: str,
+) -> None:
+    axes = "A1 0,A2 -90,A3 90,A4 0,A5 5,A6 0"
+    stored = f"a={{{axes}}}\n" if declared else f"a={P[4:]}\n"
+    move = "PTP a\n" if declared else "LIN a\n"
+    head = f"DEF p()\n{'DECL AXIS a' if declared else ''}\n{stored}"
+    head += f"BAS(#BASE,1)\nBAS(#TOOL,1)\n{move}"
+    again = read(f"{head}Spindle_On(9)\n{move}END\n", TABLE)
+    assert again.reason.tolist() == [Reason.UNKNOWN_FRAME]
+    assert again.notes[0].startswith("part.src:7: Spindle_On is in no file given and may change")
+    assert "1 targets after it are not compensated" in again.notes[0]
+    once = Reason.JOINT_TARGET if declared else Reason.NONE
+    assert read(f"{head}{move}END\n", TABLE).reason.tolist() == [once]
+    table = replace(TABLE, harmless_routines=("spindle_on",))
+    assert read(f"{head}Spindle_On(9)\n{move}END\n", table).reason.tolist() == [once]
+
+
 def test_an_unknown_routine_that_a_trigger_or_a_subprogram_starts() -> None:
     late = f"TRIGGER WHEN DISTANCE=0 DELAY=0 DO Glue(1) PRIO=-1\n{P}"
     assert read(f"DEF p()\n{late}\nEND\n", TABLE).reason.tolist() == [Reason.UNKNOWN_FRAME]

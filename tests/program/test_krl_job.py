@@ -86,6 +86,17 @@ def test_a_camrob_file_runs_in_parts_and_in_one_base(tmp_path: Path) -> None:
     assert any("more than one base or tool" in note for note in path.notes)
 
 
+def test_a_camrob_file_that_runs_before_and_behind_an_unknown_routine(tmp_path: Path) -> None:
+    call = 'CR_PROCESS_FILE("path.csv", 2, 2)\n'
+    frames = CALLER[CALLER.index("$TOOL") : CALLER.index("PTP")]
+    for between in (f"Spindle_On(9)\n{call}", f"Spindle_On(9)\n{call}{frames}{call}"):
+        text = CALLER.replace("$BASE={X 0,", between + "$BASE={X 0,")
+        made(tmp_path, part_src=text, path_csv=CAMROB)
+        path = of(read_job(tmp_path / "part.src"), "path.csv")
+        assert path.reason.tolist() == [0, Reason.UNKNOWN_FRAME, 0]
+        assert any("Spindle_On is in no file given" in note for note in path.notes)
+
+
 def test_external_axes_of_a_camrob_file(tmp_path: Path) -> None:
     made(tmp_path, part_src=CALLER, path_csv=CAMROB.replace("1;0.0000\r", "1;850.0\r"))
     path = of(read_job(tmp_path / "part.src"), "path.csv")

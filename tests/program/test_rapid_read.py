@@ -301,6 +301,14 @@ def test_a_routine_in_no_file_may_move_frames(text: str, expected: Reason) -> No
     assert reasons(text + move(target())) == [expected]
 
 
+def test_a_stored_target_before_and_behind_a_routine_in_no_file_is_left_alone() -> None:
+    data = f"CONST robtarget p10:={target(1)};\n"
+    assert reasons(move("p10") + move("p10"), data) == [Reason.NONE]
+    program = module(f"{move('p10')}Gripper 5;\n{move('p10')}", data)
+    assert program.reason.tolist() == [Reason.UNKNOWN_FRAME]
+    assert any("gripper is in no file given" in note for note in program.notes)
+
+
 def test_harmless_routines_and_data_no_other_module_can_change() -> None:
     known = FrameTable(harmless_routines=("gripper",))
     text = f"{FRAMES}PROC main()\nGripper 5;\n{move(target())}ENDPROC\nENDMODULE"

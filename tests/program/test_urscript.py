@@ -234,6 +234,9 @@ def test_a_function_in_no_script_may_set_the_tool() -> None:
         "it are not compensated, until set_tcp. Give its file, too; if it changes none of them, "
         'state in the cell: [controller] harmless_routines = ["rq_close"].',
     )
+    stored = script(f"p1={P}\nmovel(p1)\nrq_close(1)\nmovel(p1)")
+    assert stored.reason.tolist() == [UNKNOWN]
+    assert any("rq_close is in no file given" in note for note in stored.notes)
     known = FrameTable(harmless_routines=("rq_close",))
     assert script(text, known).reason.tolist() == [NONE] * 3
     own = "sleep(0.1)\nset_digital_out(1, True)\nif (get_digital_in(1) and x.go(2)):\nend\n"

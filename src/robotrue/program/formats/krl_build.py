@@ -29,7 +29,7 @@ from robotrue.program.formats.krl_modal import (
 from robotrue.program.formats.krl_scan import INLINE_ARC, NOT_CONSTANT, STATEMENT
 from robotrue.program.formats.krl_walk import MOTION_OF, KrlWalk
 from robotrue.program.formats.krl_write import KrlSpans, column_of
-from robotrue.program.formats.shared_fate import flag_lost_frames
+from robotrue.program.formats.shared_fate import flag_lost_frames, pair_arcs
 from robotrue.program.formats.target_notes import absent_routine
 from robotrue.program.formats.written_out import NONE_WRITTEN, WrittenOut
 from robotrue.program.program import FrameTable, Motion, Program, Reason
@@ -110,9 +110,16 @@ class Builder:
                 return np.broadcast_to(self._states[ends[0]], (len(place), self._states.shape[1]))
         return self._states[np.searchsorted(self._places, place, side="right") - 1]
 
-    def alike(self, lines: IntArray, line: int) -> BoolArray:
-        """Returns in which lines (n,) of the main file the frames of another line are in force."""
-        return np.asarray((self._state(lines)[:, :3] == self._state(line)[:3]).all(axis=1))
+    def join_calls(self, before: IntArray, line: int) -> tuple[IntArray, BoolArray]:
+        """Joins calls of the same targets (n,): by earlier lines, -1 for none, and by one more.
+
+        Returns:
+            The line whose frames hold, that of a call behind a routine in no file if there is one,
+            and where the frames differ.
+        """
+        first, called = self._state(before), before >= 0
+        differ = called & (first[:, :3] != self._state(line)[:3]).any(axis=1)
+        return np.where(called & (first[:, 3:] > 0).any(axis=1), before, line), differ
 
     def axes_before(self, line: int) -> Array:
         """Returns the axis values (6,) rad last moved to before a line; empty if not by them."""
@@ -317,10 +324,15 @@ class Builder:
         if self.main < 0:
             return self._inline_states(file, agg, line), conflicts
         state = np.asarray(self._state(line), dtype=np.int64).reshape(-1, 5)
-        for (where, point), uses in self.story.uses.items():
-            if where == file and len(uses) > 1:
-                states = {tuple(self._state(use)[:3].tolist()) for use, _ in uses}
-                conflicts[np.searchsorted(agg, point)] = len(states) > 1
+        shared = [
+            (int(np.searchsorted(agg, point)), np.array([self._state(use) for use, _ in uses]))
+            for (where, point), uses in self.story.uses.items()
+            if where == file and len(uses) > 1
+        ]
+        state = np.array(state) if shared else state  # one use behind a routine in no file will do
+        for row, states in shared:
+            conflicts[row] = (states[1:, :3] != states[0, :3]).any()
+            state[row, 3:] = states[:, 3:].max(axis=0)
         return state, conflicts
 
     def _inline_states(self, file: int, agg: IntArray, line: IntArray) -> IntArray:
@@ -463,20 +475,17 @@ class Builder:
 
     def _pair_arcs(self, file: int, agg: IntArray, motion: IntArray, reason: IntArray) -> None:
         """Gives both points of an arc the same fate: half a corrected arc is another arc."""
-        found = self.scans[file]
+        found, arcs = self.scans[file], []
         if file == self.main:
             via = np.flatnonzero(
                 (found.line_kind[found.agg_line[agg]] == INLINE_ARC) & (motion == Motion.ARC_VIA)
             )
-            worse = np.where(reason[via] > 0, reason[via], reason[via + 1])
-            reason[via] = worse
-            reason[via + 1] = np.where(reason[via + 1] > 0, reason[via + 1], worse)
+            via = via[(reason[via] > 0) | (reason[via + 1] > 0)]
+            arcs = [(row, row + 1) for row in via.tolist()]
         for pair in self.story.arcs:
             rows = [int(np.searchsorted(agg, a)) for f, a in pair if f == file]
-            if len(rows) == 2:
-                worst = next((int(reason[r]) for r in rows if reason[r] > 0), 0)
-                for row in rows:
-                    reason[row] = reason[row] or worst
+            arcs += [(rows[0], rows[1])] if len(rows) == 2 else []
+        pair_arcs(reason, arcs)
 
 
 def _some(lacking: BoolArray) -> bool:
@@ -485,9 +494,5 @@ def _some(lacking: BoolArray) -> bool:
 
 
 def _are_nested(one: str, other: str) -> bool:
-    return (
-        not one
-        or not other
-        or (other + ".").startswith(one + ".")
-        or (one + ".").startswith(other + ".")
-    )
+    short, long = sorted((one, other), key=len)
+    return not short or (long + ".").startswith(short + ".")

@@ -141,8 +141,8 @@ def _camrob(name: str, data: bytes, builder: Builder) -> Program:
     conflict = np.zeros(len(line), np.bool_)
     for call in calls:
         rows = _rows(call, len(line))
-        conflict[rows] |= (lines[rows] >= 0) & ~builder.alike(lines[rows], call.line)
-        lines[rows] = call.line
+        lines[rows], differ = builder.join_calls(lines[rows], call.line)
+        conflict[rows] |= differ
     used = lines >= 0
     settled = builder.settle_call(name, np.where(used, lines, 0), external)
     reason = np.where(used, settled.reason, int(Reason.UNUSED))
