@@ -65,7 +65,7 @@ def test_options_that_need_another(cell, tmp_path):
     frf = tmp_path / "frf.csv"
     for changes, words in (
         ({"frf": frf}, "the pose it was measured at"),
-        ({"frf_frame": "tool"}, "say where --frf was measured"),
+        ({"frf_frame": "tool"}, "state where --frf was measured"),
         ({"frf": frf, "frf_joints": "0,0,0,0,0,0", "frf_frame": "world"}, "expected base or tool"),
         ({"deviation": frf}, "needs the speed of the spindle"),
         ({"sensor": "1,2,3"}, "expected 6 numbers"),

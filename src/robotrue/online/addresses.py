@@ -36,11 +36,11 @@ class SourceSettings(StreamSettings):
     """Settings of a source beyond its address: corrector, robot, and the process that answers.
 
     Attributes:
-        corrector: Asked by a robot's link for each of its answers; None corrects nothing. A
-            :class:`~robotrue.online.answering_wire.RemoteGuard` stands in the answering process.
+        corrector: Called by a robot's link for each of its answers; None corrects nothing. A
+            :class:`~robotrue.online.answering_wire.RemoteGuard` runs in the answering process.
         robot: The robot's source, for a force that comes in the same messages (EGM).
-        own_process: Whether a process of its own answers an RSI or EGM robot, on Linux. A
-            corrector that lives here is asked from a thread here, whatever this says.
+        own_process: Whether a separate process answers an RSI or EGM robot, on Linux. A corrector
+            of this process is called from a thread here in either case.
     """
 
     corrector: CorrectionGuard | RemoteGuard | None = None

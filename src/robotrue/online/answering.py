@@ -39,7 +39,7 @@ _BEAT: Final = 0.03
 _GATHER: Final = 0.01
 """s for which samples are gathered before they are sent on, while no correction is held."""
 _SWITCH: Final = 20e-6
-"""s after which the loop's thread gives way to the one that answers."""
+"""s after which the loop's thread yields to the thread that answers."""
 _RESIDENT: Final = 1
 """MCL_CURRENT: what is in memory stays there."""
 _NICE: Final = -10
@@ -48,7 +48,7 @@ _LAST: Final = 10.0
 
 
 def main(descriptor: int) -> None:
-    """Answers until the service says so, or is gone."""
+    """Answers until the service stops it or has ended."""
     # Ctrl-C and the end of a session are for the service: it closes the link, or it is gone
     for name in ("SIGINT", "SIGTERM", "SIGHUP"):
         signal.signal(getattr(signal, name), signal.SIG_IGN)
@@ -120,7 +120,7 @@ class _Answering:
             try:
                 data = await loop.sock_recv(self._pipe, wire.MOST)
             except ConnectionError:
-                continue  # what it left unread is told once, then the end
+                continue  # reported once for data the service left unread; the end follows
             if not data:
                 self._alone = True
                 return
@@ -166,7 +166,7 @@ class _Answering:
                 for frame in wire.frames(block):
                     await self._send(self._report if due else self._brief, frame)
                     due = False
-                # every message wakes the service; but what the robot holds is told at once
+                # every message wakes the service; a held correction is reported at once
                 if self._guard is None or self._guard.at_rest:
                     await asyncio.sleep(_GATHER)
         except RobotrueError as fault:
@@ -176,14 +176,14 @@ class _Answering:
             await self._send(lambda: failed)
 
     async def _beat(self) -> None:
-        """Tells the counters of a controller that is silent."""
+        """Reports the counters of a controller that is silent."""
         while True:
             await asyncio.sleep(_BEAT)
             if time.monotonic() - self._told >= 1.3 * _BEAT:
                 await self._send(self._report)
 
     async def _send(self, report: Callable[[], wire.AnsweringReport], frame: bytes = b"") -> None:
-        """Waits while the service is slow, then tells it; says nothing to one that is gone."""
+        """Sends a report, waiting while the service is slow; sends nothing once it has ended."""
         if self._alone:
             return
         async with self._sending:

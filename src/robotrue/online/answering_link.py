@@ -1,4 +1,4 @@
-"""Robot controllers answered by a process of their own, as sources of this one.
+"""Robot controllers answered by a separate process, as sources of this one.
 
 Python runs one thread at a time. Where the service estimates, records and serves pages, an answer
 that is due waits for all of these; so :mod:`robotrue.online.answering` gives it a process that has
@@ -54,12 +54,12 @@ class RemoteStream(Generic[B]):
     """A stream that the answering process reads, as a source of blocks; ends with the link.
 
     Args:
-        name: What health calls it.
-        waiting: Samples that may wait for their reader before the health says so.
-        restart: Awaited first of all: starts a process that has ended by itself anew.
+        name: Name in health counters.
+        waiting: Samples that may wait for their reader before health reports a fault.
+        restart: Awaited before reading: restarts a process that has ended by itself.
 
     Attributes:
-        inbox: What came.
+        inbox: Blocks received.
         told: Counters of the process.
     """
 
@@ -74,7 +74,7 @@ class RemoteStream(Generic[B]):
         self._fault = ""
 
     def end(self, fault: RobotrueError | None) -> None:
-        """Says that no more will come."""
+        """Closes the stream: no more blocks will come."""
         self.told = replace(self.told, connected=False)
         self._fault = "" if fault is None else fault.message
         self.inbox.close(fault)
@@ -95,7 +95,7 @@ class RemoteStream(Generic[B]):
         self.inbox.close()
 
     def health(self) -> Health:
-        """Returns the counters as they stood when they were last told."""
+        """Returns the counters of the latest report."""
         fault = self.inbox.crowding or self._fault or self.told.last_fault
         return replace(self.told, last_fault=fault)
 
@@ -103,16 +103,16 @@ class RemoteStream(Generic[B]):
 class AnsweringLink:
     """A controller as a source of :class:`~robotrue.online.blocks.JointBlock`, answered elsewhere.
 
-    Its process listens and answers when this returns. Should it end by itself, ``blocks`` raises,
-    and starts it anew when called again: the correction that the robot held goes to zero from
-    where it was, and stays there until it is armed.
+    Its process listens and answers when this returns. If it ends by itself, ``blocks`` raises, and
+    restarts it when called again: the correction that the robot held ramps to zero and stays there
+    until it is armed.
 
     Args:
         settings: Of the link, one of :data:`~robotrue.online.answering_wire.LinkSettings`.
-        guard: Asked for each answer, in the other process; None corrects nothing.
+        guard: Called for each answer, in the other process; None corrects nothing.
 
     Raises:
-        ConfigurationError: As the link itself, or the process did not begin.
+        ConfigurationError: As the link itself, or the process did not start.
     """
 
     def __init__(self, settings: wire.LinkSettings, guard: wire.RemoteGuard | None = None) -> None:
@@ -180,7 +180,7 @@ class AnsweringLink:
             self._pipe.close()
 
     def health(self) -> Health:
-        """Returns the counters as they stood when they were last told."""
+        """Returns the counters of the latest report."""
         return self._joints.health()
 
     def _start(self, before: wire.EndedLink | None) -> None:
@@ -190,7 +190,7 @@ class AnsweringLink:
             settings = replace(settings, port=self.address[1])
         self._pipe, other = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with other:
-            # a process group of its own: Ctrl-C is for the service
+            # a separate process group: Ctrl-C is for the service
             self._process = subprocess.Popen(  # noqa: S603 (our own interpreter and module)
                 [sys.executable, "-P", "-m", "robotrue.online.answering", str(other.fileno())],
                 pass_fds=(other.fileno(),),
@@ -249,7 +249,7 @@ class AnsweringLink:
         return report.address, report
 
     async def _restart_process(self) -> None:
-        """Starts a process anew where one has ended by itself."""
+        """Starts a new process where one has ended by itself."""
         async with self._again:
             if not self._died or self._closing:
                 return
@@ -272,17 +272,17 @@ class AnsweringLink:
                     time.sleep(_LOOK)
                     continue
             except OSError:
-                pass  # it has ended, and the listening thread says so
+                pass  # it has ended; the listening thread reports it
             return
 
     def _listen(self) -> None:
-        """Takes what the process tells until it ends; in a thread."""
+        """Receives the reports of the process until it ends; in a thread."""
         fault: RobotrueError | None = None
         while True:
             try:
                 data = self._pipe.recv(wire.MOST)
             except ConnectionError:
-                continue  # what it left unread is told once, then the rest, then the end
+                continue  # raised once for unread data; the remaining reports and the end follow
             except OSError:
                 break
             if not data:

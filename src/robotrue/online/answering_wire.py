@@ -28,7 +28,7 @@ from robotrue.online.sequence import SequenceState
 from robotrue.online.udp import Address
 
 LinkSettings = RsiSettings | EgmSettings
-"""Of controllers that can be answered by a process of their own."""
+"""Of controllers that a separate process can answer."""
 B = TypeVar("B", JointBlock, ForceBlock)
 M = TypeVar("M")
 
@@ -62,7 +62,7 @@ class Opening:
         settings: Of the link.
         limits: Of the guard; None corrects nothing.
         mode: What the controller does with an answer; None without limits.
-        before: The process that this one goes on for.
+        before: The ended process that this one replaces.
     """
 
     settings: LinkSettings
@@ -111,7 +111,7 @@ class AnsweringFault:
         return cls(kind=kind, message=error.message, source=error.source, hint=error.hint)
 
     def error(self) -> RobotrueError:
-        """Returns the error that was told of."""
+        """Returns the reported error."""
         kind = getattr(errors, self.kind, ConfigurationError)
         made: RobotrueError = kind(self.message, source=self.source, hint=self.hint)
         return made
@@ -216,11 +216,11 @@ class RemoteGuard:
         self._ask(LinkRequest(do="rearm"))
 
     def state(self) -> GuardState:
-        """Returns how it stood when it was last heard of."""
+        """Returns the guard's state in the latest report."""
         return self._state
 
     def connect(self, ask: Callable[[LinkRequest], None]) -> None:
-        """Says how it is reached."""
+        """Sets the function that sends requests to it."""
         self._ask = ask
 
     def take_state(self, state: GuardState) -> None:
@@ -228,7 +228,7 @@ class RemoteGuard:
         self._state = state
 
     def mark_ended(self, why: str) -> GuardState:
-        """Takes note that its process has ended; returns how it stood before."""
+        """Records that its process has ended; returns the state before."""
         before = self._state
         if before.active:
             self._state = replace(before, active=False, why=why, trips=before.trips + 1)

@@ -39,7 +39,7 @@ class Flag(enum.IntFlag):
     CLOCK_JUMP = 16
     """The sender's count left its grid, fell far back or leapt; or the host's clock went back."""
     SENSOR_FAULT = 32
-    """The sender says that it is not well."""
+    """The sender reports a fault."""
     SATURATED = 64
     """The sensor is beyond its range."""
     GAP = 128
@@ -47,7 +47,7 @@ class Flag(enum.IntFlag):
     LATE = 256
     """It came late, or the controller has counted an answer of ours as late."""
     INACTIVE = 512
-    """The controller says that force control or the motors are off."""
+    """The controller reports that force control or the motors are off."""
 
     INVALID = (
         NOT_FINITE | IMPLAUSIBLE | REPEATED | REORDERED | CLOCK_JUMP | SENSOR_FAULT | SATURATED

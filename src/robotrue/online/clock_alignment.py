@@ -38,7 +38,7 @@ MOST: Final = 1.0
 WORST: Final = 5e-3
 """s, standard deviation beyond which a jog has shown too little."""
 LEAST_TURN: Final = 1.0 * DEG
-"""A joint that moves less tells nothing."""
+"""A joint that moves less does not determine the alignment."""
 SMOOTH: Final = 0.02
 """s, standard deviation of the bell that both streams are smoothed by, alike."""
 RIVAL: Final = (0.7, 1.5)
@@ -49,8 +49,8 @@ _WHOLE: Final = 3
 _RANK: Final = 1e-6
 """Directions of the joints' functions that are this much weaker than the first are left out."""
 _WIDER: Final = 2.0
-"""Errors scatter this much more than the force's noise tells: the joints have noise and jitter,
-too. Found on simulated jogs, where the truth is known."""
+"""Errors scatter by this factor more than the force noise predicts: the joints have noise and
+jitter, too. Determined on simulated jogs, where the true offset is known."""
 _MODEL: Final = 0.15e-3
 """s, what is left of the inertia that no function here has; found likewise, 18.5 kg at 0.35 m."""
 _SETTLED: Final = 1e-7

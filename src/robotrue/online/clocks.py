@@ -1,12 +1,12 @@
-"""When samples were taken, on the host's clock: the controller's count freed of the way's delays.
+"""Sample times on the host's clock: the controller's count without the delays of the network.
 
-A packet comes after it was sent and never before. So the least delay of every second, host time
-minus controller time, is a point on the line that joins the two clocks; the scatter of the network
-lies above it. A straight line through the least delays of the last minutes gives offset and
-drift, and the time of each sample far better than the moment it came.
+A packet arrives after it was sent. So the least delay of every second, host time minus controller
+time, is a point on the line that joins the two clocks; the scatter of the network lies above it. A
+straight line through the least delays of the last minutes gives offset and drift, and a far more
+accurate time of each sample than its arrival.
 
-What cannot be told from one side is the least delay itself: an alignment from a jog
-(:mod:`robotrue.online.clock_alignment`) tells the difference of two streams.
+One stream does not determine the least delay itself: an alignment from a jog
+(:mod:`robotrue.online.clock_alignment`) determines the difference of two streams.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ DRIFT: Final = 100e-6
 JUMP: Final = 5e-3
 """s; packets that come this much too early, or all too late, are of another clock."""
 LATE: Final = 0.1
-"""s; a single packet that is later by this tells nothing about when it was sent."""
+"""s; a single packet that is later by this does not determine when it was sent."""
 _FIRST: Final = 1e-3
 """s, standard deviation of the delays before a second has passed."""
 _FINEST: Final = 1e-6
@@ -73,7 +73,7 @@ class StreamClock:
         # fit: start, offset there, drift, offset's reference, sd of both, noise
         self._fit = np.zeros(7)
         # number: bin, least delay in it, where, latest controller time, latest result, run of late
-        # packets, late bins in a row, bins kept, jumps, begun
+        # packets, late bins in a row, bins stored, jumps, started
         self._number = np.array([0.0, np.inf, 0.0, -np.inf, -np.inf, 0.0, 0.0, 0.0, 0.0, 0.0])
         self._bins = np.zeros((WINDOW, 2))
 
@@ -119,11 +119,11 @@ class StreamClock:
         )
 
     def state(self) -> dict[str, Array]:
-        """Returns what :meth:`restore` goes on from, bit for bit."""
+        """Returns the state from which :meth:`restore` continues, bit for bit."""
         return {"fit": self._fit.copy(), "number": self._number.copy(), "bins": self._bins.copy()}
 
     def restore(self, state: dict[str, Array]) -> None:
-        """Goes on from :meth:`state`.
+        """Continues from :meth:`state`.
 
         Raises:
             ShapeError: Not such a state.
@@ -144,7 +144,7 @@ class StreamClock:
         return time, doubt
 
     def _piece(self, controller: Array, delay: Array, time: Array, doubt: BoolArray) -> int:
-        """Aligns up to the end of the second, or to a jump; returns how many it did."""
+        """Aligns up to the end of the second, or to a jump; returns the number aligned."""
         number = self._number
         # the very difference that _close divides: else rounding could leave a second open for ever
         over = controller - self._fit[0] >= (number[0] + 1.0) * BIN

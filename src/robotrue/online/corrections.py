@@ -43,7 +43,7 @@ Guard = CorrectionGuard | RemoteGuard
 class Corrections:
     """Minus the estimated error, low-passed, turned into the axes of the controller's correction.
 
-    An invalid estimate goes to the guard as a doubt, and the low-pass begins anew after it.
+    An invalid estimate goes to the guard as a fault, and the low-pass restarts after it.
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class Corrections:
         self._time = math.nan
 
     def take(self, estimates: EstimateBlock) -> None:
-        """Asks the guard for the correction of the latest estimate, or tells it of the doubt."""
+        """Passes the latest estimate's correction, or its invalidity, to the guard."""
         for time, error, valid in zip(
             estimates.host_time.tolist(), estimates.error, estimates.valid.tolist(), strict=True
         ):
@@ -99,7 +99,7 @@ _SPACING: Final = 0.25e-3
 """m between the points a direction is taken from; encoders are good to some hundredths of that."""
 _POINTS: Final = 5
 _LEAP: Final = 5e-3
-"""m between two calls, some 10 ms apart, beyond which this is no cut and the points begin anew."""
+"""m between two calls, some 10 ms apart, beyond which this is no cut and the points restart."""
 _PLUNGE: Final = 0.1
 """Sine between path and tool axis below which y and z have no direction."""
 
@@ -164,15 +164,15 @@ def note_path(peer: str) -> Path:
 
 
 def begin_note(peer: str, limit: float, *, confirmed: bool) -> None:
-    """Writes the note of a controller that is going to be corrected.
+    """Writes the note of a controller that will be corrected.
 
     Args:
         peer: Its address.
         limit: m that it may hold from now on.
-        confirmed: The operator says that it holds no correction now.
+        confirmed: The operator states that it holds no correction now.
 
     Raises:
-        ConfigurationError: There is a note, and nobody confirmed.
+        ConfigurationError: There is a note, and no confirmation.
     """
     path = note_path(peer)
     if path.exists() and not confirmed:

@@ -63,9 +63,9 @@ def estimate_lines(block: EstimateBlock, joints: int) -> bytes:
 class CsvSink:
     """A file of estimates.
 
-    A block goes to the operating system in one piece before ``write`` returns, so that a process
-    that is killed loses nothing it was told was written. A disk that is full costs blocks, which
-    are counted, and never leaves half a line between two whole ones.
+    A block goes to the operating system in one piece before ``write`` returns, so a process that is
+    killed loses no block whose ``write`` returned. A full disk loses blocks, which are counted, and
+    never leaves half a line between two whole ones.
     """
 
     def __init__(self, path: str | Path, settings: SinkSettings) -> None:
@@ -79,14 +79,14 @@ class CsvSink:
 
     @property
     def resumed_after(self) -> str | None:
-        """The last whole line that stood there when the file was opened, or None."""
+        """The last whole line of the file when it was opened, or None."""
         return self._last
 
     async def open(self) -> None:
-        """Begins the file, or goes on after its last whole line where the settings say resume.
+        """Starts the file, or continues after its last whole line where the settings state resume.
 
         Raises:
-            ConfigurationError: There is a file and nothing says to go on with it.
+            ConfigurationError: The file exists and the settings do not resume.
             FormatError: It is not one of ours with these columns, or cannot be opened.
         """
         await asyncio.to_thread(self._open)
@@ -152,7 +152,7 @@ class CsvSink:
         except ShapeError as cause:
             self._health.refuse(str(cause))
             return
-        # A disk that stands still must not hold up the answers to a robot: in a thread.
+        # A stalled disk must not delay the answers to a robot: in a thread.
         await asyncio.to_thread(self._append, self._file, data)
 
     def _append(self, file: FileIO, data: bytes) -> None:
@@ -213,7 +213,7 @@ _LOOKED_AT: Final = 16
 def export_lines(
     record: StreamRecord, stream: Exported, *, skip_damage: bool = False
 ) -> Iterator[tuple[bytes, int]]:
-    """Gives the header and then the lines of each block of a stream, with how many they are.
+    """Yields the header and then the lines of each block of a stream, with their number.
 
     Times and numbers are printed so that they read back as the same float64; degrees and
     millimetres differ from the recorded rad and m by rounding. Counts that do not grow by one

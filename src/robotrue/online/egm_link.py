@@ -45,7 +45,7 @@ from robotrue.online.udp import Address, Inbox
 
 _CYCLE: Final = 4e-3
 _UNSEEN: Final = 25
-"""Messages lost in a row in which the guidance may have ended and begun anew."""
+"""Messages lost in a row in which the guidance may have ended and started again."""
 _STALE: Final = Flag.REPEATED | Flag.REORDERED
 """What is not answered: the controller has had an answer to something newer."""
 
@@ -90,17 +90,17 @@ class EgmSettings(RobotLinkSettings):
 class EgmSource(RobotLink[SeenMessage]):
     """An ABB controller as a source of :class:`~robotrue.online.blocks.JointBlock`.
 
-    Listens from the moment it is made; answers only where a corrector is given, and only while the
-    controller says that it guides the robot.
+    Listens once constructed; answers only where a corrector is given, and only while the controller
+    reports that it guides the robot.
 
     Args:
-        settings: What no message tells.
-        corrector: Asked for each answer, from the link's own thread.
-        before: Of the link that this one goes on for.
+        settings: Properties that no message states.
+        corrector: Called for each answer, from the link's thread.
+        before: State of the ended link that this one replaces.
 
     Raises:
-        ConfigurationError: The address cannot be had, or corrections in a mode that is not stated
-            or cannot be sent.
+        ConfigurationError: The address is not available, or corrections in a mode that is not
+            stated or cannot be sent.
     """
 
     def __init__(
@@ -163,7 +163,7 @@ class EgmSource(RobotLink[SeenMessage]):
         same: bool,
         silent: bool,
     ) -> None:
-        """Tells the corrector of a guidance that ended, or may have ended unseen."""
+        """Reports a guidance to the corrector that ended, or may have ended unseen."""
         if self._corrector is None or not self._guided:
             return
         if guidance is not GuidanceState.RUNNING:
@@ -176,7 +176,7 @@ class EgmSource(RobotLink[SeenMessage]):
             self._corrector.note_restart(certain=False)
 
     def _answer(self, corrector: CorrectionGuard, sender: Address, host_time: float) -> None:
-        # asked for now: the message may have waited, and estimates have come since
+        # computed now: the message may have waited, and estimates have come since
         now = time.monotonic()
         correction, age = corrector.next(now), corrector.age(now)
         if correction is None:
@@ -234,7 +234,7 @@ class EgmForce:
         self._inbox.put(seen)
 
     def end(self, fault: BaseException | None) -> None:
-        """Says that no more will come."""
+        """Closes the inbox: no more messages will come."""
         self._inbox.close(fault)
 
 

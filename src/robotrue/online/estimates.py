@@ -35,7 +35,7 @@ class Doubt(enum.IntFlag):
     SETTLING = 16
     """Within the memory of the filters after a gap, a restart or an invalid sample."""
     CLOCK = 32
-    """The streams' clocks cannot be told apart well enough, or one has jumped."""
+    """The offset of the streams' clocks is not known well enough, or one has jumped."""
     EXTRAPOLATED = 64
     """Physics alone: the learned part has nothing to say here. Valid, with the wider band."""
 
@@ -44,14 +44,14 @@ class Doubt(enum.IntFlag):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EstimateBlock(Columns):
-    """Estimates in the order of the force samples they rest on.
+    """Estimates in the order of their force samples.
 
     Attributes:
         host_time: (n,) s on the receiving computer's monotonic clock.
-        error: (n, 3) m, actual minus programmed place of the tool point, base axes; NaN where
+        error: (n, 3) m, actual minus programmed position of the tool point, base axes; NaN where
             invalid.
         sd: (n, 3) m, its standard deviation; NaN where invalid.
-        static: (n, 3) m, the part a force that stands for long would leave.
+        static: (n, 3) m, the part that a constant force would leave.
         wrench: (n, 6) N and N m of the process on the tool point, base axes; NaN where invalid.
         joints: (n, dof) rad as the controller displays them, at these times; NaN where not known.
         sequence: (n,) numbers of the force samples.
@@ -140,8 +140,8 @@ class EstimateBin:
         host_time: s, of the last sample in it.
         sequence: Its number.
         rows: Samples.
-        invalid: Of these not valid.
-        doubt: Every doubt of any of them.
+        invalid: Invalid samples.
+        doubt: Warnings of all samples, combined.
         low: (k,) um, N, N m, deg; the smallest valid value, NaN where there is none.
         high: (k,) the largest, likewise.
         last: (k,) the last sample's.

@@ -47,7 +47,7 @@ class CorrectionLimits:
     Attributes:
         shift: m, its largest length.
         shift_rate: m/s, its fastest change.
-        cycle: s for which one answer stands at most (RSI 4 or 12 ms).
+        cycle: s for which one answer applies at most (RSI 4 or 12 ms).
         turn: rad; 0 never turns the tool.
         turn_rate: rad/s.
         timeout: s after which an estimate is too old.
@@ -95,8 +95,8 @@ class GuardState:
         active: Whether estimates are followed.
         pending: Of these, what the latest answer added (nm, 1e-6 deg), not confirmed yet.
         spread: Radius in nm and in 1e-6 deg around ``shift`` and ``turn`` that holds the truth.
-        refused: Whether corrections cannot begin again before the controller starts anew.
-        frozen: Whether nothing is known well enough to move the robot at all.
+        refused: Whether corrections cannot begin again before the controller restarts.
+        frozen: Whether the robot's correction is too uncertain to move it at all.
     """
 
     shift: Steps = (0, 0, 0)
@@ -129,15 +129,15 @@ class GuardState:
 class CorrectionGuard:
     """Computes the correction of each cycle and keeps it within the limits.
 
-    A link asks it for each of its answers, and tells it what it sees of the controller, from a
-    thread of its own.
+    A link calls it for each of its answers and reports the controller's state to it, from a
+    separate thread.
 
-    It starts at zero, and goes back there at the stated rate, without a jump, when the estimate
-    is invalid or older than ``timeout``, when answers come late, or when a link sees a fault.
-    ``why`` tells. With ``latch`` it stays there until :meth:`rearm`.
+    It starts at zero, and returns there at the stated rate, without a jump, when the estimate is
+    invalid or older than ``timeout``, when answers come late, or when a link sees a fault. ``why``
+    states the cause. With ``latch`` it stays there until :meth:`rearm`.
 
     Args:
-        limits: What it keeps to.
+        limits: Limits of the correction.
         mode: What the controller does with an answer; for RELATIVE the answers are increments.
     """
 
@@ -306,8 +306,8 @@ class CorrectionGuard:
 
         Args:
             certain: It has, and holds no correction. If not, it holds the correction of before or
-                none: nothing can be sent that is safe in both cases, so the robot is not moved
-                any more until the controller begins anew for certain.
+                none: nothing can be sent that is safe in both cases, so the robot is not moved any
+                more until the controller restarts for certain.
         """
         with self._lock:
             self._late.clear()
@@ -360,7 +360,7 @@ class CorrectionGuard:
         )
 
     def resume(self, state: GuardState, why: str) -> None:
-        """Goes on for a guard that has ended: from what the robot holds back to zero.
+        """Replaces a guard that has ended: ramps the correction that the robot holds to zero.
 
         Args:
             state: Of that guard, as it was last known.
@@ -435,7 +435,7 @@ class CorrectionGuard:
         self._tripped_at = -math.inf if math.isnan(self._time) else self._time
 
     def _refuse(self, why: str) -> None:
-        """Trips for good: only a controller that begins anew for certain ends it."""
+        """Trips permanently: only a certain restart of the controller ends it."""
         self.trips += self._tripped_at is None
         self._tripped_at = -math.inf if math.isnan(self._time) else self._time
         if not self._refused:

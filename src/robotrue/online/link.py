@@ -1,7 +1,7 @@
-"""The contracts of the service: sources give blocks, sinks take estimates, each counts its faults.
+"""The contracts of the service: sources yield blocks, sinks take estimates, each counts its faults.
 
-A source connects, reconnects and answers by itself; the service knows nothing of packets. One leaf
-file per protocol has a ``PROTOCOL``. A sink is slow or gone without anybody else noticing.
+A source connects, reconnects and answers by itself; the service does not handle packets. One leaf
+file per protocol has a ``PROTOCOL``. A slow or lost sink does not affect the others.
 """
 
 from __future__ import annotations
@@ -102,11 +102,11 @@ class RobotLinkSettings:
     """Properties of a controller that no packet states.
 
     Attributes:
-        name: What messages and health call it.
+        name: Name in messages and health counters.
         mode: How the controller takes a correction; needed where corrections are sent.
         host: Own address; ``0.0.0.0`` for all.
-        port: Own port; 0 takes a free one, None the usual one.
-        waiting: Samples that may wait for their reader before the health says so.
+        port: Own port; 0 takes a free one, None the default.
+        waiting: Samples that may wait for their reader before health reports a fault.
         peer: Address and port of the controller, 0 for any port: all other senders are ignored.
     """
 
@@ -168,11 +168,11 @@ class StreamProtocol:
         example: An address.
         options: What an address takes after ``?``, with the unit.
         read: Makes the source of an address, or the settings of a link that answers.
-        lacks: Why one of the two streams does not come, by its role; without an entry it comes.
+        lacks: Why one of the two streams is absent, by its role; without an entry it is present.
         takes_corrections: Whether the controller waits for answers and takes corrections.
         takes_path_axes: Whether it takes them in the axes of its path.
-        link_of_force: Name of the robot's link whose messages hold the force that an address
-            means; None where forces have a source of their own.
+        link_of_force: Name of the robot's link whose messages hold the force that an address means;
+            None where forces have a separate source.
         force_rate: Force samples per second where no address states them; None: unknown.
     """
 

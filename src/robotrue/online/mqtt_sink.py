@@ -54,8 +54,8 @@ class MqttSink(DisplaySink):
     def __init__(self, address: NetAddress, settings: SinkSettings) -> None:
         """Takes ``mqtt://user:password@host:port/prefix?rate=20``, or ``mqtts://`` for TLS.
 
-        User, password and the file of the authority that signed the broker's certificate may
-        stand in ``ROBOTRUE_MQTT_USER``, ``_PASSWORD`` and ``_CA`` instead.
+        User, password and the file of the authority that signed the broker's certificate may come
+        from ``ROBOTRUE_MQTT_USER``, ``_PASSWORD`` and ``_CA`` instead.
 
         Raises:
             ConfigurationError: A prefix no topic can have, a rate that is none, or a certificate
@@ -175,10 +175,10 @@ class MqttSink(DisplaySink):
 
 
 async def _until_gone(client: aiomqtt.Client) -> None:
-    """Reads what nobody sends: the one way to hear at once that the broker went away.
+    """Reads messages, though none are sent: the only way to notice at once that the broker is gone.
 
     Raises:
-        MqttError: It did.
+        MqttError: The broker is gone.
     """
     async for _ in client.messages:
         pass

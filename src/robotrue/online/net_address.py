@@ -164,8 +164,8 @@ class AddressOptions:
 
     Args:
         shown: The address as messages name it.
-        options: As they stand there.
-        known: What may stand there, and what it means.
+        options: Values by name, as written.
+        known: Allowed names and their meaning.
 
     Raises:
         ConfigurationError: An option that is not known.

@@ -43,7 +43,7 @@ class Reading:
     """One number of the tree.
 
     Attributes:
-        folder: It stands in.
+        folder: Folder of the node.
         name: Of the variable.
         unit: A key of the units.
         column: Among the numbers of a bin.
@@ -84,7 +84,7 @@ def status_name(doubt: int, *, known: bool, whole: bool) -> str:
     """Returns the name of the OPC UA status code of a number.
 
     Args:
-        doubt: Of the samples it stands for.
+        doubt: Of its samples.
         known: Whether there is a number at all.
         whole: Whether none of these samples was invalid.
     """

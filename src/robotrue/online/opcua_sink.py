@@ -1,6 +1,6 @@
 """Estimates as an OPC UA server for supervision: the tree of :mod:`robotrue.online.opcua_nodes`.
 
-With a folder of NodeSet files the joints stand in a robot of the Robotics companion model, too.
+With a folder of NodeSet files the joints are also nodes of a robot of the Robotics companion model.
 """
 
 from __future__ import annotations
@@ -168,7 +168,7 @@ class OpcUaSink(DisplaySink):
             self._waiting.put(None)
 
     async def _show(self) -> None:
-        """Writes bins to the nodes; None says that nothing comes any more."""
+        """Writes bins to the nodes; None marks the end of the stream."""
         while True:
             each = await self._waiting.take()
             if each is None:

@@ -75,7 +75,7 @@ class LosslessQueue(_Queue[T]):
     """A queue for files and replays: when it is full, putting waits. Nothing is ever dropped.
 
     Attributes:
-        waits: How often somebody had to wait for room.
+        waits: How often a writer had to wait for room.
     """
 
     waits = 0

@@ -1,7 +1,7 @@
 """ATI Net F/T and Ethernet Axia, Raw Data Transfer: requests, the sensor's scale, records.
 
-UDP 49152, big-endian. Records hold counts; what a count is worth stands in the sensor's own page
-``netftapi2.xml``, with its unit, and differs from sensor to sensor.
+UDP 49152, big-endian. Records hold counts; the sensor's page ``netftapi2.xml`` states counts per
+unit, which differ from sensor to sensor.
 """
 
 from __future__ import annotations

@@ -64,13 +64,13 @@ class RdtSettings:
     """Address of a sensor and the scale of its records.
 
     Attributes:
-        name: What messages and health call it.
+        name: Name in messages and health counters.
         host: Name or address of the sensor.
         port: UDP.
-        scale: What counts are worth; None if ``page`` says it.
+        scale: Counts per unit; None if ``page`` states it.
         page: ``http://...`` address of the sensor's ``netftapi2.xml``, or empty.
         device: Family.
-        rate: Records per second; None if ``page`` says it.
+        rate: Records per second; None if ``page`` states it.
         frame: Frame of the axes: "sensor" unless the sensor itself turns them.
         silence: s without a record after which the sensor is asked again.
         gather: s for which datagrams pile up before they are read.
@@ -142,7 +142,7 @@ class RdtSource:
         )
 
     async def close(self) -> None:
-        """Tells the sensor to stop; an open :meth:`blocks` ends soon after."""
+        """Stops the sensor; an open :meth:`blocks` ends soon after."""
         self._closed = True
         if self._socket is not None:
             with contextlib.suppress(OSError):
@@ -151,11 +151,11 @@ class RdtSource:
                 self._leave()
 
     async def blocks(self) -> AsyncIterator[ForceBlock]:
-        """Gives what the sensor sends, for ever; asks again when it falls silent.
+        """Yields the sensor's records without end; requests them again when it falls silent.
 
         Raises:
             ConfigurationError: Records at another rate than stated, or a page without rate.
-            FormatError: The sensor's page does not say what a count is worth.
+            FormatError: The sensor's page does not state the counts per unit.
         """
         wait = _RETRY[0]
         try:
@@ -324,7 +324,7 @@ class RdtSource:
 
 
 def _make_receiver(link: socket.socket) -> Callable[[memoryview], tuple[int, Told]]:
-    """Reads a datagram into a view: its size, and what the system tells with it."""
+    """Returns a function that reads a datagram into a view: its size, and ancillary data."""
     if not hasattr(link, "recvmsg_into"):  # Windows
         return lambda view: (link.recv_into(view), [])
     recvmsg_into = link.recvmsg_into

@@ -3,7 +3,7 @@
 A record is a folder of segments ``segment-000001.rtr``, ... A segment is a line of magic, a header
 (JSON: schema, addresses, hashes of the models, units, settings) and frames
 (:mod:`robotrue.online.record_frames`). A process that is killed leaves a torn frame at the end of
-its segment at most; who opens the record again goes on in a new segment.
+its segment at most; a record that is opened again continues in a new segment.
 """
 
 from __future__ import annotations
@@ -42,10 +42,10 @@ class RecordHeader:
     Attributes:
         addresses: Address by role: ``robot``, ``force``.
         provenance: SHA-256 of what made the estimates, by role: cell, models, clock.
-        settings: JSON values of what else the estimates depend on.
+        settings: JSON values of all other settings that the estimates depend on.
         started: UTC, ISO 8601, when the service was started that wrote the segment.
         host_to_utc: s to add to host times for UTC (seconds since 1970), at that moment.
-        simulated: Roles whose data say that they are simulated: streams, models.
+        simulated: Roles whose data are marked as simulated: streams, models.
     """
 
     addresses: Mapping[str, str]
@@ -117,14 +117,14 @@ class StreamRecord:
     def frames(
         self, kinds: Collection[Kind] | None = None, *, skip_damage: bool = False
     ) -> Iterator[RecordFrame]:
-        """Gives the frames in their order, holding one at a time.
+        """Yields the frames in order, holding one at a time.
 
         Args:
             kinds: Only these; all are checked.
-            skip_damage: Go on behind damage inside a segment; ``torn`` says what was left out.
+            skip_damage: Continue after damage inside a segment; ``torn`` states the bytes left out.
 
         Raises:
-            FormatError: Damage with whole frames behind it: that is no crash.
+            FormatError: Damage with whole frames after it, which no crash leaves.
         """
         for segment in self.segments():
             yield from self.segment_frames(segment, kinds, skip_damage=skip_damage)

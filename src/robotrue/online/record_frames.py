@@ -71,7 +71,7 @@ class RecordFrame:
 @dataclass(frozen=True, slots=True)
 class _Column:
     name: str
-    shape: tuple[int, ...]  # -1 stands for the number of joints
+    shape: tuple[int, ...]  # -1: the number of joints
     whole: bool = False
 
 

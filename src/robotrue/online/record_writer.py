@@ -1,9 +1,9 @@
 """Record writer in a separate thread, so that the disk never delays an answer to the robot.
 
 Every frame goes to the system as it comes (a killed process loses none of those) and to the disk
-every ``sync`` seconds (a lost mains loses the frames since). While the disk refuses, is full or
-stalls, frames wait in memory and are tried again every second; nothing is dropped. Where they
-fill ``memory``, the record can no longer be whole, and :meth:`RecordWriter.put` says so.
+every ``sync`` seconds (a power failure loses the frames since). While the disk refuses, is full or
+stalls, frames wait in memory and are tried again every second; nothing is dropped. Where they fill
+``memory``, the record can no longer be whole, and :meth:`RecordWriter.put` raises.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from robotrue.online.record_frames import Arrays, Content, Kind, content_size, f
 SYNC: Final = 1.0
 """s between two writes through to the disk."""
 SEGMENT: Final = 256 << 20
-"""Bytes from which a new segment is begun."""
+"""Bytes from which a new segment starts."""
 MEMORY: Final = 256 << 20
 """Bytes of frames that may wait for the disk."""
 _AHEAD: Final = 16 << 20
@@ -57,13 +57,13 @@ class RecordWriter:
         memory: int = MEMORY,
         write: Write = os.write,
     ) -> None:
-        """Opens a record, or goes on with one in a new segment.
+        """Opens a record, or continues one in a new segment.
 
         Args:
             path: Folder; made if it is not there.
             header: Of the segments to come.
             sync: s between two writes through to the disk.
-            segment: Bytes from which a new segment is begun.
+            segment: Bytes from which a new segment starts.
             memory: Bytes of frames that may wait.
             write: Puts bytes to a file; another one in tests of a full disk.
 
@@ -141,10 +141,10 @@ class RecordWriter:
         )
 
     def close(self) -> None:
-        """Writes what waits, through to the disk, and ends.
+        """Writes all waiting frames through to the disk, and ends.
 
         Raises:
-            FormatError: The disk does not take what is left; says how many frames are lost.
+            FormatError: The disk does not take the waiting frames; states the number lost.
         """
         with self._change:
             self._closing = True
@@ -172,7 +172,7 @@ class RecordWriter:
                 elif time.monotonic() - self._synced >= self._sync:
                     self._sync_to_disk()
             self._end_segment()
-        except BaseException as fault:  # raised to whoever puts next: the thread has no caller
+        except BaseException as fault:  # raised by the next put: the thread has no caller
             self._broken = fault
 
     def _wait(self) -> bool:

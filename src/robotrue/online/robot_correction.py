@@ -30,7 +30,7 @@ class CorrectionMode(enum.Enum):
     """Interpretation of a correction by the controller; the wrong one is dangerous."""
 
     RELATIVE = "relative"
-    """Added anew in every cycle: the same value sent twice moves twice as far."""
+    """Added in every cycle: the same value sent twice moves twice as far."""
     ABSOLUTE = "absolute"
     """Against the programmed path: the same value sent twice changes nothing."""
 
@@ -138,4 +138,4 @@ def _vector(steps: Steps, unit: float) -> Array:
 
 
 _REST: Final = {m: Correction(shift=_ZEROS, turn=_ZEROS, mode=m) for m in CorrectionMode}
-"""Answers that move nothing, which most of them are; nobody can write to them."""
+"""Read-only answers that move nothing, which most of them are."""

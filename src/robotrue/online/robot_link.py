@@ -27,26 +27,26 @@ _SILENCE: Final = 25
 _RELEASE: Final = 10.0
 """s, at most, that closing waits for a correction to go to zero."""
 _TOLD: Final = 4
-"""Packets after the last answer with a correction: an answer that was late is told in them."""
+"""Packets after the last answer with a correction: they report an answer that was late."""
 _UNSAFE: Final = Flag.NOT_FINITE | Flag.IMPLAUSIBLE | Flag.CLOCK_JUMP | Flag.SENSOR_FAULT
 
 
 class RobotLink(Generic[S]):
     """A controller on UDP as a source of :class:`~robotrue.online.blocks.JointBlock`.
 
-    What it keeps of a packet (``S``) is made into a block by its reader, not by the thread that
+    The data stored of a packet (``S``) become a block in the reader, not in the thread that
     answers.
 
     Args:
         settings: Of this controller.
-        corrector: Asked for each answer, from the link's own thread; None corrects nothing.
-        port: Own port; 0 takes a free one, ``address`` tells which.
+        corrector: Called for each answer, from the link's thread; None corrects nothing.
+        port: Own port; 0 takes a free one, which ``address`` states.
         cycle: s of the controller.
         watch: Before the first packet.
-        before: Of the link that this one goes on for: nobody has answered since.
+        before: State of the ended link that this one replaces: no answers since.
 
     Raises:
-        ConfigurationError: The address cannot be had.
+        ConfigurationError: The address is not available.
     """
 
     def __init__(
@@ -180,7 +180,7 @@ class RobotLink(Generic[S]):
         """Takes a sender as the peer, with a packet that could be read; before it is answered.
 
         Returns:
-            Whether it is the controller of before: nobody else is allowed, or the same port.
+            Whether it is the previous controller: no other sender is allowed, or the same port.
         """
         before, self._peer = self._peer, sender
         self._health.reconnects += before is not None
@@ -219,7 +219,7 @@ class Turnaround:
 
     @classmethod
     def of(cls, counts: Mapping[str, int], largest: float) -> Turnaround:
-        """Returns the histogram that :meth:`counts` told of."""
+        """Returns the histogram of the numbers from :meth:`counts`."""
         made = cls()
         for place, count in counts.items():
             made._bins[int(place)] = count

@@ -1,8 +1,8 @@
 """KUKA RSI: ``<Rob>`` packets of the controller, read one by one and made into blocks.
 
-The controller owns the clock. Every 4 ms (IPO_FAST) or 12 ms it sends a packet with its time in
-ms, IPOC, and drops an answer with another one. RSI_ON in the KRL program says whether corrections
-add up (#RELATIVE) or not (#ABSOLUTE); no packet tells, so it is stated here.
+The controller owns the clock. Every 4 ms (IPO_FAST) or 12 ms it sends a packet with its time in ms,
+IPOC, and drops an answer with another one. RSI_ON in the KRL program sets whether corrections add
+up (#RELATIVE) or not (#ABSOLUTE); no packet contains it, so it is stated here.
 """
 
 from __future__ import annotations

@@ -1,12 +1,12 @@
-"""``<Sen>`` answers to a KUKA controller, and what it has done with each, as IPOC and Delay tell.
+"""``<Sen>`` answers to a KUKA controller, and whether it applied each, from IPOC and Delay.
 
 Delay grows by one in each cycle that ends without an answer. Of two packets that are ``n`` cycles
 apart the later one has therefore counted ``n - 1`` more if the answer to the earlier was taken: the
-packets between were lost and nobody answered them. Every other number leaves it open. Controllers
+packets between were lost and not answered. Every other number leaves it undetermined. Controllers
 that set Delay back to zero with the next answer in time are read likewise. Some count from the
 first answer on, so the first answers of a session move nothing: one of them arrives.
 
-Assumed of the controller: it takes an answer once, none after the cycle that follows its own, and
+Assumptions: the controller takes an answer once, none after the cycle that follows its own, and
 from the last packet before RSI_OFF to the first after RSI_ON :data:`RESTART` cycles pass or more.
 
 Packets are written and answers read here for simulated controllers.
@@ -158,11 +158,11 @@ class RsiBooking:
     """Books each answer with the corrector as taken, or as open.
 
     Args:
-        corrector: Told before it is asked for the next answer.
+        corrector: Updated before it computes the next answer.
         cycle_ms: Of the controller.
         before: Of a link that has ended; its last answers may not be recorded.
-        trust_restart: Whether a Delay near zero after a pause is a session started anew, which
-            holds no correction. A count that was set back otherwise looks the same.
+        trust_restart: Whether a Delay near zero after a pause is a new session, which holds no
+            correction. A count that was set back otherwise looks the same.
     """
 
     def __init__(
@@ -202,7 +202,7 @@ class RsiBooking:
             self._corrector.book(taken=False)
             return True
         resumed, self._resumed = self._resumed, False
-        # less on its clock than on ours: time enough to begin anew and to set the clock back
+        # less on its clock than on ours: time enough to restart and to set the clock back
         whole = gap <= (cycles + RESTART) * self._step * 1e-3
         if same and whole and not odd and cycles > 0:
             rise = late - late_before

@@ -60,7 +60,7 @@ class RsiConfig:
         found = next((e for e in self.receive if e.tag == tag), None)
         if found is not None or not tag.startswith("Tech."):
             return found
-        # DEF_Tech.T2 stands for Tech.T21 .. Tech.T210
+        # DEF_Tech.T2 means Tech.T21 .. Tech.T210
         number = re.fullmatch(r"Tech\.([TC][1-6])(?:[1-9]|10)", tag)
         group = f"Tech.{number[1]}" if number else ""
         return next((e for e in self.receive if e.tag == group), None)

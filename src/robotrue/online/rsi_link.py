@@ -112,16 +112,16 @@ class RsiSettings(RobotLinkSettings):
 class RsiSource(RobotLink[SeenPacket]):
     """A KUKA controller as a source of :class:`~robotrue.online.blocks.JointBlock`.
 
-    Listens and answers from the moment it is made, with no correction unless a corrector is given.
+    Listens and answers once constructed, with no correction unless a corrector is given.
 
     Args:
-        settings: What no packet tells.
-        corrector: Asked for each answer, from the link's own thread.
-        before: Of the link that this one goes on for.
+        settings: Properties that no packet states.
+        corrector: Called for each answer, from the link's thread.
+        before: State of the ended link that this one replaces.
 
     Raises:
-        ConfigurationError: The address cannot be had, another cycle, or corrections that cannot be
-            sent safely.
+        ConfigurationError: The address is not available, another cycle, or corrections that cannot
+            be sent safely.
     """
 
     def __init__(
@@ -192,7 +192,7 @@ class RsiSource(RobotLink[SeenPacket]):
         self._answered.append(ipoc)
         correction: Correction | None = self._rest
         if self._corrector is not None:
-            # asked for now: the packet may have waited, and estimates have come since
+            # computed now: the packet may have waited, and estimates have come since
             now = time.monotonic()
             correction = self._corrector.next(now) if moves else self._corrector.hold()
         if correction is None:

@@ -40,11 +40,11 @@ class RtdeSettings:
     """Address and rate of a controller.
 
     Attributes:
-        name: What messages and health call it.
+        name: Name in messages and health counters.
         host: Name or address of the controller.
         port: TCP.
-        rate: Packets per second asked for, 500 at most, 125 before e-Series.
-        silence: s without a packet after which the connection is given up and made again.
+        rate: Requested packets per second, 500 at most, 125 before e-Series.
+        silence: s without a packet after which the connection is closed and opened again.
     """
 
     name: str

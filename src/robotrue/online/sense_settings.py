@@ -27,7 +27,7 @@ from robotrue.robot.forward import forward
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SenseSettings:
-    """The service: what it reads, what it writes, how long it runs.
+    """Settings of the service: inputs, outputs, duration.
 
     Attributes:
         files: Of the estimator.
@@ -37,8 +37,8 @@ class SenseSettings:
         correction: Of the robot; None sends none.
         out: Addresses of sinks.
         record: Folder of the record.
-        resume: Goes on with the record and the files that are there.
-        rate: Force samples per second, where no address says it.
+        resume: Continues the existing record and files.
+        rate: Force samples per second, where no address states it.
         clock: File of ``robotrue sense align``.
         name: Of the cell, in topics and pages.
         note: Shown beside every estimate.
@@ -131,7 +131,7 @@ class CorrectionSettings:
         axes: Of the controller's correction: "base", "tool", "path", or "A,B,C" in deg.
         cutoff: Hz, of the low-pass on corrections.
         trust_restart: RSI: a Delay near zero after a pause is a new RSI_ON without correction.
-        confirm_zero: Somebody has checked that the robot holds no correction.
+        confirm_zero: The operator has checked that the robot holds no correction.
     """
 
     limits: CorrectionLimits

@@ -1,12 +1,12 @@
 """The tool's error at every force sample: blocks of joints and forces in, estimates out.
 
-Per sample: the joints of its time, the pose and whether the models hold there, the force in base
-without what hangs on the sensor, the bending of the arm under the slow force, the response in
-time, the learned deviation of the window before; and a standard deviation. A row that rests on
-anything doubtful is NaN and says why.
+Per sample: the joints at its time, the pose and whether the models are valid there, the force in
+base without the load on the sensor, the arm's deflection under the slow force, the response in
+time, the learned deviation of the window before; and a standard deviation. A row with any invalid
+input is NaN and states the cause.
 
-The same data cut differently give the same numbers, bit for bit; so does a run that was stopped
-and goes on from :meth:`Sensing.state`.
+The same data cut differently give the same numbers, bit for bit; so does a run that was stopped and
+continues from :meth:`Sensing.state`.
 """
 
 from __future__ import annotations
@@ -144,7 +144,7 @@ class Sensing:
         )
 
     def state(self) -> dict[str, Array]:
-        """Returns all that a run goes on from, as arrays by name."""
+        """Returns the state from which a run continues, as arrays by name."""
         return {
             "numbers": numbers_of(self._state).copy(),
             "watch": numbers_of(self._watch).copy(),
@@ -155,7 +155,7 @@ class Sensing:
         }
 
     def restore(self, state: dict[str, Array]) -> None:
-        """Goes on from :meth:`state` of an estimator with the same models and settings.
+        """Continues from :meth:`state` of an estimator with the same models and settings.
 
         Raises:
             ModelMismatchError: A state of other models.

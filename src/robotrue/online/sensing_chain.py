@@ -1,7 +1,7 @@
-"""From blocks as they came to estimates: clocks aligned, streams in order, estimator fed.
+"""Converts received blocks to estimates: aligns clocks, orders streams, runs the estimator.
 
-Without tasks, sockets or a clock of its own: what comes out depends on what went in alone, so a
-record of the input gives the same output again, and a checkpoint goes on bit for bit.
+Without tasks, sockets or a separate clock: the output depends on the input alone, so a record of
+the input gives the same output again, and a checkpoint continues bit for bit.
 """
 
 from __future__ import annotations
@@ -125,7 +125,7 @@ class SensingChain:
         return found
 
     def restore(self, state: State) -> None:
-        """Goes on from :meth:`state`.
+        """Continues from :meth:`state`.
 
         Raises:
             ModelMismatchError: A checkpoint of something else.

@@ -155,7 +155,7 @@ def _take_compliance(
 def _read_response(cell: Cell, files: SensingFiles, remarks: list[str]) -> MeasuredResponse | None:
     if files.frf is None:
         if files.frf_joints is not None or files.frf_frame is not None:
-            raise ConfigurationError("--frf-joints and --frf-frame say where --frf was measured.")
+            raise ConfigurationError("--frf-joints and --frf-frame state where --frf was measured.")
         remarks.append(
             "no frequency response: only the static part, under the force below "
             f"{SensingSettings().static_band:g} Hz; vibration is not included"

@@ -1,8 +1,8 @@
 """Interpolates the arm's pose at force times; joint samples wait for the forces that need them.
 
-A force takes the joints of samples at or before its own time, carried on at their last speed for
-one and a half of their own interval, then held. So an estimate depends on the times of the
-samples alone, not on how the streams were cut or how far one ran ahead of the other.
+A force uses the joints of samples at or before its time, extrapolated at their last speed for 1.5
+sample intervals, then held. So an estimate depends on the times of the samples alone, not on how
+the streams were cut or how far one ran ahead of the other.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _LEAP: Final = 0.05
 _FASTEST: Final = 12.0
 """rad and rad/s: no joint goes farther than both together from one sample to the next."""
 _BURST: Final = 1e-6
-"""s; samples closer than this came in one burst and have no speed of their own."""
+"""s; samples closer than this came in one burst and define no speed."""
 
 
 class JointTrack:
@@ -91,7 +91,7 @@ class JointTrack:
             self.rows = self.rows[before:]
 
     def state(self) -> dict[str, Array]:
-        """Returns what a later track of the same models goes on from."""
+        """Returns the state from which a later track of the same models continues."""
         return {
             "joint_rows": self.rows.copy(),
             "joint_last": self._last.copy(),
@@ -99,7 +99,7 @@ class JointTrack:
         }
 
     def restore(self, state: dict[str, Array]) -> None:
-        """Goes on from :meth:`state`; shapes were checked."""
+        """Continues from :meth:`state`; shapes were checked."""
         self.rows = np.array(state["joint_rows"])
         self._last[:] = state["joint_last"]
         self._path[:] = state["joint_path"]
@@ -192,7 +192,7 @@ def _write_acceleration(path: Array, acceleration: Array) -> None:
         s3 += t * t * t
         s4 += t * t * t * t
     lean = s3 / s2
-    size = s4 - s2 * s2 / k - lean * s3  # of t^2 with its mean and slope taken off
+    size = s4 - s2 * s2 / k - lean * s3  # of t^2 with its mean and slope removed
     if not size > 1e-9:
         return
     for c in range(3):

@@ -47,7 +47,7 @@ _LEVER_FLOOR: Final = 0.5
 """N and N m; below them a lever says nothing."""
 _LIMIT_SLACK: Final = 1e-3
 _MOVED: Final = 1e-4
-"""rad, turn of a joint after which the numbers of the pose are computed anew."""
+"""rad, turn of a joint after which the numbers of the pose are computed again."""
 
 
 @compile_kernel(EXACT)
@@ -152,7 +152,7 @@ def _find_joints(time: float, rows: Array, s: np.record) -> int:
 
 @compile_kernel(EXACT)
 def _check_clocks(time: float, sent: float, flag: int, p: np.record, s: np.record) -> int:
-    """Doubts of a sample's clocks and flags; a gap in the sender's clock counts what is missing."""
+    """Returns the warnings of a sample's clocks and flags; counts missing samples."""
     doubt = 0
     if not np.isfinite(time) or time < s.last_time:
         doubt |= CLOCK
@@ -203,7 +203,7 @@ def _restart(now: Array, p: np.record, s: np.record, window: np.record) -> None:
 
 @compile_kernel(EXACT)
 def _count_missing(time: float, flag: int, p: np.record, s: np.record) -> bool:
-    """Counts the samples that never came; says whether the sender's clock is not to be trusted."""
+    """Counts the samples that never came; returns whether the sender's clock is unreliable."""
     if not np.isfinite(time):
         if flag & _FLAG_GAP:
             s.pending += 1.0 + p.bridged

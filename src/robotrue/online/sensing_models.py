@@ -65,7 +65,7 @@ class MeasuredResponse(Columns):
         oscillators: In the axes of ``frame``.
         joints: (n,) rad, model joints of the hammer test.
         frame: Frame of the axes it was measured along; with ``tool`` it turns with the tool.
-        misfit: Part of the response it may be off by, one standard deviation.
+        misfit: Relative error of the response, one standard deviation.
         room: rad, how far a joint may be from the hammer test.
     """
 
@@ -93,10 +93,10 @@ class PoseResponse:
     """The tool's response from the arm's masses and stiffness at every pose.
 
     Attributes:
-        arm: Masses, stiffness, damping; its static deflection is the arm's whole.
+        arm: Masses, stiffness, damping; its static deflection is that of the whole arm.
         tool: Modes of spindle and tool, base axes.
-        misfit: Part of the response it may be off by, one standard deviation.
-        refresh: rad, turn of a joint after which the modes are computed anew.
+        misfit: Relative error of the response, one standard deviation.
+        refresh: rad, turn of a joint after which the modes are computed again.
     """
 
     arm: FlexibleArm
@@ -257,19 +257,19 @@ class SensingSettings:
     """Settings for computing estimates from samples.
 
     Attributes:
-        joints_age: s; joints older than this say nothing about where the arm is.
+        joints_age: s; joints older than this do not determine the arm's pose.
         static_band: Hz; a change of the arm's compliance acts below it. Below the arm's first
             mode, above the changes of the cut.
-        bridged: Missing or invalid force samples in a row that a straight line crosses; after
-            more the filters start anew.
+        bridged: Missing or invalid force samples in a row that a straight line crosses; after more
+            the filters restart.
         force_noise: N, standard deviation of a force sample; that of the held tool where known.
         force_zero: N, standard deviation of the sensor's zero, each axis; of the held tool's
             offset and weight where that is known.
         force_most: N; the sensor's range. A force at or beyond it is saturated or not in N.
-        lever: m; the cut's moment about the tool point over its force. Beyond it the axes of the
-            sensor are not what they are said to be, or the tool point is not.
+        lever: m; the cut's moment about the tool point over its force. Beyond it the stated sensor
+            axes or tool point are wrong.
         acceleration_samples: Joint samples in the parabola that gives the acceleration of the
-            held mass; 0: none is taken off.
+            payload; 0 subtracts none.
     """
 
     joints_age: float = 0.1

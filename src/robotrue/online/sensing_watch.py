@@ -18,10 +18,10 @@ _WHOLE: Final = 8
 _COUNTS: Final = 1000.0
 """Whole numbers in all three channels, so many in a row, and some beyond this: counts."""
 _STILL: Final = 200
-"""Samples in a row without the least change in any channel: nobody is connected."""
+"""Samples in a row without any change in any channel: no sensor is connected."""
 _FLAT: Final = 4
 _HIGH: Final = 20.0
-"""N; a channel that stands at its extreme for so many samples, twice, beyond this: clipped."""
+"""N; a channel that stays at its extreme for that many samples, twice, beyond this is clipped."""
 WATCH_DTYPE: Final = record_dtype(
     ("last", (3,)), ("whole_run", ()), ("whole_largest", ()), ("equal_run", ()),
     ("channels", (3, 5)),

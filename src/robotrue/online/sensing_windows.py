@@ -61,7 +61,7 @@ class WindowDeviation:
         self.forget()
 
     def forget(self) -> None:
-        """Knows nothing of the deviation but its physics."""
+        """Resets the learned deviation: only the physical model remains."""
         self.correction[:] = 0.0, 0.0, EXTRAPOLATED
 
     def take(self, windows: Records) -> None:
@@ -94,7 +94,7 @@ class WindowDeviation:
 def peaks(sums: np.record, turn: float) -> tuple[float, float]:
     """Returns mean peak of displacement (m) and force (N) over the whole turns of a window.
 
-    As :func:`robotrue.dynamics.windows.peaks_per_turn`: a turn begun at the end does not count.
+    As :func:`robotrue.dynamics.windows.peaks_per_turn`: a turn started at the end does not count.
     """
     turns, bent, pushed = (float(sums[name]) for name in ("turns", "peaks", "force_peaks"))
     if turns == 0.0 or sums["seen"] / turn + _WHOLE >= turns + 1.0:

@@ -18,14 +18,14 @@ class SequenceState:
     Attributes:
         step: What the count grows by from packet to packet (RSI: ms of the cycle, 4 or 12).
         modulus: Where the count starts again at zero; 0 if it never does.
-        window: Packets. A count back or ahead by more than this is no loss but another clock.
+        window: Packets. A count back or ahead by more than this means another clock, not a loss.
         late_after: s between two packets on the host's clock from which the second is late.
         last: Highest count seen on the present clock; None before the first packet.
         host_time: s, when that packet came.
         total: Packets the sender has sent on this clock since the first one seen, losses included.
         late_count: The controller's own count of late answers, as last seen.
         received: Packets looked at.
-        lost: Packets that never came; one that comes late is taken off again.
+        lost: Packets that never came; one that comes late is subtracted again.
         repeated: Packets whose count had come.
         reordered: Packets older than the latest.
         jumps: Clock jumps.
@@ -59,10 +59,10 @@ class SequenceState:
 def advance(
     state: SequenceState, count: int, host_time: float, *, late_count: int = 0
 ) -> tuple[SequenceState, Flag]:
-    """Returns the state after a packet, and what is wrong with the packet.
+    """Returns the state after a packet, and the packet's faults.
 
     A repeated or reordered packet leaves the clock where it is. After a jump the new count is
-    taken: a controller that was restarted goes on with one bad packet, and one damaged count
+    taken: a controller that was restarted continues after one bad packet, and one damaged count
     marks itself and the packet after it.
 
     Args:

@@ -46,7 +46,7 @@ class SinkPlan:
     """A sink and how it is served.
 
     Attributes:
-        sink: Where estimates go.
+        sink: Receiver of the estimates.
         blocks: Blocks that may wait for it.
         whole: It is to get every estimate where the sources can wait (a file of a replay); else
             the oldest go where it cannot keep up.
@@ -131,16 +131,16 @@ async def sense(
     watch: Callable[[Snapshot], None] | None = None,
     stop: asyncio.Event | None = None,
 ) -> Snapshot:
-    """Returns how it stood when the forces ended, the time was over or it was stopped.
+    """Returns the snapshot when the forces ended, the time was over or it was stopped.
 
     Args:
-        joints: Where the robot is.
-        force: What acts on the tool.
+        joints: Joints of the robot.
+        force: Forces on the tool.
         chain: Blocks to estimates.
-        sinks: Where estimates go.
-        record: What came in and what was made of it, checkpoints and health.
-        corrections: Asks the robot for minus the error.
-        settings: Times, and where it goes on.
+        sinks: Receivers of the estimates.
+        record: Inputs, estimates, checkpoints and health.
+        corrections: Sends minus the error to the robot.
+        settings: Times, and the state to continue from.
         watch: Called with every snapshot.
         stop: Ends the service cleanly.
 
@@ -259,7 +259,7 @@ class _Service:
 
     async def _close_sinks(self) -> None:
         for served in self.sinks:
-            with contextlib.suppress(Exception):  # one that fails here failed before, and was told
+            with contextlib.suppress(Exception):  # its failure was reported
                 await served.plan.sink.close()
 
     def _readers(self) -> list[asyncio.Task[None]]:
@@ -331,11 +331,7 @@ class _Service:
             await self._give(self.chain.end_stream(stream))
 
     async def _let_joints_in(self, block: ForceBlock) -> None:
-        """Waits a moment for joints that a busy computer has not handed on yet.
-
-        Forces that overtook them would be without joints, and the filters settle anew. Robots that
-        are silent are waited for once.
-        """
+        """Waits a moment for joints that a busy computer has not delivered yet."""
         until = time.monotonic() + _ON_THEIR_WAY
         while True:
             latest = self.chain.latest_time("joints")
@@ -359,7 +355,7 @@ class _Service:
             if block is None:
                 del streams[stream]
                 if self.stopping:
-                    return  # closed: a stream that goes on another time has not ended
+                    return  # closed: a stream that continues another time has not ended
                 await self._give(self.chain.end_stream(stream))
                 continue
             await self._take(block)
@@ -412,7 +408,7 @@ class _Service:
             self.record.put(Kind.CHECKPOINT, self.chain.state())
 
     async def _look(self) -> None:
-        """Looks at everything now and then, for the record and whoever watches."""
+        """Takes snapshots periodically, for the record and for ``watch``."""
         while True:
             await asyncio.sleep(self.settings.health_every)
             shot = self.snapshot()

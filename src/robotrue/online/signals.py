@@ -4,9 +4,9 @@
 
     {"seq": 17, "t_s": 3.41, "d1_mm": 1.204, "d2_mm": 0.991, "d3_mm": 1.377, "force_N": 752.1}
 
-What a control sends when no protocol of its own fits: every control can print a line. Values are
-numbers or short texts; the unit is the last part of the name. ``seq`` counts the datagrams and
-``t_s`` is the sender's clock; both may be left out.
+For a control without a supported protocol: every control can print a line. Values are numbers or
+short texts; the unit is the last part of the name. ``seq`` counts the datagrams and ``t_s`` is the
+sender's clock; both may be left out.
 """
 
 from __future__ import annotations
@@ -144,15 +144,15 @@ _SILENT: Final = 2.0
 
 
 class UdpSignals:
-    """Listens on an address; answers go to whoever sent the latest sound datagram.
+    """Listens on an address; answers go to the sender of the latest valid datagram.
 
     Args:
         host: Own address.
-        port: Own port; 0 takes a free one, ``address`` tells which.
-        only: Host that alone is listened to; empty listens to all.
+        port: Own port; 0 takes a free one, which ``address`` states.
+        only: The only accepted host; empty accepts all.
 
     Raises:
-        ConfigurationError: The address cannot be had.
+        ConfigurationError: The address is not available.
     """
 
     def __init__(self, host: str, port: int, *, only: str = "") -> None:

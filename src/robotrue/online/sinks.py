@@ -35,11 +35,11 @@ class SinkSettings:
     Attributes:
         cell: Name of the cell, in topics, titles and object trees; a word without blanks or
             ``/ + #``.
-        note: Shown wherever an estimate is shown, "simulated" for one; empty says nothing.
-        provenance: Of the streams and models: files of simulated estimates begin with a mark.
+        note: Shown wherever an estimate is shown, e.g. "simulated"; empty shows none.
+        provenance: Of the streams and models: files of simulated estimates start with a mark.
         joints: Joints of the arm.
-        resume: Whether a file that stands there is gone on with (after a crash) or refused.
-        healths: Asked once a second for the counters of the sources and sinks to be shown.
+        resume: Whether an existing file is continued (after a crash) or refused.
+        healths: Called once a second for the counters of the sources and sinks.
         nodesets: Folder of the OPC UA NodeSet files of the companion models; None leaves them out.
         environment: Where names, passwords and tokens are looked up.
     """
@@ -72,9 +72,9 @@ LIVE: Final = 60.0
 
 
 def utc_seconds(host_time: float) -> float:
-    """Returns s since 1970 in UTC at which the monotonic clock stood at ``host_time``.
+    """Returns s since 1970 in UTC when the monotonic clock was ``host_time``.
 
-    A replay has its own clock; what it gives now is stamped with now.
+    A replay has its own clock; its samples are stamped with the present time.
     """
     age = time.monotonic() - host_time
     return time.time() - (age if 0.0 <= age <= LIVE else 0.0)

@@ -1,9 +1,9 @@
-"""Datagrams taken and answered by a thread of their own; samples handed on to the event loop.
+"""Receives and answers datagrams in a separate thread; passes samples to the event loop.
 
 A controller waits 4 ms for its answer. The event loop writes files, serves pages and estimates, and
 any of that may take longer; so an endpoint has a thread that sleeps in ``recvfrom``, answers, and
-puts what it read into an :class:`Inbox`. Nothing is dropped there: a record must have every sample.
-The inbox grows while its reader is slow, and says so from a stated size on.
+puts its samples into an :class:`Inbox`. Nothing is dropped there: a record must have every sample.
+The inbox grows while its reader is slow, and reports a fault from a stated size on.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ SWITCH: Final = 0.5e-3
 """s after which Python takes a running thread off for one that waits; its own 5 ms are a cycle."""
 _STAMPED: Final = sys.platform == "linux" and sys.maxsize > 2**32
 TOLD: Final = 64
-"""Bytes for what the system tells with a datagram."""
+"""Bytes for the ancillary data of a datagram."""
 CROWDED: Final = 5000
-"""Samples that may wait before the health says so: 20 s of a robot, one of a force sensor."""
+"""Samples that may wait before health reports a fault (20 s of a robot, 1 s of a force sensor)."""
 _AT_ONCE: Final = 4096
 
 
@@ -52,17 +52,17 @@ class UdpEndpoint:
     """A bound socket and its thread.
 
     The thread asks the system to run before all others (round robin, a low real-time priority);
-    ``preferred`` tells whether that was granted. It sleeps but for the datagram that came.
+    ``preferred`` states whether that was granted. It sleeps between datagrams.
 
     Args:
         host: Own address; ``0.0.0.0`` for all.
-        port: Own port; 0 takes a free one, ``address`` tells which.
+        port: Own port; 0 takes a free one, which ``address`` states.
         handle: Called in the thread with each datagram, its sender, and s on the monotonic clock
-            when it arrived: as the system says on Linux, else when the thread took it.
+            when it arrived: from the system on Linux, else when the thread read it.
         closed: Called at the end of the thread; with the fault if ``handle`` raised one.
 
     Raises:
-        ConfigurationError: The address cannot be had.
+        ConfigurationError: The address is not available.
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class UdpEndpoint:
                 hint="another program on this port, or an address of another computer.",
             ) from cause
         if _STAMPED:
-            # the system's own limit: one call that waits, and the interpreter asked for once
+            # the system's own limit: one call that waits, and the interpreter lock is taken once
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, _WAIT)
         else:
             self._socket.settimeout(_WAKE)
@@ -128,7 +128,7 @@ class UdpEndpoint:
                 try:
                     data, waited, sender = self._take_datagram()
                 except OSError:
-                    # nothing came, or the system tells that an answer found nobody
+                    # nothing came, or the system reports an unreachable receiver of an answer
                     continue
                 latest = max(latest, time.monotonic() - waited)
                 self._handle(data, (sender[0], sender[1]), latest)
@@ -169,7 +169,7 @@ class Inbox(Generic[T]):
         self._wake()
 
     def close(self, fault: BaseException | None = None) -> None:
-        """Says that no more will come; from any thread."""
+        """Closes the inbox: no more samples will come; from any thread."""
         self._fault = self._fault or fault
         self._over = True
         self._wake()
@@ -205,7 +205,7 @@ class Inbox(Generic[T]):
                 return []
             future = loop.create_future()
             self._waiter = (loop, future)
-            # what came between the look and the waiter has woken nobody
+            # items put between the check and the waiter woke no reader
             if self._items or self._over:
                 self._waiter = None
                 continue
@@ -220,13 +220,13 @@ class Inbox(Generic[T]):
 
 
 def tell_arrivals(link: socket.socket) -> None:
-    """Has the system tell with each datagram when it arrived, where it can."""
+    """Requests the arrival time of each datagram from the system, where available."""
     if _STAMPED:
         link.setsockopt(socket.SOL_SOCKET, _STAMP, 1)
 
 
 def time_waited(told: list[tuple[int, int, bytes]]) -> float:
-    """Returns s since a datagram arrived, of what came with it; 0 where the system did not tell."""
+    """Returns s since a datagram arrived, from its ancillary data; 0 without an arrival time."""
     stamp = next((data for _, kind, data in told if kind == _STAMP), b"")
     if len(stamp) != _TIMESPEC.size:
         return 0.0
@@ -260,16 +260,16 @@ def _done(future: asyncio.Future[None]) -> None:
 
 @contextlib.contextmanager
 def prompt_answers(*, first: bool = False, switch: float = SWITCH) -> Iterator[None]:
-    """Keeps the interpreter from holding up an answer while this context lasts.
+    """Keeps the interpreter from delaying an answer while this context lasts.
 
-    What lives at the start is left out of the collector's walks, which stop every thread; a thread
-    that computes gives way to one that answers after ``switch``, not after 5 ms. Both hold for the
-    whole process: enter it once, when all is opened, around the loop.
+    Objects that exist at the start are excluded from garbage collection, which stops every thread;
+    a thread that computes yields to one that answers after ``switch``, not after 5 ms. Both hold
+    for the whole process: enter it once, when all is opened, around the loop.
 
     Args:
-        first: The thread that enters is to run before other programs, too, where the system lets
-            it: it may hold the interpreter when an answer is due. Only for a loop that sleeps most
-            of the time; one that computes would keep everybody else from a processor.
+        first: The thread that enters runs before other programs, too, where the system allows it:
+            it may hold the interpreter when an answer is due. Only for a loop that sleeps most of
+            the time; one that computes would block other programs.
         switch: s; a shorter one costs threads that compute time.
     """
     before = sys.getswitchinterval()

@@ -37,10 +37,10 @@ class Door:
         return f"Door(token={'set' if self.token else 'none'}, names={self.names})"
 
     def refusal(self, path: str, host: str | None, origin: str | None, bearer: str) -> str:
-        """Returns why a request is turned away, or an empty text.
+        """Returns why a request is refused, or an empty text.
 
         Args:
-            path: As asked for, with its query.
+            path: Requested path, with its query.
             host: ``Host`` header, or None.
             origin: ``Origin`` header, or None: no browser.
             bearer: ``Authorization`` header, or empty.

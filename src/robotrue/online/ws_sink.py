@@ -1,7 +1,7 @@
-"""Estimates to browsers: a WebSocket and the live page on one port, loopback unless told otherwise.
+"""Estimates to browsers: a WebSocket and the live page on one port, loopback by default.
 
 Each viewer has its own queue: one that is slow or asleep loses its oldest frames, which are
-counted, and holds up neither the others nor the service.
+counted, and delays neither the others nor the service.
 """
 
 from __future__ import annotations
@@ -188,7 +188,7 @@ class WebSocketSink(DisplaySink):
             self._server = None
 
     def health(self) -> Health:
-        """Returns the counters; connected while somebody looks, dropped counts frames."""
+        """Returns the counters; connected while there are viewers, dropped counts frames."""
         return replace(
             self._health,
             connected=bool(self._viewers),
