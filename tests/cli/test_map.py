@@ -7,7 +7,7 @@ import csv
 import pytest
 
 CYLINDER = ("--angle-deg", "-40,40", "--radius-mm", "900,1700", "--height-mm", "700,1200",
-            "--tool-abc-deg", "0,150,0", "--posture-deg", "0,0,0,0,-60,0")  # fmt: skip
+            "--tool-abc-deg", "0,150,0", "--posture-deg", "0,-90,90,0,60,0")  # fmt: skip
 
 
 def test_picture_and_numbers_of_a_model(cli, work):
@@ -31,7 +31,7 @@ def test_table_leaves_what_cannot_be_taken_empty(cli, work):
     empty = [row for row in rows if not row["error_mm"]]
     assert len(rows) == 60
     assert 0 < len(empty) < 60
-    assert all(row["stays_95_mm"] == "" and row["j1_deg"] == "" for row in empty)
+    assert all(row["stays_95_mm"] == "" and row["a1_deg"] == "" for row in empty)
     assert all(float(row["radius_mm"]) >= 1200.0 for row in empty)
     assert f"{len(empty)} grid poses are out of reach and left empty" in got.err
     row = next(row for row in rows if row["error_mm"])

@@ -14,7 +14,7 @@ from robotrue.simulation.presets import deng2022
 AROUND = "radius_mm=800..1400,height_mm=700..1200"
 REGIONS = ("--source-region", f"angle_deg=-40..-30,{AROUND}",
            "--target-region", f"angle_deg=-30..40,{AROUND}")  # fmt: skip
-BRANCH = ("--tool-abc-deg", "0,150,0", "--posture-deg", "0,0,0,0,-60,0")
+BRANCH = ("--tool-abc-deg", "0,150,0", "--posture-deg", "0,-90,90,0,60,0")
 
 
 @pytest.fixture(scope="module")

@@ -88,7 +88,9 @@ def test_readings_of_a_session_are_handed_out_the_same_way() -> None:
         features=(TouchFeature(name=HOSTILE[0], part=1, point_mm=(1.0, -2.0, 3.0)),),
         parts=("front", "=1+1"), rough=(), reads="position", settings={},
     )  # fmt: skip
-    text = session_csv(session, [TouchReading(feature=0, state="kept", values=(-1.0, 2.0, 3.0))])
+    text = session_csv(
+        session, [TouchReading(feature=0, state="kept", values=(-1.0, 2.0, 3.0))], np.array
+    )
     assert "-1.0" in text.decode().split(",")
     assert not any(map(is_formula, split(text.decode(), ",")))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from robotrue.measurement.touch_session import (
     session_document,
     session_of,
 )
+from robotrue.robot.presets import preset
 
 EMPTY = ProbingSession(
     features=(
@@ -74,10 +76,25 @@ def test_a_feature_touched_again_replaces_and_undo_brings_the_first_back() -> No
 def test_the_file_of_a_session_is_read_to_the_last_bit(tmp_path: Path) -> None:
     session = EMPTY.with_reading(reading(1, x=1200.02)).with_reading(reading(0, x=0.1 + 0.2))
     path = tmp_path / "readings.csv"
-    path.write_bytes(session_csv(session, session.kept))
+    path.write_bytes(session_csv(session, session.kept, np.array))
     found = read_points(path)
     assert found.touches.names == ("B", "A, left")
     assert [found.parts[k] for k in found.touches.part] == ["two", "one"]
     assert found.touches.full.tolist() == [False, True]
     values = np.array([each.values for each in session.kept])
     assert (found.touches.position == values * 1e-3).all()
+
+
+def test_the_file_of_a_session_states_the_axes_of_the_controller(tmp_path: Path) -> None:
+    controller = preset("KR160").controller
+    typed = (-27.2, -90.1, 95.3, 0.0, 30.123456, -12.5)
+    joints = np.round(controller.to_model(np.radians(typed)) * 180.0 / np.pi, 9)
+    touched = TouchReading(feature=1, state="kept", values=tuple(joints.tolist()))
+    session = replace(EMPTY, reads="joints").with_reading(touched)
+    path = tmp_path / "readings.csv"
+    path.write_bytes(session_csv(session, session.kept, controller.to_controller))
+    head, row = path.read_text().splitlines()
+    assert head.startswith("name,px_mm,py_mm,pz_mm,a1_deg,a2_deg")
+    assert tuple(map(float, row.split(",")[4:10])) == typed
+    found = read_points(path, controller.to_model)
+    np.testing.assert_allclose(found.touches.joints[0], np.radians(joints), rtol=0, atol=1e-12)

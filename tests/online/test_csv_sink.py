@@ -44,7 +44,7 @@ def test_numbers_come_back(tmp_path):
     assert np.isnan(table.loc[2, "ex_um":"static_z_um"].to_numpy(dtype=float)).all()
     np.testing.assert_allclose(table[["ex_um", "ey_um", "ez_um"]], block.error * 1e6, atol=6e-5)
     np.testing.assert_allclose(table["host_s"], block.host_time, atol=1e-9)
-    np.testing.assert_allclose(table["j6_deg"], np.degrees(0.6), atol=1e-4)
+    np.testing.assert_allclose(table["a6_deg"], np.degrees(0.6), atol=1e-4)
     assert sink.health().received == 1
     assert sink.health().connected is False
 

@@ -213,7 +213,7 @@ def test_a_hierarchical_plan_is_made_by_a_job(here: Any, own: Shop, design: Path
         "cell": cell.id, "method": "hierarchical", "sub_spaces": 2, "target_poses": 8,
         "source_region": f"angle_deg=-40..-30,{around}", "grid": "2,3,2",
         "target_region": f"angle_deg=-30..0,{around}", "tool_abc_deg": "0,150,0",
-        "posture_deg": "0,0,0,0,-60,0",
+        "posture_deg": "0,-90,90,0,60,0",
     }  # fmt: skip
     done = do(here, own, "plan", **asked)
     assert done.result is not None, done.error

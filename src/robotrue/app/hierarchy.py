@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from robotrue.app.context import Context
-from robotrue.app.number_options import parse_grid, parse_numbers
+from robotrue.app.number_options import parse_grid, parse_numbers, parse_posture
 from robotrue.app.plan_request import PlanRequest
 from robotrue.app.presentation import Block, Note, Table
 from robotrue.app.transfer_method import parse_cylinder
@@ -102,7 +102,6 @@ def write_hierarchy(request: PlanRequest, cell: Cell, context: Context) -> Plann
                 hint=f"{option} angle_deg=-40..-30,radius_mm=800..1400,height_mm=700..1200",
             )
         regions.append(region)
-    posture = request.posture_deg
     settings = HierarchicalSettings(
         counts=parse_grid(request.grid),
         steps=parse_turns(request.turns_deg),
@@ -111,9 +110,7 @@ def write_hierarchy(request: PlanRequest, cell: Cell, context: Context) -> Plann
         rule=request.target_rule,
         attitude=request.attitude,
         tool_abc=parse_numbers("--tool-abc-deg", request.tool_abc_deg, 3) * DEG,
-        near=None
-        if posture is None
-        else parse_numbers("--posture-deg", posture, cell.robot.dof) * DEG,
+        near=parse_posture(request.posture_deg, cell.robot),
         seed=request.seed,
     )
     domains = divide_target(regions[0], regions[1], request.sub_spaces)

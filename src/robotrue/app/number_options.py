@@ -9,6 +9,7 @@ from robotrue.core.arrays import Array, parse_number_list
 from robotrue.core.regions import CubeRegion, CylinderRegion, Region
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
+from robotrue.robot.model import RobotModel
 
 
 def parse_numbers(
@@ -36,6 +37,19 @@ def parse_numbers(
             hint=hint or f"{option} {example}",
         )
     return values
+
+
+def parse_posture(text: str | None, robot: RobotModel) -> Array | None:
+    """Returns the joints (dof,) rad of ``--posture-deg``, which states axes as displayed.
+
+    Raises:
+        ConfigurationError: Another count than the robot has, or not finite.
+    """
+    if text is None:
+        return None
+    form = ",".join(f"A{k}" for k in range(1, robot.dof + 1))
+    axes = parse_numbers("--posture-deg", text, robot.dof, form=form) * DEG
+    return robot.controller.to_model(axes)
 
 
 RANGES: Final = {"cylinder": ("angle", "radius", "height"), "cube": ("x", "y", "z")}

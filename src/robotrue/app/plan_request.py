@@ -199,7 +199,9 @@ class PlanRequest(Request):
     ] = TOOL_ABC_DEG
     posture_deg: Annotated[
         str | None,
-        Option(shells=NOT_IN_FORMS, help="hierarchical: model joints of the arm configuration."),
+        Option(
+            shells=NOT_IN_FORMS, help="hierarchical: axes as displayed, of the arm configuration."
+        ),
     ] = None
 
 

@@ -1,20 +1,25 @@
 """A session at the part: what can be touched, what was read, and what became of every reading.
 
-Numbers are those people typed, in mm and deg, so that a session written out as a file of touched
-points and read again is the same to the last bit. Nothing is taken out: what was undone stays, and
-says so.
+Numbers are those people typed, in mm and deg, joints in the model's sense; a session written out as
+a file of touched points, with the axes that the controller displays, reads back the same. Nothing
+is deleted: an undone reading stays and is marked.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Final, Literal, TypeAlias
 
+import numpy as np
+
+from robotrue.core.arrays import Array
 from robotrue.core.csv_text import csv_text
 from robotrue.core.document_decoder import decode
 from robotrue.core.provenance import Provenance, mark_line
+from robotrue.core.units import DEG
 from robotrue.errors import ConfigurationError
+from robotrue.measurement.formats.canonical import axis_names
 
 State: TypeAlias = Literal["kept", "held", "dropped", "replaced", "skipped", "undone"]
 """``held``: not as expected, somebody has to decide. ``dropped``: to be touched again.
@@ -194,25 +199,31 @@ def session_of(document: object) -> ProbingSession:
         raise ConfigurationError(f"no session of touches: {cause.message}") from cause
 
 
-def session_csv(session: ProbingSession, readings: Sequence[TouchReading]) -> bytes:
+def session_csv(
+    session: ProbingSession,
+    readings: Sequence[TouchReading],
+    to_controller: Callable[[Array], Array],
+) -> bytes:
     """Returns readings as the file of touched points that ``robotrue register`` reads.
 
     Args:
         session: Whose features they are of.
         readings: With values; every number is written with all its digits.
+        to_controller: Takes joints (n, dof) rad to the axes that the controller displays, which
+            the file states.
     """
-    dof = max((len(each.values) for each in readings), default=0)
-    axes = ["x_mm", "y_mm", "z_mm"]
-    if session.reads == "joints":
-        axes = [f"j{k + 1}_deg" for k in range(dof)]
+    axes, values = ["x_mm", "y_mm", "z_mm"], [each.values for each in readings]
+    if session.reads == "joints" and values:
+        shown = np.round(to_controller(np.array(values) * DEG) / DEG, 9) + 0.0
+        axes, values = list(axis_names(shown.shape[1])), shown.tolist()
     with_normals = any(session.features[each.feature].normal for each in readings)
     header = ["name", "px_mm", "py_mm", "pz_mm", *axes]
     header += ["nx", "ny", "nz"] if with_normals else []
     header += ["part"] if len(session.parts) > 1 else []
     rows = [header]
-    for each in readings:
+    for each, numbers in zip(readings, values, strict=True):
         feature = session.features[each.feature]
-        row = [feature.name, *map(repr, feature.point_mm), *map(repr, each.values)]
+        row = [feature.name, *map(repr, feature.point_mm), *map(repr, numbers)]
         if with_normals:
             row += [""] * 3 if feature.normal is None else [repr(v) for v in feature.normal]
         if len(session.parts) > 1:

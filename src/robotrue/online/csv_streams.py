@@ -4,7 +4,7 @@ A sink writes whole lines only; at most the last one is unfinished after kill -9
 estimates: ``host_s`` (monotonic clock of the receiving computer), ``sequence`` (of the force
 sample), ``ex_um..ez_um`` (actual minus programmed, base axes), ``sd_x_um..`` (one standard
 deviation), ``static_x_um..``, ``fx_N..mz_Nm`` (process wrench on the tool point, base axes),
-``j1_deg..`` (as displayed), ``doubt`` (names joined by ``+``, ``none``). What is not known is
+``a1_deg..`` (axes as displayed), ``doubt`` (names joined by ``+``, ``none``). What is not known is
 empty.
 """
 

@@ -18,6 +18,7 @@ from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.columns import Column, Columns
 from robotrue.core.units import DEG, UM
 from robotrue.errors import ConfigurationError, ShapeError
+from robotrue.measurement.formats.canonical import axis_names
 
 
 class Doubt(enum.IntFlag):
@@ -92,7 +93,7 @@ _BITS: Final = tuple(d for d in Doubt if d and d.value & (d.value - 1) == 0)
 
 def number_columns(joints: int) -> tuple[str, ...]:
     """Returns the names of the columns of :func:`numbers`, units in the names."""
-    return (*ERROR, *SD, *STATIC, *WRENCH, *(f"j{k}_deg" for k in range(1, joints + 1)))
+    return (*ERROR, *SD, *STATIC, *WRENCH, *axis_names(joints))
 
 
 def numbers(block: EstimateBlock, joints: int) -> Array:

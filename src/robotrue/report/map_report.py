@@ -10,6 +10,7 @@ from robotrue.core.arrays import Array, IntArray
 from robotrue.core.csv_text import csv_text
 from robotrue.core.regions import coordinate_units
 from robotrue.core.units import DEG, MM
+from robotrue.measurement.formats.canonical import axis_names
 from robotrue.report.content import (
     Cell,
     Conclusion,
@@ -22,6 +23,7 @@ from robotrue.report.content import (
 )
 from robotrue.report.labels import plain_columns
 from robotrue.report.map_plots import MapSlices
+from robotrue.robot.model import Configuration
 from robotrue.validation.error_map import SectorSimilarity, WorkspaceMap
 
 MOST_SLICES: Final = 5
@@ -180,15 +182,18 @@ def _similarities(names: tuple[str, ...], alike: tuple[SectorSimilarity, ...]) -
     )
 
 
-def map_table(error_map: WorkspaceMap) -> str:
-    """Returns one line per grid point as CSV; cells of points the arm cannot take are empty."""
+def map_table(error_map: WorkspaceMap, controller: Configuration) -> str:
+    """Returns one line per grid point as CSV; cells of points the arm cannot take are empty.
+
+    Joints are printed as the controller displays them.
+    """
     units = coordinate_units(error_map.region)
-    sd, joints = error_map.sd, error_map.joints / DEG
+    sd, axes = error_map.sd, controller.to_controller(error_map.joints) / DEG
     columns: list[tuple[str, Array]] = [
         *((f"{n}_{u}", error_map.coordinates[:, k] / s) for k, (n, u, s) in enumerate(units)),
         *((f"{'xyz'[k]}_base_mm", error_map.point[:, k] / MM) for k in range(3)),
         ("sector", error_map.sector.astype(np.float64) + 1.0),
-        *((f"j{i + 1}_deg", joints[:, i]) for i in range(joints.shape[1])),
+        *((name, axes[:, i]) for i, name in enumerate(axis_names(axes.shape[1]))),
         *((f"error_{'xyz'[k]}_mm", error_map.error[:, k] / MM) for k in range(3)),
         ("error_mm", error_map.norm / MM),
         *((f"sd_{'xyz'[k]}_mm", sd[:, k] / MM) for k in range(3)),

@@ -63,7 +63,7 @@ class MapRequest(Request):
         str, Option(help="KUKA A,B,C of the point in base; for turning at angle 0.")
     ] = TOOL_ABC_DEG
     posture_deg: Annotated[
-        str | None, Option(help="Model joints of the arm configuration; default: as trained.")
+        str | None, Option(help="Axes as displayed, of the arm configuration; default: as trained.")
     ] = None
     at: Annotated[
         Literal["target", "tool"], Option(help="target (the measured point) or tool.")
@@ -122,7 +122,12 @@ def run(request: MapRequest, context: Context) -> PlainResult:
     Raises:
         ConfigurationError: Ranges that are missing or no ranges, or another ending of the output.
     """
-    from robotrue.app.number_options import parse_grid, parse_map_region, parse_numbers
+    from robotrue.app.number_options import (
+        parse_grid,
+        parse_map_region,
+        parse_numbers,
+        parse_posture,
+    )
     from robotrue.calibration.model import provenance_of
     from robotrue.core.files import write_atomic
     from robotrue.report.map_report import map_document
@@ -142,7 +147,6 @@ def run(request: MapRequest, context: Context) -> PlainResult:
     }
     where, at_tool = parse_map_region(request.region, ranges), request.at == "tool"
     model, cell = _model(path, context)
-    posture = request.posture_deg
     mapped = error_map(
         model,
         where,
@@ -150,9 +154,7 @@ def run(request: MapRequest, context: Context) -> PlainResult:
         tool_abc=parse_numbers("--tool-abc-deg", request.tool_abc_deg, 3) * DEG,
         attitude=request.attitude,
         sectors=request.sectors,
-        near=None
-        if posture is None
-        else parse_numbers("--posture-deg", posture, model.robot.dof) * DEG,
+        near=parse_posture(request.posture_deg, model.robot),
         load=cell.payload,
         T_flange_tool=cell.robot.T_flange_tool if at_tool else None,
     )
@@ -202,7 +204,7 @@ def _picture(
     if suffix == ".png":
         return map_slices(mapped, title=mark_title(title, origin)).png()
     if suffix == ".csv":
-        return (mark_line(origin) + map_table(mapped)).encode()
+        return (mark_line(origin) + map_table(mapped, model.robot.controller)).encode()
     summary = model.training_summary()
     content = map_content(
         mapped,

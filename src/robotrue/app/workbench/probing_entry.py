@@ -17,6 +17,7 @@ from robotrue.app.workbench.probing_state import (
     fit_readings,
     open_session,
     places,
+    readings_csv,
     readings_name,
     select_trusted,
     touches_of,
@@ -30,7 +31,7 @@ from robotrue.errors import ConfigurationError, FormatError
 from robotrue.measurement.formats.part_points import read_points
 from robotrue.measurement.formats.reading_line import joints_line, position_line
 from robotrue.measurement.probing_set import ProbingSet
-from robotrue.measurement.touch_session import ProbingSession, TouchReading, session_csv
+from robotrue.measurement.touch_session import ProbingSession, TouchReading
 from robotrue.report.content import Fact
 from robotrue.report.page import report_html
 from robotrue.report.registration_report import registration_content
@@ -264,7 +265,7 @@ def finish_probing(workspace: Workspace, id: str, version: int, name: str) -> Re
         place, readings = Path(scratch), readings_name(at.session)
         file = file_of(at, at.session.kept)
         found = register(at.arm, file.touches, parts=file.parts, settings=at.settings)
-        (place / readings).write_bytes(session_csv(at.session, at.session.kept))
+        (place / readings).write_bytes(readings_csv(at, at.session.kept))
         model_file = ""
         if found.refined is not None:
             model_file = REFINED
@@ -301,8 +302,8 @@ def finish_probing(workspace: Workspace, id: str, version: int, name: str) -> Re
 
 def write_readings(workspace: Workspace, id: str) -> bytes:
     """Returns the readings that count, as the file that ``robotrue register`` reads."""
-    session = open_session(workspace, id).session
-    return session_csv(session, session.kept)
+    at = open_session(workspace, id)
+    return readings_csv(at, at.session.kept)
 
 
 def _write_cell(workspace: Workspace, at: Opened, table: PartTable, place: Path) -> None:

@@ -27,6 +27,7 @@ from robotrue.errors import (
 from robotrue.measurement.formats.part_points import PointsFile, read_points
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.measurement.touch_session import ProbingSession, TouchReading, session_csv
+from robotrue.robot.configuration import axis_relation
 from robotrue.robot.model import nominal_identity
 from robotrue.store import items, models
 from robotrue.store.nouns import CELL, DOCUMENT, MODEL, CellRecord, DocumentRecord, ModelRecord
@@ -172,12 +173,17 @@ def readings_name(session: ProbingSession) -> str:
     return "readings simulated.csv" if session.simulated else "readings.csv"
 
 
+def readings_csv(at: Opened, readings: Sequence[TouchReading]) -> bytes:
+    """Returns readings as the file of a session, joints as the controller displays them."""
+    return session_csv(at.session, readings, at.cell.robot.controller.to_controller)
+
+
 def file_of(at: Opened, readings: Sequence[TouchReading]) -> PointsFile:
     """Returns readings as ``robotrue register`` reads them from a file."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / readings_name(at.session)
-        path.write_bytes(session_csv(at.session, readings))
-        found = read_points(path)
+        path.write_bytes(readings_csv(at, readings))
+        found = read_points(path, axis_relation(at.cell.robot))
     radius = at.words.probe_radius_mm * MM
     return replace(found, touches=replace(found.touches, radius=radius))
 
