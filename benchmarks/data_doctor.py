@@ -39,7 +39,8 @@ from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel, parameter_slice
 from robotrue.robot.presets import preset
 from robotrue.robot.statics import Load, drive_torque
-from robotrue.validation.doctor import Diagnosis, describe_diagnosis, diagnose
+from robotrue.validation.doctor import SIX_WORDS, Diagnosis, describe_diagnosis, diagnose
+from robotrue.validation.doctor_evidence import CauseName
 from robotrue.validation.evaluation import evaluate
 
 REAL = {"ur5": "UR5", "B": "UR10", "A": "UR10"}
@@ -264,6 +265,12 @@ def payload(rows: MeasurementSet, robot: RobotModel, rng: np.random.Generator) -
     return replace(rows, position=rows.position + _tail(rows, rng)[:, None] * shift)
 
 
+def stale(rows: MeasurementSet, robot: RobotModel, rng: np.random.Generator) -> MeasurementSet:
+    """Every tenth row holds the point of the row before: the instrument was not read again."""
+    origin = np.arange(len(rows)) - (np.arange(len(rows)) % 10 == 9)
+    return replace(rows, position=rows.position[origin])
+
+
 KINDS: dict[str, tuple[Corrupt, tuple[str, ...]]] = {
     "instrument-moved": (bump, ("instrument-moved",)),
     "drift": (drift, ("drift",)),
@@ -325,12 +332,23 @@ def examine(kind: str, seed: int, options: argparse.Namespace) -> dict[str, obje
     return row
 
 
-def write_report(kind: str) -> list[str]:
+def write_report(kind: CauseName) -> str:
     """Returns what the doctor says of one simulated set that is wrong in this way."""
     rng = np.random.default_rng(1)
-    case = simulate("kr160", 60, rng)
-    rows = KINDS[kind][0](case.rows, case.robot, rng)
-    return describe_diagnosis(diagnose(case.robot, rows, case.settings), rows)
+    wrong_cell = kind == "preset"
+    case = simulate("kr300" if wrong_cell else "kr160", 60, rng)
+    robot, rows = case.robot, case.rows
+    if wrong_cell:
+        robot = preset("gp225").with_tool(robot.T_flange_tool)
+    else:
+        rows = (stale if kind == "stale-points" else KINDS[kind][0])(rows, robot, rng)
+    (line,) = describe_diagnosis(diagnose(robot, rows, case.settings), rows)
+    return line
+
+
+def write_section(kind: CauseName) -> str:
+    """Returns the heading of a cause, with its six words, and its report, for the page."""
+    return f"### `{kind}`: {SIX_WORDS[kind]}\n\n```text\n{write_report(kind)}\n```\n"
 
 
 def main(arguments: list[str]) -> int:
@@ -343,15 +361,16 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--sets", nargs="+", default=list(SETS))
     parser.add_argument("--cure", action="store_true", help="also calibrate from the cured rows")
     parser.add_argument(
-        "--reports", action="store_true", help="one report a kind, simulated, alone"
+        "--reports",
+        action="store_true",
+        help="one report a cause, simulated, as sections of a page",
     )
     parser.add_argument(
         "--json", type=Path, help="results, one line a draw; resumed if it is there"
     )
     options = parser.parse_args(arguments)
     if options.reports:
-        for kind in options.kinds:
-            print(f"{kind}\n  " + "\n  ".join(write_report(kind)))
+        print("\n".join(write_section(kind) for kind in SIX_WORDS))
         return 0
     if not ROOT.is_dir():
         options.sets = [name for name in options.sets if name not in REAL]

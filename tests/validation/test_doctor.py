@@ -30,7 +30,9 @@ from robotrue.validation.evaluation import evaluate
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 
-from data_doctor import write_report
+from data_doctor import write_section
+
+PAGE = Path(__file__).parents[2] / "docs/howto/find-wrong-measurements.md"
 
 ROBOT = preset("kr160").with_tool(pose(np.eye(3), np.array([0.05, 0.02, 0.1])))
 TURN = matrix_from_rotation_vector(np.array([0.3, -0.5, 1.0]))
@@ -191,11 +193,15 @@ def test_the_report_has_six_words_lines_odds_and_cure(clean):
     assert all(len(words.split()) == 6 for words in SIX_WORDS.values())
 
 
-@pytest.mark.parametrize("kind", ["duplicates", "drift"])
+@pytest.mark.parametrize("kind", ["duplicates", "drift", "preset"])
 def test_the_page_shows_what_the_doctor_says(kind):
-    page = Path(__file__).parents[2] / "docs/howto/find-wrong-measurements.md"
-    (line,) = write_report(kind)
-    assert line.partition("; odds")[0] in page.read_text(encoding="utf-8")
+    assert write_section(kind).partition("; odds")[0] in PAGE.read_text(encoding="utf-8")
+
+
+def test_the_page_has_a_report_for_every_cause():
+    page = PAGE.read_text(encoding="utf-8")
+    for kind, words in SIX_WORDS.items():
+        assert f"### `{kind}`: {words}\n\n```text\ndata doctor: {words}: " in page
 
 
 def test_a_model_of_cured_rows_says_so_in_summary_and_lineage(clean):
