@@ -1,4 +1,4 @@
-"""Default address of the workbench."""
+"""Default address of the workbench, and the limit of what its pages compute at once."""
 
 from __future__ import annotations
 
@@ -7,3 +7,5 @@ from typing import Final
 HOST: Final = "127.0.0.1"
 """This computer alone."""
 PORT: Final = 8080
+LARGEST_DRAWN: Final = 30_000_000
+"""Bytes of a program that a page checks, draws or compares while somebody waits."""

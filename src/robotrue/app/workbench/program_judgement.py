@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.app.force_options import parse_wrench
+from robotrue.app.serve_defaults import LARGEST_DRAWN
 from robotrue.app.stated_force import force_parameters
 from robotrue.app.workbench.arm_body import answer, body_document, pack_floats
 from robotrue.app.workbench.model_views import from_simulation
@@ -36,8 +37,6 @@ from robotrue.validation.conformity import Conformity, all_conform, conformity, 
 from robotrue.validation.error_map import radius_95
 from robotrue.validation.metrics import error_statistics
 
-LARGEST: Final = 30_000_000
-"""Bytes of a program that is judged while somebody waits."""
 WORST: Final = 25
 
 
@@ -102,9 +101,10 @@ class _Found:
 def _read_programs(
     workspace: Workspace, after: ProgramRecord, record: ModelRecord, scratch: Path
 ) -> _Found:
-    if after.bytes > LARGEST:
+    if after.bytes > LARGEST_DRAWN:
         raise ConfigurationError(
-            f"a program of {after.bytes / 1e6:.0f} MB, drawn here up to {LARGEST / 1e6:.0f} MB.",
+            f"a program of {after.bytes / 1e6:.0f} MB, drawn here up to "
+            f"{LARGEST_DRAWN / 1e6:.0f} MB.",
             hint="robotrue diff BEFORE AFTER --model MODEL.",
         )
     used = after.refs("model")

@@ -6,6 +6,7 @@ from typing import Final
 
 from robotrue.app.compensation_request import CompensateRequest
 from robotrue.app.job_files import BLOCKS
+from robotrue.app.serve_defaults import LARGEST_DRAWN
 from robotrue.app.workbench import workbench_calls as calls
 from robotrue.store.nouns import (
     CELL,
@@ -136,9 +137,11 @@ async def _list_changes(context: PageContext) -> str:
     same = [(old, new) for new in made for old in before if old.name == new.name]
     old, new = same[0] if same else (before[0], made[0])
     path_of = context.workspace.path_of
-    paths = [await context.ask(path_of, each.sha256) for each in (old, new)]
-    changed = await context.ask(list_changed_lines, *paths)
-    return context.render("program_changes.html", changed=changed, most=SHOWN)
+    was, now = [await context.ask(path_of, each.sha256) for each in (old, new)]
+    changed = await context.ask(list_changed_lines, was, now)
+    return context.render(
+        "program_changes.html", changed=changed, most=SHOWN, read_mb=LARGEST_DRAWN / 1e6
+    )
 
 
 def _strict(context: PageContext) -> bool:
