@@ -110,8 +110,7 @@ BENCHMARKS = (
         name="heavy_arm_unknown_masses", quick=("--draws", "3", "--cell-arms", "2"), rows=stated
     ),
     Benchmark(name="compensation_chain", quick=("20000",), rows=chain),
-    Benchmark(name="program_files", quick=("20000",), rows=stated),
-    Benchmark(name="path_programs", quick=("5000",), rows=stated),
+    Benchmark(name="program_files", quick=("5000", "--rounds", "1"), rows=stated),
     Benchmark(name="streaming", quick=("100000",), rows=stated),
     Benchmark(name="few_poses", quick=("--quick",), rows=stated),
     Benchmark(name="drifting_frame", quick=("--quick",), rows=stated),

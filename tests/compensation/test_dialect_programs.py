@@ -26,7 +26,7 @@ TABLE = FrameTable(bases={"1": cases.FRAME}, tools={"1": cases.TOOL})
 def printed(T_base_tool: np.ndarray) -> np.ndarray:
     """X Y Z in mm and the turns about X, Y, Z in deg (n, 6) in the work frame."""
     T = inverse(cases.FRAME) @ T_base_tool
-    abc = np.array([abc_from_matrix(R) for R in T[:, :3, :3]])
+    abc = abc_from_matrix(T[:, :3, :3])
     return np.concatenate([T[:, :3, 3] / MM, abc[:, ::-1] / DEG], axis=1)
 
 

@@ -47,7 +47,7 @@ def words(names: tuple[str, ...], values: np.ndarray, form: str, gap: str = " ")
 
 
 def sinumerik(T: np.ndarray) -> str:
-    rpy = np.array([abc_from_matrix(R)[::-1] for R in T[:, :3, :3]]) / DEG
+    rpy = abc_from_matrix(T[:, :3, :3])[:, ::-1] / DEG
     rows = [
         f"N{k} " + words(("X", "Y", "Z"), T[k, :3, 3] / MM, "%.4f")
         + " " + words(("A=", "B=", "C="), rpy[k], "%.4f")

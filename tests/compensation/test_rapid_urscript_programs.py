@@ -43,14 +43,18 @@ def rapid(robot, joints: np.ndarray) -> bytes:
     return "\n".join([*lines, "ENDPROC", "ENDMODULE", ""]).encode()
 
 
-def urscript(robot, joints: np.ndarray) -> bytes:
+def urscript(robot, joints: np.ndarray, *, plane: np.ndarray | None = cases.FRAME) -> bytes:
     def p(T: np.ndarray) -> str:
         return f"p[{numbers(T[:3, 3], 9)},{numbers(rotation_vector_from_matrix(T[:3, :3]), 9)}]"
 
-    lines = ["def part():", f"  set_tcp({p(cases.TOOL)})", f"  plane = {p(cases.FRAME)}"]
+    lines = ["def part():", f"  set_tcp({p(cases.TOOL)})"]
+    lines += [] if plane is None else [f"  plane = {p(plane)}"]
     lines.append("  movej([0.1,-1.0,1.0,0.5,0.5,0.5],1,1)")
-    for i, T in enumerate(inverse(cases.FRAME) @ forward(robot, joints)):
-        lines.append(f"  {'movel' if i else 'movej'}(pose_trans(plane,{p(T)}),1.2,0.25)")
+    place, places = "{}", forward(robot, joints)
+    if plane is not None:
+        place, places = "pose_trans(plane,{})", inverse(plane) @ places
+    for i, T in enumerate(places):
+        lines.append(f"  {'movel' if i else 'movej'}({place.format(p(T))},1.2,0.25)")
     return "\n".join([*lines, "end", ""]).encode()
 
 

@@ -215,13 +215,8 @@ def literal_numbers(
     comment: int,
     start: IntArray,
     length: IntArray,
-    value: Array,
 ) -> None:
-    """Fills in places and values of the numbers of literals (n,).
-
-    A value stays NaN where it has more than fifteen digits or a large exponent: only a slow way
-    reads it to the last bit.
-    """
+    """Fills in the places of the numbers of literals (n,)."""
     for row in range(first.size):
         i, count = first[row], 0
         while i < last[row]:
@@ -244,7 +239,22 @@ def literal_numbers(
                 column = columns[kind[row], count]
                 count += 1
                 start[row, column], length[row, column] = begun, i - begun
-                value[row, column] = _exact(buf, begun, i)
+
+
+@compile_kernel(PLAIN)
+def token_values(buf: Bytes, start: IntArray, length: IntArray) -> Array:
+    """Returns the values of numbers (n, w), NaN where none stands.
+
+    NaN as well where one has more than fifteen digits or a large exponent: only a slow way reads
+    it to the last bit.
+    """
+    value = np.full(start.shape, np.nan)
+    for row in range(start.shape[0]):
+        for column in range(start.shape[1]):
+            first = start[row, column]
+            if first >= 0:
+                value[row, column] = _exact(buf, first, first + length[row, column])
+    return value
 
 
 @compile_kernel(PLAIN)

@@ -10,7 +10,12 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray, IntArray
-from robotrue.program.formats.number_kernels import literal_numbers, pick_tokens, respell
+from robotrue.program.formats.number_kernels import (
+    literal_numbers,
+    pick_tokens,
+    respell,
+    token_values,
+)
 from robotrue.program.formats.number_text import Stretch, restyle, splice_texts
 
 _WIDEST: Final = 28
@@ -77,17 +82,23 @@ class NumberTable:
             columns[kind, : len(layout)] = layout
         shape = (len(self._first), width)
         start, length = np.full(shape, -1), np.zeros(shape, np.int64)
-        value = np.full(shape, np.nan)
         first, last, kinds = (
             np.array(each, np.int64) for each in (self._first, self._last, self._kind)
         )
         text = np.frombuffer(self._data, np.uint8)
-        literal_numbers(text, first, last, kinds, columns, self._comment[0], start, length, value)
-        for row, column in np.argwhere((start >= 0) & np.isnan(value)).tolist():
-            at = int(start[row, column])
-            value[row, column] = float(self._data[at : at + int(length[row, column])])
+        literal_numbers(text, first, last, kinds, columns, self._comment[0], start, length)
+        value = read_tokens(self._data, start, length)
         value[~np.isfinite(value)] = np.nan
         return Numbers(start=start, length=length, value=value)
+
+
+def read_tokens(data: bytes, start: IntArray, length: IntArray) -> Array:
+    """Returns the values of tokens (n, w) that are numbers; NaN where ``start`` is negative."""
+    value = token_values(np.frombuffer(data, np.uint8), start, length)
+    for row, column in np.argwhere((start >= 0) & np.isnan(value)).tolist():
+        at = int(start[row, column])
+        value[row, column] = float(data[at : at + int(length[row, column])])
+    return value
 
 
 def put_stretches(

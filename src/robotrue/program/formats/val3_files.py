@@ -8,9 +8,9 @@ data, and which of them other statements may change.
 from __future__ import annotations
 
 import re
-from bisect import bisect_left
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from operator import itemgetter
 from typing import Final, NamedTuple
 from xml.parsers import expat
 
@@ -20,7 +20,10 @@ from robotrue.program.program import Motion
 
 POINT: Final = "pointRx"
 JOINTS: Final = "jointRx"
-_KEPT: Final = (POINT, JOINTS, "frame", "tool")
+WORLD: Final = "world[0]"
+"""The frame of a point that names none."""
+_TARGETS: Final = (POINT, JOINTS)
+_KEPT: Final = (*_TARGETS, "frame", "tool")
 _COMMENT: Final = re.compile(r'"(?:[^"\\\n]|\\[^\n])*+"?+|//[^\n]*+')
 """Text and comments of the code: what names nothing."""
 _NAME: Final = r"[A-Za-z_]\w*+(?::[A-Za-z_]\w*+)?+"
@@ -39,24 +42,41 @@ _MOVES: Final = frozenset({"movej", "movel", "movec"})
 _MOTIONS: Final = {"j": Motion.PTP, "l": Motion.LIN, "c": Motion.ARC_END}
 
 
-class DataValue(NamedTuple):
-    """One element of a variable.
+class FrameValue(NamedTuple):
+    """One element of a variable that holds frames or tools.
 
     Attributes:
         kind: Type of the variable.
         name: Of the variable.
         key: Of the element: a number, or the word of a collection.
         attributes: As written.
-        start: First byte of its tag.
-        line: One-based.
     """
 
     kind: str
     name: str
     key: str
     attributes: dict[str, str]
-    start: int
-    line: int
+
+
+@dataclass(slots=True)
+class PointValues:
+    """Elements of variables that hold points or axis values, in the order of the text.
+
+    Attributes:
+        is_axis: Axis values, not a pose.
+        name: Of the variable.
+        key: Of the element: a number, or the word of a collection.
+        father: Frame it stands in, as written; the root without one.
+        start: First byte of its tag.
+        line: One-based.
+    """
+
+    is_axis: list[bool] = field(default_factory=list)
+    name: list[str] = field(default_factory=list)
+    key: list[str] = field(default_factory=list)
+    father: list[str] = field(default_factory=list)
+    start: list[int] = field(default_factory=list)
+    line: list[int] = field(default_factory=list)
 
 
 @dataclass(slots=True)
@@ -83,11 +103,13 @@ class Val3File:
     """What one file of an application holds.
 
     Attributes:
-        values: Points, axis values, frames and tools, in the order of the text.
+        points: Points and axis values.
+        frames: Frames and tools, in the order of the text.
         routines: Programs.
     """
 
-    values: list[DataValue] = field(default_factory=list)
+    points: PointValues = field(default_factory=PointValues)
+    frames: list[FrameValue] = field(default_factory=list)
     routines: list[Val3Routine] = field(default_factory=list)
 
 
@@ -125,6 +147,7 @@ class _Reader:
         self.parser = expat.ParserCreate()
         self._variable: tuple[str, str] | None = None
         self._code: list[str] | None = None
+        self._fathers: dict[str, str] = {}  # a name once, however many points have it
         self._open: dict[str, Callable[[dict[str, str]], None]] = {
             "Data": self._begin_variable,
             "Value": self._add_value,
@@ -185,9 +208,17 @@ class _Reader:
         if self._variable is None:
             return
         kind, name = self._variable
-        place, line = self.parser.CurrentByteIndex, self.parser.CurrentLineNumber
-        value = DataValue(kind, name, attributes.get("key", "0"), attributes, place, line)
-        self.content.values.append(value)
+        key = attributes.get("key", "0")
+        if kind not in _TARGETS:
+            self.content.frames.append(FrameValue(kind, name, key, attributes))
+            return
+        points, father = self.content.points, attributes.get("fatherId", WORLD)
+        points.is_axis.append(kind == JOINTS)
+        points.name.append(name)
+        points.key.append(key)
+        points.father.append(self._fathers.setdefault(father, father))
+        points.start.append(self.parser.CurrentByteIndex)
+        points.line.append(self.parser.CurrentLineNumber)
 
     def _begin_routine(self, attributes: dict[str, str]) -> None:
         if self.root == "Programs":
@@ -271,31 +302,58 @@ def read_code(routines: list[Val3Routine]) -> CodeUse:
 
 
 def _read_routine(routine: Val3Routine, use: CodeUse) -> None:
-    code = routine.code
-    ends = [match.start() for match in re.finditer("\n", code)]
-    moves: list[tuple[int, Val3Move]] = []
-    for match in _MOVE.finditer(code):
-        how, via, via_key, target, key, tool, tool_key = match.groups()
-        move = Val3Move(
-            _MOTIONS[how or "c"],
-            _refer(routine, via, via_key) if via else None,
-            _refer(routine, target, key),
-            _refer(routine, tool, tool_key),
-            routine.file,
-            routine.line + bisect_left(ends, match.start()),
-        )
-        moves.append((match.start(), move))
-    rest = _MOVE.sub(_blank, code)
-    for match in _COMPUTED.finditer(rest):
-        line = routine.line + bisect_left(ends, match.start())
-        moves.append(
-            (match.start(), Val3Move(_MOTIONS[match[1]], None, None, None, routine.file, line))
-        )
-    use.moves += [move for _, move in sorted(moves, key=lambda item: item[0])]
-    for match in _CALL.finditer(rest):
-        line = routine.line + bisect_left(ends, match.start())
+    moves, places, rest = _cut_moves(routine)
+    computed = [
+        (match.start(), Val3Move(_MOTIONS[match[1]], None, None, None, routine.file, line))
+        for match, line in _find_lines(_COMPUTED, rest, routine.line)
+    ]
+    if computed:
+        ordered = sorted([*zip(places, moves, strict=True), *computed], key=itemgetter(0))
+        moves = [move for _, move in ordered]
+    use.moves += moves
+    for match, line in _find_lines(_CALL, rest, routine.line):
         use.calls.setdefault(match[1] or match[2], (routine.file, line))
     _note_touched(routine, rest, use)
+
+
+def _cut_moves(routine: Val3Routine) -> tuple[list[Val3Move], list[int], str]:
+    """Returns the plain motions, the code without them, and the place in it behind each."""
+    code, moves, places, size, last = routine.code, [], [], 0, 0
+    pieces: list[str] = []
+    tools: dict[tuple[str, str | None], Reference | None] = {}
+    for match, line in _find_lines(_MOVE, code, routine.line):
+        how, via, via_key, target, key, *tool = match.groups()
+        named = (tool[0], tool[1])
+        if named not in tools:
+            tools[named] = _refer(routine, *named)
+        moves.append(
+            Val3Move(
+                _MOTIONS[how or "c"],
+                _refer(routine, via, via_key) if via else None,
+                _refer(routine, target, key),
+                tools[named],
+                routine.file,
+                line,
+            )
+        )
+        start, end = match.span()
+        blank = "\n" * code.count("\n", start, end) or " "
+        pieces += code[last:start], blank
+        size += start - last + len(blank)
+        places.append(size)
+        last = end
+    return moves, places, "".join([*pieces, code[last:]])
+
+
+def _find_lines(
+    pattern: re.Pattern[str], text: str, line: int
+) -> Iterator[tuple[re.Match[str], int]]:
+    """Yields the matches in a text that begins in a line, with the line each begins in."""
+    last = 0
+    for match in pattern.finditer(text):
+        line += text.count("\n", last, match.start())
+        last = match.start()
+        yield match, line
 
 
 def _blank(match: re.Match[str]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from array import array
 from collections.abc import Sequence
 from typing import Final
 
@@ -17,29 +18,18 @@ from robotrue.program.formats.shared_fate import share_fate
 from robotrue.program.formats.target_notes import TargetNotes, absent_routine
 from robotrue.program.formats.target_tokens import POSE, TargetTokens, values_of
 from robotrue.program.formats.val3_files import (
-    JOINTS,
-    POINT,
     CodeUse,
-    DataValue,
+    FrameValue,
     Reference,
     Val3File,
     Val3Move,
     read_code,
     read_val3_file,
 )
+from robotrue.program.formats.val3_numbers import POSE_NAMES, find_point_numbers
 from robotrue.program.program import FrameTable, Motion, Program, Reason
 
 _NUMBER: Final = re.compile(r"[-+]?(?:\d++\.?+\d*+|\.\d++)(?:[eE][-+]?\d+)?+", re.ASCII)
-_TAG: Final = re.compile(rb"<Value\b(?:[^>\"']|\"[^\"]*+\"|'[^']*+')*+>")
-_ATTRIBUTE: Final = re.compile(
-    rb"\s(r?[xyz]|j[1-6])\s*+=\s*+[\"']\s*+([-+]?(?:\d++\.?+\d*+|\.\d++)(?:[eE][-+]?\d+)?+)\s*+[\"']"
-)
-_POSE: Final = ("x", "y", "z", "rx", "ry", "rz")
-_COLUMNS: Final = {
-    POINT: {key.encode(): column for column, key in enumerate(_POSE)},
-    JOINTS: {b"j%d" % axis: axis - 1 for axis in range(1, 7)},
-}
-_NAMES: Final = {kind: {key.decode() for key in keys} for kind, keys in _COLUMNS.items()}
 _LARGEST: Final = 1e9
 """mm or deg of a frame that can be one."""
 _UNUSED: Final = int(Motion.UNUSED)
@@ -64,13 +54,10 @@ class _Application:
         self, files: Sequence[tuple[str, bytes]], held: Sequence[Val3File], given: FrameTable
     ) -> None:
         self.files, self.given = files, given
-        self.points = [
-            [value for value in content.values if value.kind in (POINT, JOINTS)] for content in held
-        ]
+        self.points = [content.points for content in held]
         self.rows: dict[str, dict[str, tuple[int, int]]] = {}
-        for file, values in enumerate(self.points):
-            for row, value in enumerate(values):
-                self._add_point(file, row, value)
+        for file in range(len(files)):
+            self._add_points(file)
         routines = [routine for content in held for routine in content.routines]
         self.use: CodeUse = read_code(routines)
         known = {routine.name for routine in routines} | {*given.harmless_routines}
@@ -78,25 +65,27 @@ class _Application:
         self.frames = {
             side: _Frames(side, held, given, self.use.touched) for side in ("base", "tool")
         }
-        self.tool = [[0] * len(values) for values in self.points]
-        self.motion = [[_UNUSED] * len(values) for values in self.points]
-        self.clash = [[False] * len(values) for values in self.points]
-        self.path: list[list[tuple[int, int, int]]] = [[] for _ in files]
+        self.tool = [[0] * len(points.line) for points in self.points]
+        self.motion = [[_UNUSED] * len(points.line) for points in self.points]
+        self.clash = [[False] * len(points.line) for points in self.points]
+        self.path = [array("q") for _ in files]
         self.arcs: list[list[list[int]]] = [[] for _ in files]
         self._whole: dict[tuple[str, str], None] = {}
         for place, move in enumerate(self.use.moves):
             self._follow(place, move)
 
-    def _add_point(self, file: int, row: int, value: DataValue) -> None:
-        known = self.rows.setdefault(value.name, {})
-        if value.key in known:
-            raise FormatError(
-                f"{value.name}[{value.key}] occurs twice.",
-                source=self.files[file][0],
-                line=value.line,
-                hint="delete one of the two; give the files of one application.",
-            )
-        known[value.key] = file, row
+    def _add_points(self, file: int) -> None:
+        points = self.points[file]
+        for row, (name, key) in enumerate(zip(points.name, points.key, strict=True)):
+            known = self.rows.setdefault(name, {})
+            if key in known:
+                raise FormatError(
+                    f"{name}[{key}] occurs twice.",
+                    source=self.files[file][0],
+                    line=points.line[row],
+                    hint="delete one of the two; give the files of one application.",
+                )
+            known[key] = file, row
 
     def _follow(self, place: int, move: Val3Move) -> None:
         """Notes what a motion says of the points it moves to."""
@@ -110,9 +99,9 @@ class _Application:
                 self._use(file, row, motion, move)
             if len(rows) == 1 and target is not None and target.key is not None:
                 reached += rows
-                self.path[rows[0][0]].append((place, rows[0][1], int(motion)))
+                self.path[rows[0][0]].extend((place, rows[0][1], motion))
             else:
-                self.path[move.file].append((place, -move.line, int(motion)))
+                self.path[move.file].extend((place, -move.line, motion))
         if len(reached) == 2 and reached[0][0] == reached[1][0]:
             self.arcs[reached[0][0]].append([row for _, row in reached])
 
@@ -140,12 +129,13 @@ class _Application:
 
     def build(self, file: int) -> Program:
         """Returns the program of one file."""
-        (name, data), values = self.files[file], self.points[file]
-        tokens = _find_tokens(data, values, name)
+        (name, data), points = self.files[file], self.points[file]
+        tokens = find_point_numbers(data, points, name)
         position, rotation, axes = values_of(tokens)
-        line = np.array([value.line for value in values], np.int64)
+        line = np.array(points.line, np.int64)
         base = self.frames["base"]
-        frame = np.array([base.parent(value) for value in values], np.int64)
+        parents = {father: base.parent(father) for father in dict.fromkeys(points.father)}
+        frame = np.array([parents[father] for father in points.father], np.int64)
         notes = TargetNotes(name, line)
         reason = self._find_reasons(file, tokens, frame, notes)
         path = np.array(self.path[file], np.int64).reshape(-1, 3)
@@ -163,7 +153,7 @@ class _Application:
             axes=axes,
             motion=np.array(self.motion[file], np.int64),
             reason=reason,
-            words=np.empty((len(values), 0), np.int64),
+            words=np.empty((len(line), 0), np.int64),
             words_of="",
             line=line,
             frame=frame,
@@ -179,14 +169,14 @@ class _Application:
         self, file: int, tokens: TargetTokens, frame: IntArray, notes: TargetNotes
     ) -> IntArray:
         """Why points cannot be compensated (n,), in the order of what weighs most."""
-        values = self.points[file]
+        points = self.points[file]
         axis = tokens.kind != POSE
         reason = np.where(axis, int(Reason.JOINT_TARGET), int(Reason.NONE))
         lost_frame = ~axis & self.frames["base"].list_lost()[frame]
         lost_tool = self.frames["tool"].list_lost()[np.array(self.tool[file], np.int64)]
         unused = np.array(self.motion[file], np.int64) == Motion.UNUSED
         named = self.use.touched | self.use.computed
-        touched = np.array([value.name in named for value in values], np.bool_)
+        touched = np.array([variable in named for variable in points.name], np.bool_)
         short = np.isnan(tokens.value).any(axis=1)
         said = (
             (
@@ -204,7 +194,7 @@ class _Application:
             reason[rows] = why
             if sentence:
                 notes.rows(rows & ~unused, f"{sentence}; not compensated")
-        if self.absent and len(values):
+        if self.absent and len(axis):
             reason[~unused] = Reason.EXPRESSION
             where, line = next(iter(self.absent.values()))
             what = "points, frames and tools, so that no point is compensated"
@@ -234,7 +224,7 @@ class _Frames:
         self._values = {
             (value.name, value.key): value
             for content in held
-            for value in content.values
+            for value in content.frames
             if value.kind == kind
         }
         root: Array = np.asarray(self._given.get(self._root, np.eye(4)), np.float64)
@@ -242,9 +232,9 @@ class _Frames:
         self._index: dict[tuple[str, str], int] = {(self._root, "0"): 0}
         self._lost: dict[int, str] = {}
 
-    def parent(self, value: DataValue) -> int:
+    def parent(self, father: str) -> int:
         """Returns the index of what a point stands on."""
-        return self._find(_parent_of(value, self._root))
+        return self._find(_split_father(father))
 
     def index(self, reference: Reference | None) -> int:
         """Returns the index of a tool that a motion names."""
@@ -267,7 +257,7 @@ class _Frames:
         while name not in self._index and name not in chain:
             chain[name] = None
             if name in self._values and not self._is_stated(name):
-                name = _parent_of(self._values[name], self._root)
+                name = self._parent_of(self._values[name])
         for own in reversed(chain):
             self._enter(own)
         return self._index[next(iter(chain), name)]
@@ -285,13 +275,16 @@ class _Frames:
         elif value is None:
             self._lose(name, f"{_spell(name)} is in no file given")
         else:
-            base = self._index.get(_parent_of(value, self._root))
+            base = self._index.get(self._parent_of(value))
             own = _read_pose(value)
             if base is None or base in self._lost or own is None:
                 self._lose(name, f"the parent frame of {_spell(name)} is unknown")
             else:
                 self._index[name] = len(self.matrices)
                 self.matrices.append(self.matrices[base] @ own)
+
+    def _parent_of(self, value: FrameValue) -> tuple[str, str]:
+        return _split_father(value.attributes.get("fatherId", f"{self._root}[0]"))
 
     def _lose(self, name: tuple[str, str], why: str) -> int:
         if name not in self._index:
@@ -306,70 +299,16 @@ def _spell(name: tuple[str, str]) -> str:
     return name[0] if name[1] == "0" else f"{name[0]}[{name[1]}]"
 
 
-def _parent_of(value: DataValue, root: str) -> tuple[str, str]:
-    name, _, key = value.attributes.get("fatherId", f"{root}[0]").partition("[")
+def _split_father(father: str) -> tuple[str, str]:
+    name, _, key = father.partition("[")
     return name, key.rstrip("]") or "0"
 
 
-def _read_pose(value: DataValue) -> Array | None:
+def _read_pose(value: FrameValue) -> Array | None:
     """The pose (4, 4) m of a frame or tool; a number that is left out is zero."""
-    words = [value.attributes.get(name, "0").strip() for name in _POSE]
+    words = [value.attributes.get(name, "0").strip() for name in POSE_NAMES]
     if not all(_NUMBER.fullmatch(word) and abs(float(word)) < _LARGEST for word in words):
         return None
     x, y, z, rx, ry, rz = (float(word) for word in words)
     turn = matrix_from_abc(np.array([-rz, -ry, -rx]) * DEG).T
     return pose(turn, np.array([x, y, z]) * MM)
-
-
-def _find_tokens(data: bytes, values: Sequence[DataValue], name: str) -> TargetTokens:
-    """Where the six numbers of every point stand; NaN where one is left out.
-
-    Raises:
-        FormatError: A number that cannot be read.
-    """
-    start, length = (np.zeros((len(values), 6), np.int64) for _ in range(2))
-    number = np.full((len(values), 6), np.nan)
-    kind = np.array([value.kind == JOINTS for value in values], np.int64)
-    cells: list[int] = []
-    spans: list[tuple[int, int]] = []
-    numbers: list[float] = []
-    for row, value in enumerate(values):
-        columns = _COLUMNS[value.kind]
-        tag = _TAG.match(data, value.start)
-        stated = len(numbers)
-        for match in _ATTRIBUTE.finditer(data, value.start, tag.end() if tag else value.start):
-            if match[1] in columns:
-                cells.append(6 * row + columns[match[1]])
-                spans.append(match.span(2))
-                numbers.append(float(match[2]))
-        if len(numbers) - stated < len(_NAMES[value.kind] & value.attributes.keys()):
-            raise _refuse_number(value, name)
-    place = np.array(spans, np.int64).reshape(-1, 2)
-    start.flat[cells], length.flat[cells] = place[:, 0], place[:, 1] - place[:, 0]
-    number.flat[cells] = numbers
-    if np.isinf(number).any():
-        raise _refuse_number(values[int(np.argwhere(np.isinf(number))[0][0])], name)
-    return TargetTokens(
-        start=start,
-        length=length,
-        value=number,
-        kind=kind,
-        unit=np.full((2, 6), DEG),
-        whole=np.zeros(2, np.bool_),
-        x_first=True,
-    )
-
-
-def _refuse_number(value: DataValue, name: str) -> FormatError:
-    words = {key: value.attributes.get(key.decode(), "0") for key in _COLUMNS[value.kind]}
-    key, text = next(
-        (key.decode(), text)
-        for key, text in words.items()
-        if not _NUMBER.fullmatch(text.strip()) or not np.isfinite(float(text))
-    )
-    return FormatError(
-        f"{key} of {value.name}[{value.key}] is {text!r}, expected a number.",
-        source=name,
-        line=value.line,
-        hint="write the value as a decimal number.",
-    )
