@@ -23,6 +23,11 @@ Files = tuple[tuple[str, bytes], ...]
 DEEP = 5
 """Of so many damaged programs that are read one is corrected and read again."""
 
+COARSE_PLACE = 20e-6
+"""m: more than half the third decimal of an inch; corrections are about a millimetre."""
+COARSE_TURN = 1e-4
+"""rad: more than half the third decimal of a degree in three angles."""
+
 
 class Broken(Exception):
     """A law that does not hold, with what happened."""
@@ -167,7 +172,7 @@ def survives(name: str, files: Files, frames: FrameTable, seed: int, limit: floa
     """Whether damaged files were read; refused is as good, anything else is Broken.
 
     What was read gives its bytes back at zero correction; for one seed in five it is corrected,
-    too, and read again.
+    too, and read again: its targets are then where the correction sends them.
     """
     try:
         with limited(limit):
@@ -196,9 +201,34 @@ def survives(name: str, files: Files, frames: FrameTable, seed: int, limit: floa
                 raise Broken(f"corrected, it is refused: {refusal}") from refusal
             if [len(p) for p in again] != [len(p) for p in programs]:
                 raise Broken("corrected, it has another number of targets")
+            for program, change, now in zip(programs, changes, again, strict=True):
+                _require_moved(name, program, change, now)
             return True
     except TooSlow as cause:
         raise Broken(str(cause)) from None
+
+
+def _require_moved(name: str, program: Program, change: Replacement, now: Program) -> None:
+    """A corrected target is where it was sent, as finely as the coarsest number is printed.
+
+    The via point of an arc has no attitude of its own. Path languages state arcs by centre and
+    radius and attitudes by the axis alone: only their straight moves are checked, and these not for
+    rotation.
+    """
+    language = find_language(name)
+    posed = change.changed & (program.reason == Reason.NONE)
+    bent = change.changed & (program.reason == Reason.JOINT_TARGET)
+    straight = ~np.isin(program.motion, (Motion.ARC_VIA, Motion.ARC_END))
+    full = language.prints_attitude
+    for column, rows, bound in (
+        ("position", posed & (straight | full), COARSE_PLACE),
+        ("rotation", posed & (program.motion != Motion.ARC_VIA) & full, COARSE_TURN),
+        ("axes", bent, COARSE_TURN),
+    ):
+        want, got = (getattr(one, column)[rows] for one in (change, now))
+        apart = np.abs(got - want)
+        if not (apart <= bound + 1e-9 * np.abs(want)).all():
+            raise Broken(f"corrected, {column} is off by {np.nanmax(apart):.3g}")
 
 
 def _require_reason(refusal: RobotrueError, files: Files) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from robotrue.core.rotations import abc_from_matrix, matrix_from_abc
 from robotrue.core.units import DEG
@@ -37,6 +38,14 @@ def test_nearest_triples() -> None:
     np.testing.assert_allclose(ours[usual], expected[usual], rtol=0, atol=4e-15 * 200)
     distance = np.abs(ours - near).max(axis=1)
     assert (distance <= np.abs(expected - near).max(axis=1) + 1e-9).all()
+
+
+@pytest.mark.parametrize("angle", [1e15, 1e38, 1e306])
+def test_no_triple_near_an_angle_without_a_place_in_the_turn(angle: float) -> None:
+    """Its turn is below the resolution of a double: 0 rad would be another rotation."""
+    rotation = matrix_from_abc(np.array([[0.4, 0.2, 0.1]]))
+    renewed = abc_from_matrices(rotation, np.array([[0.4, 0.2, angle]]))
+    assert not abs(renewed[0, 2]) < 1e9
 
 
 def test_rows_renewed_in_place() -> None:

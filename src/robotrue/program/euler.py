@@ -58,9 +58,11 @@ def _matrix(trig: Array, n: int, out: Array, i: int) -> None:
 
 @compile_kernel(PLAIN, inline=True)
 def _wrap(angle: float) -> float:
+    """Returns the angle in [-pi, pi), rad; NaN for one too large to have a place in the turn."""
     if -math.pi <= angle < math.pi:
         return angle
-    return angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
+    wrapped = angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
+    return wrapped if abs(wrapped) < 4.0 else math.nan
 
 
 def abc_from_matrices(rotation: Array, near: Array) -> Array:
