@@ -185,5 +185,5 @@ def test_coupled_joints_are_written_with_their_map() -> None:
 
 def test_bounds_that_a_cell_file_cannot_say_are_refused() -> None:
     uneven = replace(one_sigma(5e-6, 2e-6), angle_bound=9e-6)
-    with pytest.raises(ConfigurationError, match=r"which cell\.toml cannot say"):
+    with pytest.raises(ConfigurationError, match=r"which cell\.toml cannot hold"):
         cell_text(Cell(robot=preset("UR5"), tracker=uneven))

@@ -109,7 +109,7 @@ def test_what_is_missing_is_said(folder):
         "--direction=1,0,0",
     )  # fmt: skip
     assert isinstance(result.exception, ModelMismatchError)
-    assert "f_mean_N is the force along y, the error is said to be along x" in str(result.exception)
+    assert "f_mean_N is the force along y, the error is stated along x" in str(result.exception)
     result = call("validate", folder / "w.csv")
     assert isinstance(result.exception, ConfigurationError)
     assert not (folder / "m").exists()

@@ -64,7 +64,7 @@ def test_one_mirrored_sensor_of_a_campaign_is_named(
         ImplausibleDataError, match=rf"sensor {sensor + 1} travels -(1\.0|0\.9)"
     ) as it:
         check_campaign(machine.foot, with_readings(campaign, lambda d: d * sign))
-    assert "the other way round" in it.value.message
+    assert "wired in reverse" in it.value.message
     assert "turn the sign of its column" in str(it.value.hint)
 
 

@@ -280,7 +280,7 @@ def test_bad_windows_are_refused():
     refused(ImplausibleDataError, "counts", force=windows.force * 1e4)
     refused(ImplausibleDataError, "below the size of f_mean_N", force_peak=np.linspace(1, 2, 20))
     still = np.tile(windows.joints[:1], (20, 1))
-    refused(ImplausibleDataError, "the arm stood still", joints=still)
+    refused(ImplausibleDataError, "the arm was at rest", joints=still)
     refused(ModelMismatchError, "beyond the limits", joints=windows.joints + 2.0)
     with pytest.raises(ConfigurationError, match="not a unit vector"):
         CompliantArm(robot=arm.robot, stiffness=arm.stiffness, direction=np.ones(3))

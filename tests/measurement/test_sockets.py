@@ -50,7 +50,9 @@ def test_places_and_sockets_come_in_the_order_of_their_names(tmp_path: Path) -> 
         (2, 3, 0.05, 1e-4),
     ]
     np.testing.assert_array_equal(np.flatnonzero(found.rows_at(["right"])), [4, 5, 6])
-    with pytest.raises(ConfigurationError, match=r"no place 'left'; the fixture stood at front, r"):
+    with pytest.raises(
+        ConfigurationError, match=r"no place 'left'; places of the fixture: front, r"
+    ):
         found.rows_at(["left"])
 
 

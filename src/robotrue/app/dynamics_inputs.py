@@ -169,7 +169,7 @@ def read_pass_joints(path: Path, robot: RobotModel, shift: float) -> tuple[PassJ
             hint="a1_deg.. are joints as the controller displays them, j1_deg.. as the model does.",
         )
     if np.ptp(joints, axis=0).max() < SMALLEST_TURN:
-        raise ImplausibleDataError("no joint moves by 0.01 deg: the arm stood still.", source=path)
+        raise ImplausibleDataError("no joint moves by 0.01 deg: the arm was at rest.", source=path)
     found = PassJoints(
         time=signals.time + shift,
         joints=joints,

@@ -203,7 +203,7 @@ def cutter_axis(cell: Cell, text: str | None) -> Array:
             f"the flange to the tip (at most {ASIDE / DEG:.0f} deg are taken without asking): "
             "which axis of the tool frame is the cutter's is not plain.",
             source=cell.source or None,
-            hint="--cutter x (KUKA's own convention), or --cutter z to say that it is meant.",
+            hint="--cutter x (KUKA's own convention), or --cutter z to confirm z.",
         )
     return np.asarray(axis)
 

@@ -120,7 +120,7 @@ def _sigma_keys(tracker: TrackerSpecification) -> dict[str, object]:
     if along != (tracker.angle_bound, tracker.angle_bound_per_m):
         raise ConfigurationError(
             f"tracker {tracker.name!r} has one bound along and another across the line of sight, "
-            "which cell.toml cannot say.",
+            "which cell.toml cannot hold.",
             hint="one_sigma(sigma, sigma_per_m) of robotrue.measurement.tracker.",
         )
     sigma, per_m = (float(bound) / tracker.divisor for bound in along)

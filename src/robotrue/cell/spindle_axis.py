@@ -17,7 +17,7 @@ from robotrue.core.units import DEG, MM
 from robotrue.errors import ConvergenceError, ImplausibleDataError, ObservabilityError
 
 FEWEST: Final = 5
-"""Points of which a circle in space leaves a residual that tells its uncertainty."""
+"""Fewest points whose residual from a circle in space determines its uncertainty."""
 SHORTEST: Final = 120.0 * DEG
 """Arc below which centre and radius trade against each other."""
 OUTLYING: Final = 5.0

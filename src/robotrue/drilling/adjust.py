@@ -1,4 +1,4 @@
-"""One move that squares the spindle, or the reasons why the machine is not told to move."""
+"""One move that squares the spindle, or the reasons why no move is commanded."""
 
 from __future__ import annotations
 
@@ -52,8 +52,8 @@ def adjustment(model: NormalModel, clamps: Clamps, axes: Array) -> HoleAdjustmen
         axes: (2,) rad, A and B now, as the machine counts them.
 
     Raises:
-        ImplausibleDataError: A reading that cannot be, a force or tilt the model knows nothing of:
-            the machine is not told to move on a guess.
+        ImplausibleDataError: An impossible reading, or a force or tilt outside the model's range:
+            no move is commanded on a guess.
     """
     _refuse_readings(model, clamps)
     _refuse_force(model, clamps)
@@ -149,7 +149,7 @@ def _refuse_height(model: NormalModel, found: CorrectedReadings) -> None:
             f"the plane of the readings is {off / MM:+.4f} mm off its place in the campaign: one "
             f"sensor may be {abs(off) * len(model.foot.radius) / MM:.3f} mm off, which tilts the "
             f"normal by {tilt / DEG:.2f} deg.",
-            hint="a sensor that is disturbed or wired the other way round, an edge under it, or a "
+            hint="a sensor that is disturbed or wired in reverse, an edge under it, or a "
             "zero of another foot: look at the foot, then `drill zero`.",
         )
 

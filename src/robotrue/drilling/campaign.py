@@ -79,8 +79,8 @@ class Campaign(Columns):
 def reading_errors(foot: Foot, campaign: Campaign) -> Array:
     """Returns measured less theoretical readings (n, k) m (step 4).
 
-    The height of a clamp's plane along the spindle is not a tilt: the common part of the readings
-    that theory cannot know is not taken out, it stands in the errors and is harmless there.
+    The height of a clamp's plane along the spindle is not a tilt: the common part of the readings,
+    which theory does not determine, stays in the errors and is harmless there.
     """
     return campaign.clamps.readings - readings(foot, campaign.normal, np.zeros(len(campaign)))
 

@@ -42,7 +42,7 @@ TURNING: Final = 0.1 * DEG
 BETTER_SENSE: Final = 0.3
 """Share of that spread another sense must leave to be the likely one."""
 NEIGHBOUR: Final = 4
-"""Planes of a campaign with as many clamps more are told apart."""
+"""Planes of a campaign with as many clamps more are separated."""
 ONE_FORCE: Final = 1.0
 """N of spread below which all clamps are at one force."""
 ONE_HEIGHT: Final = 0.1 * MM
@@ -117,7 +117,7 @@ def check_campaign(foot: Foot, campaign: Campaign) -> None:
 
 
 def campaign_warnings(foot: Foot, campaign: Campaign) -> tuple[str, ...]:
-    """Returns what a campaign cannot tell, a sentence each with what to do."""
+    """Returns what a campaign does not determine, a sentence each with a remedy."""
     force, height = campaign.clamps.force, campaign.clamps.height
     warnings = []
     if np.ptp(force) < ONE_FORCE:
@@ -189,7 +189,7 @@ def _check_each(campaign: Campaign, measured: Array, expected: Array) -> None:
     raise ImplausibleDataError(
         f"sensor {k + 1} travels {slopes[k]:.3f} times as far as the tilts, "
         f"{SLOPE[0]:g} to {SLOPE[1]:g} are possible"
-        f"{': it is mounted or wired the other way round' if mirrored else ''}.",
+        f"{': it is mounted or wired in reverse' if mirrored else ''}.",
         source=campaign.source or None,
         hint="a reading grows where the surface is farther from the foot: turn the sign of its "
         "column."

@@ -1,10 +1,10 @@
 """A campaign's record as CSV, TSV or workbook.
 
 Columns, in any order: ``a_deg, b_deg`` (true tilt), ``force_N``, ``z_mm``, and the readings of
-sensors 1 to k as ``d1_mm, d2_mm, ...`` (less their zero), as ``raw1_mm, ...`` or as
-``raw1_counts, ...``. The last two need the foot's zero. Optionally ``approach``: a label of how the
-foot came down; blank is the usual way; and where the machine stood: ``X_mm, Y_mm`` and
-``axis_A_deg, axis_B_deg`` as it counts them. ``plate`` names the plate, as a planned sheet does.
+sensors 1 to k as ``d1_mm, d2_mm, ...`` (less their zero), as ``raw1_mm, ...`` or as ``raw1_counts,
+...``. The last two need the foot's zero. Optionally ``approach``: a label of how the foot came
+down, blank for the usual way; and the machine position: ``X_mm, Y_mm`` and ``axis_A_deg,
+axis_B_deg`` as it counts them. ``plate`` names the plate, as a planned sheet does.
 """
 
 from __future__ import annotations
@@ -202,7 +202,7 @@ def unit_of_readings(form: str, setup: FootSetup) -> float:
     """Returns m per unit of readings in one of :data:`FORMS`.
 
     Raises:
-        ConfigurationError: Counts, and the foot file does not say how long one is.
+        ConfigurationError: Counts, and the foot file does not state the length of a count.
     """
     if not form.endswith("_counts"):
         return MM

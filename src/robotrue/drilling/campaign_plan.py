@@ -30,7 +30,7 @@ WANTED: Final = 400
 SCATTER: Final = 2e-6
 """m, noise of a reading."""
 ON_A_PLATE: Final = 5
-"""Clamps below which a plate cannot be told from the others."""
+"""Clamps below which a plate cannot be separated from the others."""
 GRID: Final = 9
 """Attitudes of each axis that plates are chosen from."""
 TURNS: Final = 30

@@ -4,10 +4,10 @@ Named values of a foot: ``d1_mm, d2_mm, ...`` (less their zero), or ``raw1_mm, .
 ``raw1_counts, ...`` with the foot's zero; ``force_N``, ``z_mm``, and ``A_deg, B_deg`` as the
 machine counts its axes; optionally ``X_mm, Y_mm``. Of a reference: ``left_a_deg, left_b_deg``.
 
-A clamp begins when the force rises above ``force_on``. It is taken once, from the mean over the
+A clamp begins when the force rises above ``force_on``. It is recorded once, as the mean over the
 first ``quiet`` seconds in which no reading and no force moves by more than stated, and ends when
-the force falls below ``force_off``. What does not come to rest in time is told as such, not
-averaged.
+the force falls below ``force_off``. A clamp that does not come to rest in time is reported as such,
+not averaged.
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ from robotrue.drilling.foot_file import FootSetup
 from robotrue.errors import ConfigurationError, FormatError, ImplausibleDataError, ShapeError
 
 LEAST: Final = 5
-"""Samples that a mean is taken over, at least."""
+"""Fewest samples of a mean."""
 SIMULATED: Final = "simulated"
-"""Name of the value by which a simulated machine says what it is; not 0."""
+"""Name of the value that marks a simulated machine; not 0."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,8 +60,8 @@ class ClampSettings:
         reading_moves: m, peak to peak of each reading in that time.
         force_moves: N, likewise of the force.
         axes_move: rad, likewise of A and B.
-        patience: s from the begin of a clamp until it is given up.
-        gap: s without a sample after which the rest begins anew.
+        patience: s from the start of a clamp until it is abandoned.
+        gap: s without a sample after which the quiet time restarts.
     """
 
     force_on: float = CLAMP_FORCE_N

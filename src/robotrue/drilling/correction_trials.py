@@ -86,7 +86,7 @@ def held_out_blocks(foot: Foot, campaign: Campaign) -> tuple[list[BoolArray], li
 
 
 def usable_positions(foot: Foot, campaign: Campaign) -> tuple[tuple[Position, ...], dict[str, str]]:
-    """Returns the machine positions that a campaign can tell from other causes, and why not.
+    """Returns the machine positions that a campaign separates from other causes, and why not.
 
     The second value has a reason for each that is recorded but does not vary by itself.
     """
@@ -179,7 +179,7 @@ def choose_trial(trials: tuple[Trial, ...]) -> Trial:
 def choose_inputs(
     foot: Foot, campaign: Campaign, *, corrects: Corrects = CORRECTS
 ) -> tuple[Trial, ...]:
-    """Returns the trials of machine positions as causes, none first; empty if none can be told.
+    """Returns the trials of machine positions as causes, none first; empty if none is determined.
 
     The regression with interactions tries them, the patent's where the clamps are too few for it:
     a position that counts shows in every correction. :func:`choose_trial` picks from them.
@@ -215,7 +215,7 @@ def resolve_inputs(
     """Returns the positions a fit uses, and the trials they were chosen by; empty if they were not.
 
     Args:
-        inputs: As asked for; with ``"auto"`` those that win on held-out blocks.
+        inputs: As requested; with ``"auto"`` those that win on held-out blocks.
         foot: The sensors.
         campaign: Clamps with known tilts.
         corrects: Readings, or the targets of A and B.
@@ -233,7 +233,7 @@ def resolve_inputs(
 
 
 def require_inputs(names: str, foot: Foot, campaign: Campaign) -> tuple[Position, ...]:
-    """Returns the positions that a user insists on, as far as the campaign can tell them.
+    """Returns the positions that a user requires, as far as the campaign determines them.
 
     Raises:
         ObservabilityError: None of them is recorded, or varies by itself.

@@ -123,7 +123,7 @@ def trial_document(trial: Trial) -> dict[str, object]:
 def terms_of(model: NormalModel, data: Campaign) -> list[dict[str, object]]:
     """Returns the significance of each term.
 
-    The terms are the patent's five where the patent's regression was asked for or the clamps are
+    The terms are the patent's five where the patent's regression was requested or the clamps are
     few, and the eight with interactions otherwise; machine positions that are inputs come last. Of
     a correction of joint targets they are those of a and b, in deg.
     """

@@ -32,7 +32,7 @@ from robotrue.drilling.refinement import Refinement, Watch, forget_constants
 from robotrue.errors import ConfigurationError, ObservabilityError
 
 SMALLEST: Final = 1e-3 * DEG
-"""Deviation of a production record below which none is believed."""
+"""Smallest deviation of a production record that is used."""
 SAME_ZERO: Final = 1e-9
 """m by which the same zero may differ where a file states it."""
 
@@ -72,7 +72,7 @@ class Frozen(Residuals):
     Attributes:
         version: Counts the freezes, from 1.
         tested_on: SHA-256 of the test campaign.
-        clamps: How many it held.
+        clamps: Clamps of the test.
     """
 
     version: int

@@ -24,7 +24,7 @@ from robotrue.measurement.formats.sheet_file import read_sheet
 SEAT: Final = "seat"
 """Column that names each time the tool was put on; its rows share what the seat is off."""
 FEWEST: Final = 5
-"""Rows, or seats, from which a deviation is told."""
+"""Fewest rows, or seats, that give a deviation."""
 OUTLYING: Final = 6.0
 """Robust deviations off its seat beyond which a row is no reading of the tool at rest."""
 EXCHANGED: Final = 0.1
@@ -63,11 +63,12 @@ def read_zero(path: str | Path, setup: FootSetup) -> FootZero:
     """Returns the zero in a file of readings on the calibration tool.
 
     Columns: ``raw1_mm, ...`` or ``raw1_counts, ...`` and optionally ``seat``. With seats the
-    deviation is that of the mean of seats, so that it holds what putting the tool on repeats.
+    deviation is that of the mean of seats, so that it includes the repeatability of mounting the
+    tool.
 
     Raises:
         FormatError: A column is missing, or a cell is not a finite number; with file and line.
-        ConfigurationError: Counts, and the foot file does not say how long one is.
+        ConfigurationError: Counts, and the foot file does not state the length of a count.
         ObservabilityError: Too few rows or seats.
         ImplausibleDataError: A row far off the others.
     """

@@ -40,10 +40,11 @@ class HoleAnswer:
         hole: Its number or name.
         clamps: The clamp, one row; None where the foot did not come to rest.
         axes: (2,) rad, A and B at the clamp.
-        adjustment: The one move; None where the machine is not told to move.
-        refused: Why not, with what to try; "" where it is.
+        adjustment: The one move; None where no move is commanded.
+        refused: Why no move is commanded, with what to try; "" with a move.
         version: Of the model.
-        simulated: Whether the machine said that its clamps are, or the model rests on such.
+        simulated: Whether the machine marked its clamps as simulated, or the model was learned from
+            such.
     """
 
     hole: str
@@ -157,7 +158,7 @@ class HoleSession:
         self._watch.broken()
 
     def forget(self, hole: str) -> None:
-        """Takes back that a hole was moved for: the machine was not told to after all."""
+        """Removes a hole from those moved for: the move was not commanded."""
         self._waiting.pop(hole, None)
 
     def take_reference(self, hole: str, left: Array, truth: str) -> RecordUpdate:

@@ -1,7 +1,7 @@
 """Journal of a session: one JSON line per event, on disk before the machine moves.
 
-After a stop of any kind the session goes on from it: which clamps wait for a reference, how many
-holes there were, and which references the model has to hold. A last line without its end was cut by
+After a stop of any kind the session continues from it: which clamps wait for a reference, the
+number of holes, and which references the model must contain. A last line without its end was cut by
 that stop and is left out.
 
 A reference is in the journal before the refined model is written, and without an output file no
@@ -205,10 +205,10 @@ class Journal(AbstractContextManager["Journal"]):
     def write_reference(
         self, document: Mapping[str, object], *, sigma: float, records: int
     ) -> None:
-        """Puts what a reference did on the disk.
+        """Writes the effect of a reference to the disk.
 
         Args:
-            document: As the machine is told it.
+            document: As sent to the machine.
             sigma: rad, deviation of the reference.
             records: The model's watch has seen, this one included.
 

@@ -1,23 +1,23 @@
-"""The default correction: known causes with learned sizes, a smooth rest, one evidence.
+"""The default correction: known causes with learned sizes, a smooth residual, one evidence.
 
 A Gaussian process. The sensors share its hyper-parameters and nothing else. With few clamps the
-groups carry it, with many the rest learns what they leave.
+groups carry it; with many the residual learns the remainder.
 
 The error of each sensor is a sum of groups, each a few columns with independent normal coefficients
-of one deviation per group, a smooth rest, and noise:
+of one deviation per group, a smooth residual, and noise:
 
-    1; a, b; F; z; F a, F b; F^2; a^2, a b, b^2; (1, t_a, t_b) exp(-F / F_0); rest; noise.
+    1; a, b; F; z; F a, F b; F^2; a^2, a b, b^2; (1, t_a, t_b) exp(-F / F_0); residual; noise.
 
 Each machine position that is an input is one more group of one column and one more cause of the
-rest.
+residual.
 
 t is the direction of the tilt from where the foot hangs at rest, (a_0, b_0). The foot is free when
 it meets the skin and turns towards it until the joint's friction stops it: it stays behind by an
 angle that the growing clamp force takes away, along the way it turned. That is the group with
 exp(-F / F_0); no polynomial has its edge at rest.
 
-The deviations are learned by the evidence, from starts and with spreads that say what such feet
-do: offsets of tenths of a millimetre, a fifth of that per degree, nothing much from the height.
+The deviations are learned by the evidence, with priors for typical feet: offsets of tenths of a
+millimetre, a fifth of that per degree, almost nothing from the height.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _G: Final = len(WIDTHS)
 REST_AMPLITUDE: Final = 10.0 * UM
 WIDE: Final = 0.2 * MM
 REST: Final = np.log(np.array([REST_AMPLITUDE, 4.0, 4.0, 1.0, 7.0]))
-"""Log amplitude (m) and lengths (deg, deg, kN, 100 mm) of the smooth rest."""
+"""Log amplitude (m) and lengths (deg, deg, kN, 100 mm) of the smooth residual."""
 FADING: Final = float(np.log(0.6))
 """Log of F_0 in kN."""
 SPREAD: Final = np.array([1.0] * len(WIDTHS) + [1.0, 0.7, 0.7, 0.7, 1.0, 0.5, 0.3, 0.3, 0.7])
@@ -99,8 +99,8 @@ def _friction(c: Conditions, fading: float, rest: Array) -> tuple[Array, Array, 
 def start(reading_sigma: float, *, rest_alone: bool, inputs: int = 0) -> Array:
     """Returns theta (17 + 2 inputs,) where the search begins: its prior mean.
 
-    With ``rest_alone`` the smooth rest has to carry what the groups would: the groups but the
-    offset are none, the rest begins as wide as the error.
+    With ``rest_alone`` the smooth residual replaces the groups: all groups but the offset are zero,
+    and the residual starts as wide as the error.
     """
     rest = REST + np.array([np.log(WIDE / REST_AMPLITUDE), 0.0, 0.0, 0.0, 0.0]) * rest_alone
     base = [WIDTHS, rest, [FADING, 0.0, 0.0, np.log(reading_sigma)]]
@@ -137,8 +137,7 @@ class PhysicsCorrection(Columns):
         errors: (n, k) m, their reading errors.
         theta: (17 + 2 inputs,) log hyper-parameters in the order of :data:`SPREAD`, then widths and
             lengths of the inputs; -inf: not there.
-        widening: Factor on the variance, for hyper-parameters are known no better than few clamps
-            tell.
+        widening: Factor on the variance, because few clamps determine the hyper-parameters poorly.
         inputs: Machine positions among the causes.
         corrects: What the errors are of.
     """
@@ -193,7 +192,7 @@ def fit_physics(
         causes: n clamps.
         errors: (n, k) m, measured less theoretical readings.
         reading_sigma: m, scatter of a reading: the prior mean of the noise.
-        rest_alone: A plain Gaussian process: offset, smooth rest and noise only.
+        rest_alone: A plain Gaussian process: offset, smooth residual and noise only.
         inputs: Machine positions among the causes.
         corrects: What the errors are of.
 
@@ -263,7 +262,7 @@ def signal_covariance(
 def _covariance_parts(
     theta: Array, c: Conditions, other: Conditions, inputs: tuple[Position, ...]
 ) -> tuple[list[Array], Array]:
-    """(m, n) covariance of each group and of each input, and of the smooth rest."""
+    """(m, n) covariance of each group and of each input, and of the smooth residual."""
     places = _scale_causes(theta, c, inputs), _scale_causes(theta, other, inputs)
     rest = np.exp(2.0 * theta[_G]) * correlation(*places)
     own, others = (_all_groups(theta, each, inputs) for each in (c, other))
@@ -283,7 +282,7 @@ def _widths(theta: Array, inputs: int) -> Array:
 
 
 def _scale_causes(theta: Array, c: Conditions, inputs: tuple[Position, ...]) -> Array:
-    """(n, 4 + inputs) causes over the lengths of the smooth rest."""
+    """(n, 4 + inputs) causes over the lengths of the smooth residual."""
     length = np.concatenate([theta[_G + 1 : _G + 5], theta[_NOISE + 1 + len(inputs) :]])
     return np.asarray(np.concatenate([c.table, c.positions(inputs)], axis=1) / np.exp(length))
 

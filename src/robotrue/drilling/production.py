@@ -31,8 +31,8 @@ class RecordUpdate:
 
     Attributes:
         model: After it.
-        score: (2,) what was left over its predicted deviation, a and b.
-        alarm: Whether the watch tells a shift from noise; the watch then begins anew.
+        score: (2,) residual tilt over its predicted deviation, a and b.
+        alarm: Whether the watch detects a shift; the watch then restarts.
         shift: (2,) rad, the shift it estimates; 0 without an alarm.
         said: One sentence for the operator, or "".
         hole: Of the record.
@@ -49,15 +49,15 @@ class RecordUpdate:
 def update_model(
     model: NormalModel, found: CorrectedReadings, record: Remaining, *, reference: float
 ) -> RecordUpdate:
-    """Returns the model after what one hole left.
+    """Returns the model after the residual tilt of one hole.
 
     A frozen model is watched and stays as it is; an alarm thaws it, so that the records that follow
-    refine it. One that is not frozen is refined, and after an alarm learns its zero anew.
+    refine it. One that is not frozen is refined, and after an alarm learns its zero again.
 
     Args:
         model: Before the record.
-        found: What it made of this clamp, one row.
-        record: What remained, with what measured it.
+        found: Its corrected readings of this clamp, one row.
+        record: The residual tilt, with the reference that measured it.
         reference: rad, deviation of the reference in each of a and b.
     """
     model = replace(model, provenance=merge([model.provenance, record.provenance]))
@@ -131,14 +131,14 @@ class BatchRefinement:
 def refine_model(
     before: NormalModel, holes: ProductionRecord, *, truth: str, reference: float
 ) -> BatchRefinement:
-    """Returns the model after holes that it moved all of.
+    """Returns the model after holes whose moves it commanded.
 
-    Its memory is the one that held-out references support; without one it stays as it is. After
-    an alarm among the last references too few follow to learn the zero anew, and it is not
+    Its memory is the one that held-out references support; without one it stays as it is. After an
+    alarm among the last references too few follow to learn the zero again, and it is not
     forgotten.
 
     Args:
-        before: Moved all holes.
+        before: The model that commanded all moves.
         holes: In their order.
         truth: What measured them.
         reference: rad, deviation of the reference in each of a and b.
@@ -252,14 +252,15 @@ def record_of(
     *,
     moved: Array | None = None,
 ) -> Remaining:
-    """Returns the record of what one move left.
+    """Returns the record of the tilt left after one move.
 
-    The true tilt of the surface is what the spindle moved by plus what the reference found left.
-    The record holds how far the model that is refined now is off it, whichever model moved.
+    The true tilt of the surface is the spindle's move plus the tilt that the reference measured
+    after it. The record holds the error of the model that is refined now, whichever model commanded
+    the move.
 
     Args:
         hole: Its number or name.
-        found: What the model to be refined makes of the clamp, one row.
+        found: Corrected readings of the clamp by the model to be refined, one row.
         left: (2,) rad, as the reference measured it after the move.
         truth: What measured it.
         provenance: Of clamp and reference: simulated or measured.

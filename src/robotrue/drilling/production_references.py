@@ -34,7 +34,7 @@ CLEAR: Final = 0.2
 FORGETTINGS: Final = (1.0, 0.99, 0.98, 0.95)
 """Tried; the effective memory is 1 / (1 - forgetting) references."""
 FEWEST: Final = 8
-"""References below which none of this can be told."""
+"""References below which none of this is determined."""
 SURE: Final = 2.0
 """Standard errors by which a refinement has to beat none, with many references; more with few."""
 LARGE: Final = 10.0

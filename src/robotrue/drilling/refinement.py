@@ -1,22 +1,22 @@
-"""Refinement in production (step 8): recursive least squares on what an outside reference measured.
+"""Refinement in production (step 8): recursive least squares on tilts of an outside reference.
 
 The foot cannot see its own zero: readings taken again after a move agree with the correction that
-made it, and learning from them drifts. Every record therefore names what measured the tilt that was
-left, and the foot's own sensors are no such thing.
+made it, and learning from them drifts. Every record therefore names the instrument that measured
+the residual tilt, which must not be the foot's own sensors.
 
     d_i = x_i' beta_i + noise,  x = (1, a, b, F),  for both tilts,
-    P <- P / lambda after each record: what was learned long ago counts less.
+    P <- P / lambda after each record: older records count less.
 
-The variance of the noise is that of the reference plus that of what the correction leaves.
+The variance of the noise is that of the reference plus that of the corrected tilt.
 
-A watch on the residuals tells a shifted zero from noise: two one-sided cumulative sums per channel
-(Page, Biometrika 41 (1954)), in standard deviations::
+A watch on the residuals separates a shifted zero from noise: two one-sided cumulative sums per
+channel (Page, Biometrika 41 (1954)), in standard deviations::
 
     up <- max(0, up + z - k),  down <- max(0, down - z - k),  alarm where one exceeds h.
 
 With k = 0.5 and h = 8 a channel of plain noise alarms once in some 10^4 records; a shift of two
-deviations is seen after about six records. What a correction leaves is wider than it says where
-it was learned from few clamps; a slow mean square of the scores widens the deviation then, never
+deviations is seen after about six records. A correction learned from few clamps leaves larger
+residuals than it predicts; a slow mean square of the scores then widens the deviation, and never
 narrows it.
 """
 
@@ -178,13 +178,13 @@ def terms_of_cause(cause: Array) -> Array:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Watch(Columns):
-    """Cumulative sums of the tilts a and b; without values one that has seen nothing.
+    """Cumulative sums of the tilts a and b; without values, the initial state.
 
     Attributes:
         sums: (2, 2) upward and downward, in standard deviations.
-        since: (2, 2) records since each last stood at zero: where the shift began.
+        since: (2, 2) records since each was last zero: where the shift began.
         spread: (2,) slow mean square of the scores, not below 1.
-        records: How many were seen.
+        records: Number of records.
         allowance: k.
         limit: h.
     """

@@ -72,7 +72,7 @@ def fit_linear(
         corrects: What the errors are of.
 
     Raises:
-        ObservabilityError: Fewer clamps than terms, or terms that the campaign cannot tell apart.
+        ObservabilityError: Fewer clamps than terms, or terms that the campaign cannot separate.
     """
     names, x = columns(family, causes, inputs)
     n, p = x.shape

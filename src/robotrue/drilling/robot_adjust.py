@@ -41,10 +41,10 @@ class RobotMove:
 
     Attributes:
         joints: (n,) rad, model's sense, to be commanded.
-        T_base_tool: (4, 4) nominal pose of those joints: what the controller is told.
+        T_base_tool: (4, 4) nominal pose of those joints: the command to the controller.
         turn: rad, angle the spindle axis turns by.
-        rotation_known: Whether the model knows its rotation error there; without, the tool axis is
-            as wrong as the nominal robot's.
+        rotation_known: Whether the model predicts the rotation error there; if not, the error of
+            the tool axis is that of the nominal robot.
     """
 
     joints: Array
@@ -161,7 +161,7 @@ def robot_fragment(language: str, T_base_tool: Array) -> str:
 
     Args:
         language: One that prints a move: ``"krl"``, ``"rapid"`` or ``"urscript"``.
-        T_base_tool: (4, 4), what the controller is told.
+        T_base_tool: (4, 4), pose commanded to the controller.
 
     Raises:
         ConfigurationError: Another language.

@@ -30,7 +30,7 @@ NAMES: Final = (
 _SIZE: Final = np.array([1e9, 1e9, 1e9, 1e4, 1e4, 1e4])
 """Pa and N/m of an ordinary material; scales the unknowns, weighs nothing."""
 _SPREAD: Final = 1.5
-"""Least largest over smallest feed per tooth that tells shear from edge."""
+"""Least ratio of largest to smallest feed per tooth that separates shear from edge coefficients."""
 _CLEAR: Final = 3.0
 """Deviations by which a slope must differ from nothing to have a sign."""
 _HOPELESS: Final = 1e6

@@ -71,7 +71,7 @@ class EndMill:
         return np.asarray(np.sqrt(self.radius**2 - below**2))
 
     def lag(self, height: Array) -> Array:
-        """Returns how far the edge lags behind its tip (k,) rad at heights (k,) m."""
+        """Returns the lag of the edge behind its tip (k,) rad at heights (k,) m."""
         return np.asarray(np.asarray(height) * np.tan(self.helix) / self.radius)
 
 

@@ -38,12 +38,12 @@ def cutting_data(
 
     Args:
         stated: ``kind``, ``mode`` and numbers; helix, runout and edge coefficients may be absent.
-        where: What the table is called, for messages.
-        slots: Tests that are to give the coefficients: feed and coefficients may be absent and
-            stand at one.
+        where: Name of the table, for messages.
+        slots: Tests that determine the coefficients: feed and coefficients may be absent and are
+            one.
 
     Raises:
-        ConfigurationError: A missing or unknown key, or a cut that cannot be.
+        ConfigurationError: A missing or unknown key, or an impossible cut.
     """
     free = (*_OPTIONAL, "feed_per_tooth_mm", *_SHEAR) if slots else _OPTIONAL
     unknown = sorted(set(stated) - set(_SCALE) - set(_WORDS))

@@ -59,7 +59,7 @@ from robotrue.errors import ConfigurationError
 KIND: Final = "dynamic-deviation"
 SCHEMA: Final = 4
 NEAR: Final = 0.5
-"""Correlation with the nearest window learned from, below which a pose is one nobody has seen."""
+"""Correlation with the nearest training window, below which a pose counts as unmeasured."""
 WIDER: Final = 5.0
 """A static row that the windows contradict is taken for so much less well known."""
 
@@ -74,9 +74,9 @@ class DeviationSettings:
         offset: m, of b.
         gain: Of c.
         force_zero: N, of the dynamometer's zero where a pass begins, each axis.
-        force_drift: N, of how far the zero has moved by the end of a pass, in proportion to the
-            way, each axis: what is expected before the passes are looked at, to a factor of 1.6.
-        zero_left: N, of both where the zero was read before and behind the cut and taken off.
+        force_drift: N, of the drift of the zero over a pass, in proportion to the path, each axis:
+            the prior before the passes are used, to a factor of 1.6.
+        zero_left: N, of both where the zero was read before and after the cut and subtracted.
     """
 
     compliance: float = 0.20
@@ -244,16 +244,16 @@ def fit_deviation(
         windows: Measured; one pass will do, several poses are better.
         arm: As stated by the data sheet.
         settings: Priors; default those of :class:`DeviationSettings`.
-        row: Static row of the response the windows were predicted with. How far it is trusted is
-            learned by evidence: as stated, or ``WIDER`` times as wide.
+        row: Static row of the response the windows were predicted with. Its deviation is chosen by
+            evidence: as stated, or ``WIDER`` times as wide.
 
     Raises:
         ObservabilityError: Too few windows.
-        ImplausibleDataError: Columns that do not vary, or cannot be what they claim.
+        ImplausibleDataError: Columns that do not vary, or are implausible for their name.
         ModelMismatchError: Windows of another arm, or outside its limits.
 
-    Fails when: something other than joints gives way and depends on the pose: it is learned as
-    residual where windows are, and unknown elsewhere.
+    Fails when: something other than the joints is compliant and depends on the pose: it is learned
+    as residual near the windows, and unknown elsewhere.
     """
     settings = DeviationSettings() if settings is None else settings
     terms = physics_terms(arm, windows)

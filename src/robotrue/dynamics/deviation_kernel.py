@@ -3,17 +3,17 @@
 ::
 
     cov = X S X^T                                      factors on the joints, offset, scale
-        + a1^2 exp(-|dq|^2 / 2 l1^2)                   what depends on the pose, in every pass
-        + [same pass] a2^2 exp(-|dp|^2 / 2 l2^2)       what changes along one pass only
+        + a1^2 exp(-|dq|^2 / 2 l1^2)                   depends on the pose, in every pass
+        + [same pass] a2^2 exp(-|dp|^2 / 2 l2^2)       changes along one pass only
         + [same pass] (d^2 + t t' r^2) C C^T           zero of the dynamometer in that pass
         + w^2                                          from window to window
 
 t is the part of its pass at which a window lies: the zero is set where a pass begins, and drifts.
-Each pass has a constant and a slope of its own, drawn with deviations d and r N. How far the
-dynamometer drifts (r) is learned from the passes; where its zero was read before and behind the cut
-and taken off, what is left of both is known and small. Neighbouring windows share their error;
-taking it as white makes the factors of a single pass look known when they are not, and carries them
-wrongly to other poses.
+Each pass has its own constant and slope, drawn with deviations d and r N. The drift of the
+dynamometer (r) is learned from the passes; where its zero was read before and after the cut and
+subtracted, the residual of both is known and small. Neighbouring windows share their error;
+treating it as white makes the factors of a single pass look determined when they are not, and
+transfers them wrongly to other poses.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ BOUNDS: Final = np.log(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WindowRows(Columns):
-    """Windows as the covariance sees them.
+    """Windows as inputs of the covariance.
 
     Attributes:
         basis: (n, q) columns X.
@@ -62,8 +62,8 @@ class WindowRows(Columns):
         place: (n, 3) m.
         member: (n,) number of the pass.
         way: (n,) t, from 0 where the pass began to 1 where it ended.
-        zero: (n, 6) m, C d, and C t r where the zero was taken off and r is known.
-        lever: (n, 3) m/N, C t where the zero drifts as far as it likes.
+        zero: (n, 6) m, C d, and C t r where the zero was subtracted and r is known.
+        lever: (n, 3) m/N, C t where the drift of the zero is unbounded.
     """
 
     basis: Annotated[Array, Column("n q")]

@@ -1,13 +1,12 @@
 """Effect of joint compliance on the error of a window, one term per joint.
 
 Under the mean force F the tool moves along u by ``sum_i (u.J_i) (J^T F)_i / K_i``. With the
-stiffnesses a data sheet states these are the regressors of the deviation; what is learned are
-factors near one on each. J carries the coupling of a parallel rod.
+stiffnesses of a data sheet these are the regressors of the deviation; a factor near one on each is
+learned. J carries the coupling of a parallel rod.
 
 A prediction from the response of one pose contains its static compliance times the mean force, at
-every pose. Whoever learns what the prediction misses elsewhere has to take it back; knowing it, and
-not only that there is one, saves another pass: along a single pass a compliance that is the same
-everywhere and a factor on all joints look alike.
+every pose. A deviation learned at other poses must subtract it; a known value saves another pass:
+along a single pass a constant compliance and a factor on all joints cannot be separated.
 """
 
 from __future__ import annotations
@@ -30,8 +29,8 @@ LIMIT_SLACK: Final = 1e-3
 """rad; measured joints may lie this far beyond a limit."""
 OWN_PART: Final = 0.10
 ANY_PART: Final = 0.03
-"""Standard deviation of an entry: part of its own size, and of that of the whole row. The row of a
-hammer test is that of an arm without load, tool included; it is not that of the arm that cuts."""
+"""Standard deviation of an entry, relative to its size and to that of the whole row. The row of a
+hammer test is that of an unloaded arm, tool included; not that of the arm that cuts."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,11 +109,11 @@ def physics_terms(arm: CompliantArm, windows: WindowSet) -> PhysicsTerms:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StaticCompliance(Columns):
-    """Displacement along the direction of the error over a standing force.
+    """Displacement along the direction of the error over a constant force.
 
     Attributes:
         value: (3,) m/N per force along base x, y, z, as the prediction contains it.
-        sd: (3,) m/N, how well the arm and the joints' factors are known to explain it.
+        sd: (3,) m/N, its standard deviation given the arm and the joints' factors.
     """
 
     value: Annotated[Array, Column("3", unit="m/N")]
@@ -145,7 +144,7 @@ def compliance_of(curve: ResponseCurve, direction: Array) -> StaticCompliance:
         direction: (3,) unit vector in base along which the error counts positive.
 
     Raises:
-        ModelMismatchError: The response does not say how the tool moves along the direction.
+        ModelMismatchError: The response has no displacement along the direction.
     """
     frf = curve.frf
     missing = [

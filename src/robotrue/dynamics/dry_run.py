@@ -17,7 +17,7 @@ from robotrue.core.units import MM
 from robotrue.errors import ImplausibleDataError, ModelMismatchError
 
 APART: Final = 0.5 * MM
-"""How far the tool point of the cut may be from the path of the dry run."""
+"""Largest distance of the tool point of the cut from the path of the dry run."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,9 +6,9 @@ is absorbed. With R = R_base_sensor, c the centre of mass in the sensor frame::
     F_i = R_i^T g + F0          6 unknowns: g (weight vector in base), F0
     M_i = c x (R_i^T g) + M0    6 unknowns: c, M0;    mass = |g| / 9.81
 
-Afterwards gravity and inertia are taken off: F_cut = F - F0 - R^T g + m a, with a the acceleration
-of the centre of mass, of an accelerometer or of the joints. Wrenches and signals are what acts on
-the sensor from the tool's side.
+Afterwards gravity and inertia are subtracted: F_cut = F - F0 - R^T g + m a, with a the acceleration
+of the centre of mass, of an accelerometer or of the joints. Wrenches and signals act on the sensor
+from the tool's side.
 """
 
 from __future__ import annotations

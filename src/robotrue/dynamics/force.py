@@ -108,9 +108,9 @@ def check_force(
 def find_stuck_channels(record: ForceRecord) -> tuple[str, ...]:
     """Returns the spans where a varying channel stays at one force, one sentence each.
 
-    A channel that stands at zero says nothing: the tool is in the air. One that only rises to a
-    value, like a step or a ramp, is no sensor that has stopped, and one that only leaps between
-    values is a force that was made up.
+    A channel at zero is not a fault: the tool is in the air. One that only rises to a value, like a
+    step or a ramp, is no stopped sensor, and one that only leaps between values is a synthetic
+    force.
     """
     said = []
     for axis, values in zip(AXES, record.force.T, strict=True):

@@ -21,7 +21,7 @@ from robotrue.core.provenance import MEASURED, Provenance
 from robotrue.errors import ConfigurationError, ImplausibleDataError, ShapeError
 
 ComplexArray: TypeAlias = npt.NDArray[np.complex128]
-"""complex128 array; shape and unit are in the docstring of whoever names it."""
+"""complex128 array; shape and unit are in the docstring of each use."""
 AXES: Final = ("x", "y", "z")
 COHERENT: Final = 0.8
 """Least coherence of a line to be trusted."""
@@ -38,11 +38,11 @@ class FrequencyResponse(Columns):
         response: (n, r, e) m/N; zero where ``present`` is false.
         response_axes: r of x, y, z: where the displacement goes.
         excitation_axes: e of x, y, z: where the force acts.
-        present: (r, e), false for a pair that nobody measured.
+        present: (r, e), false for a pair that was not measured.
         coherence: (n, r, e) 0..1, or None.
-        valid: Hz, lowest and highest frequency the numbers are to be trusted at.
-        measured_as: Form it was measured in: receptance, mobility or accelerance. The latter two
-            know nothing of the static deflection.
+        valid: Hz, lowest and highest reliable frequency.
+        measured_as: Form it was measured in: receptance, mobility or accelerance. The latter two do
+            not contain the static deflection.
         static: (r, e) m/N of a static load test, NaN for pairs it left out; or None.
         source: File or test it came from.
         provenance: Simulated or measured, and the files.

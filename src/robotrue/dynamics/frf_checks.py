@@ -28,7 +28,7 @@ from robotrue.errors import FormatError, ImplausibleDataError
 BLIND_BELOW: Final = 4.0
 """Hz below which accelerometers of hammer tests see noise and not motion (3 to 5 by sensor)."""
 RECIPROCAL: Final = 0.1
-"""Part of the larger by which two reciprocal receptances may differ before it is said."""
+"""Part of the larger by which two reciprocal receptances may differ without a remark."""
 _ROUNDING: Final = 1e-3
 """Beyond 0 and 1, of a printed coherence."""
 
@@ -58,20 +58,20 @@ def assemble_response(
 ) -> FrequencyResponse:
     """Returns one response of all curves, as receptance, checked.
 
-    A line at 0 Hz of a receptance is its static deflection; of the other forms it is dropped. What
-    an accelerometer measured is trusted from 4 Hz on, and so is a receptance that grows towards
-    0 Hz like the integrated noise of one; anything else from its first line.
+    A line at 0 Hz of a receptance is its static deflection; of the other forms it is dropped. Data
+    of an accelerometer are valid from 4 Hz on, and so is a receptance that grows towards 0 Hz like
+    integrated noise; anything else from its first line.
 
     Args:
         frequency: (m,) Hz.
         pairs: The curves.
         source: Of messages.
         provenance: Simulated or measured, and the files.
-        valid: Hz, band to trust, where somebody knows it.
+        valid: Hz, valid band, where it is known.
 
     Raises:
         FormatError: Fewer than eight lines.
-        ImplausibleDataError: Numbers that cannot be the form they claim (:func:`check_response`).
+        ImplausibleDataError: Numbers that contradict their stated form (:func:`check_response`).
     """
     moving = int((frequency > 0.0).sum())
     if moving < 8:
@@ -152,7 +152,7 @@ def check_response(frf: FrequencyResponse) -> None:
 
 
 def response_remarks(frf: FrequencyResponse) -> tuple[str, ...]:
-    """Returns what whoever uses the response should know, one sentence each."""
+    """Returns remarks for users of the response, one sentence each."""
     said = []
     low, high = frf.valid
     if frf.static is None or np.isnan(frf.static[frf.present]).any():

@@ -190,7 +190,7 @@ def combine_axes(results: Sequence[HammerResult]) -> FrequencyResponse:
 
 
 def without_window(model: ModalModel, added_damping: float) -> ModalModel:
-    """Returns modes with the damping of the exponential window taken off again.
+    """Returns modes without the damping of the exponential window.
 
     Args:
         model: Fitted to a response that was measured with the window.

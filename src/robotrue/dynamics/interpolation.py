@@ -22,7 +22,7 @@ from robotrue.dynamics.modal_fit import fit_modes
 from robotrue.errors import ObservabilityError, RobotrueError
 
 COARSE: Final = 0.05
-"""Rms error of lines left out, over the rms of all, beyond which the grid is said to be coarse."""
+"""Rms error of lines left out, over the rms of all, beyond which the grid counts as coarse."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,7 +30,7 @@ class ResponseCurve:
     """A receptance at any frequency.
 
     Attributes:
-        frf: What was measured.
+        frf: Measured response.
         modes: What it is evaluated with between the lines, or None: a cubic.
         left_out: Rms error at every other line when the cubic knows only the rest, over the rms
             of all lines: what the grid leaves unsaid, at twice its spacing.
@@ -97,7 +97,7 @@ def response_curve(frf: FrequencyResponse, modes: ModalModel | None = None) -> R
     """Returns the receptance as a function of frequency.
 
     Args:
-        frf: What was measured.
+        frf: Measured response.
         modes: Modes fitted to it; used where they rebuild the lines better than the lines
             rebuild each other.
 
@@ -117,12 +117,12 @@ def fit_curve(frf: FrequencyResponse, between: str) -> ResponseCurve:
     """Returns the response at any frequency.
 
     Args:
-        frf: What was measured.
-        between: What stands between its lines: ``lines``, ``modes``, or ``auto`` for what rebuilds
-            them best.
+        frf: Measured response.
+        between: Interpolation between its lines: ``lines``, ``modes``, or ``auto`` for the one that
+            rebuilds them best.
 
     Raises:
-        RobotrueError: Modes were asked for and cannot be fitted.
+        RobotrueError: Modes were requested and cannot be fitted.
     """
     if between == "lines":
         return response_curve(frf)

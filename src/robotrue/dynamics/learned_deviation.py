@@ -1,8 +1,8 @@
 """Contract of learned deviations of the dynamic error: estimates of windows, terms of samples.
 
 Compliant joints with a residual process (:mod:`robotrue.dynamics.deviation`) and the paper's
-components with support vectors (:mod:`robotrue.dynamics.paper_regression`) are asked alike by
-commands, the sensing service and pages; only their archives tell them apart.
+components with support vectors (:mod:`robotrue.dynamics.paper_regression`) have one interface for
+commands, the sensing service and pages; only their archives differ.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class SampleTerms(Columns):
 
     Attributes:
         compliance: (dof,) rad/(N m), of the joints.
-        tool: (3,) m/N along base x, y, z, taken off.
+        tool: (3,) m/N along base x, y, z, subtracted.
         offset: m.
         gain: Of the predicted error beyond one.
         gain_at: m, predicted error that the gain counts from.

@@ -26,7 +26,7 @@ from robotrue.errors import ConfigurationError
 from robotrue.program.cut_path import CutPath
 
 CALCULATED: Final = Provenance(simulated=True, instrument="milling model")
-"""Of forces that nobody measured."""
+"""Of forces that were not measured."""
 _SLICE_LAG: Final = float(np.deg2rad(1.0))
 _FEWEST: Final = {"flat": 4, "ball": 24}
 _TURN: Final = 2.0 * np.pi

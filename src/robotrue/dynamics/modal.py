@@ -1,12 +1,12 @@
-"""Modes of the tool: poles, residues and what lies outside the band.
+"""Modes of the tool: poles, residues and residuals outside the band.
 
 With poles p_k (upper half plane) and residues R_k, the receptance is::
 
     G(s) = sum_k [ R_k / (s - p_k) + conj(R_k) / (s - conj(p_k)) ] + upper + lower / s^2
 
-``upper`` (m/N) is the flexibility of the modes above the band, ``lower`` (1/kg) what the modes
-below it and the rigid body leave: at s = j omega it is -lower / omega^2. ``lower`` grows without
-limit towards 0 Hz: whoever filters in time needs it zero, and the static part from a load test.
+``upper`` (m/N) is the flexibility of the modes above the band, ``lower`` (1/kg) that of the modes
+below it and of the rigid body: at s = j omega it is -lower / omega^2. ``lower`` grows without limit
+towards 0 Hz: a filter in time needs it zero, and the static part from a load test.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
-"""Modes of a measured response: poles by LSCF, residues by LSFD, both then polished together.
+"""Modes of a measured response: poles by LSCF, residues by LSFD, both then refined together.
 
-Nothing is picked by hand: poles that come back order after order are taken, those that the
-measured lines do not miss are dropped, a mode that pushes two ways at once is split in two, and
-what stays is polished by least squares on the poles with the residues solved at every step
-(variable projection). Modes above the band reach into it with more than a constant: up to two
-poles beyond its end stand for them where the lines ask for that.
+Nothing is picked by hand: poles that recur at successive orders are used, those that do not improve
+the fit are dropped, a mode with two directions at once is split in two, and the remaining ones are
+refined by least squares on the poles with the residues solved at every step (variable projection).
+Modes above the band contribute more than a constant: up to two poles beyond its end represent them
+where the lines require it.
 """
 
 from __future__ import annotations
@@ -53,15 +53,15 @@ def fit_modes(frf: FrequencyResponse, *, lower: bool | None = None) -> ModalMode
     """Returns the modes of a measured response.
 
     Args:
-        frf: What was measured; its static deflection takes part.
+        frf: Measured response; its static deflection is included.
         lower: Whether a lower residual is fitted; default: where there is no static deflection
             and the lines demand it (by Schwarz's criterion).
 
     Raises:
-        ObservabilityError: No pole comes back, or fewer than sixteen lines in the band.
+        ObservabilityError: No pole recurs, or fewer than sixteen lines in the band.
 
-    Fails when: two modes lie closer than a tenth of their width and the pairs do not tell them
-    apart; or the spacing of the lines exceeds the width of a mode.
+    Fails when: two modes lie closer than a tenth of their width and the pairs do not separate them;
+    or the spacing of the lines exceeds the width of a mode.
     """
     curves = _measured_curves(frf)
     poles = find_stable_poles(curves.frequency, curves.values, curves.weight)

@@ -29,7 +29,7 @@ TUBE: Final = (0.05, 0.2)
 """Searched, with the values in their own standard deviations."""
 FOLDS: Final = 5
 LONGEST: Final = 200_000
-"""Steps of the solver; a combination that has not converged by then is judged as it stands."""
+"""Steps of the solver; a combination that has not converged by then is scored as it is."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,7 +147,7 @@ def fit_vectors(
     from sklearn.exceptions import ConvergenceWarning
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ConvergenceWarning)  # judged by its held-out error instead
+        warnings.simplefilter("ignore", ConvergenceWarning)  # its held-out error decides instead
         chosen = choose_settings(scores, values) if trial is None else trial
         fitted = _machine(*chosen).fit(scores, values)
     penalty, gamma, tube = chosen

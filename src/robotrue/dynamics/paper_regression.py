@@ -170,11 +170,12 @@ def fit_paper(windows: WindowSet, arm: CompliantArm) -> PaperModel:
         arm: Limits of its joints and direction of the error.
 
     Raises:
-        ObservabilityError: Too few windows, or one that nobody measured.
+        ObservabilityError: Too few windows, or one without a measurement.
         ImplausibleDataError: A column that does not vary, or of another unit.
         ModelMismatchError: Windows of another arm, or outside its limits.
 
-    Fails when: it is asked for poses it has not seen; it then returns its mean and says nothing.
+    Fails when: it predicts at poses without training windows; it then returns its mean without a
+    warning.
     """
     check_for_fit(windows, physics_terms(arm, windows).outside)
     components, machine = _fit_machine(windows)

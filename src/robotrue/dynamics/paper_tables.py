@@ -1,8 +1,8 @@
 """Tables 1 to 3 of Jin, Sun, Tang, Li 2022, and its figures of error, for any windows.
 
 Table 1: the columns and the measured error. Table 2: eigenvalues and contributions. Table 3: the
-loadings of the kept components. The paper draws 70 of 93 windows at random to train on; that
-split is repeated here, and the error of contiguous blocks stands beside it.
+loadings of the kept components. The paper draws 70 of 93 windows at random to train on; that split
+is repeated here, together with the error of contiguous blocks.
 """
 
 from __future__ import annotations

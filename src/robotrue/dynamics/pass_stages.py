@@ -1,8 +1,8 @@
 """Stages of a record: entry, steady cut, exit; and the sensor's zero around them.
 
-The force of each turn of the spindle is one number, the root of its mean square. Half of what the
-highest turns have tells cut from air; the median of the turns in the cut is its level. The air
-before and behind the cut shows the zero of the dynamometer.
+The force of each turn of the spindle is one number, the root of its mean square. Half of the
+highest values separates cut from air; the median of the turns in the cut is its level. The air
+before and after the cut shows the zero of the dynamometer.
 """
 
 from __future__ import annotations

@@ -24,7 +24,7 @@ from robotrue.dynamics.windows import WindowSet, peaks_per_turn
 from robotrue.errors import ImplausibleDataError, ModelMismatchError, ObservabilityError
 
 WINDOW: Final = 1.0
-"""s, a window where nothing else is said."""
+"""s, default length of a window."""
 _STRETCH: Final = 0.1
 """s; a way is counted in stretches of it, longer than the noise of joints counts as a way."""
 _ROUND: Final = 1e-6
@@ -71,11 +71,11 @@ class PassRecords:
         name: Of the pass.
         force: On the tool, base axes.
         joints: Of the arm.
-        laser: Of the cut, or None where nobody measured.
+        laser: Of the cut, or None without a laser.
         dry: The dry run, or None: the laser then shows the error alone.
         spindle: Turns per second.
         direction: (3,) unit vector in base along which the error counts positive.
-        zero_taken: The zero of the dynamometer was taken off, see ``WindowSet.zero_taken``.
+        zero_taken: The zero of the dynamometer was subtracted, see ``WindowSet.zero_taken``.
         provenance: Of all files.
     """
 
@@ -157,8 +157,8 @@ def cut_windows(records: PassRecords, edges: Array, curve: ResponseCurve) -> Win
         curve: Receptance, base axes.
 
     Raises:
-        ModelMismatchError: The response does not say how the tool moves along the direction, or
-            the dry run is of another path.
+        ModelMismatchError: The response has no displacement along the direction, or the dry run is
+            of another path.
         ObservabilityError: A window beyond a record, or shorter than a turn.
     """
     force, direction = records.force, records.direction

@@ -4,10 +4,9 @@
 
 M comes from the links' masses, centres and inertias, J is the tool's Jacobian, both in the
 coordinates of the drives: with a parallel rod joint 2 moves the links beyond it without turning
-them, which is what ``joint_map`` of the robot model says. K is the stiffness of the joints.
-Damping is given mode by mode: no model of joints predicts it. M is computed in machine code: 20
-microseconds, where array operations take a millisecond, and a stream wants its modes anew ten to
-fifty times a second.
+them, as in ``joint_map`` of the robot model. K is the stiffness of the joints. Damping is given
+mode by mode: no model of joints predicts it. M is computed in machine code: 20 microseconds, where
+array operations take a millisecond, and a stream recomputes its modes ten to fifty times a second.
 """
 
 from __future__ import annotations
@@ -151,9 +150,9 @@ def pose_modes(arm: FlexibleArm, joints: Array) -> PoseModes:
     """Returns the modes at a pose (n,) rad.
 
     Raises:
-        ReachError: A joint beyond its limit, or not finite: the model says nothing there.
+        ReachError: A joint beyond its limit, or not finite: the model is not valid there.
 
-    Fails when: links or bearings give way more than the joints: frequencies come out too high.
+    Fails when: links or bearings are more compliant than the joints: frequencies come out too high.
     """
     q = np.asarray(joints, dtype=np.float64)
     limits = arm.robot.limits

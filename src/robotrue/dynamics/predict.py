@@ -1,9 +1,9 @@
 """The dynamic error of a recorded force: e = F^-1[G F], the whole record at once.
 
 Source: Jin, Sun, Tang, Li 2022, eq. 1. Printed as it stands, the product is circular: the end of
-the record deflects its beginning, and a static deflection stands there from the first sample. Here
-the record is followed by zeros for longer than the tool rings, which cures the first; the error of
-leaving them out is computed as well, so that it can be seen.
+the record deflects its beginning, and a static deflection is present from the first sample. Here
+the record is followed by zeros for longer than the tool rings, which cures the first; the error
+without them is computed as well.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _PADS: Final = 2.0
 _FARTHEST: Final = 10e-3
 """m a cut pushes a tool at most; more is a force or a response in another unit."""
 _BEGINS: Final = 0.05
-"""Part of the largest force at which a record has begun in the cut."""
+"""Part of the largest force from which a record starts in the cut."""
 _ABOVE: Final = 0.02
 _MOST_ABOVE: Final = 0.5
 """Part of the force's mean square above the band beyond which a prediction says nothing."""
@@ -83,7 +83,7 @@ def predict_error(
             than the first line of the response.
 
     Fails when: the record begins in the middle of a cut: the force then seems to begin there, and
-    the first ``rings`` seconds hold a transient that never was. A remark says so.
+    the first ``rings`` seconds hold a spurious transient. A remark reports this.
     """
     frf = curve.frf
     rings = ring_time(curve)

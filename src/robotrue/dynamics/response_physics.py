@@ -1,10 +1,10 @@
-"""Physics that no structure gets round: phase, energy and size of a receptance.
+"""Physical limits of every structure: phase, energy and size of a receptance.
 
 A structure without motors takes energy in and gives none back. At the point that is pushed, the
-displacement never leads the force: Im G_ii <= 0 (e^{+j omega t}). An accelerance has it the other
-way, a mobility has Re >= 0 instead, and a pair of two different axes has no such law. Below its
-modes a tool gives way like a spring, above them it moves like a mass. A curve that would be the
-spring of a feather or the mass of a breath is in another unit, or is an acceleration.
+displacement never leads the force: Im G_ii <= 0 (e^{+j omega t}). An accelerance has Im >= 0, a
+mobility has Re >= 0 instead, and a pair of two different axes has no such law. Below its modes a
+tool deflects like a spring, above them it moves like a mass. A curve of implausible stiffness or
+mass is in another unit, or is an acceleration.
 """
 
 from __future__ import annotations

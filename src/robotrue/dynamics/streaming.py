@@ -84,7 +84,7 @@ class ModalFilter:
 
         Args:
             force: (n, 3) N.
-            out: (n, 3) to write to and return, for whoever pushes sample by sample.
+            out: (n, 3) to write to and return, for pushing sample by sample.
 
         Raises:
             ShapeError: Another shape, or a force that is not finite; the state is then as before.
@@ -114,7 +114,7 @@ class ModalFilter:
         return out
 
     def settle(self, force: Array) -> None:
-        """Puts every oscillator where a force (3,) N that has stood for long leaves it."""
+        """Sets every oscillator to its steady state under a constant force (3,) N."""
         force = np.asarray(force, dtype=np.float64)
         if force.shape != (3,) or not np.isfinite(force).all():
             raise ShapeError(f"force {force}, expected 3 finite numbers.")
@@ -122,14 +122,14 @@ class ModalFilter:
         self._keep(-(own.excite @ force) / own.poles, force)
 
     def change(self, oscillators: Oscillators, carry: Array | None = None) -> None:
-        """Goes on with other modes from the next sample on; position and speed do not jump.
+        """Switches to other modes from the next sample on; position and speed do not jump.
 
         Args:
             oscillators: The modes from here on.
             carry: (k, k_before) real, normal coordinates after from normal coordinates before
                 (:meth:`robotrue.dynamics.pose_modes.PoseModes.carry`). None for the same modes
-                slightly moved: each keeps the displacement of the tool it had, as nearly as its
-                shape allows.
+                slightly moved: each keeps its displacement of the tool as closely as its shape
+                allows.
 
         Raises:
             ModelMismatchError: Without ``carry``, another number of modes.
@@ -169,7 +169,7 @@ class ModalFilter:
         return self._memory[self._kept].copy()
 
     def resume(self, snapshot: Array) -> None:
-        """Goes on from :meth:`snapshot` of a filter with the same oscillators, bit for bit.
+        """Continues from :meth:`snapshot` of a filter with the same oscillators, bit for bit.
 
         Raises:
             ShapeError: The snapshot of another number of oscillators.

@@ -1,7 +1,8 @@
-"""Windows of a milling pass: where the arm stood, what force acted, the error it made; its checks.
+"""Windows of a milling pass: joints of the arm, force on the tool, its error; their checks.
 
 The paper's sample is a window of about a second: mean joints, peak and mean force, the error
-predicted from the frequency response and the one measured. Ours adds the mean force as a vector.
+predicted from the frequency response and the measured one. The mean force as a vector is added
+here.
 """
 
 from __future__ import annotations
@@ -53,10 +54,11 @@ class WindowSet(Columns):
             the error is measured in, averaged over turns.
         force_mean: (n,) N, mean force along that direction.
         predicted: (n,) m, error by frequency response and force (eq. 1 of the paper).
-        measured: (n,) m; NaN where nobody measured.
+        measured: (n,) m; NaN where not measured.
         span: (n, 2) s, start and end in the record of the pass; NaN where nothing states them.
-        zero_taken: (n,) the zero of the dynamometer was read before and behind the cut and the line
-            between taken off; what is left of it is small. Where nobody says so it drifts.
+        zero_taken: (n,) whether the zero of the dynamometer was read before and after the cut and
+            the line between subtracted, which leaves a small residual. Where false, the zero
+            drifts.
         source: File or experiment.
         provenance: Simulated or measured, and the files.
     """
@@ -137,14 +139,14 @@ def first_overlap(span: Array) -> tuple[int, int] | None:
 
 
 def check_for_fit(windows: WindowSet, outside: BoolArray) -> None:
-    """Passes if windows can be learned from.
+    """Passes if a deviation can be learned from the windows.
 
     Args:
-        windows: To learn from.
+        windows: Training windows.
         outside: (n,) of them beyond the joint limits.
 
     Raises:
-        ObservabilityError: Too few windows, or nobody measured.
+        ObservabilityError: Too few windows, or no measured error.
         ModelMismatchError: A joint beyond its limits: another arm, or other units.
         ImplausibleDataError: A column that does not vary, or of another unit.
     """
@@ -176,7 +178,7 @@ def check_for_fit(windows: WindowSet, outside: BoolArray) -> None:
     _check_repeated(windows)
     if np.ptp(windows.joints, axis=0).max() < SMALLEST_TURN:
         raise ImplausibleDataError(
-            "no joint moves by 0.01 deg over all windows: the arm stood still.", source=source
+            "no joint moves by 0.01 deg over all windows: the arm was at rest.", source=source
         )
 
 
@@ -189,7 +191,7 @@ def _check_columns(windows: WindowSet) -> None:
         "f_peak_N": windows.force_peak,
         "f_mean_N": windows.force_mean,
     }
-    # A force that is not there is zero; one that stands at another value was not measured.
+    # An absent force is zero; one constant at another value was not measured.
     columns |= {
         f"f{axis}_mean_N": values
         for axis, values in zip("xyz", windows.force.T, strict=True)
@@ -296,7 +298,7 @@ def check_direction(windows: WindowSet, direction: Array) -> None:
         same = np.allclose(np.abs(windows.force_mean), np.abs(windows.force[:, k]), atol=1e-6)
         if same and k != axis:
             raise ModelMismatchError(
-                f"f_mean_N is the force along {name}, the error is said to be along {'xyz'[axis]}.",
+                f"f_mean_N is the force along {name}, the error is stated along {'xyz'[axis]}.",
                 source=windows.source or None,
                 hint="--direction along the measured error, e.g. --direction=0,-1,0.",
             )

@@ -1,4 +1,4 @@
-"""The tracker's frame as a random walk that monuments show, taken off the rows of a run.
+"""The tracker's frame as a random walk estimated from monuments and removed from the rows of a run.
 
 Between two moments the frame shifts and turns by independent Gaussian steps whose variance grows
 with the distance of the moments. With c the centre of the monuments, a nest j that is fixed to the
@@ -8,7 +8,7 @@ floor at M_j is seen at moment t at
 
 The M_j are free; the variances of the steps are those of the largest restricted likelihood
 (Patterson and Thompson 1971). A row between two shots gets the conditional mean of d and w, and
-what is not known of them joins its covariance. The instrument at the first shot is the reference.
+their covariance is added to its own. The instrument at the first shot is the reference.
 """
 
 from __future__ import annotations
@@ -65,12 +65,12 @@ class FrameWalk:
     Attributes:
         shift_step: m per axis and square root of a moment.
         turn_step: rad likewise.
-        moment: (k,) moments asked for.
+        moment: (k,) requested moments.
         mean: (k, 6) m, rad: shift and turn of the frame about ``centre``.
         covariance: (k, 6, 6) of them.
         centre: (3,) m.
-        nests: How many.
-        shots: How many.
+        nests: Number of nests.
+        shots: Number of shots.
     """
 
     shift_step: float

@@ -91,7 +91,7 @@ def read_lengths(path: str | Path) -> LengthSet:
 
     Raises:
         FormatError: A column is missing or unknown, a cell is no number, a length is zero or less,
-            or an anchor stands in two places.
+            or an anchor has two positions.
     """
     sheet = read_sheet(path)
     dof = joints_in(sheet.header) or 6

@@ -1,7 +1,7 @@
-"""Readable numbers that cannot be what they claim: found before a fit makes nonsense of them.
+"""Detects readable numbers that contradict their stated meaning, before a fit uses them.
 
-The commanded poses are a ruler nobody can misread: a rigid motion must take them to the measured
-points up to the robot's errors. Each check is one way in which it does not.
+The commanded poses are the reference: a rigid motion must take them to the measured points up to
+the robot's errors. Each check is one way in which it does not.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ FEWEST_POSES: Final = 6
 """Poses that a set needs, unless an operation asks for less."""
 MISFIT: Final = 0.05
 """Part of the reach: more than this is left by another robot (UR5 for UR10: 0.06 to 0.1 on measured
-data), not by a reflector of 100 mm that nobody stated (0.01)."""
+data), not by an unstated reflector of 100 mm (0.01)."""
 FEWEST_SHAPES: Final = 4
 """Points from which a shape can be compared: three are always nearly congruent to three others."""
 _SHIFT: Final = 0.2
@@ -63,15 +63,15 @@ def check_plausible(
     forward: Callable[[Array], Array] | None = None,
     minimum: int = FEWEST_POSES,
 ) -> tuple[str, ...]:
-    """Returns what is odd but harmless, one sentence each; anything else raises.
+    """Returns harmless oddities, one sentence each; anything else raises.
 
     Args:
         measurements: The set as read.
         commanded: (n, 3) m, nominal positions of the measured point in base at the same joints.
         reach: m, of the robot with the measured point.
-        forward: Joints (n, dof) rad to nominal positions (n, 3) m; with it a mix-up of degrees and
-            radians is told from a wrong robot.
-        minimum: Fewest poses anything can be said about.
+        forward: Joints (n, dof) rad to nominal positions (n, 3) m; separates a mix-up of degrees
+            and radians from a wrong robot.
+        minimum: Fewest poses that can be checked.
 
     Raises:
         ImplausibleDataError: Too few or equal poses, millimetres for metres, degrees for radians,
@@ -184,7 +184,7 @@ def _enough(measurements: MeasurementSet, commanded: Array, place: str, minimum:
         )
     if len(measurements) < FEWEST_SHAPES:
         return
-    # Metres read as millimetres make everything small; that is told by its unit, not as rest.
+    # Metres read as millimetres make everything small; its unit is reported, not as a residual.
     for what, points, least in (
         ("commanded", commanded, 1.0 * MM),
         ("measured", measurements.position, 1e-5 * _spread(commanded)),

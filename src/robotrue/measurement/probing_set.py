@@ -53,24 +53,24 @@ class KnownDistance:
 class ProbingSet(Columns):
     """n touches. SI; rows of all arrays belong together.
 
-    A touch fixes three directions (a feature point), or one: where ``normal`` is given, that of
-    the nominal surface there; where ``touched`` names one of ``surfaces``, the normal of that
-    surface at the touch. A part whose number stands in ``sockets`` has no axes of its own: it is a
-    place, touched from several attitudes, and ``point`` is zero there.
+    A touch fixes three directions (a feature point), or one: where ``normal`` is given, that of the
+    nominal surface there; where ``touched`` names one of ``surfaces``, the normal of that surface
+    at the touch. A part whose number is in ``sockets`` has no axes: it is a place, touched from
+    several attitudes, and ``point`` is zero there.
 
     Attributes:
-        names: (n) of the features; touched again they carry the same name.
+        names: (n) of the features; repeated touches have the same name.
         point: (n, 3) m, nominal point in part; for a surface roughly where it was touched.
         joints: (n, dof) rad at the touch, in the robot model's sense; (0, 0) where the probe was
             not the robot.
         position: (n, 3) m in base as another instrument or the controller gave it; NaN where the
-            joints speak.
+            joints are used.
         normal: (n, 3) outward in part, normalised; NaN at a full point.
-        part: (n,) number of the part, or of its side or clamping, each with a frame of its own.
+        part: (n,) number of the part, or of its side or clamping, each with its own frame.
         surfaces: Of the parts; each in the frame of the part whose touches name it.
         touched: (n,) index of the touched surface, or ``NO_SURFACE``.
         radius: m, of the probe's ball; the tool point is its centre. Surfaces and normals only.
-        sockets: Numbers of the parts that are places only.
+        sockets: Numbers of parts that are places only.
         distances: Known between the origins of parts.
         source: File and SHA-256 the touches came from.
         lines: (n,) one-based line in it.
@@ -93,11 +93,11 @@ class ProbingSet(Columns):
     provenance: Provenance = MEASURED
 
     def __post_init__(self) -> None:
-        """Normalises directions; checks indices and what each touch needs.
+        """Normalises directions; checks indices and the data of each touch.
 
         Raises:
             ShapeError: Wrong indices, a normal of length zero, a row with neither joints nor
-                position, a socket that is not in the set or has points of its own.
+                position, a socket that is not in the set or has points other than zero.
         """
         self._check_columns(touched_by_arm=len(self.names) if np.size(self.joints) else 0)
         self._set_column("normal", self._unit_normals())
@@ -195,6 +195,6 @@ class ProbingSet(Columns):
         for row in np.flatnonzero(np.isin(self.part, self.sockets)).tolist():
             if np.any(self.point[row] != 0.0) or not self.full[row]:
                 raise ShapeError(
-                    f"touch {self.names[row]!r} of socket {self.part[row]} has a point or a normal "
-                    "of its own; a socket is a place: its point is 0, 0, 0."
+                    f"touch {self.names[row]!r} of socket {self.part[row]} has a point or a "
+                    "normal; a socket is a place: its point is 0, 0, 0."
                 )

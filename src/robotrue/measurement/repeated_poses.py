@@ -37,11 +37,11 @@ class RepeatedPoses:
 
 
 def average_repeats(measurements: MeasurementSet) -> RepeatedPoses:
-    """Returns the mean shot of each pose, and how far shots of one pose scatter.
+    """Returns the mean shot of each pose, and the scatter of shots of one pose.
 
-    Shots belong to one pose if joints, reflector, set-up, load and set are the same. The
-    repeatability of the robot stays a matter of the model: where the robot came back for every
-    shot, the covariance of a mean is on the safe side.
+    Shots belong to one pose if joints, reflector, set-up, load and set are the same. The model
+    contains the repeatability of the robot: where the robot returned for every shot, the covariance
+    of a mean is conservative.
 
     Args:
         measurements: In any order.

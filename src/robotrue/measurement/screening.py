@@ -17,7 +17,7 @@ from robotrue.core.units import MM
 from robotrue.errors import ImplausibleDataError, ShapeError
 from robotrue.measurement.measurement_set import MeasurementSet
 
-_SMALL_GROUP = 12  # fewer rows cannot tell their own scale
+_SMALL_GROUP = 12  # fewer rows do not determine their own scale
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

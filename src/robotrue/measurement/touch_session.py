@@ -1,4 +1,4 @@
-"""A session at the part: what can be touched, what was read, and what became of every reading.
+"""A session at the part: its features, the readings, and the state of every reading.
 
 Numbers are those people typed, in mm and deg, joints in the model's sense; a session written out as
 a file of touched points, with the axes that the controller displays, reads back the same. Nothing
@@ -22,8 +22,8 @@ from robotrue.errors import ConfigurationError
 from robotrue.measurement.formats.canonical import axis_names
 
 State: TypeAlias = Literal["kept", "held", "dropped", "replaced", "skipped", "undone"]
-"""``held``: not as expected, somebody has to decide. ``dropped``: to be touched again.
-``replaced``: its feature was touched again since."""
+"""``held``: not as expected, the operator decides. ``dropped``: to be touched again. ``replaced``:
+its feature was touched again since."""
 Reads: TypeAlias = Literal["joints", "position"]
 COUNTED: Final = ("kept", "held", "skipped")
 
@@ -188,7 +188,7 @@ def session_document(session: ProbingSession) -> dict[str, object]:
 
 
 def session_of(document: object) -> ProbingSession:
-    """Returns a session from its JSON values; keys it does not know are passed over.
+    """Returns a session from its JSON values; unknown keys are ignored.
 
     Raises:
         ConfigurationError: They are those of something else.

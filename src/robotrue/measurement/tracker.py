@@ -25,19 +25,18 @@ Instrument: TypeAlias = Callable[[Array], Array]
 """Positions (n, 3) m in the frame of the measurement to covariances (n, 3, 3) m^2 in that frame."""
 
 DEFAULT_RANGE: Final = 3.0
-"""m; used where nobody said where the tracker stood. Typical of a robot cell."""
+"""m; default where the tracker's position is not stated. Typical of a robot cell."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackerSpecification:
     """Bounds on the error of one point, along the line of sight and across it.
 
-    A bound (maximum permissible error) is not a standard deviation: the divisor says how it is
-    read. Makers give one pair, "15 um + 6 um/m", for both directions; a separate distance meter
-    has its own.
+    A bound (maximum permissible error) is not a standard deviation: the divisor converts it. Makers
+    give one pair, "15 um + 6 um/m", for both directions; a separate distance meter has its own.
 
     Attributes:
-        name: What reports print.
+        name: Name in reports.
         range_bound: m, along the line of sight at zero range.
         range_bound_per_m: m per m of range.
         angle_bound: m, across the line of sight at zero range.

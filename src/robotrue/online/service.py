@@ -331,7 +331,11 @@ class _Service:
             await self._give(self.chain.end_stream(stream))
 
     async def _let_joints_in(self, block: ForceBlock) -> None:
-        """Waits a moment for joints that a busy computer has not delivered yet."""
+        """Waits a moment for joints that a busy computer has not delivered yet.
+
+        Forces that overtook them would be without joints, and the filters would settle again. A
+        silent robot is waited for once.
+        """
         until = time.monotonic() + _ON_THEIR_WAY
         while True:
             latest = self.chain.latest_time("joints")

@@ -1,8 +1,8 @@
-"""Configuration words of the controllers, from joints; which joints words ask for.
+"""Configuration words of the controllers, from joints, and joints from words.
 
-A Cartesian target says where the tool is, not how the arm gets there. Each brand adds words that
-do: which of the eight branches, which turn of an axis. All need an ortho-parallel arm with a
-spherical wrist and speak of the controller's own axes (``robot.controller``).
+A Cartesian target states the tool pose, not the arm's configuration. Each brand adds words for it:
+which of the eight branches, which turn of an axis. All need an ortho-parallel arm with a spherical
+wrist and refer to the controller's own axes (``robot.controller``).
 
 Sources: KUKA KSS system integrators' manual ("Status and Turn"); ABB RAPID reference, ``confdata``;
 Fanuc and Yaskawa operators' manuals. Rules marked *from memory* or *by robot type* below were not
@@ -27,7 +27,7 @@ EDGE: Final = 1e-6
 _TURN: Final = 2.0 * np.pi
 _QUARTER: Final = np.pi / 2.0
 KUKA_SHAPE: Final = 7
-"""Bits of S that name the branch; bit 3 says how the point was taught."""
+"""Bits of S that name the branch; bit 3 marks a point taught with absolute accuracy."""
 _BRANCH: Final[dict[str, tuple[int, ...]]] = {
     "kuka": (0,),
     "abb": (3,),

@@ -173,8 +173,8 @@ def _walk_chain(
 ) -> Iterator[tuple[int, tuple[Array, Array]]]:
     """Walks down to the tool; yields number, axis and origin (3, n) of each elementary error.
 
-    ``LINK`` stands for the number where a link's frame is reached. Nothing is kept here, so that
-    a walk that needs the last frame alone stays in the cache.
+    ``LINK`` replaces the number where a link's frame is reached. Nothing is stored here, so that a
+    walk that needs the last frame alone stays in the cache.
     """
     dof = robot.dof
     d, a = (robot.d + robot.error("d")).tolist(), (robot.a + robot.error("a")).tolist()

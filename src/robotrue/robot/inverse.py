@@ -1,8 +1,8 @@
 """Analytic inverse kinematics of the nominal arm: eight branches, limits, turns.
 
-What a controller computes. For arms with a spherical wrist (:mod:`robotrue.robot.opw`) and for arms
-with axes 2 to 4 parallel (:mod:`robotrue.robot.parallel_arm`); for all others, and for the actual
-arm with errors and compliance, see :mod:`robotrue.robot.inverse_numeric`.
+As in a controller. For arms with a spherical wrist (:mod:`robotrue.robot.opw`) and for arms with
+axes 2 to 4 parallel (:mod:`robotrue.robot.parallel_arm`); for all others, and for the actual arm
+with errors and compliance, see :mod:`robotrue.robot.inverse_numeric`.
 
 Branch numbers are ``4 * wrist_flip + 2 * shoulder + elbow``:
 
@@ -15,7 +15,7 @@ Branch numbers are ``4 * wrist_flip + 2 * shoulder + elbow``:
 For an arm with parallel axes :mod:`robotrue.robot.parallel_arm` defines them.
 
 Source: Brandstoetter, Angerer, Hofbaur 2014, section 3; the elbow by one square root and an
-arctangent instead of two arc cosines, the sixth axis from the fifth row instead of its own
+arctangent instead of two arc cosines, the sixth axis from the fifth row instead of a separate
 arctangent, so that full stretch and a straight wrist keep their digits.
 """
 
@@ -40,7 +40,7 @@ STRAIGHT_WRIST: Final = 1e-9
 _STRETCH: Final = 1e-12  # cosine beyond 1 that is rounding of a fully stretched arm
 _TURN: Final = 2.0 * np.pi
 _FIRST: Final = 64  # poses tried at a time for the start of a path
-_LIMIT_SLACK: Final = 1e-9  # rad; rounding of a joint that stands at its limit
+_LIMIT_SLACK: Final = 1e-9  # rad; rounding of a joint at its limit
 _BLOCK: Final = 2048  # poses at a time, so that the work stays in the cache
 
 

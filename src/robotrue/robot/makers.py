@@ -31,7 +31,7 @@ _COUNTING: Final[Mapping[str, tuple[tuple[int, ...], tuple[float, ...]]]] = {
     "fanuc": ((1, 1, -1, -1, -1, -1), (0.0, 0.0, 90.0, 0.0, 0.0)),
     "yaskawa": ((1, 1, -1, -1, -1, -1), (0.0, 0.0, 90.0, 0.0, 0.0)),
 }
-"""Sense, and zero in deg of axes 1 to 5; that of axis 6 is a matter of the flange."""
+"""Sense, and zero in deg of axes 1 to 5; that of axis 6 depends on the flange."""
 _SAME: Final = 1e-4  # rad; a zero that is printed with four digits in deg is met
 
 
@@ -60,7 +60,7 @@ def apply_maker(
         offset: (n,) rad likewise.
 
     Raises:
-        ConfigurationError: q does not count as the maker does, and nothing says how it counts.
+        ConfigurationError: q does not follow the maker's convention, and no other is stated.
     """
     stated = sign is not None or offset is not None
     counting = count_axes(maker, robot.dof, sign=sign, offset=offset)
@@ -69,7 +69,7 @@ def apply_maker(
     if geometry is None:
         return made
     wrong = _otherwise(geometry, counting, maker)
-    if stated:  # only what tells front from back must agree: an arm without a1 has no front
+    if stated:  # only axes that separate front from back must agree: an arm without a1 has no front
         over = geometry.a1 < TOLERANCE
         wrong = [axis for axis in wrong if over and axis == 1]
     if wrong:
@@ -103,8 +103,8 @@ def _otherwise(geometry: OpwGeometry, counting: Configuration, maker: str) -> li
     at = counting.offset - own * geometry.offset
     out = []
     for i in range(6):
-        # Axis 1 tells front from back by its zero only where axis 2 is over it; the mark of axis
-        # 4 may be half a turn away, which then shows in the sense of axis 5.
+        # The zero of axis 1 separates front from back only where axis 2 is over it; the mark of
+        # axis 4 may be half a turn away, which then shows in the sense of axis 5.
         period = np.pi if i == 3 else 2.0 * np.pi
         zeroed = i < 5 and not (i == 0 and geometry.a1 > TOLERANCE)
         off = float(wrap((at[i] - zero[i] * DEG) * (2.0 * np.pi / period))) if zeroed else 0.0

@@ -95,7 +95,7 @@ class OpwGeometry(Columns):
         return self.a1 + self.c2 + float(np.hypot(self.a2, self.c3))
 
     def span(self, T_base_flange: Array) -> Array:
-        """Returns how far the wrist point is from the middle of the shoulder, (n,) m."""
+        """Returns the distance of the wrist point from the middle of the shoulder, (n,) m."""
         axis6 = T_base_flange[:, :3, :3] @ self.T_opw_flange[:3, :3].T[:, 2]
         wrist = T_base_flange[:, :3, 3] - self.c4 * axis6
         return np.asarray(np.linalg.norm(wrist - [0.0, 0.0, self.c1], axis=1))
@@ -117,11 +117,11 @@ class OpwGeometry(Columns):
         return np.asarray(4 * (bend < 0.0) + 2 * (ahead < 0.0) + (fold < 0.0), dtype=np.int64)
 
     def posture(self, joints: Array) -> tuple[Array, Array, Array]:
-        """Returns what names the branch of joints (..., 6) rad.
+        """Returns the quantities that define the branch of joints (..., 6) rad.
 
         Returns:
-            Turn of axis 5 and fold of the elbow, both (...,) rad in (-pi, pi], and how far the
-            wrist point is ahead of axis 1, (...,) m.
+            Turn of axis 5 and fold of the elbow, both (...,) rad in (-pi, pi], and the distance of
+            the wrist point ahead of axis 1, (...,) m.
         """
         angles = self.angles(np.asarray(joints, dtype=np.float64))
         ahead, _ = self.wrist_point(angles)

@@ -1,7 +1,7 @@
 """The arm whose axes 2, 3 and 4 are parallel: most light arms, Universal Robots among them.
 
-Axes 5 and 6 meet in a point, axis 5 stands at right angles to axes 4 and 6, axis 1 to axis 2. The
-inverse has eight closed branches, numbered as those of :mod:`robotrue.robot.inverse`:
+Axes 5 and 6 meet in a point; axis 5 is perpendicular to axes 4 and 6, axis 1 to axis 2. The inverse
+has eight closed branches, numbered as those of :mod:`robotrue.robot.inverse`:
 
 * ``shoulder`` 0: the meeting point of axes 5 and 6 is on the side of axis 1 where it is with all
   joints at zero, 1: on the other.
@@ -9,11 +9,11 @@ inverse has eight closed branches, numbered as those of :mod:`robotrue.robot.inv
 * ``wrist_flip`` 0: axis 5 turns axis 6 away from axis 4 in its positive sense.
 
 Everything follows from the joint axes at q = 0, so a DH table of any convention or a URDF will do.
-One joint after the other is found where it alone decides: joint 1 by the distance of the meeting
-point from the plane of the arm, joint 5 by the angle between axes 4 and 6, joint 6 by where axis 4
-stands in the hand, and joints 2 to 4 are a plane triangle (the subproblems of Paden 1986 and Kahan
-1983; Murray, Li, Sastry 1994, section 3.3). Arc cosines are taken as arc tangents of both sides, so
-that a stretched arm and a straight wrist keep their digits.
+The joints are solved one by one: joint 1 from the distance of the meeting point to the plane of the
+arm, joint 5 from the angle between axes 4 and 6, joint 6 from the direction of axis 4 in the hand,
+and joints 2 to 4 from a plane triangle (the subproblems of Paden 1986 and Kahan 1983; Murray, Li,
+Sastry 1994, section 3.3). Arc cosines are taken as arc tangents of both sides, so that a stretched
+arm and a straight wrist keep their digits.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ class ParallelGeometry(Columns):
         return float(np.abs(self.links[1:]).sum())
 
     def span(self, T_base_flange: Array) -> Array:
-        """Returns how far the centre is from axis 2 in the plane of the arm, at best, (n,) m."""
+        """Returns the least distance of the centre from axis 2 in the plane of the arm, (n,) m."""
         moved = T_base_flange @ inverse_pose(self.T_base_flange)
         away = moved[:, :3, :3] @ self.centre + moved[:, :3, 3] - self.point[0]
         up, aside = away @ self.axis[0], (self.centre - self.point[0]) @ self.axis[1]

@@ -1,8 +1,8 @@
 """A URDF file as a robot model, exactly: modified DH by common normals.
 
-Frame i of the model stands on joint axis i with x along the common normal to axis i + 1. Frame n,
-the model's flange, stands on the last axis at the foot of the tip; what is left between it and the
-tip link (nothing, where the tip's z is along the last axis, as ``tool0`` is) becomes
+Frame i of the model is on joint axis i with x along the common normal to axis i + 1. Frame n, the
+model's flange, is on the last axis at the foot of the tip; the transform between it and the tip
+link (identity where the tip's z is along the last axis, as for ``tool0``) becomes
 ``T_flange_tool``, because a DH table ends on its last axis.
 
 Source: Craig, Introduction to Robotics, section 3.4, for the frames.
@@ -282,7 +282,7 @@ def _angle(start: Array, end: Array, about: Array) -> float:
 
 
 def _clean(table: Array) -> Array:
-    """Rounding of a few 1e-16 taken off, so that zeros and right angles read as such."""
+    """Removes rounding of a few 1e-16, so that zeros and right angles read as such."""
     quarter = np.pi / 2.0
     near = np.rint(table[[0, 3]] / quarter) * quarter
     table[[0, 3]] = np.where(np.abs(table[[0, 3]] - near) < 1e-13, near, table[[0, 3]])

@@ -1,6 +1,6 @@
 """A robot model's geometry, nominal or calibrated, as URDF text.
 
-Joint i turns about the z of its own frame; everything constant between two joints is one
+Joint i turns about the z axis of its frame; everything constant between two joints is one
 ``origin``. Links are named ``base_link``, ``link_1`` ... ``link_n``, ``flange``, ``tool0``.
 """
 
@@ -20,15 +20,15 @@ from robotrue.robot.model import RobotModel
 def to_urdf(robot: RobotModel, *, geometry_only: bool = False) -> str:
     """Returns the arm as URDF text, with its geometric errors.
 
-    ``tool0`` is the tool point including the tool error; call on ``robot.nominal()`` for what the
-    controller believes. Masses are written as points, without inertia.
+    ``tool0`` is the tool point including the tool error; call on ``robot.nominal()`` for the
+    controller's model. Masses are written as points, without inertia.
 
     Args:
         robot: The arm.
         geometry_only: Leave gear errors and compliance out instead of refusing.
 
     Raises:
-        ConfigurationError: A parallelogram, which URDF cannot say; or gear errors or compliance,
+        ConfigurationError: A parallelogram, which URDF cannot hold; or gear errors or compliance,
             and not ``geometry_only``.
     """
     _refuse_loss(robot, geometry_only)
@@ -40,7 +40,7 @@ def to_urdf(robot: RobotModel, *, geometry_only: bool = False) -> str:
         name = f"link_{i + 1}"
         turn = turn_about(Z, float(robot.theta[i] + robot.error("theta")[i]))
         origin, link = before[i] @ turn, after[i]
-        if robot.convention == "mdh":  # the joint stands at its link: Tz(d) commutes with it
+        if robot.convention == "mdh":  # the joint is at its link: Tz(d) commutes with it
             origin, link = origin @ after[i], np.eye(4)
         lines += _joint(robot, i, parent, gap @ origin)
         lines += _link(name, float(robot.link_mass[i]), apply(link, robot.link_com[i]))

@@ -195,12 +195,13 @@ class CyclicSettings:
     """Settings of every cyclic controller.
 
     Attributes:
-        motion: Where the arm goes.
-        cycles: How many; None goes on to the end of the motion, or until stopped.
+        motion: Motion of the arm.
+        cycles: Number of cycles; None runs to the end of the motion, or until stopped.
         host: Its own address.
         own_port: Its own port; 0 takes a free one.
-        faults: What goes wrong, and when.
-        keeps_time: A computer too busy for all cycles leaves some out, instead of going slower.
+        faults: Faults and their times.
+        keeps_time: Whether a computer too busy for all cycles leaves some out, instead of running
+            slower.
     """
 
     motion: ArmMotion
@@ -301,7 +302,7 @@ class CyclicController(ABC, Generic[R]):
 
     @abstractmethod
     def _restart(self) -> None:
-        """Begins anew after a silence."""
+        """Restarts after a silence."""
 
     def _is_over(self) -> bool:
         """Returns whether it sends no more."""
@@ -313,7 +314,7 @@ class CyclicController(ABC, Generic[R]):
 
 
 class Datagrams(asyncio.DatagramProtocol):
-    """Hands every datagram on; that nobody listens at the other end yet is no error.
+    """Forwards every datagram; a missing receiver at the other end is no error.
 
     Args:
         take: Called with each.
@@ -327,4 +328,4 @@ class Datagrams(asyncio.DatagramProtocol):
         self._take(data)
 
     def error_received(self, exc: Exception) -> None:
-        """Goes on: what was sent stays without an answer."""
+        """Ignores the error: the datagram stays without an answer."""

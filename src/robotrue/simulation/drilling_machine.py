@@ -37,18 +37,18 @@ class DrillingMachine:
         foot: The sensors as drawn.
         built: The sensors as they are.
         order: Axis order of the head.
-        gain: (k,) what a sensor shows per metre.
+        gain: (k,) sensor reading per metre.
         offset: (k,) m, of the zero and of the foot at rest.
         axis_zero: (2,) rad, zero errors of A and B.
         axis_scale: (2,) their scale.
         by_force: (k,) m per kN, and ``by_force_squared``.
         by_force_squared: (k,) m per kN^2.
         by_height: (k,) m per 100 mm.
-        yielding: (2,) share of the tilt the structure gives way by per kN.
+        yielding: (2,) deflection of the structure per kN, as a share of the tilt.
         by_force_tilt: (k, 2) m per kN and degree.
         by_force_bend: (k, 3) m per kN and degree^2 in a^2, a b, b^2.
-        friction: rad, angle the foot's joint stays behind by without force.
-        fading: N, force that takes it down to 1/e.
+        friction: rad, angle by which the foot's joint lags without force.
+        fading: N, force that reduces it to 1/e.
         noise: m, scatter of a reading.
         sag: (2, 2) rad of a and b per rad of the machine's A and B.
         warp: (2, 2) rad of a and b per m of the machine's X and Y: guides that are not straight.

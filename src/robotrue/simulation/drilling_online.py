@@ -37,7 +37,7 @@ class DrillingRun:
 
     Attributes:
         machine: Its truth.
-        holes: How many it clamps.
+        holes: Number of holes.
         seed: Of surfaces, forces and scatter.
         largest: rad, tilt of the surface against the nominal axes, each of a and b.
         rate: Samples per second.
@@ -46,7 +46,7 @@ class DrillingRun:
         shift: m.
         damaged: Share of datagrams that are lost, repeated or not finite.
         pause: s between two holes.
-        sense: +1 or -1 of A and B: what the machine counts positive against the right-hand rule.
+        sense: +1 or -1 of A and B: positive sense of the machine against the right-hand rule.
     """
 
     machine: DrillingMachine
@@ -118,7 +118,7 @@ async def run(
 
 
 async def _pause(stop: asyncio.Event, seconds: float) -> bool:
-    """Waits between two holes; whether it was told to stop meanwhile."""
+    """Waits between two holes; returns whether it was stopped meanwhile."""
     try:
         await asyncio.wait_for(stop.wait(), max(seconds, 1e-3))
     except TimeoutError:
@@ -141,7 +141,7 @@ class _Machine:
         self.tally = DrillingTally()
 
     async def drill(self, number: int) -> None:
-        """Clamps, turns as told, has the gauge measure, lets go."""
+        """Clamps, turns as commanded, measures with the gauge, and releases."""
         settings, machine, hole = self._settings, self._settings.machine, f"H{number}"
         surface = normal_from_tilt(
             machine.order, self._random.uniform(-settings.largest, settings.largest, 2)

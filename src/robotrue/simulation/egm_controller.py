@@ -33,7 +33,7 @@ from robotrue.simulation.online_faults import FaultKind, clock_leap
 
 _CYCLE: Final = 4e-3
 _REST: Final = 10
-"""Messages of a guidance that is stopped, before it begins anew."""
+"""Messages of a stopped guidance before it restarts."""
 _OLDEST: Final = 1000
 """ms; an older measurement is no correction."""
 

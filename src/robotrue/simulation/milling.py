@@ -155,13 +155,13 @@ def mill_hole(
 ) -> HoleResult:
     """Returns the hole the side passes of a program leave, measured on its wall by the tracker.
 
-    Each pass is one visit: it is off by one draw of the repeatability. The tool bends with the mean
-    cutting force; the spindle and the mill itself are rigid.
+    Each pass is one visit, with one draw of the repeatability. The tool bends with the mean cutting
+    force; the spindle and the mill itself are rigid.
 
     Args:
         cell: The virtual cell; its tracker must be registered to base.
         hole: The job.
-        wanted: The program as CAM made it; says which targets are whose.
+        wanted: The program from CAM; it assigns targets to passes.
         driven: The program the controller runs.
         campaign: Number of the campaign, for noise and drift.
 

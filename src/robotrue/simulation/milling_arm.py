@@ -1,11 +1,11 @@
 """A virtual IRB 6660-205/1.9 that mills: masses, flexible joints, tool modes, straight passes, cut.
 
-Source: Jin et al. 2022 for robot, path and cut (joints of Table 1). **Assumed**, since nothing is
-printed of it: masses and inertias, joint stiffness, damping, tool modes, the tool's place on the
-flange, cutting coefficients of aluminium, runout; and that the material stands to the right of the
-feed (the tool turns the other way round): in up-milling only then do the signs of the printed mean
-force and error go together in the axes of this arm. Natural frequencies are those usual for arms of
-this size, 8.7 to 48 Hz at mid-path.
+Source: Jin et al. 2022 for robot, path and cut (joints of Table 1). **Assumed**, since not printed:
+masses and inertias, joint stiffness, damping, tool modes, the tool's place on the flange, cutting
+coefficients of aluminium, runout; and that the material is to the right of the feed (the tool turns
+in reverse): in up-milling only then are the signs of the printed mean force and error consistent in
+the axes of this arm. Natural frequencies are those usual for arms of this size, 8.7 to 48 Hz at
+mid-path.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ STIFFNESS: Final = 0.7e6 * np.array([1.9, 2.9, 2.4, 0.34, 0.26, 0.24])
 """N m/rad."""
 STIFFNESS_SPREAD: Final = 0.05
 STIFFNESS_BELIEF: Final = 0.30
-"""How far off the user's stiffnesses are, uniform."""
+"""Relative error of the user's stiffnesses, uniform."""
 DAMPING: Final = np.array([0.035, 0.03, 0.03, 0.03, 0.025, 0.025])
 SOFTENING: Final = (0.10, 40.0, 40.0)
 """K (1 - a tanh((|torque| - b) / c)), b and c in N m: joints get softer under load."""

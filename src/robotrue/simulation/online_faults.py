@@ -11,7 +11,7 @@ from typing import Final
 from robotrue.errors import ConfigurationError
 
 _USUAL: Final = 0.5
-"""s that a fault lasts where nothing is said."""
+"""s, default duration of a fault."""
 LEAP: Final = 60.0
 """s by which a clock leaps."""
 
@@ -20,7 +20,7 @@ class FaultKind(enum.Enum):
     """Kinds of faults; not every simulator has every kind."""
 
     GAP = "gap"
-    """Packets are lost: the count goes on, nothing arrives."""
+    """Packets are lost: the count continues, nothing arrives."""
     SILENCE = "silence"
     """The other side is gone: it neither sends nor answers, and comes back as after a restart."""
     REPEAT = "repeat"
@@ -32,9 +32,9 @@ class FaultKind(enum.Enum):
     SATURATION = "saturation"
     """The sensor is at the end of its range."""
     HANG = "hang"
-    """Records go on while the measurement in them stands still."""
+    """Records continue while the measurement in them is frozen."""
     STATUS = "status"
-    """The sensor says that it is not well."""
+    """The sensor reports a fault."""
     JUMP = "jump"
     """The sender's clock leaps by a minute and stays there."""
     GARBLE = "garble"

@@ -1,12 +1,11 @@
 """Scenario of simulated robots and sensors: knocks, a milling pass, the way back.
 
-A cycle that repeats for ever, as a function of the host's monotonic clock: simulators that run in
-processes of their own on one computer are at the same place at the same time without talking. Each
-cycle begins with a jog of short knocks, which joints and force sensor both see, so that the clocks
-of two streams can be aligned, and cuts a straight pass along base x with the force of the milling
-model.
+A cycle that repeats for ever, as a function of the host's monotonic clock: simulators in separate
+processes on one computer are at the same place at the same time without communication. Each cycle
+begins with a jog of short knocks, which joints and force sensor both see, so that the clocks of two
+streams can be aligned, and cuts a straight pass along base x with the force of the milling model.
 
-Everything here is SIMULATED. **Assumed**: what hangs on the sensor, the knocks, the cut of
+Everything here is SIMULATED. **Assumed**: the load on the sensor, the knocks, the cut of
 :mod:`robotrue.simulation.milling_arm`.
 """
 

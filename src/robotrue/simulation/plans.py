@@ -36,7 +36,7 @@ LOWERED: Final = 100.0 * MM
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Region(CylinderRegion):
-    """A part of the workspace in cylinder coordinates, and how far the attitude may turn.
+    """A part of the workspace in cylinder coordinates, with the range of the attitude.
 
     Attributes:
         angle: Lower and upper angle about joint 1, rad.

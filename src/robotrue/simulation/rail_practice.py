@@ -96,14 +96,14 @@ def draw_rail(nominal: RobotModel, rng: np.random.Generator) -> RailArm:
 def measure_rail(
     nominal: RobotModel, arm: RailArm, count: int, rng: np.random.Generator, *, still: bool = False
 ) -> tuple[MeasurementSet, Array]:
-    """Rows of a tracker, and where the reflector truly was, (n, 3) m, both in its frame.
+    """Returns rows of a tracker, and the true reflector positions, (n, 3) m, both in its frame.
 
     Args:
         nominal: For the postures.
         arm: The truth.
         count: Rows.
         rng: Of postures, places and noise.
-        still: The arm stays where its base is as stated, and nobody speaks of the rail.
+        still: The arm stays where its base is as stated, without a rail in the data.
     """
     joints = joints_of(nominal, count, rng)
     place = np.zeros(count) if still else rng.uniform(0.0, TRAVEL, count)

@@ -238,7 +238,7 @@ class RdtSensor:
             try:
                 self._socket.sendto(packet, self._client or ("", 0))
                 sent += 1
-            except OSError:  # nobody listens any more, or the system's buffer is full
+            except OSError:  # no client any more, or the system's buffer is full
                 break
         self.report.sent += sent
 
@@ -288,7 +288,7 @@ class RdtSensor:
                 writer.write(text)
                 await writer.drain()
             except (OSError, TimeoutError, EOFError, asyncio.LimitOverrunError):
-                pass  # whoever asked has gone, or speaks no HTTP
+                pass  # the client has gone, or speaks no HTTP
             finally:
                 writer.close()
 

@@ -1,8 +1,9 @@
 """A KUKA controller to practise with: it owns the clock, sends ``<Rob>`` and checks each ``<Sen>``.
 
-Simulated throughout. It takes an answer as a controller does: type and IPOC must be right, it must
-come before the next packet, what is missing is counted in Delay and HOLDON says what stays, and
-after a budget of them RSI breaks off. Corrections move the pose it reports, added up or not.
+Simulated throughout. It accepts an answer as a controller does: type and IPOC must be right, it
+must come before the next packet, missing answers are counted in Delay and HOLDON sets whether the
+last one holds, and after a budget of them RSI breaks off. Corrections move the pose it reports,
+added up or not.
 """
 
 from __future__ import annotations
@@ -74,8 +75,8 @@ class RsiControllerReport:
         cycles: Of its clock.
         answered: Answers taken.
         late: Cycles without an answer in time, from the first answer on.
-        overslept: Of these, cycles that the simulator cut short, because this computer had slept
-            over the end of one before: nobody who answers is to blame for them.
+        overslept: Of these, cycles that the simulator cut short, because this computer had
+            overslept the end of one before: not a fault of the answering side.
         left_out: Cycles without a packet, because this computer was too busy for them.
         faulty: Answers of another type or IPOC, or that cannot be read.
         broke_off: Why RSI broke off; empty if it did not.

@@ -153,11 +153,11 @@ class VirtualRobot:
     """A simulated arm. The user of the cell sees ``nominal``; everything else is the truth.
 
     Attributes:
-        name: What it stands for.
-        nominal: What the controller and the user believe: geometry, masses, no errors.
+        name: Name of the simulated robot.
+        nominal: Model of the controller and the user: geometry, masses, no errors.
         actual: The true arm: geometric errors, compliances, true masses.
-        known_payload: What the user believes hangs on the flange.
-        payload: What truly hangs there.
+        known_payload: Payload stated by the user.
+        payload: True payload.
         effects: The rest of the truth.
         repeatability: m, 1 sigma per axis of the scatter of repeated visits.
     """
@@ -199,11 +199,11 @@ def actual_pose(
     Args:
         virtual: The arm.
         joints: (n, dof) rad, commanded.
-        load: What it carries and feels; None is its own payload with no wrench.
+        load: Payload and wrench; None is its own payload with no wrench.
         approach: (n, dof) sign of the last motion; None is unknown, 0.
         time: (n,) s since the campaign began; None leaves thermal drift out.
         campaign: Number of the campaign, for the drift.
-        T_flange_tool: (4, 4) point asked for; None is the tool of the robot model.
+        T_flange_tool: (4, 4) requested point; None is the tool of the robot model.
 
     Raises:
         ShapeError: An array whose rows do not belong to the joints.

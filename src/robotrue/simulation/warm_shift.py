@@ -5,10 +5,10 @@
 writes ``cell.toml``, ``early.csv`` (60 poses of the first four hours), ``late.csv`` (60 of the last
 four) and ``part.src``, a program. The arm is a KR160 R1570 with geometric errors of .3 mm and .02
 deg, joint springs, and a joint ripple. The hall warms by some kelvin and the arm by itself; every
-link and joint follows with a lag of its own (20 to 90 min) and a rise of its own (.7 to 1.3), links
-grow by 11e-6 to 23e-6 per kelvin, joint zeros turn, and all of it is scaled so that the tool point
-is off by 0.1 mm in the mean at the end. One sensor on the upper arm, good to .1 K, is what the
-files state. All sizes are assumed, and no error model has this truth among its parameters.
+link and joint follows with a different lag (20 to 90 min) and rise (.7 to 1.3), links grow by 11e-6
+to 23e-6 per kelvin, joint zeros turn, and all of it is scaled to a mean tool point error of 0.1 mm
+at the end. One sensor on the upper arm, good to .1 K, is what the files state. All sizes are
+assumed, and no error model has this truth among its parameters.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""The bin: what was deleted long ago and nothing rests on goes for good, files and all.
+"""The bin: permanently removes items deleted long ago that nothing depends on, with their files.
 
-Everything else in a workspace is only ever added. This is asked for by name alone: an item goes
-with all its versions if its latest says deleted, if that was long enough ago, and if no item that
-stays and no job that is not over needs it. The journal keeps that it was there.
+Everything else in a workspace is only ever added. This runs on request alone: an item is removed
+with all its versions if its latest is marked deleted, if that was long enough ago, and if no
+remaining item and no unfinished job needs it. The journal records that it existed.
 """
 
 from __future__ import annotations
@@ -87,13 +87,13 @@ def in_bin(workspace: Workspace, *, days: float) -> RecycleBin:
 
 
 def empty_bin(workspace: Workspace, *, days: float) -> RecycleBin:
-    """Returns what has gone for good: rows and files, all or nothing.
+    """Removes rows and files permanently, all or nothing, and returns them.
 
-    A process that is killed in it leaves either everything, or files that no row names and that
-    whoever opens the workspace next removes.
+    A process that is killed in it leaves either everything, or files without a row, which the next
+    opening of the workspace removes.
 
     Raises:
-        ConfigurationError: The days are none, or somebody is taking files in at this moment.
+        ConfigurationError: The days are none, or another process is importing files at this moment.
     """
     before = _before(days)
     with hold_alone(workspace.folder / LOCK, wait=False) as mine:
@@ -105,7 +105,7 @@ def empty_bin(workspace: Workspace, *, days: float) -> RecycleBin:
         with workspace.write() as into:
             for part in _parts(
                 list(_find_deleted(into.session, before))
-            ):  # nobody brings one back now
+            ):  # no restore from here on
                 asked = select(ItemRow.id).where(ItemRow.id.in_(part))
                 into.session.execute(asked.with_for_update())
             found, files = _find_contents(into.session, before)
@@ -197,7 +197,7 @@ def _own_files(session: Session, gone: set[str]) -> Iterator[BlobRow]:
 
 
 def _mark(workspace: Workspace, files: Sequence[tuple[str, str]]) -> None:
-    """Says before the rows go which files nobody names afterwards: :func:`sweep` finds it."""
+    """Marks files that no row will name, before the rows go, so that :func:`sweep` finds them."""
     if files:
         place = workspace.folder / STAGED / uuid.uuid4().hex
         place.mkdir(parents=True)

@@ -1,8 +1,8 @@
-"""Files beside the database, each under the SHA-256 of its content and never altered.
+"""Files next to the database, each under the SHA-256 of its content and never altered.
 
 A file is written to the folder of its transaction, synced, and moved to its place before the row
-that names it is committed: a row never names a file that is not there. What a killed process leaves
-behind is swept away later, when nobody writes, unless a row names it by then.
+that names it is committed: a row never names a file that is not there. Files left by a killed
+process are removed later, when no process writes, unless a row names them by then.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class Staging:
         if target.is_file() and file_hash(target) == digest:
             written.unlink()
             return digest
-        # Whoever sweeps finds here what may stand in a place without a row.
+        # The sweep finds here which files may exist without a row.
         (self._staged / f"{place}-{digest}").touch()
         target.parent.mkdir(parents=True, exist_ok=True)
         os.chmod(written, 0o444)

@@ -82,10 +82,10 @@ def add(
 
 
 def require_beside(text: str, names: Collection[str]) -> None:
-    """Passes if a cell.toml names no file but those that came with it, by their names alone.
+    """Passes if a cell.toml names only files that came with it, by their names alone.
 
     Args:
-        text: The cell.toml; whether it is one is not judged here.
+        text: The cell.toml; its validity is not checked here.
         names: Of the files that came with it.
 
     Raises:
@@ -93,7 +93,7 @@ def require_beside(text: str, names: Collection[str]) -> None:
     """
     try:
         stated = tomllib.loads(text)
-    except tomllib.TOMLDecodeError:  # whoever reads it says where
+    except tomllib.TOMLDecodeError:  # its reader reports the line
         return
     for name in named_files(stated):
         if name not in names:

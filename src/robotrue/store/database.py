@@ -67,10 +67,10 @@ def may_write(path: Path) -> bool:
 
 
 def _read_only(file: Path) -> sqlite3.Connection:
-    """Opens a database beside which SQLite cannot make the files of its log.
+    """Opens a database next to which SQLite cannot create the files of its log.
 
-    While another process has it open they are there and are used. If they are not, nobody has it
-    open: only then may SQLite take it for a file that does not change.
+    While another process has it open, the files exist and are used. If they do not exist, it is not
+    open elsewhere: only then may SQLite treat it as an immutable file.
     """
     log = file.with_name(f"{file.name}-wal")
     options = "mode=ro" if log.exists() else "mode=ro&immutable=1"

@@ -48,7 +48,7 @@ class ExchangeTotals:
 
 
 def export_project(workspace: Workspace, path: str | Path) -> ExchangeTotals:
-    """Writes everything in a workspace to one file, whole or not at all; returns how much it was.
+    """Writes everything in a workspace to one file, whole or not at all; returns the totals.
 
     Others may write meanwhile: the file holds the state of one moment.
 

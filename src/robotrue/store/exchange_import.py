@@ -1,9 +1,9 @@
 """Import of a workspace from one file, checked completely before anything is written.
 
-The file is a stranger's until it is proven. Rows are read into a database of their own, of the
-schema they were written with, brought up to date there, and only then merged. Ids stay; what is
-there already stays as it is. Names other than those an export writes, sizes or hashes other than
-the manifest's, more than the disk holds: refused before anything is read into a workspace.
+The file is untrusted until it is checked. Rows are read into a separate database, of the schema
+they were written with, migrated there, and only then merged. Ids stay; existing rows stay as they
+are. Names other than those an export writes, sizes or hashes other than the manifest's, and more
+data than the disk holds are refused before anything is read into a workspace.
 """
 
 from __future__ import annotations

@@ -24,11 +24,11 @@ from robotrue.store.workspace import Transaction, Workspace, now, reading, trans
 R = TypeVar("R", bound=ItemRecord)
 LONGEST_NAME: Final = NAME.length or 200
 SHORTEST_ID: Final = 4
-"""Characters of an id that may stand for all of it."""
+"""Shortest abbreviation of an id, in characters."""
 MOST: Final = 1000
 """Items of one page."""
 _BESIDE: Final = frozenset({"links", "attachments"})
-"""Fields of a record that stand in tables of their own."""
+"""Fields of a record with separate tables."""
 _OWN: Final = frozenset({"id", "version", "latest", "deleted", "created"}) | _BESIDE
 _NOT_SORTED: Final = frozenset({"detail", "settings"}) | _BESIDE
 

@@ -47,20 +47,20 @@ class Job:
 
     Attributes:
         id: Never changes.
-        kind: What is to be done: ``calibrate``, ``compensate``, ...
+        kind: Operation: ``calibrate``, ``compensate``, ...
         parameters: JSON values; items by their ids.
         state: One of ``STATES``.
         progress: 0 to 1.
-        text: What it is at.
-        remarks: What it said on the way.
-        result: JSON values; the items that came of it by their ids. None before it is done.
-        error: ``kind``, ``message``, ``hint`` of what it failed with.
-        attempts: How often it was begun.
-        attempts_allowed: How often it may be.
-        cancel: Somebody asked for its end.
-        worker: Who does it.
-        submitted: When it was asked for.
-        started: When it was last begun.
+        text: Its current step.
+        remarks: Its remarks so far.
+        result: JSON values; resulting items by their ids. None before it is done.
+        error: ``kind``, ``message``, ``hint`` of the error it failed with.
+        attempts: How often it was started.
+        attempts_allowed: How often it may be started.
+        cancel: Whether its end was requested.
+        worker: The worker that runs it.
+        submitted: When it was queued.
+        started: When it was last started.
         finished: When it was over.
     """
 
@@ -190,12 +190,12 @@ def wait(workspace: Workspace, id: str, *, timeout: float) -> Job:
     """Returns the job when it is over.
 
     Args:
-        workspace: Where it was submitted; somebody else must work there.
+        workspace: Where it was submitted; another process must run a worker there.
         id: Of the job.
         timeout: s.
 
     Raises:
-        ConvergenceError: It is not over by then; it goes on.
+        ConvergenceError: It is not over by then; it continues.
         ConfigurationError: There is none.
     """
     until = time.monotonic() + timeout
@@ -206,13 +206,13 @@ def wait(workspace: Workspace, id: str, *, timeout: float) -> Job:
         if time.monotonic() >= until:
             raise ConvergenceError(
                 f"job {id} is {found.state} after {timeout:g} s ({found.progress:.0%} done).",
-                hint="robotrue jobs run starts a worker; robotrue jobs list shows how far it is.",
+                hint="robotrue jobs run starts a worker; robotrue jobs list shows its progress.",
             )
         time.sleep(min(_EVERY, max(until - time.monotonic(), 0.0)))
 
 
 def row_of(session: Session, id: str, *, lock: bool = False) -> JobRow:
-    """Returns the row of a job, also by the beginning of its id; ``lock``: nobody else alters it.
+    """Returns the row of a job, also by the beginning of its id; ``lock`` excludes other writers.
 
     Raises:
         ConfigurationError: There is none, or more than one begins so.

@@ -33,8 +33,8 @@ from robotrue.store.workspace import Transaction, Workspace, now
 T = TypeVar("T")
 WORKERS: Final = "workers"
 STALE: Final = 30.0
-"""s without a heartbeat after which a worker of another machine is taken for dead. Of this machine
-its lock tells, at once and whatever the clock does."""
+"""s without a heartbeat after which a worker of another machine counts as dead. Its lock
+detects a dead worker of this machine, at once and independently of the clock."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,7 +101,7 @@ def send_heartbeat(workspace: Workspace, worker: str) -> None:
 
 
 def report_progress(workspace: Workspace, claim: Claim, progress: float, text: str) -> bool:
-    """Notes how far a job is; returns whether it may go on: not cancelled, not somebody else's."""
+    """Writes a job's progress; returns whether it may continue: not cancelled, not reassigned."""
     with workspace.write() as into:
         row = lock_claimed(into, claim)
         if row is None or row.cancel:
@@ -177,8 +177,8 @@ def _rows_of_dead(workspace: Workspace, session: Session, *, lock: bool = False)
 
     Args:
         workspace: Whose folder holds the workers' locks.
-        session: To ask.
-        lock: Whether nobody else may alter the rows; those somebody else has locked are left out.
+        session: For the query.
+        lock: Whether to lock the rows; those locked by another session are left out.
     """
     silent = JobRow.heartbeat < clock(session) - STALE
     chosen = select(JobRow, silent).where(JobRow.state == RUNNING)

@@ -32,17 +32,17 @@ EVERY: Final = 0.3
 
 
 class Cancelled(Exception):
-    """The end of a job that was cancelled, or that has become somebody else's."""
+    """Raised to end a job that was cancelled, or that another worker has claimed."""
 
 
 class Work:
     """Context of a job's function.
 
     Attributes:
-        workspace: Where it reads; what it writes goes through the function it returns.
+        workspace: For reading; the returned function writes the results.
         job: Its kind and parameters.
-        folder: Of its own, empty, gone afterwards.
-        remarks: What it said.
+        folder: Temporary and empty; removed afterwards.
+        remarks: Its remarks.
     """
 
     def __init__(self, workspace: Workspace, job: Job, folder: Path, claim: Claim) -> None:
@@ -57,7 +57,7 @@ class Work:
         return self.job.parameters
 
     def step(self, text: str, done: int, of: int) -> None:
-        """Notes how far the job is; call it often. A database that is down does not stop the job.
+        """Writes the job's progress; call it often. A database that is down does not stop the job.
 
         Raises:
             Cancelled: It is to end.
@@ -113,7 +113,7 @@ def attempt(folder: Path, url: str | None, target: str, claim: Claim) -> None:
             raise
         except RobotrueError as cause:
             fail(workspace, claim, fault(cause), work.remarks)
-        except Exception as cause:  # a fault of the program: the job says so, the worker goes on
+        except Exception as cause:  # a fault of the program: the job fails, the worker continues
             fail(workspace, claim, fault(cause), work.remarks)
 
 
@@ -155,7 +155,7 @@ def tidy(folder: Path, job: str) -> None:
 
 
 def _leave_with_parent() -> None:
-    """Ends this process when its parent is killed: nothing else would tell it."""
+    """Ends this process when its parent is killed, which nothing else would report."""
     parent = parent_process()
     if parent is not None:
         parent.join()

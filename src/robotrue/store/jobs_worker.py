@@ -48,14 +48,14 @@ STOPPED: Final = "its worker was stopped"
 DASK_ANSWER: Final = 10
 """s within which a Dask scheduler must answer."""
 PATIENCE: Final = 1.0
-"""s a cancelled job has to see that it is."""
+"""s between cancelling a job and killing its process."""
 
 
 class JobRun(Protocol):
     """One attempt that is under way."""
 
     def poll(self) -> str | None:
-        """Returns None while it goes on, "" when it ended by itself, else what it died of."""
+        """Returns None while it runs, "" when it ended by itself, else the cause of its death."""
         ...
 
     def kill(self) -> None:
@@ -81,7 +81,7 @@ class ProcessRun:
         self._process.start()
 
     def poll(self) -> str | None:
-        """Returns None while it goes on, "" when it ended by itself, else what it died of."""
+        """Returns None while it runs, "" when it ended by itself, else the cause of its death."""
         code = self._process.exitcode
         if code is None:
             return None
@@ -96,11 +96,11 @@ class ProcessRun:
 
 
 class ProcessEngine:
-    """Attempts in processes of this machine, each started anew.
+    """Attempts in new processes of this machine.
 
     Attributes:
-        start: How: ``spawn``, ``forkserver`` where a server of forks has the libraries loaded, or
-            ``fork`` where nothing of this process can be in the way.
+        start: Start method: ``spawn``, ``forkserver`` where a fork server has the libraries loaded,
+            or ``fork`` where no state of this process can interfere.
     """
 
     def __init__(self, start: Start) -> None:
@@ -144,7 +144,7 @@ class DaskRun:
         self._future = future
 
     def poll(self) -> str | None:
-        """Returns None while it goes on, "" when it ended by itself, else what it died of."""
+        """Returns None while it runs, "" when it ended by itself, else the cause of its death."""
         match self._future.status:
             case "pending":
                 return None
@@ -177,8 +177,8 @@ class Worker:
         workspace: Where jobs wait.
         kinds: What it can do: ``module:function`` by kind.
         engine: Where attempts are made.
-        slots: How many at a time.
-        patience: s a cancelled job has to see that it is, before its process is killed.
+        slots: Jobs at a time.
+        patience: s between cancelling a job and killing its process.
         done: Attempts that ended, by whatever.
     """
 
@@ -274,7 +274,7 @@ class Worker:
             current.cancelled = now if job.cancel or lost else None
 
     def _leave(self) -> None:
-        """Ends what is under way; others, or this one later, begin it anew."""
+        """Ends running attempts; other workers, or this one later, start them again."""
         for current in self._attempts:
             current.run.kill()
         for current in self._attempts:
@@ -298,18 +298,18 @@ def run_worker(
     patience: float = PATIENCE,
     start: Start = "spawn",
 ) -> int:
-    """Does jobs of a workspace; returns how many attempts it made.
+    """Runs jobs of a workspace; returns the number of attempts.
 
     Args:
         path: Folder of the workspace.
         url: Of its database, where that is not the one in the folder.
-        kinds: What it can do: ``module:function`` by kind; jobs of other kinds are left waiting.
-        slots: How many at a time.
-        until_idle: End when nothing waits.
-        stop: Asked again and again whether to end; jobs under way are begun anew by the next.
+        kinds: Supported kinds: ``module:function`` by kind; jobs of other kinds are left waiting.
+        slots: Jobs at a time.
+        until_idle: End when no job waits.
+        stop: Polled for whether to end; the next worker restarts running jobs.
         dask: Address of a scheduler whose workers see the same folder and database; None: this
             machine.
-        patience: s a cancelled job has to see that it is, before its process is killed.
+        patience: s between cancelling a job and killing its process.
         start: How processes of this machine are started, see :class:`ProcessEngine`.
 
     Raises:

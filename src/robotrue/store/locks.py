@@ -16,7 +16,7 @@ POSIX: Final = find_spec("fcntl") is not None
 
 @contextlib.contextmanager
 def hold_shared(path: Path) -> Iterator[None]:
-    """Holds a lock that many may hold, none while somebody holds it alone; waits for that one."""
+    """Holds a shared lock; waits while another process holds it exclusively."""
     handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
     try:
         _lock(handle, alone=False, wait=True)

@@ -40,7 +40,7 @@ class ModelFile:
     Attributes:
         model: The error model.
         cell: The cell it was measured in.
-        archive: The file's content, for whoever wants the raw numbers.
+        archive: The file's content, with the raw numbers.
     """
 
     model: ErrorModel
@@ -131,7 +131,7 @@ def unpack_cell(stated: Mapping[str, object], robot: RobotModel) -> Cell:
         document = decode(CellDocument, stated, key="cell")
         files = {name: b64decode(data) for name, data in document.files.items()}
         cell = parse_cell(document.text.encode(), document.source, files=files)
-        # The model says which arm it is of; the file may name a preset that changed since.
+        # The model states its arm; the file may name a preset that changed since.
         arm = robot.nominal().with_tool(cell.robot.T_flange_tool)
         cell = replace(cell, robot=arm, digest=document.digest)
     for name in ("T_flange_target", "T_base_frame"):

@@ -49,9 +49,9 @@ class Attachment:
     """A file of a version.
 
     Attributes:
-        role: What it is to the item: ``file``, ``raw``, ``model``, ``report``, ...
-        name: The name it came with.
-        sha256: Of its content; where it stands in the workspace.
+        role: Its role: ``file``, ``raw``, ``model``, ``report``, ...
+        name: Original name.
+        sha256: Of its content; its name in the workspace.
     """
 
     role: str
@@ -66,14 +66,14 @@ class ItemRecord:
     Attributes:
         id: Never changes, also through export and import.
         version: From 1.
-        latest: No newer version stands.
-        deleted: This version says that the item is deleted.
+        latest: There is no newer version.
+        deleted: This version marks the item as deleted.
         name: For people; need not be unique.
-        note: What the user wrote.
+        note: Text of the user.
         created: When this version was made.
-        detail: What else its noun knows, JSON values; lengths and angles named with their unit or
+        detail: Further fields of its noun, JSON values; lengths and angles named with their unit or
             SI.
-        links: What it rests on.
+        links: Items it depends on.
         attachments: Its files.
     """
 

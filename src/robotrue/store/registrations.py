@@ -144,12 +144,12 @@ def save_session(
     Args:
         where: Workspace or transaction.
         id: Of the session.
-        version: That was changed; it must still be the latest.
-        session: As it is now.
-        result: Id of the registration that was made of it.
+        version: Version that was changed; it must still be the latest.
+        session: The changed session.
+        result: Id of the registration made from it.
 
     Raises:
-        ModelMismatchError: Somebody else wrote to it meanwhile; nothing is written.
+        ModelMismatchError: Another user wrote to it meanwhile; nothing is written.
         ConfigurationError: There is no such session, or it is deleted.
     """
     with transaction(where) as into:

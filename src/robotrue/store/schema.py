@@ -1,9 +1,9 @@
 """The tables of a workspace, the same on SQLite and PostgreSQL; of each noun, see ``nouns``.
 
-Every thing a user names is an item with an id that never changes. What it says stands in rows of
-its noun's table, one row per version; a row is never altered but for ``latest``, which only says
-where to look first. Deleting is a new version that says so. Files stand beside the database under
-their SHA-256; a row names them. Jobs are the exception: their row is the state they are in.
+Everything a user names is an item with an id that never changes. Its content is in rows of its
+noun's table, one row per version; a row is never altered except for ``latest``, which only marks
+the newest. Deleting is a new version marked deleted. Files are next to the database under their
+SHA-256; a row names them. Jobs are the exception: their row is their current state.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class Base(DeclarativeBase):
 
 
 class WorkspaceRow(Base):
-    """The one row that says which workspace this database belongs to."""
+    """The one row that identifies the workspace of this database."""
 
     __tablename__ = "workspace"
     id: Mapped[str] = mapped_column(ID, primary_key=True)

@@ -193,7 +193,7 @@ class Workspace:
         return read_bytes(path)
 
     def _sweep(self) -> int:
-        # Without locks nobody knows who still writes.
+        # Without locks a process that still writes cannot be detected.
         if not POSIX or not may_write(self.folder):
             return 0
         with hold_alone(self.folder / LOCK, wait=False) as mine:
@@ -206,7 +206,7 @@ class Workspace:
 class Transaction:
     """Files and rows that are committed together.
 
-    Files are taken in first, so that the database is locked for rows alone.
+    Files are imported first, so that the database is locked for rows alone.
     """
 
     def __init__(self, workspace: Workspace) -> None:
@@ -224,9 +224,7 @@ class Transaction:
             engine = self.workspace.engine.execution_options(**{WRITING: True})
             self._session = self._stack.enter_context(Session(engine))
             self._session.connection()
-        for digest, (place, size) in sorted(
-            self._kept.items()
-        ):  # one order: nobody waits crosswise
+        for digest, (place, size) in sorted(self._kept.items()):  # one order: no deadlock
             if self._session.get(BlobRow, digest) is None:
                 row = BlobRow(sha256=digest, place=place, size=size, created=now())
                 with _first_wins(self._session):

@@ -389,7 +389,7 @@ def axis_on_plane(
             f"mean of all {len(off)}, allowed {MOST_APART / DEG:g} deg.",
             source=file_of(squarings),
             line=int(squarings.lines[worst]) if len(squarings.lines) else None,
-            hint="check that pose, and that all stood on the same plane.",
+            hint="check that pose, and that all were on the same plane.",
         )
     belief = _belief(arm, settings)
     # A point on the axis moves against the flange as the arm turns: the attitude error times lever.

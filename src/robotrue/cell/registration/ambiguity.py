@@ -1,7 +1,7 @@
 """Touches that fit more than one way: swapped names of points, and poses that look alike.
 
-:func:`check_names` says which touched point is which part point; :func:`symmetric_alternatives`
-finds other poses of a part that its surface touches cannot tell from the one found.
+:func:`check_names` matches touched points to part points; :func:`symmetric_alternatives` finds
+other poses of a part that fit its surface touches equally well.
 """
 
 from __future__ import annotations
@@ -38,13 +38,12 @@ def check_names(
     tolerance: float,
     names: tuple[str, ...] | None = None,
 ) -> tuple[str, ...]:
-    """Returns doubts about the names, one sentence each; swapped names raise.
+    """Returns warnings about the names, one sentence each; swapped names raise.
 
     Args:
         in_part: (n, 3) m in part.
-        in_base: (n, 3) m in base, in the order the names say.
-        tolerance: m, how far a good touch may lie from its place: about four sigma of touch and
-            robot together.
+        in_base: (n, 3) m in base, in the order of the names.
+        tolerance: m, largest error of a good touch: about four sigma of touch and robot together.
         names: One per point.
 
     Raises:
@@ -52,7 +51,7 @@ def check_names(
         ObservabilityError: Coincident or collinear points.
         ShapeError: More points than a search is made for.
 
-    Fails when: a touch is grossly wrong; no complete match then exists and nothing is said. A
+    Fails when: a touch is grossly wrong; no complete match then exists and there is no warning. A
     robust fit names it.
     """
     part, base, labels = check_points(in_part, in_base, names)
@@ -81,7 +80,7 @@ def check_names(
 def matches(points: Array, others: Array, *, tolerance: float) -> tuple[IntArray, ...]:
     """Returns every order in which the others are a rigid image of the points, best first.
 
-    An order o says that ``others[o[i]]`` is the image of ``points[i]``.
+    In an order o, ``others[o[i]]`` is the image of ``points[i]``.
 
     Args:
         points: (n, 3) m.
@@ -247,7 +246,7 @@ def _facing(touches: SurfaceDistances, T: Array, normal: Array) -> IntArray | No
     for index, surface in enumerate(touches.surfaces):
         distance, direction = surface.nearest(in_part)
         facing = ((direction @ T[:3, :3].T) * normal).sum(axis=1) > _SAME_SIDE
-        # A mesh is one surface: it is taken as it is and judged when the fit has settled.
+        # A mesh is one surface: it is used as it is and checked when the fit has converged.
         facing |= isinstance(surface, TriangleMesh)
         cost[index] = np.where(facing, np.abs(distance - touches.radius), np.inf)
     if np.isinf(cost.min(axis=0)).any():

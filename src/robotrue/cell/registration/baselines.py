@@ -72,10 +72,9 @@ def fit_feature_frame(
     Args:
         in_part: (3, 3) m, K (the corner), L, M in part.
         in_base: (3, 3) m, the same, touched, in base.
-        sigma: m per axis of a touch; three points leave nothing to estimate it from that this
-            construction would use.
+        sigma: m per axis of a touch; this construction cannot estimate it from three points.
         names: Of K, L, M.
-        right_angle: rad, how far the nominal corner may be off a right angle.
+        right_angle: rad, largest deviation of the nominal corner from a right angle.
 
     Raises:
         ShapeError: Not three points.
@@ -141,7 +140,7 @@ def check_corner(
 
     Raises:
         ObservabilityError: The points coincide or lie on one line.
-        ImplausibleDataError: No right angle there; says where it is.
+        ImplausibleDataError: No right angle there; states where it is.
     """
     check_pattern(points, names)
     sides = points - points[[1, 2, 0]]

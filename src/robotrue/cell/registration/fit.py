@@ -177,14 +177,14 @@ def fit_points(
         in_part: (n, 3) m, nominal points in part.
         in_base: (n, 3) m, touched points in base, in the same order.
         sigma: m per axis, one value or one per point; weights are 1/sigma^2. Not given: equal
-            weights, and the covariance is scaled with what the residuals say.
-        noise: (3n, 3n) m^2 in base, joint covariance of all touches, point by point. It changes
-            the covariance of the frame, not the frame. The errors of a robot used as a probe are
-            common to neighbouring points; ``sigma`` alone then promises far too much.
+            weights, and the covariance is scaled with the residuals.
+        noise: (3n, 3n) m^2 in base, joint covariance of all touches, point by point. It changes the
+            covariance of the frame, not the frame. The errors of a robot used as a probe are common
+            to neighbouring points; ``sigma`` alone then is far too optimistic.
         names: One per point.
 
     Raises:
-        ShapeError: Wrong shapes, a sigma of 0, or neither sigma nor a residual left to tell.
+        ShapeError: Wrong shapes, a sigma of 0, or neither sigma nor residuals to estimate it from.
         ObservabilityError: Fewer than three points, or all on one line.
         ImplausibleDataError: Millimetres against metres, or a mirrored part.
 
@@ -275,7 +275,7 @@ def check_pattern(points: Array, names: tuple[str, ...]) -> None:
         names: Of the points.
 
     Raises:
-        ObservabilityError: Fewer than three different points, or all on one line; says which.
+        ObservabilityError: Fewer than three different points, or all on one line; names them.
     """
     listed = ", ".join(names[:8]) + (", ..." if len(names) > 8 else "")
     if len(points) < 3:

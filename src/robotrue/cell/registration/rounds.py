@@ -28,9 +28,9 @@ from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ImplausibleDataError
 
 RoundVerdict: TypeAlias = Literal["run again", "settled", "as it was", "not settled"]
-"""``run again``: a correction was made and nobody has touched since; ``settled``: nothing is left
-that touching could tell; ``as it was``: no correction of the first frame was worth making;
-``not settled``: the last of the rounds still moved the part."""
+"""``run again``: a correction was made and not probed since; ``settled``: no significant correction
+is left; ``as it was``: no correction of the first frame was significant; ``not settled``: the last
+of the rounds still moved the part."""
 RoundFit: TypeAlias = Literal["touches", "feng2018"]
 
 CERTAIN: Final = 0.99
@@ -108,7 +108,7 @@ class Adjustment:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Moved:
-    """A part, or a table, that stood elsewhere than in the round before.
+    """A part, or a table, that moved since the round before.
 
     Attributes:
         round: Number of the round that found it, from 1.
@@ -239,7 +239,7 @@ def summarise(
     *,
     first: int,
 ) -> Adjustment:
-    """Returns where passes ended, with floor and oscillation told apart.
+    """Returns the final pose of passes, with floor and oscillation separated.
 
     Args:
         T_base_part: (4, 4) the adjusted pose.
@@ -281,7 +281,7 @@ def _fit(
 def _judge(
     part: Array, T: Array, touched: Array, proposed: Array, covariance: Array, share: float
 ) -> Pass:
-    """One round: how far the run missed, and the correction from the frame run to that proposed."""
+    """One round: errors of the run, and the correction from the frame run to the proposed one."""
     run, wanted = apply(T, part), apply(proposed, part)
     turn = proposed[:3, :3] @ T[:3, :3].T
     step = np.concatenate([proposed[:3, 3] - T[:3, 3], rotation_vector_from_matrix(turn)])

@@ -186,7 +186,7 @@ def fit_tool_axis_on_plane(
         raise ImplausibleDataError(
             f"squaring {worst + 1} puts the tool axis {off[worst] / DEG:.2f} deg from the mean of "
             f"all {len(R)}, allowed 5 deg.",
-            hint="check that pose, and that all stood on the same plane.",
+            hint="check that pose, and that all were on the same plane.",
         )
     scale = sigma if sigma is not None else float(np.sqrt((off**2).sum() / (2 * (len(R) - 1))))
     across = np.eye(3) - np.outer(axis, axis)

@@ -1,9 +1,9 @@
 """One frame from touches of every kind together: feature points, normals, surfaces.
 
-A feature point is three planes through it, a normal one plane. The frame makes the distances of
-the touches from their surfaces least, by Gauss-Newton and graduated non-convexity over whole
-touches. On a mesh it is point-to-plane ICP (Chen and Medioni 1992): the nearest facet is found anew
-in every step.
+A feature point is three planes through it, a normal one plane. The frame makes the distances of the
+touches from their surfaces least, by Gauss-Newton and graduated non-convexity over whole touches.
+On a mesh it is point-to-plane ICP (Chen and Medioni 1992): the nearest facet is searched again in
+every step.
 """
 
 from __future__ import annotations
@@ -71,14 +71,14 @@ def list_distances(touches: ProbingSet, in_base: Array) -> SurfaceDistances:
 
     Args:
         touches: Of one part.
-        in_base: (n, 3) m, where the tip was.
+        in_base: (n, 3) m, positions of the tip.
     """
     point, normal, planes = [], [], []
     for i, full in enumerate(touches.full):
         if touches.touched[i] != NO_SURFACE:
             continue
         for direction in np.eye(3) if full else touches.normal[i][None]:
-            # The probe's radius is taken off every distance; a feature point knows none.
+            # The probe's radius is subtracted from every distance; a feature point has none.
             point.append(touches.point[i] - (touches.radius * direction if full else 0.0))
             normal.append(direction)
             planes.append(i)
@@ -100,8 +100,8 @@ def linearise_distances(
 ) -> tuple[Array, Array, Array]:
     """Returns distances (m,) m less the radius, normals (m, 3) in base, and rows (m, 6).
 
-    A row times a step of the frame (origin in m, left rotation vector) is by how much the
-    distance falls: [normal, (q - origin) x normal].
+    A row times a step of the frame (origin in m, left rotation vector) is the decrease of the
+    distance: [normal, (q - origin) x normal].
     """
     in_part = apply(inverse(T_base_part), touches.centre)
     distance = np.empty(len(in_part))
@@ -120,7 +120,7 @@ def solve_frame(touches: SurfaceDistances, start: Array, weights: Array) -> Arra
 
     Raises:
         ObservabilityError: Too few touches, or a motion the surfaces leave free.
-        ConvergenceError: No rest after many steps.
+        ConvergenceError: No convergence after many steps.
     """
     T: Array = np.array(start, dtype=np.float64)
     root = np.sqrt(weights)
@@ -166,7 +166,7 @@ def solve_frame(touches: SurfaceDistances, start: Array, weights: Array) -> Arra
 
 
 FEWEST_ROBUST: Final = 4
-"""Full points from which one wrong one can be told from the rest."""
+"""Fewest full points from which a wrong one can be identified."""
 
 
 def fit_touches(
@@ -176,7 +176,7 @@ def fit_touches(
 
     Args:
         touches: Of one part.
-        in_base: (n, 3) m, where the tip was.
+        in_base: (n, 3) m, positions of the tip.
         noise: Of touch and robot; feature points within 3.4 sigma and normals within 2.6 belong.
         start: (4, 4) roughly ``T_base_part``; not given: the rigid fit of the nominal points.
 
@@ -209,19 +209,19 @@ def fit_touches(
 def fit_all_touches(
     touches: ProbingSet, in_base: Array, *, sigma: float | None = None, start: Array | None = None
 ) -> Registration:
-    """Returns the frame that least squares make of all touches, none of them doubted.
+    """Returns the least-squares frame of all touches, without outlier rejection.
 
     Args:
         touches: Of one part; on surfaces alone six or more that together fix all directions.
-        in_base: (n, 3) m, where the tip was.
+        in_base: (n, 3) m, positions of the tip.
         sigma: m along the normal; not given: from the residuals (one equation to spare or more).
         start: (4, 4) roughly ``T_base_part``; not given: the rigid fit of the nominal points.
-            Planes forgive tens of degrees; a mesh about 25 deg and 50 mm with 30 touches or more.
+            Planes allow tens of degrees; a mesh about 25 deg and 50 mm with 30 touches or more.
 
     Raises:
-        ObservabilityError: Touches that leave a motion free, or nearly so; says which.
-        ConvergenceError: No rest after many steps.
-        ShapeError: Neither a sigma nor residuals to tell it from.
+        ObservabilityError: Touches that leave a motion free, or nearly so; states it.
+        ConvergenceError: No convergence after many steps.
+        ShapeError: Neither a sigma nor residuals to estimate it from.
 
     Fails when: the part looks the same from another side (see ``symmetric_alternatives``), or the
     start on a mesh is too far: the fit then rests in a wrong place, with a ``misfit`` far above 1.
@@ -306,7 +306,7 @@ def _choose_touches(
     """Returns which touches agree.
 
     Raises:
-        ImplausibleDataError: They contradict each other and are too few to say which is wrong.
+        ImplausibleDataError: They contradict each other and are too few to identify the wrong ones.
     """
     n = len(touches)
     everything = length(np.ones(n))

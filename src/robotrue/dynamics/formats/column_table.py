@@ -41,7 +41,7 @@ class ColumnTable:
         values: (n, k) in the units of the names.
         lines: (n,) line of each row.
         header_line: Line of the names.
-        provenance: The file, and whether a comment line in it says that it was simulated.
+        provenance: The file, and whether a comment line in it states that it was simulated.
     """
 
     source: str

@@ -5,18 +5,18 @@ after the axis it hits along. The sensors are ``ax_m_per_s2`` (accelerometer), `
 (vibrometer) or ``x_um``, ``x_m`` (displacement) and their like for y and z, one kind per file; an
 accelerometer may be in ``ax_g``.
 
-A flange sensor at rest has one row per pose of the wrist: ``rx_deg, ry_deg, rz_deg``
-(R_base_sensor = Rz(rz) Ry(ry) Rx(rx)) and ``fx_N, fy_N, fz_N, mx_Nm, my_Nm, mz_Nm`` in the sensor
-frame, what acts on the sensor from the tool's side, each a mean at rest.
+A flange sensor at rest has one row per pose of the wrist: ``rx_deg, ry_deg, rz_deg`` (R_base_sensor
+= Rz(rz) Ry(ry) Rx(rx)) and ``fx_N, fy_N, fz_N, mx_Nm, my_Nm, mz_Nm`` in the sensor frame, acting on
+the sensor from the tool's side, each a mean at rest.
 
 Windows have one row each::
 
     pass,j1_deg..j6_deg,fx_mean_N,fy_mean_N,fz_mean_N,f_peak_N,f_mean_N,predicted_um,measured_um
 
-Forces act on the tool, in base axes. ``measured_um`` may be blank or missing where nobody measured.
-``start_s,end_s`` beside them say where in the record of its pass a window lies; windows of a pass
+Forces act on the tool, in base axes. ``measured_um`` may be blank or missing where it was not
+measured. ``start_s,end_s`` state the span of a window in the record of its pass; windows of a pass
 that share time are refused. ``zero_taken`` is yes where the zero of the dynamometer was read before
-and behind the cut and taken off, no or blank where nobody did.
+and after the cut and subtracted, else no or blank.
 """
 
 from __future__ import annotations

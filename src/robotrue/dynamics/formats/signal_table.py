@@ -253,7 +253,7 @@ def _read_csv_force(path: str | Path) -> tuple[ForceRecord, tuple[str, ...]]:
     if bare:
         raise table.fault(
             f"column {bare[0]!r} in another unit or in none; expected {','.join(COLUMNS)}.",
-            "convert to s and N and say so in the name: fx_N.",
+            "convert to s and N and name the unit: fx_N.",
         )
     table.require(
         COLUMNS,

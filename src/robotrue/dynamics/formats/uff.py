@@ -213,7 +213,7 @@ def write_uff(path: str | Path, frf: FrequencyResponse) -> None:
 
     pyuff = import_pyuff()
     with tempfile.TemporaryDirectory() as folder:
-        # pyuff writes by path and appends; the file is put in its place when it is complete.
+        # pyuff writes by path and appends; the file moves to its final path when it is complete.
         beside = Path(folder) / "response.uff"
         out = pyuff.UFF(str(beside))
         for pair in frf.pairs:

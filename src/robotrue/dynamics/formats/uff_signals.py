@@ -1,9 +1,9 @@
 """Time histories of universal files: dataset 58 over time (abscissa 17, function type 0 or 1).
 
-A signal is called by its first identification line, with its unit in it (``j1_deg``) or as label of
-the ordinate (``j1`` in ``deg``). A force may be called anything: its specific data type (9 or 13)
-says what it is and its direction which one, negative ones the other way. So may a single
-displacement (8), which counts as the laser does.
+The name of a signal is its first identification line, with its unit in it (``j1_deg``) or as label
+of the ordinate (``j1`` in ``deg``). A force may have any name: its specific data type (9 or 13)
+identifies it, and its direction the axis, reversed if negative. So may a single displacement (8),
+which is used as the laser's.
 """
 
 from __future__ import annotations

@@ -1,16 +1,15 @@
 """robotrue's own CSV: the columns, reading their names, and writing them.
 
 ``j1_deg .. jn_deg`` (joints of the robot model) or ``a1_deg .. an_deg`` (axes as the controller
-displays them; beside ``j1_deg`` they are for the reader of a sheet alone and passed over),
-``x_mm, y_mm, z_mm`` and, each group whole or absent, ``rx_deg, ry_deg, rz_deg``
-(R = Rz(rz) Ry(ry) Rx(rx)), ``sx_mm, sy_mm, sz_mm`` (one sigma), ``cxy_mm2, cxz_mm2, cyz_mm2``
-(covariances), ``fx_N, fy_N, fz_N``, ``mx_Nm, my_Nm, mz_Nm``, ``approach1 .. approachn``,
-``temperature_C``, ``temperature1_C .. temperaturen_C`` (of each joint), ``time_s`` or ``timestamp``
-(ISO 8601), ``e1_mm`` or ``e1_deg`` to ``e6_mm`` or ``e6_deg`` (external axes, each by itself),
-``payload_kg``, ``payload_x_mm, payload_y_mm, payload_z_mm``, ``target``,
-``station``, ``set``, ``monument`` (name of a nest on the floor, re-shot during the run; such a row
-needs no joints). Any order, any case. A column with another name is an error: a misspelt ``fx_N``
-passed over would be a wrong result.
+displays them; next to ``j1_deg`` they are for human readers only and ignored), ``x_mm, y_mm, z_mm``
+and, each group whole or absent, ``rx_deg, ry_deg, rz_deg`` (R = Rz(rz) Ry(ry) Rx(rx)), ``sx_mm,
+sy_mm, sz_mm`` (one sigma), ``cxy_mm2, cxz_mm2, cyz_mm2`` (covariances), ``fx_N, fy_N, fz_N``,
+``mx_Nm, my_Nm, mz_Nm``, ``approach1 .. approachn``, ``temperature_C``, ``temperature1_C ..
+temperaturen_C`` (of each joint), ``time_s`` or ``timestamp`` (ISO 8601), ``e1_mm`` or ``e1_deg`` to
+``e6_mm`` or ``e6_deg`` (external axes, each by itself), ``payload_kg``, ``payload_x_mm,
+payload_y_mm, payload_z_mm``, ``target``, ``station``, ``set``, ``monument`` (name of a nest on the
+floor, re-shot during the run; such a row needs no joints). Any order, any case. A column with
+another name is an error: ignoring a misspelt ``fx_N`` would give a wrong result.
 """
 
 from __future__ import annotations
@@ -98,7 +97,7 @@ def write_canonical(path: str | Path, measurements: MeasurementSet) -> None:
     """Writes a measurement set as canonical CSV, whole or not at all.
 
     Every number is printed with all its digits. The frame of the positions and the covariance of
-    the orientation have no column; whoever reads the file states the frame. Simulated measurements
+    the orientation have no column; the reader of the file states the frame. Simulated measurements
     are marked by a comment line above the columns.
 
     Raises:

@@ -122,7 +122,7 @@ def _join_by_order(joints: Sheet, points: Sheet, source: JointList) -> _Pairs:
     if len(joints) != len(points):
         raise joints.fault(
             f"{len(joints)} rows of joints, {len(points)} rows of points in {_file(points)}: their "
-            "order does not say which belong together.",
+            "order does not determine the pairs.",
             'delete what is too much, or join by names or times: by = "name", by = "time".',
         )
     rows = list(range(len(points)))

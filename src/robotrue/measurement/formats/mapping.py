@@ -26,7 +26,7 @@ from robotrue.measurement.measurement_set import MeasurementFrame
 AngleUnit: TypeAlias = Literal["deg", "rad"]
 LengthUnit: TypeAlias = Literal["mm", "m", "um", "inch"]
 RepeatRule: TypeAlias = Literal["rows", "mean"]
-"""What becomes of several shots of one pose: a row each, or one row of their mean."""
+"""Rule for several shots of one pose: a row each, or one row of their mean."""
 AxisSense: TypeAlias = Literal["model", "controller"]
 """Whether columns of joints hold those of the robot model, or the axes the controller shows."""
 RotationForm: TypeAlias = Literal[
@@ -88,7 +88,7 @@ class ColumnMapping:
     ``joints = sign * columns + offset`` likewise.
 
     Attributes:
-        name: What the layout is called.
+        name: Name of the layout.
         joints: One column per joint.
         position: x, y, z of the measured point.
         position_minus: Columns subtracted from them: a file with target and "target minus actual"
@@ -104,8 +104,8 @@ class ColumnMapping:
         joint_temperature: One column per joint, deg C.
         time: One column, s on any clock.
         timestamp: One column, date and time of day (ISO 8601), in place of ``time``.
-        external: Up to six columns, external axes E1 and on; their names say their unit by their
-            ending: ``_mm``, or ``_deg`` of rotary ones. An empty name: no such column.
+        external: Up to six columns, external axes E1 and on; their names end in the unit: ``_mm``,
+            or ``_deg`` of rotary ones. An empty name: no such column.
         payload_mass: One column, kg at the flange.
         payload_com: x, y, z of its centre of mass in the flange frame.
         target: One column, number of the reflector.
@@ -113,29 +113,29 @@ class ColumnMapping:
         set_name: One column, name of the set (campaign, block) a row belongs to.
         point_name: One column, name of the measured point.
         monuments: Names of points on the floor, re-shot during the run to show how the frame of the
-            instrument moves; ``*`` stands for any letters. Such rows need no joints.
+            instrument moves; ``*`` matches any letters. Such rows need no joints.
         repeats: ``"mean"``: shots of one pose become one row, their mean.
         joints_unit: Unit of ``joints``.
-        axes: ``"controller"``: the columns of ``joints`` hold the axes the controller shows, and
-            the robot says how they count; ``joints_sign`` and ``joints_offset`` are then empty.
+        axes: ``"controller"``: the columns of ``joints`` hold the axes the controller shows, whose
+            convention the robot states; ``joints_sign`` and ``joints_offset`` are then empty.
         joints_sign: +1 or -1 per joint; empty is +1.
         joints_offset: Per joint, in the file's unit; empty is 0.
         position_unit: Unit of ``position``, its deviations and ``payload_com``.
         position_sign: +1 or -1 per axis.
         position_offset: In the file's unit.
         rotation_unit: Unit of ``rotation`` and ``rotation_std``.
-        rotation_form: How the numbers make a matrix.
+        rotation_form: Convention of the numbers.
         rotation_inverse: The file has the inverse: the frame as seen from the target (conjugate
             quaternions).
-        factors: By group: its columns are multiplied by it, before all else (U95 to sigma: 0.5).
-        frame: Frame of position and rotation if the caller does not say.
-        constants: Columns the file does not have, with one value for all rows.
+        factors: By group: its columns are multiplied by it, first (U95 to sigma: 0.5).
+        frame: Frame of position and rotation if the caller states none.
+        constants: Columns missing from the file, with one value for all rows.
         optional: Groups that may be absent as a whole.
-        ignore: Columns to pass over although their names look as if they belonged here.
-        ignore_other: Columns nobody asked for are passed over; otherwise they are an error.
-        delimiter: Between cells, None finds out; ``" "`` is any run of blanks.
-        decimal: ``"."`` or ``","``, None finds out.
-        encoding: None finds out.
+        ignore: Columns to ignore although their names resemble known columns.
+        ignore_other: Whether unknown columns are ignored; otherwise they are an error.
+        delimiter: Between cells, None detects it; ``" "`` is any run of blanks.
+        decimal: ``"."`` or ``","``, None detects it.
+        encoding: None detects it.
         skip_lines: Lines before the header.
         header: False names the columns "1", "2", ...
         header_lines: Lines of the header; their words above each other make one name.

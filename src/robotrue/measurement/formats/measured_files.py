@@ -43,7 +43,7 @@ from robotrue.measurement.tracker import Instrument
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class QueryTable(Columns):
-    """n poses somebody asks about.
+    """n poses of a query.
 
     Attributes:
         joints: (n, dof) rad, commanded.
@@ -77,7 +77,7 @@ def read_queries(
     ``relation`` takes the controller's axes to joints, for a mapping of such axes.
 
     Raises:
-        FormatError: The file is not what its mapping says, with line and column.
+        FormatError: The file does not match its mapping, with line and column.
     """
     sheet, chosen = open_sheet(path, mapping, positions=False)
     columns = MappedSheet(sheet, chosen)
@@ -104,16 +104,16 @@ def read_measurements(
 
     Args:
         path: The file.
-        mapping: What the columns hold, or the name of a known layout; None tells it by the header
-            (canonical columns, or a known layout).
+        mapping: Content of the columns, or the name of a known layout; None detects it from the
+            header (canonical columns, or a known layout).
         frame: Frame of the positions; None takes the mapping's (canonical: base).
         instrument: Covariance of a point where the file has no standard deviations.
-        ignore: Columns to pass over in a canonical file.
+        ignore: Columns to ignore in a canonical file.
         relation: Takes the controller's axes to joints, for a mapping of such axes:
             ``robot.controller.to_model``.
 
     Raises:
-        FormatError: The file is not what its mapping says, with line and column.
+        FormatError: The file does not match its mapping, with line and column.
         ConfigurationError: No layout of that name.
     """
     sheet, chosen = open_sheet(path, mapping, ignore=ignore)

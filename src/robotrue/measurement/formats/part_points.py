@@ -131,7 +131,7 @@ def read_features(path: str | Path) -> Features:
 def read_points(path: str | Path, relation: AxisRelation | None = None) -> PointsFile:
     """Returns the touches of a file.
 
-    Where joints and measured points are both there, the joints are taken: they say more.
+    Where a file has joints and measured points, the joints are used: they contain more information.
 
     Args:
         path: The file.
@@ -139,8 +139,8 @@ def read_points(path: str | Path, relation: AxisRelation | None = None) -> Point
 
     Raises:
         FormatError: A column is missing, unknown or incomplete, a cell is not a finite number, a
-            normal is no direction, axes of an unknown or another robot; with its line. The file
-            says that nothing was touched yet.
+            normal is no direction, axes of an unknown or another robot; with its line. The file is
+            marked as a plan that was not probed yet.
     """
     sheet = read_sheet(path)
     if read_bytes(path).removeprefix(b"\xef\xbb\xbf").startswith(PLANNED.encode()):

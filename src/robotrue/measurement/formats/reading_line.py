@@ -1,4 +1,4 @@
-"""One reading as a controller shows it or somebody types it: joints, or a position.
+"""One reading as a controller shows it or an operator types it: joints, or a position.
 
 Understood: labelled numbers (``{E6AXIS: A1 -27.2, A2 ...}``, ``J1 = -27.2 deg``, ``X 1200.02 Y``),
 RAPID's nested brackets (``[[1200.02,-150.04,600.0],[1,0,0,0],...]``), UR's ``p[x, y, z, rx, ...]``
@@ -14,7 +14,7 @@ from typing import Final, Literal, TypeAlias
 from robotrue.errors import FormatError
 
 Counting: TypeAlias = Literal["controller", "model", "stated"]
-"""Whose joints: the controller's axes, the model's, or whatever the session was told."""
+"""Convention of joints: the controller's axes, the model's, or as stated for the session."""
 LONGEST: Final = 2000
 MOST: Final = 1e5
 """mm or deg."""

@@ -1,8 +1,7 @@
-"""A file as named columns of text cells with line numbers; knows nothing of robots.
+"""A file as named columns of text cells with line numbers, independent of robots.
 
-What every table of the product asks of its file is here, once: which columns there must be, their
-numbers, their words, and the message with the line of whatever is wrong with one of them. Header
-lines, a row of units and rows as long as the header are read here, too.
+Checks common to all tables: required columns, their numbers, their words, and the message with the
+line of each fault. Header lines, a row of units and rows as long as the header are read here, too.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from robotrue.core.provenance import Provenance, mark_line
 from robotrue.errors import FormatError
 
 HEADER_LINES: Final = 1
-"""Lines of a header, unless somebody states more."""
+"""Default number of header lines."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,10 +38,10 @@ class Sheet:
         lines: One-based line (or workbook row) of each row.
         header_line: That of the header; None without one.
         decimal: Decimal mark of the numbers, ``"."`` or ``","``.
-        provenance: The file, and whether a comment line in it says that it was simulated.
+        provenance: The file, and whether a comment line in it states that it was simulated.
         units: Of the columns, as a row below the header states them; empty without such a row.
-        monuments: Rows of nests on the floor, which hold no pose; None where nobody named any.
-        remarks: What a user should know of how the rows were read, one sentence each.
+        monuments: Rows of nests on the floor, which hold no pose; None where none were named.
+        remarks: Remarks on how the rows were read, one sentence each.
     """
 
     source: str

@@ -48,8 +48,9 @@ def read_sheet(
 ) -> Sheet:
     """Returns a CSV, TSV, TXT or workbook file as columns of text.
 
-    What is ``None`` is found out from the file. Lines that start with ``#``, ``//``, ``%`` or ``;``
-    and lines without any value are passed over; a row of units below the header is none of numbers.
+    Arguments that are ``None`` are detected from the file. Lines that start with ``#``, ``//``,
+    ``%`` or ``;`` and lines without any value are skipped; a row of units below the header is not a
+    row of numbers.
 
     Args:
         path: The file; workbooks are recognised by their suffix.
@@ -129,7 +130,7 @@ def build_sheet(
 
 
 def _decode(path: str | Path, data: bytes, encoding: str | None, skip_lines: int) -> str:
-    """Returns the text; UTF-8 and marked UTF-16 are found out, old code pages in the header only.
+    """Returns the text; detects UTF-8 and marked UTF-16, and old code pages in the header only.
 
     Numbers are ASCII. A degree sign from an old code page in the header is harmless; a byte that
     is no UTF-8 among the numbers means damage, unless the user names the encoding.

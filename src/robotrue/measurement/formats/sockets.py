@@ -3,8 +3,8 @@
     FOLDER/<place>/hole_0.csv, hole_1.csv, ...     one line per attitude, one joint per column, rad
 
 No header, no measured position: the layout written by the recorder of the open
-``kinematics_calibration`` (MUKCa, platonics-delft). Its ``hole_0_pose.csv`` files hold what the
-controller computed, which is no measurement; they are passed over.
+``kinematics_calibration`` (MUKCa, platonics-delft). Its ``hole_0_pose.csv`` files hold poses
+computed by the controller, which are not measurements; they are ignored.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ TURNS: Final = 6.3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SocketTouches(Columns):
-    """A ball put into the sockets of a fixture that stood at several places.
+    """A ball put into the sockets of a fixture at several places.
 
     Attributes:
         touches: One part per socket, all of them places; names are ``<place>/hole_<k>``.
@@ -55,7 +55,7 @@ class SocketTouches(Columns):
         unknown = sorted(set(places) - set(self.places))
         if unknown:
             raise ConfigurationError(
-                f"no place {unknown[0]!r}; the fixture stood at {', '.join(self.places)}."
+                f"no place {unknown[0]!r}; places of the fixture: {', '.join(self.places)}."
             )
         wanted = [self.places.index(name) for name in places]
         return np.isin(self.place[self.touches.part], wanted)

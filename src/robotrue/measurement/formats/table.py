@@ -53,7 +53,7 @@ def read_table(
         relation: Of the controller's axes to the joints, for a mapping of such axes.
 
     Raises:
-        FormatError: A column is missing or unknown, or a cell is not what it should be.
+        FormatError: A column is missing or unknown, or a cell is invalid.
     """
     columns = MappedSheet(sheet, mapping)
     position, covariance = point_columns(columns, instrument or default_instrument)
@@ -85,7 +85,7 @@ def read_joint_columns(columns: MappedSheet, relation: AxisRelation | None = Non
     """Returns joints (n, dof) in rad.
 
     Raises:
-        FormatError: Axes of the controller, and nobody says how it counts them.
+        FormatError: Axes of the controller, and no relation that states their convention.
     """
     mapping = columns.mapping
     if mapping.axes == "controller":
@@ -336,10 +336,10 @@ def read_run(
     """Returns the rows of a sheet; arguments as those of ``read_table``.
 
     The order of the lines is the time of the run. The motion of the frame that monuments show is
-    taken off, then shots of one pose are averaged if the mapping says so.
+    subtracted, then shots of one pose are averaged if the mapping states it.
 
     Raises:
-        FormatError: A column is missing or unknown, or a cell is not what it should be.
+        FormatError: A column is missing or unknown, or a cell is invalid.
         ShapeError: Monuments of which none was shot twice.
     """
     instrument = instrument or default_instrument

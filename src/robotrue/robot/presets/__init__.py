@@ -157,7 +157,7 @@ def similar_presets(robot: RobotModel, tolerance: float) -> list[RobotModel]:
 
 @cache
 def _build_robot(name: str) -> RobotModel:
-    """Returns the robot of a full name; nobody can change it, so one serves all."""
+    """Returns the robot of a full name; it is immutable, so one instance is shared."""
     table = read_preset_tables()[name]
     rows = table["dh"]
     theta, alpha, d, a = read_dh(rows)
