@@ -1,8 +1,8 @@
 """A session at the part: its features, the readings, and the state of every reading.
 
-Numbers are those people typed, in mm and deg, joints in the model's sense; a session written out as
-a file of touched points, with the axes that the controller displays, reads back the same. Nothing
-is deleted: an undone reading stays and is marked.
+Numbers are as typed, in mm and deg, joints in the model's sense; a session written out as a file of
+touched points, with the axes that the controller displays, reads back the same. Nothing is deleted:
+an undone reading stays and is marked.
 """
 
 from __future__ import annotations
