@@ -116,12 +116,12 @@ class Reproduction:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReproductionRequest:
-    """What of a source is repeated.
+    """Scope of a reproduction.
 
     Attributes:
         robots: Simulated arms, seeds 1, 2, ...
-        quick: Only a part of the tables; each source says which.
-        scenario: How rough the arms of ``deng2022`` are; the others have one kind.
+        quick: Only a part of the tables; each source states which.
+        scenario: Level of the arms of ``deng2022``; the others have one kind.
     """
 
     robots: int = 20

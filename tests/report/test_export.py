@@ -115,7 +115,7 @@ def test_urdf_and_side_file_together_are_the_whole_mean(tmp_path):
 def test_a_lossy_export_is_refused_until_every_part_is_named():
     found = prepare_export(learned(), PAYLOAD)
     assert found.held == ("geometry", "gear", "compliance", "ripple", "backlash")
-    with pytest.raises(ConfigurationError, match=r"cannot say gear \(0\.\d+ mm at most\)"):
+    with pytest.raises(ConfigurationError, match=r"cannot hold gear \(0\.\d+ mm at most\)"):
         export_urdf(found)
     with pytest.raises(ConfigurationError, match="backlash") as stopped:
         export_urdf(found, lossy=("gear", "compliance", "ripple"))

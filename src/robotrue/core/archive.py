@@ -1,10 +1,10 @@
-"""One file that opens in ten years: a zip of ``document.json`` and ``.npy`` arrays.
+"""Long-lived archive file: a zip of ``document.json`` and ``.npy`` arrays.
 
 No pickle. The document carries a kind, a schema version, units and a provenance hash; the arrays
 are plain NumPy files (format 1.0) that any language reads.
 
-The hash notices damage and is no signature: whoever forges contents makes a new one. So sizes are
-bounded before memory is taken, and contents are checked when they are read.
+The hash detects damage and is no signature: forged contents can have a valid one. So sizes are
+bounded before memory is allocated, and contents are checked when they are read.
 """
 
 from __future__ import annotations

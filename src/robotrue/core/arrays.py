@@ -10,7 +10,7 @@ import numpy.typing as npt
 from robotrue.errors import ShapeError
 
 Array: TypeAlias = npt.NDArray[np.float64]
-"""float64 array; shape, frame and unit are in the docstring of whoever names it."""
+"""float64 array; shape, frame and unit are in the docstring of each use."""
 IntArray: TypeAlias = npt.NDArray[np.int64]
 BoolArray: TypeAlias = npt.NDArray[np.bool_]
 Bytes: TypeAlias = npt.NDArray[np.uint8]

@@ -91,7 +91,7 @@ class _Field(NamedTuple):
     name: str
     sizes: tuple[Size, ...]
     dtype: np.dtype[np.generic] | None
-    """Element type; None where the field is a tuple or a table of its own."""
+    """Element type; None where the field is a tuple or a table."""
     refused: Callable[[Values], BoolArray] | None
     """The function that marks values not allowed; None where all are."""
     fill: Fill
@@ -102,8 +102,8 @@ class _Field(NamedTuple):
 class Columns:
     """Base of frozen dataclasses with arrays: checks shapes and values, and freezes.
 
-    An array that is writeable or of another type is copied, so nobody changes it afterwards.
-    Rules between the values belong in :meth:`_check_rules`, which finds every array frozen.
+    An array that is writeable or of another type is copied, so it cannot change afterwards. Rules
+    between the values belong in :meth:`_check_rules`, which finds every array frozen.
     """
 
     def __post_init__(self) -> None:
@@ -138,7 +138,7 @@ class Columns:
                 object.__setattr__(self, field.name, checked)
 
     def _check_rules(self) -> None:
-        """Checks what shapes cannot say; nothing by default."""
+        """Checks rules beyond shapes; none by default."""
 
     def _set_column(self, name: str, values: npt.ArrayLike) -> None:
         """Replaces a column by values of the same shape; for a class that normalises its input."""
@@ -274,7 +274,7 @@ def _check_column(owner: type, field: _Field, value: Any, sizes: Sizes) -> objec
 def _check_shape(owner: type, field: _Field, shape: tuple[int, ...], sizes: Sizes) -> None:
     """Passes if the shape fits; a size met for the first time is set by its column.
 
-    Numbers are entered as sizes of their own, so that one look-up serves both.
+    Numbers are entered as sizes under themselves, so that one look-up serves both.
 
     Raises:
         ShapeError: It does not fit.

@@ -55,13 +55,13 @@ def compile_kernel(flags: frozenset[str], *, inline: bool = False) -> Callable[[
 
 
 def cache_kernel(kernel: F) -> F:
-    """Returns a function of ``numba.njit`` that keeps its machine code on the disk.
+    """Returns a function of ``numba.njit`` that caches its machine code on the disk.
 
     The code lies next to the source, or in the user's cache folder where the installation is
-    read-only, or in ``NUMBA_CACHE_DIR``; where none can be written it is compiled anew in each
-    process. It is used as long as everything it was made of is the same: its own instructions,
-    those of all kernels it calls, in whichever file, their options, and the values of the
-    constants they use. What is changed replaces what was kept.
+    read-only, or in ``NUMBA_CACHE_DIR``; where none can be written it is compiled again in each
+    process. It is used as long as everything it was made from is the same: its own instructions,
+    those of all kernels it calls, in any file, their options, and the values of the constants they
+    use. A changed kernel replaces the stored one.
     """
     with contextlib.suppress(RuntimeError):  # no place to keep it
         kernel._cache = _KernelCache(cast(Dispatcher, kernel))  # type: ignore[attr-defined]

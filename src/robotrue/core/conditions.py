@@ -35,7 +35,7 @@ class ArmConditions(Columns):
         return len(self.temperature)
 
     def spread(self, rows: int) -> Self:
-        """Returns the conditions of so many postures: one row stands for all.
+        """Returns the conditions of so many postures; one row is repeated for all.
 
         Raises:
             ShapeError: Another number of rows.

@@ -1,10 +1,10 @@
 """Tables as CSV that a spreadsheet shows and does not calculate.
 
 A spreadsheet takes a cell that begins with ``=``, ``+``, ``-`` or ``@`` for a formula, which may
-fetch an address or start a program. A name that begins so gets an apostrophe in front, by which a
-spreadsheet knows text; :func:`as_written` takes it away again, so that a file that is read here
-says what was meant. Numbers stay as they are. Spreadsheets of some countries split at semicolons: a
-cell that holds one is quoted.
+fetch an address or start a program. A name that begins so gets an apostrophe in front, which marks
+text for a spreadsheet; :func:`as_written` removes it, so that a file that is read here contains the
+original name. Numbers stay as they are. Spreadsheets of some countries split at semicolons: a cell
+that holds one is quoted.
 """
 
 from __future__ import annotations

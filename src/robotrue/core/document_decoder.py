@@ -25,19 +25,19 @@ def decode(
     source: str | Path | None = None,
     hint: str | None = None,
 ) -> T:
-    """Returns JSON values as what they are to be; keys that a record does not have are passed over.
+    """Returns JSON values as the stated type; keys that a record does not have are ignored.
 
     Args:
         kind: A frozen dataclass whose fields are the keys, or e.g. ``dict[str, float]``.
         stated: JSON values.
-        key: Under which they stand, for messages; empty for a whole document.
-        error: What to raise.
+        key: Key of the values, for messages; empty for a whole document.
+        error: Exception to raise.
         source: The file, for messages.
-        hint: What to try; of an archive, by default, to make it again.
+        hint: Remedy; of an archive, by default, to make it again.
 
     Raises:
-        ArchiveError: A value is missing or of another type, with its key and what is allowed; or
-            the ``error`` asked for.
+        ArchiveError: A value is missing or of another type, with its key and the allowed values; or
+            the given ``error``.
     """
     from pydantic import ValidationError
 

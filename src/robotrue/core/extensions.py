@@ -21,7 +21,7 @@ def load_extensions(group: str, kind: type[T]) -> Iterator[tuple[str, T]]:
     for entry in sorted(entry_points(group=group), key=lambda entry: entry.name):
         try:
             found = entry.load()
-        except Exception as cause:  # the code of somebody else
+        except Exception as cause:  # code of a third party
             raise refuse_extension(group, entry.value, f"cannot be imported: {cause}") from cause
         if not isinstance(found, kind):
             named = getattr(found, "__name__", type(found).__name__)

@@ -15,7 +15,7 @@ from typing import BinaryIO, Final
 from robotrue.errors import ConfigurationError, FormatError, RobotrueError
 
 DEFAULT_LANG: Final = "en"
-"""Language of texts unless somebody asks for another."""
+"""Default language of texts."""
 
 
 def write_atomic(path: str | Path, data: bytes) -> None:
@@ -142,11 +142,11 @@ def utf8_text(
     Args:
         data: Content of the file.
         path: The file.
-        hint: What to try where it is not UTF-8.
-        error: What to raise then.
+        hint: Remedy where it is not UTF-8.
+        error: Exception to raise then.
 
     Raises:
-        FormatError: Not UTF-8, with the line; or the ``error`` asked for.
+        FormatError: Not UTF-8, with the line; or the given ``error``.
     """
     try:
         return data.decode("utf-8-sig")

@@ -85,7 +85,7 @@ def require_same_model(
         source: Its file.
 
     Raises:
-        ModelMismatchError: They differ; says what mixing costs.
+        ModelMismatchError: They differ; states the error of mixing them.
     """
     if made.same(used):
         return

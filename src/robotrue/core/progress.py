@@ -10,4 +10,4 @@ Progress: TypeAlias = Callable[[str, int, int], None]
 
 
 def unheard(text: str, done: int, of: int) -> None:
-    """Tells nobody."""
+    """Discards the report."""

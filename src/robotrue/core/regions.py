@@ -82,7 +82,7 @@ def points_at(region: Region, coordinates: Array) -> Array:
     """Returns points (n, 3) m in base from the region's own coordinates (n, 3).
 
     Args:
-        region: Says what the coordinates are; its limits do not matter.
+        region: Defines the coordinates; its limits are not used.
         coordinates: (n, 3) angle, radius, height, or x, y, z.
     """
     values = np.asarray(coordinates, dtype=np.float64)

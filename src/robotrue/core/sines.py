@@ -32,7 +32,8 @@ MANTISSA_BITS: Final = 52
 def sine_and_cosine(angle: float) -> tuple[float, float]:
     """Returns both; |error| < 2e-16.
 
-    Angles up to ``LARGEST``: quarter turns are taken off in two parts, Taylor series do the rest.
+    Angles up to ``LARGEST``: quarter turns are subtracted in two parts; Taylor series give the
+    remainder.
     """
     k = (angle * TWO_OVER_PI + ROUND) - ROUND
     r = (angle - k * HALF_PI_HIGH) - k * HALF_PI_LOW
@@ -119,8 +120,9 @@ def arc_tangents(rows: Array, sine: int, cosine: int, count: int, out: int) -> N
 def exponentials(values: Array, spare: Array) -> None:
     """Replaces numbers up to 700 by their exponentials; relative error < 1e-14.
 
-    Powers of two are taken off in two parts; a Taylor series does the rest. The powers are the low
-    bits of what ``spare``, as long as ``values``, keeps: registers convert no floats to integers.
+    Powers of two are split off in two parts; a Taylor series gives the remainder. The powers are
+    the low bits stored in ``spare``, as long as ``values``: registers convert no floats to
+    integers.
     """
     for m in range(len(values)):
         x = values[m] if values[m] > LOWEST else LOWEST

@@ -25,7 +25,7 @@ _SLIVER: Final = 1e-12
 
 
 class Surface(Protocol):
-    """Anything that can say how far a point is from it, and in which direction."""
+    """A surface that returns the distance and direction of a point from it."""
 
     def nearest(self, points: Array) -> tuple[Array, Array]:
         """Returns signed distances (n,) m, positive outside, and outward normals (n, 3).
@@ -285,12 +285,12 @@ def read_mesh(path: str | Path, *, unit: float = MM) -> TriangleMesh:
 
     Args:
         path: The file.
-        unit: m per unit of the file; STL does not say, millimetres are usual.
+        unit: m per unit of the file; STL does not state it, millimetres are usual.
 
     Raises:
         MissingExtraError: trimesh is not installed.
         FormatError: The file is missing, or not a mesh trimesh can read.
-        ImplausibleDataError: Holes or faces turned inside out: no outside can be told.
+        ImplausibleDataError: Holes or faces turned inside out: the outside is undefined.
     """
     loaded, vertices, faces = _load_triangles(path, unit)
     if not (loaded.is_watertight and loaded.is_winding_consistent):

@@ -1,7 +1,7 @@
 """Calls of operations: the request of the command line, filled in from Python values.
 
-A default is stated in the request alone. What Python gives as an object, an array or a table
-stands in the request as a file, which the context resolves to the object.
+A default is stated in the request alone. A Python object, array or table becomes a file in the
+request, which the context resolves to the object.
 """
 
 from __future__ import annotations

@@ -211,7 +211,7 @@ def collisions(scene: Scene, joints: Array) -> dict[str, BoolArray]:
 def hidden(scene: Scene, joints: Array) -> dict[str, BoolArray]:
     """Returns, per reason, at which postures (n,) the tracker cannot read the reflector.
 
-    Without a place of the tracker nothing is hidden; that is not checked, and a plan says so.
+    Without a place of the tracker nothing counts as hidden; a plan notes that this was not checked.
     """
     place = scene.cell.tracker_place
     if place is None:

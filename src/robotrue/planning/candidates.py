@@ -145,14 +145,14 @@ def draw_candidates(
 
     Args:
         scene: The arm and its surroundings.
-        n: How many are wanted.
+        n: Requested number.
         seed: Of the draw.
-        margin: rad, kept from the joint limits.
-        region: Where the reflector may be; anywhere if not given.
+        margin: rad, distance from the joint limits.
+        region: Region of the reflector; anywhere if not given.
         step_back: (dof,) rad from a pose to its pre-position; none if not given.
 
     Raises:
-        ReachError: Not one posture is left; the message says what took them.
+        ReachError: No posture is left; the message states the causes.
     """
     joints = draw_postures(scene.robot, MOST, seed=seed, margin=margin)
     found = [np.empty((0, scene.robot.dof))]

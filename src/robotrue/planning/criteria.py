@@ -26,7 +26,7 @@ from robotrue.planning.plan_defaults import CRITERION, Criterion
 
 CRITERIA: Final = ("I", "D")
 EXCHANGES: Final = 30
-"""Poses taken out and put back by the exchange at most, one whole pass at least."""
+"""Poses tried by the exchange at most, one whole pass at least."""
 BETTER: Final = 1e-6
 """Relative gain below which an exchange is none."""
 
@@ -112,20 +112,20 @@ def greedy(
     enough: float = 0.0,
     told: Callable[[int], None] | None = None,
 ) -> Choice:
-    """Returns up to n candidates, each the best after those before; none is taken twice.
+    """Returns up to n candidates, each the best after those before; none is used twice.
 
     Args:
         rows: (c, m, k) whitened rows of the candidates.
         weight: (k, k) m^2, W: mean of G' G over the evaluation postures.
-        n: How many at most.
+        n: Largest number.
         criterion: ``"I"`` or ``"D"``.
         covariance: (k, k) P before the first; I if not given.
-        allowed: (c,) candidates that may be taken; all if not given.
+        allowed: (c,) allowed candidates; all if not given.
         enough: m^2; stops when the best candidate lowers the mean variance by less.
-        told: Called with how many are chosen, before each.
+        told: Called with the number chosen, before each.
 
     Raises:
-        ConfigurationError: More poses are asked for than there are candidates.
+        ConfigurationError: More poses are requested than there are candidates.
     """
     free = np.ones(len(rows), dtype=bool) if allowed is None else np.array(allowed)
     if n > free.sum():
@@ -170,9 +170,8 @@ def exchange_poses(
 ) -> Choice:
     """Returns the start with single poses exchanged as long as the criterion improves.
 
-    One chosen pose after the other is taken out, and the best candidate for its place put in; that
-    may be itself, so no exchange makes the plan worse (Mitchell and Miller's form of Fedorov's
-    algorithm).
+    Each chosen pose in turn is replaced by the best candidate for its place, which may be itself,
+    so no exchange makes the plan worse (Mitchell and Miller's form of Fedorov's algorithm).
 
     Args:
         rows: (c, m, k) whitened rows of the candidates.
@@ -180,9 +179,9 @@ def exchange_poses(
         start: (n,) rows of the candidates to start from.
         criterion: ``"I"`` or ``"D"``.
         covariance: (k, k) P before the first; I if not given.
-        allowed: (c,) candidates that may be taken; all if not given.
+        allowed: (c,) allowed candidates; all if not given.
         sweeps: Most passes over the plan; as many as :data:`EXCHANGES` allow if not given.
-        told: Called with how many exchanges were tried, before each.
+        told: Called with the number of exchanges tried, before each.
     """
     free = np.ones(len(rows), dtype=bool) if allowed is None else np.array(allowed)
     chosen = [int(k) for k in start]
@@ -243,14 +242,14 @@ def next_pose(
     criterion: Criterion = CRITERION,
     allowed: BoolArray | None = None,
 ) -> tuple[int, float]:
-    """Returns the best candidate to measure next, and by how much it lowers the mean variance, m^2.
+    """Returns the best candidate to measure next, and its decrease of the mean variance, m^2.
 
     Args:
         measured: (n, m, k) whitened rows of the poses measured so far; may be none.
         rows: (c, m, k) whitened rows of the candidates.
         weight: (k, k) m^2.
         criterion: ``"I"`` or ``"D"``.
-        allowed: (c,) candidates that may be taken; all if not given.
+        allowed: (c,) allowed candidates; all if not given.
 
     Raises:
         ConfigurationError: No candidate is left.

@@ -162,17 +162,17 @@ def next_visit(
 ) -> NextVisit | None:
     """Returns the candidate to measure next; None when none gains ``enough`` any more.
 
-    After a first fit hand over :func:`robotrue.planning.information.after_fit` of its model and no
+    After a first fit pass :func:`robotrue.planning.information.after_fit` of its model and no
     measured postures: scales and noise are then those that were learned.
 
     Args:
-        model: What is believed of the arm before ``measured``.
+        model: Prior of the arm before ``measured``.
         measured: Visits made since; may be none (an empty array of joints).
         candidates: Visits that can be made, see :func:`robotrue.planning.candidates.usable`.
-        work: Where the arm will work, from the same model.
+        work: Errors where the arm will work, from the same model.
         criterion: ``"I"`` or ``"D"``.
-        enough: m; the least gain in expected mean error that is worth a pose.
-        allowed: (c,) candidates that may be taken; all if not given. A pose may be measured twice.
+        enough: m; the least decrease of the expected mean error that justifies a pose.
+        allowed: (c,) allowed candidates; all if not given. A pose may be measured twice.
 
     Raises:
         ConfigurationError: No candidate is left.

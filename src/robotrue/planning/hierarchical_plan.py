@@ -176,7 +176,7 @@ def _spread(features: Array, count: int, rng: np.random.Generator) -> IntArray:
 PoseMaker: TypeAlias = Callable[[Array, Array], Array]
 """T_base_target (n, 4, 4) of places (n, 3), angle, radius, height, and turns (n, 3) rad."""
 REDRAWS: Final = 50
-"""Times an attitude that cannot be taken is drawn anew."""
+"""Times an unreachable attitude is drawn again."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -294,7 +294,7 @@ def sample_reachable(
 ) -> tuple[Array, Array]:
     """Returns the complete grid of a region (n, 3) and an attitude (n, 3) rad for each place.
 
-    An attitude that cannot be taken, here or turned by one of the angles, is drawn anew: with a
+    An attitude that is unreachable, here or turned by one of the angles, is drawn again: with a
     fixed attitude a few corners of the workspace allow only some.
 
     Args:
@@ -324,7 +324,7 @@ def reach_poses(robot: RobotModel, poses: Array, near: Array | None) -> Array:
     """Returns joints (n, dof) rad of poses (n, 4, 4).
 
     Raises:
-        ReachError: A pose is out of reach; the message says where.
+        ReachError: A pose is out of reach; the message states its position.
     """
     joints = inverse_batch(robot, poses, near=near)
     lost = np.flatnonzero(~np.isfinite(joints).all(axis=1))

@@ -1,12 +1,12 @@
 """Information that a pose adds about the arm, computed before it is measured.
 
-The calibration is linear around the nominal arm, ``y = J w + noise``, so what a pose is worth is
-known without its result. ``w`` are the errors the fit estimates (geometry, compliance, base, tool),
-the slow ripple of every drive and its backlash, with the priors of :mod:`calibration.priors`. What
-this linear model leaves out does not average out like noise, but over few poses it acts like it:
-fast ripple is carried through the arm's own Jacobian, and a smooth rest is added to every axis.
-Both sizes are stated in :class:`UnmodelledErrors`; without them a plan promises more than it keeps
-and prefers a stretched arm.
+The calibration is linear around the nominal arm, ``y = J w + noise``, so the information gain of a
+pose is known without its result. ``w`` are the errors the fit estimates (geometry, compliance,
+base, tool), the slow ripple of every drive and its backlash, with the priors of
+:mod:`calibration.priors`. Effects outside this linear model do not average out like noise, but over
+few poses they act like it: fast ripple is mapped through the arm's Jacobian, and a smooth residual
+is added to every axis. Both sizes are stated in :class:`UnmodelledErrors`; without them a plan is
+too optimistic and prefers a stretched arm.
 
 Rows come whitened and in units of the prior: in these coordinates the prior precision is I, and
 that of the data the sum of ``A' A`` over the poses.
@@ -47,16 +47,16 @@ STIFFNESS_SD: Final = 0.3
 class UnmodelledErrors(Columns):
     """Errors beyond geometry and compliance, one standard deviation each.
 
-    Drive errors are given as what they do at the end of the stretched arm: large arms have finer
+    Drive errors are given by their effect at the end of the stretched arm: large arms have finer
     drives, and the sizes in metres differ less than those in rad. The defaults are of the size that
-    the learned model finds on a measured UR5 and UR10 (coefficients of 20 to 120 urad below 8
-    cycles, 10 to 80 urad from 8 to 44, white rest 17 and 25 um).
+    the learned model has on a measured UR5 and UR10 (coefficients of 20 to 120 urad below 8 cycles,
+    10 to 80 urad from 8 to 44, white residual 17 and 25 um).
 
     Attributes:
         ripple: (h,) m, of the sine and of the cosine of N = 1, 2, ..., h cycles per revolution.
         fast: m per joint, of everything faster.
         backlash: m per joint, half of it.
-        white: m per axis, of a smooth rest and of drift.
+        white: m per axis, of a smooth residual and of drift.
     """
 
     ripple: Annotated[Array, Column("_", unit="rad")] = field(
@@ -96,9 +96,10 @@ class WorkErrorPrior(Columns):
     """The error where the arm will work, before measuring.
 
     Attributes:
-        columns: (m, 3, k) m, G: what calibration learns, in the coordinates of the linear model.
-        rest: (m, 3, 3) m^2, what it does not: fast ripple, smooth rest, repeatability, approach.
-        instrument: (m, 3, 3) m^2, what checking it adds.
+        columns: (m, 3, k) m, G: errors that calibration learns, in the coordinates of the linear
+            model.
+        rest: (m, 3, 3) m^2, the others: fast ripple, smooth residual, repeatability, approach.
+        instrument: (m, 3, 3) m^2, noise of checking it.
     """
 
     columns: Annotated[Array, Column("_ 3 _")]
@@ -252,10 +253,10 @@ def after_fit(
     settings: FitSettings | None = None,
     unmodelled: UnmodelledErrors | None = None,
 ) -> LinearModel:
-    """Returns the linear model of an arm that was calibrated, to plan the poses that come next.
+    """Returns the linear model of a calibrated arm, to plan the next poses.
 
-    What the model knows is kept, with the covariance it states; a drive error it has no column for
-    is believed as before measuring. Its learned noise and smooth residual are a rest.
+    The model's parameters are used with their covariance; a drive error without a column has its
+    prior. Its learned noise and smooth residual are part of the residual.
 
     Raises:
         ModelMismatchError: A model of another kind, or of another number of joints.

@@ -231,7 +231,7 @@ def plan_machining(
     Raises:
         ReachError: A point out of reach, or no clear way between sides; with the line.
         ConfigurationError: Not an ortho-parallel arm, several tools, or sides of a part that is
-            clamped anew between them.
+            clamped again between them.
     """
     robot = cell.robot.nominal()
     _one_tool([side.path for side in sides])

@@ -58,11 +58,11 @@ def plan_mastering(
     """Returns the touches to make, with their joints, in an order of short travel.
 
     Args:
-        arm: What is believed of the arm.
+        arm: Prior of the arm.
         robot: The nominal arm with the tool that touches.
-        scene: Arm and surroundings; what they hit is left out.
+        scene: Arm and surroundings; colliding postures are left out.
         point: (3,) m in base, roughly.
-        count: How many touches.
+        count: Number of touches.
         settings: Noise of the touches.
         lean: rad, largest angle of the tool off straight down.
         seed: Of the attitudes.
@@ -126,7 +126,7 @@ def _reach(robot: RobotModel, point: Array, lean: float, seed: int) -> Array:
 def _choose(
     arm: ErrorModel, joints: Array, point: Array, count: int, settings: ProbingSettings
 ) -> IntArray:
-    """The rows (count,) that tell the zeros best, greedily."""
+    """Returns the rows (count,) that determine the zeros best, greedily."""
     columns, covariance, theta = _linearise(arm, joints, point, settings)
     left = np.ones(len(joints), dtype=bool)
     chosen = []

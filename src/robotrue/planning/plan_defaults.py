@@ -23,7 +23,7 @@ LIFT_MM: Final = 100.0
 TIP_AXIS: Final = "+z"
 """The way from the flange to the tip, in the tool frame."""
 ROUGH_MM: Final = 20.0
-"""How far a part may stand from where it is said to stand roughly."""
+"""Standard deviation of a part's stated rough position."""
 STOCK_MM: Final = 1.0
 """What a roughing pass leaves along the tool axis."""
 

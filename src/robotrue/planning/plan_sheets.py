@@ -85,11 +85,12 @@ def plan_sheet(plan: PosePlan, robot: RobotModel | None = None) -> bytes:
     """Returns the plan as CSV, one row per pose in the order of measuring.
 
     The columns are those a calibration reads. ``x_mm, y_mm, z_mm`` are blank: the measured points
-    go there, and a row that was left blank is refused, not taken for a measurement.
+    go there, and a row that was left blank is refused.
 
     Args:
         plan: The poses.
-        robot: Says what its controller displays in each pose; None leaves those columns out.
+        robot: For the axes that its controller displays in each pose; None leaves those columns
+            out.
     """
     names = canonical_mapping(plan.joints.shape[1])
     columns = number_columns(names.joints, plan.joints / DEG, write_six_digits)

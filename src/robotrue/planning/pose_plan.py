@@ -100,23 +100,24 @@ class PosePlan(Columns):
 
     Attributes:
         joints: (n, dof) rad.
-        pre: (n, dof) rad, the pre-position of each; (0, dof) where poses are entered as it comes.
+        pre: (n, dof) rad, the pre-position of each; (0, dof) where poses are entered from any
+            direction.
         approach: (n, dof) sign of the last motion of each joint into the pose.
         row: (n,) index into the candidates, as drawn or as given.
         load: (n,) index into ``loads``.
         loads: The load states; one that is the cell's payload where none were stated.
         position: (n, 3) m, the reflector as the controller computes it, in base.
-        rank: (n,) in which order the poses were chosen; 0 is worth most.
+        rank: (n,) order of choice; 0 has the highest information gain.
         expected: Accuracy against number of poses, in the order of choice.
-        criterion: What was optimised.
-        candidates: How many usable candidates there were, load states apart.
-        drawn: How many postures were looked at for them.
+        criterion: Optimised criterion.
+        candidates: Number of usable candidates, without load states.
+        drawn: Number of postures drawn for them.
         rejected: (reason, count) of the others.
-        travel: rad, largest joint moves added up, in this order.
+        travel: rad, sum of the largest joint moves, in this order.
         travel_as_chosen: rad, the same in the order of choice.
-        stopped: The plan has fewer poses than asked for: the next would gain less than ``enough``.
+        stopped: The plan has fewer poses than requested: the next would gain less than ``enough``.
         seed: Of the candidates.
-        notes: What was not checked or assumed, one sentence each.
+        notes: Assumptions and missing checks, one sentence each.
     """
 
     joints: Annotated[Array, Column("n dof", unit="rad")]
@@ -155,23 +156,23 @@ def plan_poses(
 ) -> PosePlan:
     """Returns n informative poses, ordered for short travel.
 
-    Only what the cell says is used; with a model also what an earlier calibration has learned, and
-    the poses are then those that add most to it.
+    Only the cell is used; with a model also its parameters from an earlier calibration, and the
+    poses then add most to it.
 
     Args:
         cell: Robot, reflector, instrument, surroundings.
-        n: How many at most, load states counted.
+        n: Largest number, load states counted.
         settings: See :class:`PlanSettings`.
         model: A calibration of this arm that the new poses are to improve.
         candidates: (c, dof) rad postures to choose from instead of drawn ones; those that cannot
             be measured are left out.
         work: Postures in which the arm will work, instead of ``settings.work``.
         T_flange_tool: (4, 4) the point whose accuracy counts there; the reflector if not given.
-        progress: Told what is done, and how far it is.
+        progress: Called with step and progress.
 
     Raises:
-        ConfigurationError: Fewer than 4 poses, or a cell that cannot be.
-        ReachError: Nothing can be measured, or fewer candidates than poses.
+        ConfigurationError: Fewer than 4 poses, or an invalid cell.
+        ReachError: No pose can be measured, or fewer candidates than poses.
         ModelMismatchError: A model of another arm.
     """
     settings = PlanSettings() if settings is None else settings
@@ -306,7 +307,7 @@ class _Meter:
         self._start = np.cumsum([0, drawing, n, 2 * n * passes(n), n // 4 + 1, RANDOM]).tolist()
 
     def at(self, text: str, part: int, step: int = 0) -> None:
-        """Tells that a step of a part is done next."""
+        """Reports the next step of a part."""
         start, end = self._start[part : part + 2]
         self._progress(text, min(start + step, end), self._start[-1])
 

@@ -1,9 +1,9 @@
-"""Choice of the next feature to probe and its posture, for the best-known machined points.
+"""Choice of the next feature to probe and its posture, for least uncertainty of machined points.
 
-A touch tells about the arm and about the part's frame together, and so do the machined points: the
-planner works on their joint belief (:mod:`robotrue.calibration.machined`). For a run compensated by
-the estimate everything is linear and known beforehand: what a touch is worth does not depend on its
-result. For a run with an unchanged model see :mod:`robotrue.planning.probing_frame`.
+A touch depends on the arm and on the part's frame together, and so do the machined points: the
+planner works on their joint posterior (:mod:`robotrue.calibration.machined`). For a run compensated
+by the estimate everything is linear and known beforehand: the information gain of a touch does not
+depend on its result. For a run with an unchanged model see :mod:`robotrue.planning.probing_frame`.
 """
 
 from __future__ import annotations
@@ -233,7 +233,7 @@ def linear_task(task: ProbingTask) -> LinearTask:
     """Returns the task in the coordinates of the criteria."""
     parts = tuple(sorted(task.T_base_part))
     belief = carry_residual(task.belief, np.vstack([task.candidates.joints, task.machining.joints]))
-    scale = float(np.sqrt(belief.inflation))  # what the model says of itself, touches aside
+    scale = float(np.sqrt(belief.inflation))  # inflation stated by the model, without touches
     belief = replace(belief, root=belief.root * scale, white=belief.white * scale, inflation=1.0)
     placed = with_nuisances(belief, np.tile(np.repeat([ROUGH, ROUGH_TURN], 3), len(parts)))
     touched = Query(joints=task.candidates.joints, load=task.touch_load)

@@ -1,10 +1,10 @@
-"""Touches that can be made: every feature, in the attitudes of the machining and leaned ones.
+"""Possible touches: every feature, in the attitudes of the machining and leaned ones.
 
-The tip is the tool point of the robot handed over. A feature is touched with the attitudes in which
-the part is machined (there the arm's own error is the same as when it cuts), turned about the tool
-axis and leaned to every side (that tells the tool point and the wrist), as far as the direction
-from which the feature is reached, the joint limits and what stands around allow. A feature that no
-machined attitude faces is touched straight from where it can be reached.
+The tip is the tool point of the given robot. A feature is touched with the attitudes in which the
+part is machined (there the arm's error is the same as when it cuts), turned about the tool axis and
+leaned to every side (that determines the tool point and the wrist), as far as the direction from
+which the feature is reached, the joint limits and the surroundings allow. A feature that no
+machined attitude faces is touched straight from a reachable side.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ TURNS: Final = np.arange(0.0, 2.0 * np.pi, np.pi / 6.0)
 ROOM: Final = 0.05
 """rad kept from the joint limits by it."""
 MOST_ATTITUDES: Final = 12
-"""Machined attitudes that are taken over; the commonest."""
+"""Largest number of machined attitudes used, the most frequent ones."""
 MOST: Final = 4000
 """Touches that are handed on, evenly over features and attitudes."""
 TRACKER: Final = "tracker"
@@ -112,14 +112,14 @@ def touch_candidates(
 
     Args:
         robot: Nominal arm with the touching tip as its tool.
-        features: What can be touched.
-        machining: Whose attitudes are taken.
+        features: Features that can be touched.
+        machining: Machining whose attitudes are used.
         T_base_part: (4, 4) of every part, roughly.
         limits: Leans, steepness, margins.
-        scene: What stands around; nothing is checked without it.
+        scene: Surroundings; without them collisions are not checked.
 
     Raises:
-        ReachError: Not one touch is left; says what took them.
+        ReachError: No touch is left; states the causes.
     """
     limits = TouchLimits() if limits is None else limits
     place = np.stack([T_base_part[int(k)] for k in features.part])
@@ -278,8 +278,8 @@ def find_facing_posture(
 ) -> Machining:
     """Returns one posture with the tool against the part, for candidates to take attitudes from.
 
-    The tool looks straight at the face that most features are on, from above where nothing is said
-    of faces; of its turns about that axis the one nearest to the middle of the joint limits.
+    The tool points at the face with the most features, from above where no faces are stated; of its
+    turns about that axis the one nearest to the middle of the joint limits is used.
 
     Args:
         robot: Nominal arm with the touching tip as its tool.

@@ -1,4 +1,4 @@
-"""A plan of touches, made by any estimate that says what touches leave unknown."""
+"""A plan of touches, made by any estimate that returns the uncertainty after touches."""
 
 from __future__ import annotations
 
@@ -73,15 +73,15 @@ class ProbePlan:
     Attributes:
         touches: The chosen candidates.
         row: (n,) their rows among the candidates.
-        goal: What was made small.
+        goal: Minimised quantity.
         mean: (n + 1,) m, rms over the machined points of their standard uncertainty, after 0 .. n
             touches.
         worst: (n + 1,) m, of the worst point.
         spread_mean: (n + 1,) m, rms after as many touches spread evenly over the part.
         covariance: (m, 3, 3) m^2 of each machined point in its part, after the last touch.
         groups: Cover of each group.
-        stopped: The tolerance was met before the number of touches asked for.
-        notes: What was assumed.
+        stopped: The tolerance was met before the requested number of touches.
+        notes: Assumptions.
     """
 
     touches: ProbingSet
@@ -164,7 +164,7 @@ class TouchPosterior(Columns, ABC):
         chosen = self.choose(n, machined, goal)
         mean, worst = self._trace(chosen)
         while (kept := _count_needed(mean if goal == "mean" else worst, tolerance)) < len(chosen):
-            # Chosen anew: as many touches can be better ones.
+            # Chosen again: another set of the same number can be better.
             fewer = self.choose(kept, machined, goal)
             trial = self._trace(fewer)
             if not trial[goal == "worst"][-1] <= tolerance:

@@ -298,7 +298,7 @@ def _narrow(path: Toolpath, target: int) -> ReachError:
 
 
 def _no_way(side: _SideTask, stations: IntArray, way: SpinPath) -> ReachError:
-    """Says which point stops the arm, and whether it is out of reach or only of this way."""
+    """Returns the error with the blocking point: out of reach, or out of reach of this way only."""
     path, settings = side.path, side.settings
     at = stations[[way.reached]]
     line = int(path.line[int(side.dense.target[at[0]])])

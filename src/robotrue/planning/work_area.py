@@ -123,7 +123,7 @@ class MachinedFile:
     """A machined file as postures, evenly over it.
 
     Attributes:
-        postures: How many it has.
+        postures: Number of its postures.
         group: (m) names.
         point: (m, 3) m in part.
         joints: (m, dof) rad.
@@ -141,12 +141,12 @@ def rough_frames(cell: Cell, stated: str | None, parts: Sequence[str]) -> dict[i
     """Returns the rough frame of each part, ``T_base_part`` by part number.
 
     Args:
-        cell: A registered one names its parts; else its work frame is taken.
-        stated: ``X,Y,Z,A,B,C`` in mm and deg, of all parts; goes before the cell.
+        cell: A registered one names its parts; else its work frame is used.
+        stated: ``X,Y,Z,A,B,C`` in mm and deg, of all parts; overrides the cell.
         parts: Names.
 
     Raises:
-        ConfigurationError: Not six numbers, or nothing says where the part stands.
+        ConfigurationError: Not six numbers, or the part's position is not stated.
     """
     if stated is not None:
         T = parse_frame(stated)
@@ -209,11 +209,11 @@ def read_machining(
     *,
     tip_axis: Array,
 ) -> tuple[Machining, tuple[str, ...]]:
-    """Returns the postures of all machined files, and what is to be noted of them.
+    """Returns the postures of all machined files, and notes on them.
 
     A file is a table of postures (``name, px_mm, py_mm, pz_mm, j1_deg ..``; the name is that of the
     group), a tool path (APT or CL data, or CSV with ``x_mm, y_mm, z_mm, i, j, k``), or a robot
-    program. Paths and programs are groups by their name, each attitude of the tool one of its own.
+    program. Paths and programs are groups by their name, one group for each attitude of the tool.
 
     Raises:
         FormatError: A file that cannot be read.

@@ -59,13 +59,13 @@ def calibration_content(
         simulated: True if the measurements come from a simulated robot.
         subtitle: Robot, cell, date.
         selection: Why this method, if it was chosen automatically.
-        tolerance: m; the verdict then says whether 95 % of the poses keep it.
+        tolerance: m; the verdict then states whether 95 % of the poses meet it.
         unseen: What the data cannot determine, from the calibration.
         provenance: Data hashes, settings, conditions; versions are added.
         lang: Language of the page.
     """
     t = ReportTexts(lang=lang)
-    # A model's doubts may quote what it could not see; the page says each thing once.
+    # A model's warnings may quote undetermined parameters; the page shows each sentence once.
     doubts = tuple(d for d in report.doubts if not any(u.rstrip(".") in d for u in unseen))
     sections = [_accuracy(report, tolerance, t), _uncertainty(report, t), _places(report, t)]
     if selection is not None:
@@ -266,7 +266,7 @@ def contest_section(
     """Returns the chapter that says who won on held-out poses, by how much, and the rule."""
     rows: list[tuple[Cell, ...]] = []
     kinds = list(dict.fromkeys(k for s in selection.table for k in s.mean_by_kind))
-    kinds = kinds if len(kinds) > 1 else []  # one kind alone says what the mean says
+    kinds = kinds if len(kinds) > 1 else []  # a single kind equals the mean
     first = next(s for s in selection.table if not s.failure)
     for score in selection.table:
         if score.failure:

@@ -50,7 +50,7 @@ from robotrue.validation.report import ValidationReport
 MOST_POSES: Final = 12
 """Repeated poses printed."""
 FEWEST_QUARTERED: Final = 20
-"""Rows of one set from which its quarters are told apart."""
+"""Fewest rows of one set for separate statistics of its quarters."""
 _MM: Final = "mm"
 
 
@@ -63,7 +63,7 @@ class Parameter:
         value: In ``unit``.
         sd: Standard deviation, in ``unit``.
         unit: mm, deg, ppm or 1e-6 rad/(N m).
-        known: How well the data saw it: ``seen``, ``weakly seen``, ``prior only``.
+        known: How the data determine it: ``seen``, ``weakly seen``, ``prior only``.
     """
 
     name: str
@@ -80,9 +80,9 @@ class CertificateFacts:
     Attributes:
         robot: Name of the arm.
         method: Of the calibration.
-        simulated: Whether any data are.
+        simulated: Whether any data are simulated.
         budget: Over the poses of the check, or over ``places`` without one.
-        places: How well the tool point is known over the training range; None where not known.
+        places: Uncertainty of the tool point over the training range; None where not known.
         check: Of the held-out poses; None without a test file.
         regions: Name and statistics of the parts of the check.
         repeats: Poses of the check visited again.
@@ -118,8 +118,8 @@ def certificate_content(
     """Returns the content of a certificate.
 
     Args:
-        facts: What was measured and computed.
-        tolerance: m; the verdict then says whether 95 % of the held-out poses keep it.
+        facts: Measured and computed data.
+        tolerance: m; the verdict then states whether 95 % of the held-out poses meet it.
         lang: Language of the report.
     """
     t = ReportTexts(lang=lang)
@@ -209,7 +209,7 @@ def _rows(mask: BoolArray) -> IntArray:
 def _build_unchecked(
     facts: CertificateFacts, title: str, subtitle: str, t: ReportTexts
 ) -> ReportContent:
-    """The body where nobody measured held-out poses: it says so first."""
+    """Returns the body without measured held-out poses, which it states first."""
     tiles: tuple[KeyFigure, ...] = ()
     if facts.held_out is not None:
         note = t("cert.blocks_note")

@@ -35,10 +35,10 @@ class CertificateHead:
         issued: Date of issue.
         measured: First day of the measurement.
         measured_until: Its last day; the first one if not stated.
-        laboratory: Who calibrated.
+        laboratory: Calibration laboratory.
         laboratory_address: Street and town.
         country: Two letters of ISO 3166-1, of the laboratory.
-        customer: Who gets the certificate.
+        customer: Recipient of the certificate.
         customer_address: Street and town.
         robot_maker: Of the arm.
         robot_type: As on the name plate.
@@ -48,15 +48,15 @@ class CertificateHead:
         instrument_maker: Of the instrument that measured.
         instrument_type: As on the name plate.
         instrument_serial: Its serial number.
-        instrument_certificate: Number of its own certificate.
+        instrument_certificate: Number of the instrument's certificate.
         instrument_due: Date its next calibration is due.
-        place: Where it was measured.
+        place: Place of the measurement.
         temperature_degC: Of the air.
         temperature_span_degC: Largest deviation from it while measuring.
         load_kg: Payload while measuring.
         speed_mm_per_s: Of the tool point between poses.
-        operator: Who measured.
-        approved_by: Who signs beside the operator.
+        operator: Name of the operator.
+        approved_by: Second signer after the operator.
         logo: PNG or SVG file for the first page.
     """
 

@@ -1,8 +1,9 @@
 """Content of a report, independent of its layout.
 
-A page and a JSON file are two views of the same :class:`ReportContent`. Whoever has results builds
-one (:func:`robotrue.report.calibration_report.calibration_content` does it for a validation) and
-hands it to :func:`robotrue.report.page.report_html` and :func:`robotrue.report.json.report_json`::
+A page and a JSON file are two views of the same :class:`ReportContent`. A caller with results
+builds one (:func:`robotrue.report.calibration_report.calibration_content` does it for a validation)
+and passes it to :func:`robotrue.report.page.report_html` and
+:func:`robotrue.report.json.report_json`::
 
     content = ReportContent(
         title="Flange hole, 210 mm",
@@ -13,7 +14,7 @@ hands it to :func:`robotrue.report.page.report_html` and :func:`robotrue.report.
         provenance=(Fact(name="seed", value="7"),),
     )
 
-Arrays are SI like everywhere; tiles and tables hold numbers in the unit they name beside them.
+Arrays are SI as everywhere; tiles and tables hold numbers in the unit they state.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ Tone: TypeAlias = Literal["good", "caution", "bad", "plain"]
 Cell: TypeAlias = str | int | float | None
 """One table cell; floats are printed with the digits of their column, None as a dash."""
 DIGITS: Final = 3
-"""Decimals printed where nothing else is asked for: micrometres of a length in mm."""
+"""Default number of printed decimals (micrometres of a length in mm)."""
 NEUTRAL: Final[Tone] = "plain"
 _UNITS: Final = {"mm": (MM, 7), "deg": (DEG, 6)}
 """Unit and decimals of arrays by the end of their key: a tenth of a nanometre is below any
@@ -190,12 +191,12 @@ class Plot(Columns, ABC):
         return {**head, **values, **self._json_more()}
 
     def _json_more(self) -> dict[str, object]:
-        """Returns what :attr:`json_keys` cannot say; nothing by default."""
+        """Returns JSON values beyond :attr:`json_keys`; none by default."""
         return {}
 
 
 Block: TypeAlias = ReportTable | Plot
-"""Anything that can stand in a section, in reading order."""
+"""Blocks of a section, in reading order."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -230,12 +231,12 @@ class Fact:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReportContent:
-    """Everything a report says.
+    """Full content of a report.
 
     Attributes:
         title: Heading of the page.
-        verdict: The one line.
-        simulated: True when any number comes from a simulated robot; the page then says so at the
+        verdict: One-line conclusion.
+        simulated: True when any number comes from a simulated robot; the page then states it at the
             top and in the print header.
         subtitle: Robot, cell, date of the data.
         tiles: Key numbers, three to six.
@@ -243,10 +244,10 @@ class ReportContent:
         unseen: What the data cannot determine, one sentence each.
         doubts: When not to trust the numbers, one sentence each.
         provenance: Hashes, versions, settings, conditions.
-        head: Who, what, when and where, at the top of the first page.
-        signers: Role and name of those who sign it, on the first page.
+        head: Names, dates and place, at the top of the first page.
+        signers: Role and name of the signers, on the first page.
         logo: ``data:`` address of a picture for the first page; empty for none.
-        lang: Language its texts are in; page and figures speak the same.
+        lang: Language of its texts; page and figures use the same.
     """
 
     title: str

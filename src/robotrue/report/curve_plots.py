@@ -36,7 +36,7 @@ PEERS: Final = (
     (BAD, "v", "--"),
     (MUTED, "P", "-."),
 )
-"""Colour, mark and line of the peers in turn: told apart without colour too."""
+"""Colour, mark and line of the peers in turn, distinguishable without colour."""
 _TICKS: Final = (0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0,
                  5.0, 7.0, 10.0, 20.0, 50.0, 100.0)  # fmt: skip
 MOST_TICKS: Final = 10
@@ -227,10 +227,10 @@ class BudgetPlot(Plot):
     """Plot of the contributions to a combined uncertainty.
 
     Attributes:
-        names: Of the contributions, as they are to stand there.
+        names: Of the contributions, as printed.
         value: (n,) m, standard uncertainty of each.
         combined: m.
-        combined_name: What it is called.
+        combined_name: Its printed name.
     """
 
     names: Annotated[tuple[str, ...], Column("n")]
@@ -274,8 +274,8 @@ class TiltPlot(Plot):
         before: (n, 2) rad, tilt left about x and y without correction.
         after: (n, 2) rad, with it.
         force: (n,) N, clamp force.
-        tilt: (n,) rad, size of the tilt that was to be taken out.
-        limit: rad, what is asked for; None for none.
+        tilt: (n,) rad, size of the tilt to be removed.
+        limit: rad, required limit; None for none.
     """
 
     before: Annotated[Array, Column("n 2", unit="rad")]

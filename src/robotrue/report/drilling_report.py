@@ -38,10 +38,10 @@ def drilling_content(
     Args:
         model: The model.
         test: The clamps.
-        result: What it left there.
+        result: Residual tilts of the test.
         digest: SHA-256 of the test's file.
-        limit: rad, 95th percentile that is asked for.
-        simulated: Whether the test is; also taken from the provenance of model and test.
+        limit: rad, required 95th percentile.
+        simulated: Whether the test is simulated; also set by the provenance of model and test.
         lang: Language of the report.
     """
     t = ReportTexts(lang=lang)

@@ -1,4 +1,4 @@
-"""The calibrated robot as URDF, with what URDF cannot say in a file beside it, and as a DH table.
+"""The calibrated robot as URDF, with effects beyond URDF in a second file, and as a DH table.
 
 The DH table (CSV) has one row a joint, then base and tool.
 """
@@ -48,9 +48,9 @@ class UrdfExport:
 
     Attributes:
         urdf: Text of the rigid calibrated robot; ``tool0`` is the measured point.
-        side: JSON of what URDF cannot say.
-        robot: The rigid robot the text says.
-        total: What the URDF alone misses of the model.
+        side: JSON of the effects beyond URDF.
+        robot: The rigid robot of the text.
+        total: Error of the URDF alone against the model.
     """
 
     urdf: str

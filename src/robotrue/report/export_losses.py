@@ -112,11 +112,11 @@ def require_named(found: ExportableModel, cannot: Sequence[str], lossy: Sequence
 
     Args:
         found: The model.
-        cannot: Parts the format cannot say.
+        cannot: Parts the format cannot hold.
         lossy: Parts the user gave up by name.
 
     Raises:
-        ConfigurationError: A part is not named (the message says how large each is), or a name no
+        ConfigurationError: A part is not named (the message states the size of each), or a name no
             part has.
     """
     parts = export_parts()
@@ -134,7 +134,7 @@ def require_named(found: ExportableModel, cannot: Sequence[str], lossy: Sequence
         f"{loss.name} ({loss.largest / MM:.3f} mm at most)" for loss in losses(found, missing)
     )
     raise ConfigurationError(
-        f"this format cannot say {sizes} of the calibrated robot.",
+        f"this format cannot hold {sizes} of the calibrated robot.",
         hint=f"--lossy {','.join(lost)} leaves it out and states it in the file.",
     )
 

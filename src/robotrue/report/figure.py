@@ -77,7 +77,7 @@ class Drawing:
 
     Attributes:
         draw: Draws on the given axes, left to right, row by row.
-        width: Inches of a picture of its own; a page gives each the same width.
+        width: Inches of a separate picture; a page gives each the same width.
         height: Inches.
         panels: Number of axes side by side.
         rows: Number of such rows.

@@ -139,7 +139,7 @@ VERDICTS: Final = {
 
 
 def remarks(model: ErrorModel) -> list[str]:
-    """Returns what error terms learned, the warnings by cure, and what nobody needs apart."""
+    """Returns what error terms learned, the warnings by cure, and the harmless parameters."""
     summary = model.training_summary()
     warnings = [f"warning: {line}" for line in group_warnings(model, summary.warnings)]
     return [*summary.terms, *warnings, *harmless_remark(summary)]

@@ -41,11 +41,11 @@ def report_html(content: ReportContent) -> str:
 
 
 def page_document(content: ReportContent, redraw: Callable[[str], str] = str) -> dict[str, object]:
-    """Returns what page and print set, every number already in words, drawings as inline SVG.
+    """Returns the content for page and print, every number as text, drawings as inline SVG.
 
     Args:
         content: Of the page.
-        redraw: What becomes of the SVG of a drawing.
+        redraw: Transforms the SVG of a drawing.
     """
     words = ReportTexts(lang=content.lang)
     mark = simulation_mark(content.simulated, f" {words('page.footer_simulated')}")

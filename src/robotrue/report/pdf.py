@@ -38,7 +38,7 @@ FONT_PACKAGE: Final = "fonts-noto-cjk"
 _HASH: Final = re.compile(r"\b[0-9a-f]{17,}\b")
 _PIECE: Final = 8
 _BREAK: Final = "\u200b"
-"""A place where a line may end that prints nothing; a hash has none of its own."""
+"""An invisible place for a line break; a hash has none."""
 
 
 def report_pdf(content: ReportContent) -> bytes:

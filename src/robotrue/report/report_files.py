@@ -17,15 +17,15 @@ XML: Final = ".xml"
 def write_reports(
     outputs: Sequence[Path], content: ReportContent, xml: Callable[[], bytes] | None = None
 ) -> list[Path]:
-    """Writes the report to every output, and its JSON twin beside each; returns what was written.
+    """Writes the report to every output, and its JSON file next to each; returns the written files.
 
     Args:
-        outputs: Files; the ending says which form.
-        content: What the report says.
+        outputs: Files; the suffix sets the format.
+        content: Of the report.
         xml: Makes the content of ``.xml``; only certificates have one.
 
     Raises:
-        MissingExtraError: A PDF is asked for and typst is not installed.
+        MissingExtraError: A PDF is requested and typst is not installed.
         ConfigurationError: A PDF in Chinese, and no font for it.
         FormatError: A file cannot be written.
     """

@@ -27,7 +27,7 @@ def group_warnings(model: ErrorModel, warnings: Sequence[str]) -> list[str]:
     """Returns the warnings of a model with those of one cure in one line, in their order.
 
     Args:
-        model: Its summary says which combinations of parameters are not determined.
+        model: Its summary lists the undetermined combinations of parameters.
         warnings: Sentences, as the summary or a validation lists them.
     """
     unseen = {f"{PREFIX}{each.name}: {each.cure}.": each for each in _list_harmful(model)}

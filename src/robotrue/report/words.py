@@ -44,10 +44,10 @@ class ReportTexts:
     lang: Lang = DEFAULT_LANG
 
     def __call__(self, key: str, **values: object) -> str:
-        """Returns the text of a key with its values put in.
+        """Returns the text of a key with its values inserted.
 
         Raises:
-            ConfigurationError: A key no catalog has, or a value its text asks for is missing.
+            ConfigurationError: A key no catalog has, or a value that its text needs is missing.
         """
         try:
             return CATALOGS[self.lang][key].format(**values)

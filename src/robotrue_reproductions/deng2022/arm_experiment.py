@@ -82,11 +82,11 @@ _FIXED_LENGTH: Final = 100.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArmResults:
-    """One arm. Lengths in m; (mean, max, std) of 3-D errors unless said otherwise.
+    """One arm. Lengths in m; (mean, max, std) of 3-D errors except where noted.
 
     Attributes:
         accuracy: By method of Table 8 and comparison.
-        switches: Mean error of Tr-GPR by reading; empty when not asked for.
+        switches: Mean error of Tr-GPR by reading; empty unless requested.
         attitude: (3, 3) change of error for turns of 5, 10, 15 deg (columns) about rx, ry, rz.
         dry: Before and after, Table 9.
         hole: Before and after, Table 11: position x, y, total, contour mean, max, std.
@@ -160,7 +160,7 @@ def _transfer(
 
 
 def _with_rule(case: Scenario, rule: TargetRule) -> PoseModel:
-    """The model of a plan whose target poses were chosen by another rule, measured anew."""
+    """The model of a plan with target poses of another rule, measured again."""
     robot = case.cell.known.measured_robot
     plan = paper_plan(robot, case.seed, case.attitude, rule=rule)
     rows = scenarios.paper(replace(case, plan=plan))

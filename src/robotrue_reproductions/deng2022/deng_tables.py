@@ -90,11 +90,11 @@ UNMET: Final[tuple[tuple[str, str], ...]] = (
 
 
 def run(request: ReproductionRequest, progress: Progress) -> Reproduction:
-    """Returns the paper's tables beside those of simulated arms.
+    """Returns the paper's tables next to those of simulated arms.
 
     Args:
         request: Quick: fewer layouts for Table 4, no switches, a shallower hole.
-        progress: Told before each step.
+        progress: Called before each step.
 
     Raises:
         ConfigurationError: No such scenario.

@@ -1,7 +1,7 @@
 """The benchmark's virtual cells and campaigns by name: S0, S1, S2, S4, attitude A or B. Simulated.
 
 ====  =======  ===================  ==========================  ===============================
-name  level f  repeatability, 1 s.  tracker (15 um + 5 um/m)    stands for
+name  level f  repeatability, 1 s.  tracker (15 um + 5 um/m)    represents
 ====  =======  ===================  ==========================  ===============================
 S0    0        0.014 mm per axis    bound read as two sigma     an arm the chain describes
 S1    2        0.014 mm per axis    bound read as two sigma     a good arm, ISO 9283 RP 0.05 mm
@@ -142,7 +142,7 @@ def measure_joints(
 def whole(case: Scenario, n: int) -> MeasurementSet:
     """Returns plan W: n Sobol poses over the whole workspace, angles -40 to 40 deg.
 
-    Fewer poses are the first of more poses; only the noise is drawn anew.
+    Fewer poses are the first of more poses; only the noise is drawn again.
     """
     return measure_joints(case, sobol_joints(case, n), name=f"W{n}")
 
@@ -237,6 +237,6 @@ def sobol_joints(case: Scenario, n: int, region: Region = _WHOLE) -> Array:
 
 
 def _set_groups(rows: MeasurementSet, first: int) -> MeasurementSet:
-    """The set with its rows from ``first`` on as a group of their own."""
+    """The set with its rows from ``first`` on as a separate group."""
     group = (np.arange(len(rows)) >= first).astype(np.int64)
     return replace(rows, group=group, group_names=("source", "target"), sources=rows.sources * 2)

@@ -91,7 +91,7 @@ class ShiftedProduction:
 
 
 def production(seed: int) -> ShiftedProduction:
-    """Returns what becomes of a model of 15 clamps with a gauge behind every hole (simulated)."""
+    """Returns the results of a model of 15 clamps with a gauge after every hole (simulated)."""
     machine = drilling_machine(seed, nonlinear=True, friction=True)
     shifted = replace(machine, offset=machine.offset + SHIFT)
     random = np.random.default_rng(SEED + seed)

@@ -65,7 +65,7 @@ def run(request: ReproductionRequest, progress: Progress) -> Reproduction:
 
     Args:
         request: Quick: the first case, and the productions of a tenth of the machines only.
-        progress: Told of every machine.
+        progress: Called for every machine.
     """
     machines = request.robots
     fewer = max(1, machines // 10) if request.quick else machines

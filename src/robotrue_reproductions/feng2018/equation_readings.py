@@ -1,7 +1,7 @@
 """How the printed equations of Feng, Liang, Xi 2018 can be read, and which reading works.
 
 J. Xiamen Univ. Nat. Sci. 57(5), 722-728. Every reading but the first of each is wrong. They are
-here so that what they do can be measured, and so that nobody finds them again.
+here to measure their effect, and to document that they were tried.
 """
 
 from __future__ import annotations

@@ -69,7 +69,7 @@ def write_example(folder: Path, seed: int = 1) -> None:
 
 
 def _write_blank(path: Path, cell: FengCell, rng: np.random.Generator) -> None:
-    """Four touches of each side of the block but the one it stands on, as the arm reads them."""
+    """Four touches of each side of the block except its bottom, as the arm reads them."""
     rows = [f"{mark_line(SIMULATED)}name,px_mm,py_mm,pz_mm,x_mm,y_mm,z_mm,nx,ny,nz"]
     size = SIZE / MM
     for axis, sign, name in (

@@ -45,12 +45,12 @@ UNMET: Final[tuple[tuple[str, str], ...]] = (
         "slots agree within 0.019 mm (n) or 0.022 (n - 1)",
         "Four slots of one part. Our arms alone give 0.05, a wrong tip alone 0.01: the printed "
         "steps look more like a tip off by 0.35 mm across the tool than like the arm the paper "
-        "blames. One part cannot tell.",
+        "blames. One part does not decide it.",
     ),
     (
         "double-sided error from 20 to 0.7 mm by tying the two spaces together",
         "With one clamping and one frame the step does not depend on the frame at all. What went "
-        "from 20 to 0.7 must have been the tool (tip or attitude), or a block clamped anew.",
+        "from 20 to 0.7 must have been the tool (tip or attitude), or a block clamped again.",
     ),
     (
         "oscillation blamed on the internal parameters",
@@ -77,11 +77,11 @@ UNMET: Final[tuple[tuple[str, str], ...]] = (
 
 
 def run(request: ReproductionRequest, progress: Progress) -> Reproduction:
-    """Returns the paper's numbers beside those of simulated cells.
+    """Returns the paper's numbers next to those of simulated cells.
 
     Args:
         request: Quick: four ways instead of all, two cases of the recursion.
-        progress: Told before each step.
+        progress: Called before each step.
     """
     cases = (CASES[0], CASES[3]) if request.quick else CASES
     ways = tuple(w for w in WAYS if not request.quick or w.name in _QUICK)

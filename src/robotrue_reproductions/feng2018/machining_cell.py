@@ -76,7 +76,7 @@ _NEAR: Final = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CellSizes:
-    """How far off the truth is, and how well it is touched. SI.
+    """Sizes of the true errors and of the probing noise. SI.
 
     Attributes:
         arm: Factor on all errors of the arm, harmonics included.
@@ -202,15 +202,15 @@ def with_tip(cell: FengCell, shift: Array) -> FengCell:
 
 
 def with_tool_change(cell: FengCell, rng: np.random.Generator) -> FengCell:
-    """Returns the cell after a tool change nobody measured: tip moved by N(0, .3 mm) per axis."""
+    """Returns the cell after an unmeasured tool change: tip moved by N(0, .3 mm) per axis."""
     return with_tip(cell, 0.3 * MM * rng.normal(size=3))
 
 
 def flip_block(cell: FengCell, rng: np.random.Generator) -> FengCell:
-    """Returns the cell with the block turned end for end, its back to the front, clamped anew.
+    """Returns the cell with the block turned end for end, its back to the front, clamped again.
 
-    The new clamping is off by N(0, 3 deg) and N(0, 6 mm) like the first, about the drawing of the
-    turned block, :data:`T_BASE_FLIPPED`.
+    The new clamping has errors of N(0, 3 deg) and N(0, 6 mm) like the first, about the drawing of
+    the turned block, :data:`T_BASE_FLIPPED`.
     """
     turn = pose(matrix_from_abc(3.0 * DEG * rng.normal(size=3)), np.zeros(3))
     shift = pose(np.eye(3), 6.0 * MM * rng.normal(size=3))
@@ -259,7 +259,7 @@ def touch(
         p_part: (n, 3) m.
         posture: Side the tool comes from.
         rng: Of the scatter.
-        tilt: rad, the wrist leans by this in a direction of its own at every touch.
+        tilt: rad, the wrist leans by this in a different direction at every touch.
     """
     lean = rng.normal(size=(len(p_part), 3))
     lean *= tilt / np.linalg.norm(lean, axis=1)[:, None]
@@ -339,11 +339,11 @@ def nominal_joints(robot: RobotModel, T_base_tool: Array, posture: Posture) -> A
 def compensated_joints(
     model: ErrorModel | RobotModel, T_base_tool: Array, posture: Posture
 ) -> Array:
-    """Returns the joints (n, 6) rad at which a model believes the tool to stand at poses.
+    """Returns the joints (n, 6) rad at which the tool reaches poses according to a model.
 
     Args:
-        model: A robot without errors: what the controller does. A robot with errors, or an error
-            model: a compensated run.
+        model: A robot without errors: the controller's run. A robot with errors, or an error model:
+            a compensated run.
         T_base_tool: (n, 4, 4) wanted.
         posture: The branch.
 

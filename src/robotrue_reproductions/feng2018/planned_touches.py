@@ -52,7 +52,7 @@ def plan_block_touches(count: int) -> tuple[tuple[Posture, ...], Array, Array]:
     """Returns postures (n,), part points (n, 3) m and attitudes R_base_tool (n, 3, 3) of a plan.
 
     Args:
-        count: Touches, in the order of their worth.
+        count: Touches, in the order of their information gain.
     """
     robot = feng_cell(0).nominal
     sizes = CellSizes()

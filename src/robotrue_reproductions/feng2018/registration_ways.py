@@ -89,7 +89,7 @@ class Session:
         corner: Touches of :data:`CORNER`, from the front.
         calibrated: Error model from the tracker; None where there is no tracker.
         changed: The same block touched with another tool: cell and touches.
-        turned: The block clamped anew, its back to the front: cell, touches of points on the back
+        turned: The block clamped again, its back to the front: cell, touches of points on the back
             in posture R, and of :data:`BACK_CORNER`.
     """
 
@@ -208,7 +208,7 @@ def frame_and_tip(s: Session, count: int = 30) -> tuple[SlotSide, SlotSide]:
 
 
 def tool_not_refitted(s: Session, model: ErrorModel, count: int = 30) -> tuple[SlotSide, SlotSide]:
-    """Returns both sides after a tool change nobody told the model about."""
+    """Returns both sides after a tool change that is not in the model."""
     cell, sides = s.changed
     return both_sides(cell, model, _frame(model, together(sides, count)))
 
@@ -229,7 +229,7 @@ def joint_estimate(s: Session, model: ErrorModel, count: int = 30) -> tuple[Slot
 
 
 def tool_refitted(s: Session, model: ErrorModel, count: int = 30) -> tuple[SlotSide, SlotSide]:
-    """Returns the same after a tool change, told how far the new tip may be off."""
+    """Returns the same after a tool change, with the deviation of the new tip stated."""
     cell, sides = s.changed
     return _cut_estimated(cell, model, together(sides, count), tool_sigma=TIP)
 
@@ -260,10 +260,10 @@ def estimate_cell(
     """Returns the one estimate of arm, tip and frame from touches of a cell.
 
     Args:
-        cell: Its stated noise is what the estimate is told.
+        cell: Its stated noise is used by the estimate.
         model: Calibrated, or the nominal arm.
         touches: Of one clamping.
-        tool_sigma: m per axis, how far the tip may be off.
+        tool_sigma: m per axis, deviation of the tip.
     """
     settings = ProbingSettings(
         touch_sigma=cell.sizes.touch,

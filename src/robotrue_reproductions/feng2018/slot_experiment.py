@@ -148,7 +148,7 @@ def cut_slots(first: SlotSide, second: SlotSide, rng: np.random.Generator) -> Sl
 
     Args:
         first: Of them.
-        second: The same cell and clamping, or the block clamped anew.
+        second: The same cell and clamping, or the block clamped again.
         rng: Of the repeatability.
     """
     points = slot_points()

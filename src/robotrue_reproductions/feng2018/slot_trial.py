@@ -21,7 +21,7 @@ from robotrue_reproductions.reproduction import Progress
 
 PAPER_KEY: Final = "paper"
 LONG: Final = "planned-90"
-"""Planning its touches takes longer than all the rest; cut only when asked for."""
+"""Planning its touches takes longer than everything else; cut only on request."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,8 +50,8 @@ def run_slot_trial(seed: int, way: str, progress: Progress) -> SlotTrial:
 
     Args:
         seed: Of cell, touches, tracker and cutting.
-        way: Key of :data:`WAYS` to set beside the paper's.
-        progress: Told before each way.
+        way: Key of :data:`WAYS` to compare with the paper's.
+        progress: Called before each way.
 
     Raises:
         ConfigurationError: No such way, or a negative seed.

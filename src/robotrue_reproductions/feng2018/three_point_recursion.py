@@ -1,10 +1,10 @@
 """Recursive adjustment of the CAM model's pose until the run trajectory meets the touched points.
 
 Feng, Liang, Xi 2018 (J. Xiamen Univ. Nat. Sci. 57(5), 722-728), section 1, with the equations read
-as they must be. The recursion repeats the robot's own error, so its stop values say how well robot
-and model agree with each other, not with the world. What more passes cannot remove is reported in
-two parts: the floor, which is the triangle as this robot sees it and is there after one pass, and
-the oscillation, which is the touching. At the machine it runs in rounds:
+as they must be. The recursion repeats the robot's own error, so its stop values measure the
+agreement of robot and model with each other, not with the world. The residual after many passes is
+reported in two parts: the floor, the distortion of the triangle by this robot, present after one
+pass, and the oscillation, caused by the touching. At the machine it runs in rounds:
 :mod:`robotrue.cell.registration.rounds`.
 """
 
@@ -30,8 +30,8 @@ from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 
 Probe: TypeAlias = Callable[[Array], Array]
-"""From commanded points K, L, M (3, 3) m in base to the part's own, touched there, as the robot
-reads them (3, 3) m. A virtual cell, a real robot or a file stands behind it."""
+"""From commanded points K, L, M (3, 3) m in base to the part's points touched there, as the robot
+reads them (3, 3) m. Implemented by a virtual cell, a real robot or a file."""
 Correction: TypeAlias = Callable[[Array, Array], tuple[Array, Array]]
 """From run and touched K, L, M (3, 3) m in base to angles (3,) rad, which turn the model about its
 z, y, x in that order, and the shift (3,) m of K in base."""

@@ -1,9 +1,9 @@
-"""Files of a simulated pass as its user would have them.
+"""Writes the files of a simulated pass as a user would have them.
 
 ``python -m robotrue_reproductions.jin2022 FOLDER`` writes ``cell.toml``, the windows of the printed
 pass (``windows.csv``) and of another (``unseen.csv``), the response of the hammer test
 (``frf.csv``), and eight seconds of the cut as recorded (``force.csv``, ``joints.csv``). Everything
-is SIMULATED and says so in its files.
+is SIMULATED and marked so in its files.
 """
 
 from __future__ import annotations

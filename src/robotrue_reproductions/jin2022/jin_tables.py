@@ -86,11 +86,11 @@ UNMET: Final[tuple[tuple[str, str], ...]] = (
 
 
 def run(request: ReproductionRequest, progress: Progress) -> Reproduction:
-    """Returns the paper's numbers beside those of simulated arms.
+    """Returns the paper's numbers next to those of simulated arms.
 
     Args:
         request: Quick: only the printed pass, so no unseen poses.
-        progress: Told before each step.
+        progress: Called before each step.
     """
     figures = printed_figures()
     floor, held = [], []

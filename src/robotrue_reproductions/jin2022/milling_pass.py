@@ -20,7 +20,7 @@ SPACING: Final = 0.9076
 """The windows of the printed pass end at LENGTH u^SPACING, u even: fitted to Tables 2 and 3."""
 WINDOWS: Final = 93
 SHIFTS: Final = ((0.0, 0.0), (0.25, 0.0), (-0.25, 0.0), (0.0, 0.2), (0.0, -0.2), (0.4, -0.15))
-"""m in y and z: the printed pass, then five more for poses nobody has seen."""
+"""m in y and z: the printed pass, then five more at untrained poses."""
 DEPTH_SLOW: Final = 0.04
 MATERIAL_SLOW: Final = 0.03
 WEAR: Final = 0.04

@@ -1,8 +1,8 @@
 """The raw records of a simulated pass, as its user's instruments would write them. SIMULATED.
 
-Two seconds of air, a tenth of a second in which the tool enters, the pass, and the same behind it.
-The straight-edge is not straight, the dry run is recorded on a clock of its own, and the zero of
-the dynamometer moves along a line and a bow beside it, which no line through both ends takes off.
+Two seconds of air, a tenth of a second of entry, the pass, and the same after it. The straight-edge
+is not straight, the dry run is recorded on a separate clock, and the zero of the dynamometer drifts
+along a line plus a bow, which no line through both ends removes.
 """
 
 from __future__ import annotations
