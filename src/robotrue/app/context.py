@@ -152,3 +152,23 @@ class Context(ABC):
     @abstractmethod
     def wrote(self, what: str, path: Path, remark: str = "") -> None:
         """Reports a file that was written; ``remark`` follows its name, with its punctuation."""
+
+    def write(self, path: Path, content: str | bytes, what: str = "", remark: str = "") -> Path:
+        """Writes an output and reports it; returns where it is.
+
+        Args:
+            path: As the request states it.
+            content: Of the file; text is written as UTF-8.
+            what: As :meth:`wrote` names it; nothing is reported where it is empty.
+            remark: As :meth:`wrote`.
+
+        Raises:
+            FormatError: The folder cannot be written to, or the disk is full.
+        """
+        from robotrue.core.files import write_atomic
+
+        place = self.output(path)
+        write_atomic(place, content.encode() if isinstance(content, str) else content)
+        if what:
+            self.wrote(what, place, remark)
+        return place

@@ -16,7 +16,6 @@ from robotrue.app.transfer_method import parse_cylinder
 from robotrue.calibration.deng2022.domains import divide_target
 from robotrue.cell.cell import Cell
 from robotrue.core.arrays import Array
-from robotrue.core.files import write_atomic
 from robotrue.core.provenance import MEASURED, Provenance
 from robotrue.core.regions import describe_region
 from robotrue.core.units import DEG
@@ -115,13 +114,12 @@ def write_hierarchy(request: PlanRequest, cell: Cell, context: Context) -> Plann
     )
     domains = divide_target(regions[0], regions[1], request.sub_spaces)
     plan = plan_hierarchy(cell.measured_robot.nominal(), domains, settings)
-    source = context.output(request.output)
+    remark = ": fill in what the tracker reads"
+    data = _sheet(plan.source, ["source"] * len(plan.source), cell.robot)
+    source = context.write(request.output, data, f"{len(plan.source)} source poses", remark)
     target = source.with_name(f"{source.stem}_target{source.suffix}")
-    write_atomic(source, _sheet(plan.source, ["source"] * len(plan.source), cell.robot))
-    names = [f"sub-space {k + 1}" for k in plan.sub_space]
-    write_atomic(target, _sheet(plan.target, names, cell.robot))
-    context.wrote(f"{len(plan.source)} source poses", source, ": fill in what the tracker reads")
-    context.wrote(f"{len(plan.target)} target poses", target, ": fill in what the tracker reads")
+    data = _sheet(plan.target, [f"sub-space {k + 1}" for k in plan.sub_space], cell.robot)
+    context.write(target, data, f"{len(plan.target)} target poses", remark)
     return PlannedHierarchy(plan=plan, files=(source, target))
 
 

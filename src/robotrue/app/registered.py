@@ -14,7 +14,7 @@ from robotrue.cell.config import parse_cell, read_cell
 from robotrue.cell.part import PartTable, part_tables
 from robotrue.cell.toml_edit import rename_files, with_part, with_table, without_part
 from robotrue.core.arrays import Array
-from robotrue.core.files import read_bytes, write_atomic
+from robotrue.core.files import read_bytes
 from robotrue.core.model_identity import require_same_model
 from robotrue.core.provenance import Provenance, merge
 from robotrue.core.rotations import abc_from_matrix
@@ -154,8 +154,8 @@ def _move_path(name: str, source: Path, output: Path) -> str:
     return Path(os.path.relpath(path, output.parent.resolve())).as_posix()
 
 
-def write_tool(cell: Cell, source: Path, T_flange_tool: Array, output: Path) -> None:
-    """Writes the cell with another ``[tool]``, read back before anything is written.
+def cell_with_tool(cell: Cell, source: Path, T_flange_tool: Array, output: Path) -> bytes:
+    """Returns the cell with another ``[tool]``, which reads back.
 
     Part frames go: they were touched with another tip.
 
@@ -169,4 +169,4 @@ def write_tool(cell: Cell, source: Path, T_flange_tool: Array, output: Path) -> 
     }
     data = with_table(without_part(text), "tool", table).encode()
     parse_cell(data, output)
-    write_atomic(output, data)
+    return data

@@ -113,7 +113,6 @@ def run(request: DiffRequest, context: Context) -> ProgramDifference:
     from robotrue.compensation.difference import compare_jobs
     from robotrue.compensation.stance import start_joints
     from robotrue.core.csv_text import csv_text
-    from robotrue.core.files import write_atomic
 
     cell = model = origin = None
     force: Array | DescribedForce = np.empty(0)
@@ -133,10 +132,9 @@ def run(request: DiffRequest, context: Context) -> ProgramDifference:
     files = compare_jobs(before, after, cell, model, force, home)
     compared = ProgramDifference(files=tuple(files), provenance=origin)
     if request.output is not None:
-        output = context.output(request.output)
         rows = list(compared.rows())
-        write_atomic(output, (mark_line(origin) + csv_text([COLUMNS, *rows])).encode())
-        context.wrote(f"{len(rows)} targets", output)
+        text = mark_line(origin) + csv_text([COLUMNS, *rows])
+        context.write(request.output, text, f"{len(rows)} targets")
     return compared
 
 

@@ -82,7 +82,6 @@ def plan_check(request: DriftPlanRequest, context: Context) -> DriftPlan:
     """
     from robotrue.calibration.model import Query, provenance_of
     from robotrue.cell.cell import tracker_covariance
-    from robotrue.core.files import write_atomic
     from robotrue.planning.discriminating_poses import (
         choose_discriminating,
         draw_drift_candidates,
@@ -107,10 +106,12 @@ def plan_check(request: DriftPlanRequest, context: Context) -> DriftPlan:
     causes = cause_columns(model, query)
     columns = {name: values for name, (_, values) in causes.items()}
     chosen = choose_discriminating(drawn, noise, columns, request.poses)
-    output = context.output(request.output)
-    write_atomic(output, drift_sheet(chosen.joints, cell.robot))
-    poses = f"{len(chosen.joints)} pose{'' if len(chosen.joints) == 1 else 's'}"
-    context.wrote(poses, output, ": fill in what the tracker reads")
+    output = context.write(
+        request.output,
+        drift_sheet(chosen.joints, cell.robot),
+        f"{len(chosen.joints)} pose{'' if len(chosen.joints) == 1 else 's'}",
+        ": fill in what the tracker reads",
+    )
     return DriftPlan(
         joints=chosen.joints,
         robot=cell.robot,

@@ -47,7 +47,6 @@ class DrillZeroRequest(Request):
 
 def take_zero(request: DrillZeroRequest, context: Context) -> PlainResult:
     """Writes a foot file with the mean readings on the calibration tool as its zero."""
-    from robotrue.core.files import write_atomic
     from robotrue.drilling.foot_file import read_foot
     from robotrue.drilling.foot_zero import (
         check_exchange,
@@ -59,9 +58,8 @@ def take_zero(request: DrillZeroRequest, context: Context) -> PlainResult:
     setup = read_foot(request.foot)
     found = read_zero(request.readings, setup)
     check_exchange(found, setup)
-    output = context.output(request.output)
     text = with_zero(request.foot.read_text(encoding="utf-8"), found, setup)
-    write_atomic(output, text.encode())
+    output = context.write(request.output, text)
     if setup.zero is not None:
         moved = (found.zero - setup.zero) / UM
         context.note(f"the zero moved by {', '.join(f'{v:+.1f}' for v in moved)} um")

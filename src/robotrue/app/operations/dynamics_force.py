@@ -72,7 +72,7 @@ def run(request: DynamicsForceRequest, context: Context) -> PlainResult:
         raise ConfigurationError(
             "--slots, --along and --measured are different jobs; one at a time."
         )
-    output = None if request.output is None else context.output(request.output)
+    output = request.output
     if output is not None and slots is not None:
         require_suffix(output, "cutting data", (".toml",))
     elif output is not None:
@@ -171,7 +171,6 @@ def _identify(
     context: Context,
 ) -> tuple[dict[str, object], Table]:
     """Coefficients of slot tests by their keys in cutting data."""
-    from robotrue.core.files import write_atomic
     from robotrue.dynamics.coefficients import identify_coefficients
     from robotrue.dynamics.cutting_data import coefficient_keys, cutting_text, read_slots
 
@@ -182,8 +181,7 @@ def _identify(
         words = {key: v for key, v in stated.items() if isinstance(v, str | int | float)}
         feed = {"feed_per_tooth_mm": tests[-1].cut.feed_per_tooth / MM}
         rounded = {key: round(value, 6) for key, value in keys.items()}
-        write_atomic(output, cutting_text({**feed, **words, **rounded}).encode())
-        context.wrote("cutting data", output)
+        context.write(output, cutting_text({**feed, **words, **rounded}), "cutting data")
     deviations = _deviations(found)
     table = Table(
         title=f"cutting coefficients of {len(tests)} tests, mean forces {found.noise:.2g} N off",
@@ -217,7 +215,6 @@ def _along(
     """Mean force along a path, N."""
     import numpy as np
 
-    from robotrue.core.files import write_atomic
     from robotrue.dynamics.cutting_data import read_along
     from robotrue.dynamics.formats.column_table import table_bytes
     from robotrue.dynamics.milling_force import CALCULATED, MillingAlongPath
@@ -229,11 +226,10 @@ def _along(
     force = model.at(lengths)
     if output is not None:
         rows = np.column_stack([lengths / MM, force])
-        text = table_bytes(["path_mm", "fx_N", "fy_N", "fz_N"], rows)
-        write_atomic(output, mark_line(CALCULATED).encode() + text)
-        context.inform(
-            f'{len(rows)} rows written to {output}: axes = "path" in `compensate --force`'
-        )
+        table = table_bytes(["path_mm", "fx_N", "fy_N", "fz_N"], rows)
+        data = mark_line(CALCULATED).encode() + table
+        remark = ': axes = "path" in `compensate --force`'
+        context.write(output, data, f"{len(rows)} rows", remark)
     largest = float(np.linalg.norm(force, axis=1).max())
     return {
         "rows": len(force),

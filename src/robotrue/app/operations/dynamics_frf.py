@@ -145,7 +145,6 @@ def _write(
 ) -> None:
     """Writes the requested ones of figure, modes and receptance."""
     from robotrue.core.archive import write_archive
-    from robotrue.core.files import write_atomic
     from robotrue.dynamics.formats.frf_table import write_frf_csv
     from robotrue.dynamics.frf import trusted_lines
     from robotrue.dynamics.interpolation import response_curve
@@ -153,8 +152,8 @@ def _write(
     if request.report is not None:
         from robotrue.report.dynamics_figure import response_figure
 
-        drawn = context.output(request.report)
-        write_atomic(drawn, response_figure(frf, drawn.suffix, response_curve(frf, fitted)))
+        drawn = response_figure(frf, request.report.suffix, response_curve(frf, fitted))
+        context.write(request.report, drawn)
     if request.modes is not None:
         if fitted is None:
             raise ObservabilityError("no modes to write.", source=request.modes, hint=remarks[-1])

@@ -58,7 +58,6 @@ class DynamicsPredictRequest(Request):
 def run(request: DynamicsPredictRequest, context: Context) -> PlainResult:
     """Predicts, writes the error as CSV, and says how far to trust it."""
     from robotrue.app.dynamics_inputs import parse_static
-    from robotrue.core.files import write_atomic
     from robotrue.dynamics.formats.column_table import table_bytes
     from robotrue.dynamics.formats.frf_table import read_frf
     from robotrue.dynamics.formats.signal_table import read_force
@@ -66,7 +65,7 @@ def run(request: DynamicsPredictRequest, context: Context) -> PlainResult:
     from robotrue.dynamics.interpolation import fit_curve
     from robotrue.dynamics.predict import predict_error, prediction_columns
 
-    between, output = request.between, context.output(request.output)
+    between = request.between
     if between not in WAYS_BETWEEN:
         raise ConfigurationError(
             f"--between {between!r}, expected one of {', '.join(WAYS_BETWEEN)}."
@@ -78,8 +77,7 @@ def run(request: DynamicsPredictRequest, context: Context) -> PlainResult:
     if request.report is not None:
         from robotrue.report.dynamics_figure import prediction_figure
 
-        drawn = context.output(request.report)
-        write_atomic(drawn, prediction_figure(curve, found, drawn.suffix))
+        context.write(request.report, prediction_figure(curve, found, request.report.suffix))
     names, columns = prediction_columns(found)
     learned, origins = None, [frf.provenance, record.provenance]
     if request.deviation is not None:
@@ -89,8 +87,8 @@ def run(request: DynamicsPredictRequest, context: Context) -> PlainResult:
     elif request.joints is not None or request.spindle_rpm is not None:
         raise ConfigurationError("--joints and --spindle-rpm go with --deviation.")
     origin = merge(origins)
-    table = table_bytes(names, columns)
-    write_atomic(output, mark_line(origin).encode() + table)
+    table = mark_line(origin).encode() + table_bytes(names, columns)
+    output = context.write(request.output, table)
     remarks = (*odd, *found.remarks)
     for remark in remarks:
         context.note(remark)

@@ -119,7 +119,6 @@ def _judge(
     request: DynamicsValidateRequest, path: Path, windows: WindowSet, context: Context
 ) -> PlainResult:
     """Compares a model's estimates of these windows with the measured error."""
-    from robotrue.core.files import write_atomic
     from robotrue.dynamics.deviation_file import read_learned_deviation
     from robotrue.dynamics.paper_regression import PaperModel
     from robotrue.dynamics.windows import check_units
@@ -129,9 +128,8 @@ def _judge(
     found = model.predict(windows)
     origin = merge([model.windows.provenance, windows.provenance])
     if request.output is not None:
-        output = context.output(request.output)
-        write_atomic(output, mark_line(origin).encode() + _estimates(windows, found))
-        context.inform(f"{count(len(windows), 'window')} written to {output}")
+        table = mark_line(origin).encode() + _estimates(windows, found)
+        context.write(request.output, table, count(len(windows), "window"))
     method = "paper" if isinstance(model, PaperModel) else "deviation"
     values, rows = _describe(windows, found, method)
     facts = Facts(title=f"{path.name} on {windows.source}", rows=tuple(rows))

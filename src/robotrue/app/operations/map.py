@@ -129,12 +129,11 @@ def run(request: MapRequest, context: Context) -> PlainResult:
         parse_posture,
     )
     from robotrue.calibration.model import provenance_of
-    from robotrue.core.files import write_atomic
     from robotrue.report.map_report import map_document
     from robotrue.validation.error_map import error_map, sector_similarities
 
     path = context.model_file(request.model)
-    output = context.output(request.output)
+    output = request.output
     if output.suffix.lower() not in SUFFIXES:
         raise ConfigurationError(
             f"the suffix of {output.name!r} does not state the format.",
@@ -160,8 +159,8 @@ def run(request: MapRequest, context: Context) -> PlainResult:
     )
     point = "the programs' tool point" if at_tool else "the measured point"
     title, alike = f"Predicted error of {model.robot.name} at {point}", sector_similarities(mapped)
-    write_atomic(output, _picture(mapped, alike, model, title, output.suffix.lower(), path))
-    context.wrote("map", output)
+    picture = _picture(mapped, alike, model, title, output.suffix.lower(), path)
+    output = context.write(output, picture, "map")
     for warning in model.training_summary().warnings:
         context.inform(f"warning: {warning}")
     numbers = map_document(mapped, alike)

@@ -22,6 +22,7 @@ from robotrue.validation.validation_defaults import (
 if TYPE_CHECKING:
     from robotrue.calibration.model import ErrorModel
     from robotrue.cell.cell import Cell
+    from robotrue.cell.part import PartTable
     from robotrue.measurement.probing_set import ProbingSet
     from robotrue.validation.blank import BlankCheck
     from robotrue.validation.slot_test import DatumCheck
@@ -62,7 +63,7 @@ def check_blank_part(request: BlankCheckRequest, context: Context) -> PlainResul
         ModelMismatchError: Joints of another robot.
     """
     from robotrue.app.operations.register import UNITS
-    from robotrue.app.registered import open_model
+    from robotrue.app.registered import open_model, registered_cell
     from robotrue.core.provenance import merge
     from robotrue.measurement.formats.part_points import read_points
     from robotrue.robot.configuration import axis_relation
@@ -82,10 +83,10 @@ def check_blank_part(request: BlankCheckRequest, context: Context) -> PlainResul
         )
     touches = read_points(request.blank, axis_relation(cell.robot)).touches
     check = _fit_blank(request, cell, model, touches)
-    if request.output is not None:
-        output = context.output(request.output)
-        _write_shifted(cell, source, check, output)
-        context.wrote("cell with the part shifted", output)
+    if request.output is not None and cell.part is not None:
+        shifted = _shift_part(cell.part, check)
+        data = registered_cell(cell, source, shifted, context.output(request.output))
+        context.write(request.output, data, "cell with the part shifted")
     return PlainResult(
         values=_blank_document(check),
         shown=_blank_blocks(check),
@@ -130,21 +131,15 @@ def _fit_blank(
         )
 
 
-def _write_shifted(cell: Cell, source: Path, check: BlankCheck, output: Path) -> None:
+def _shift_part(part: PartTable, check: BlankCheck) -> PartTable:
     from dataclasses import replace
 
-    from robotrue.app.registered import registered_cell
-    from robotrue.core.files import write_atomic
     from robotrue.core.poses import pose
     from robotrue.core.rotations import matrix_from_rotation_vector
 
-    if cell.part is None:
-        return
     step = pose(matrix_from_rotation_vector(check.turn), check.shift)
-    moved = tuple(
-        replace(frame, T_base_part=frame.T_base_part @ step) for frame in cell.part.frames
-    )
-    write_atomic(output, registered_cell(cell, source, replace(cell.part, frames=moved), output))
+    moved = tuple(replace(frame, T_base_part=frame.T_base_part @ step) for frame in part.frames)
+    return replace(part, frames=moved)
 
 
 def _blank_document(check: BlankCheck) -> dict[str, object]:

@@ -91,7 +91,6 @@ def run(request: PlanRequest, context: Context) -> Planned | PlannedHierarchy:
     """
     from robotrue.app.registered import provenance_used
     from robotrue.app.report_pages import plan_page
-    from robotrue.core.files import write_atomic
     from robotrue.planning.plan_sheets import measuring_krl, plan_sheet
 
     refuse_other_method(request)
@@ -105,20 +104,15 @@ def run(request: PlanRequest, context: Context) -> Planned | PlannedHierarchy:
     cell = context.cell(request.cell)
     plan = _choose_poses(request, context, cell, model)
     origin = provenance_used(None, model)
-    krl = None if request.krl is None else context.output(request.krl)
-    text = b"" if krl is None else measuring_krl(cell, plan, krl.stem, request.trigger_output)
-    files = [context.output(request.output)]
-    write_atomic(files[0], plan_sheet(plan, cell.robot))
-    plural = "" if len(plan) == 1 else "s"
-    context.wrote(f"{len(plan)} pose{plural}", files[0], ": fill in what the tracker reads")
+    krl = request.krl
+    program = b"" if krl is None else measuring_krl(cell, plan, krl.stem, request.trigger_output)
+    poses = f"{len(plan)} pose{'' if len(plan) == 1 else 's'}"
+    sheet = plan_sheet(plan, cell.robot)
+    files = [context.write(request.output, sheet, poses, ": fill in what the tracker reads")]
     if request.report is not None:
-        files.append(context.output(request.report))
-        write_atomic(files[-1], plan_page(cell, plan, origin).encode())
-        context.wrote("report", files[-1])
+        files.append(context.write(request.report, plan_page(cell, plan, origin), "report"))
     if krl is not None:
-        files.append(krl)
-        write_atomic(krl, text)
-        context.wrote("program", krl)
+        files.append(context.write(krl, program, "program"))
     for line in plan.notes:
         context.note(line)
     if plan.stopped:

@@ -82,7 +82,6 @@ def run(request: PredictRequest, context: Context) -> Predictions:
     import numpy as np
 
     from robotrue.calibration.model import Query, provenance_of
-    from robotrue.core.files import write_atomic
     from robotrue.core.provenance import mark_line
     from robotrue.core.units import MM
     from robotrue.errors import ModelMismatchError
@@ -111,11 +110,11 @@ def run(request: PredictRequest, context: Context) -> Predictions:
         )
     )
     sigma = np.sqrt(np.diagonal(prediction.covariance, axis1=1, axis2=2))
-    origin, output = provenance_of(stored.model), context.output(request.output)
+    origin = provenance_of(stored.model)
     lines = ["ex_mm,ey_mm,ez_mm,sx_mm,sy_mm,sz_mm"]
     rows = np.hstack([prediction.error, sigma]) / MM
     lines += [",".join(f"{value:.6f}" for value in row) for row in rows]
-    write_atomic(output, (mark_line(origin) + "\n".join(lines) + "\n").encode())
+    output = context.write(request.output, mark_line(origin) + "\n".join(lines) + "\n")
     size = np.linalg.norm(prediction.error, axis=1) / MM
     return Predictions(
         queries=queries,

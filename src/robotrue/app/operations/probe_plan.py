@@ -255,16 +255,13 @@ def _tell(
     context: Context,
 ) -> None:
     """Writes the pages, reports the plan and its warnings."""
-    from robotrue.core.files import write_atomic
-
     plan, output, number = result.plan, result.output, len(result.plan.row)
     context.inform(
         f"{number} {'touch' if number == 1 else 'touches'} written to {output}: put the joints at "
         "each touch in place of the planned ones, then delete the first line"
     )
     for target, (what, content) in pages.items():
-        write_atomic(context.output(target), content)
-        context.wrote(what, target)
+        context.write(target, content, what)
     for warning in plan.warnings:
         context.inform(f"warning: {warning}")
     for text in result.notes:

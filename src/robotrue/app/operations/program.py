@@ -209,14 +209,10 @@ def _write_page(
     origin: Provenance,
 ) -> None:
     from robotrue.app.report_pages import program_page
-    from robotrue.core.files import write_atomic
 
     if request.report is not None:
-        page = context.output(request.report)
-        write_atomic(
-            page, program_page(cell, document, simulated=bool(simulation_mark(origin))).encode()
-        )
-        context.wrote("report", page)
+        page = program_page(cell, document, simulated=bool(simulation_mark(origin)))
+        context.write(request.report, page, "report")
 
 
 def _require_own_files(program: WrittenProgram, output: Path) -> None:

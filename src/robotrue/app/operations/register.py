@@ -96,7 +96,6 @@ def run(request: RegisterRequest, context: Context) -> PlainResult:
     )
     from robotrue.app.touch_settings import registration_settings
     from robotrue.calibration.nominal import NominalModel
-    from robotrue.core.files import write_atomic
     from robotrue.measurement.formats.part_points import read_points
     from robotrue.robot.configuration import axis_relation
     from robotrue.store.model_file import write_model
@@ -137,8 +136,7 @@ def run(request: RegisterRequest, context: Context) -> PlainResult:
             f"probing changed the arm by {found.moved / MM:.3f} mm rms at the touches: refined "
             f"model written to {refined_path}; the frames belong to it"
         )
-    write_atomic(output, data)
-    context.wrote("registered cell", output)
+    context.write(output, data, "registered cell")
     return PlainResult(
         values={
             "cell": str(output),

@@ -72,7 +72,6 @@ def run(request: RegisterRoundsRequest, context: Context) -> PlainResult:
     )
     from robotrue.app.touch_settings import registration_settings
     from robotrue.calibration.nominal import NominalModel
-    from robotrue.core.files import write_atomic
     from robotrue.measurement.formats.part_points import read_points
     from robotrue.planning.work_area import rough_frames
     from robotrue.program.controller_frames import controller_frame
@@ -112,8 +111,8 @@ def run(request: RegisterRoundsRequest, context: Context) -> PlainResult:
         points_file=request.rounds[-1].name,
         points_sha256=files[-1].digest,
     )
-    write_atomic(output, registered_cell(cell, source, table, output))
-    context.wrote("cell for the next run", output)
+    data = registered_cell(cell, source, table, output)
+    context.write(output, data, "cell for the next run")
     frames = write_frames(found.frames, request.frame_format, request.frame_number)
     lines = [frame.text for _, frame in frames]
     return PlainResult(

@@ -82,7 +82,6 @@ def run(request: SimilarityRequest, context: Context) -> PlainResult:
         ModelMismatchError: Positions in the frame of a tracker.
         ObservabilityError: A region without points, or too few of them correspond.
     """
-    from robotrue.core.files import write_atomic
     from robotrue.report.page import report_html
     from robotrue.report.similarity_report import (
         curves_csv,
@@ -101,13 +100,10 @@ def run(request: SimilarityRequest, context: Context) -> PlainResult:
     errors = rows.position - points
     regions = _regions(request, rows, points)
     found = compare_regions(points, errors, regions, apart=request.apart_mm * MM)
-    output = context.output(request.output)
-    write_atomic(output, similarities_csv(found, rows.provenance).encode())
-    context.wrote("similarities", output)
+    output = context.write(request.output, similarities_csv(found, rows.provenance), "similarities")
     if request.curves is not None:
-        path = context.output(request.curves)
-        write_atomic(path, curves_csv(found, rows, points, errors).encode())
-        context.wrote("error curves", path)
+        table = curves_csv(found, rows, points, errors)
+        context.write(request.curves, table, "error curves")
     wins = count_cylinder_wins(found, request.reading)
     if request.report is not None:
         content = similarity_content(
@@ -119,9 +115,7 @@ def run(request: SimilarityRequest, context: Context) -> PlainResult:
             poses=len(rows),
             simulated=rows.provenance.simulated,
         )
-        page = context.output(request.report)
-        write_atomic(page, report_html(content).encode())
-        context.wrote("report", page)
+        context.write(request.report, report_html(content), "report")
     return PlainResult(
         values={"similarities_csv": str(output), **_document(found, request.reading, wins)},
         shown=tuple(_blocks(found, request.reading, len(rows), wins)),

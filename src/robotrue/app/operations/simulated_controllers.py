@@ -248,7 +248,6 @@ def simulate_rdt(request: SimulateRdtRequest, context: Context) -> PlainResult:
     Raises:
         ConfigurationError: A device or fault that does not exist, or a port that is taken.
     """
-    from robotrue.core.files import write_atomic
     from robotrue.online.rdt import RdtDevice
     from robotrue.simulation.online_faults import parse_fault
     from robotrue.simulation.online_scenario import online_scenario
@@ -269,15 +268,14 @@ def simulate_rdt(request: SimulateRdtRequest, context: Context) -> PlainResult:
         faults=tuple(parse_fault(text, FAULTS) for text in request.fault),
     )
     if request.scale is not None:
-        scale = context.output(request.scale)
-        write_atomic(scale, netftapi_page(settings))
-        context.inform(f"scale of the simulated sensor written to {scale}")
+        context.write(request.scale, netftapi_page(settings), "scale of the simulated sensor")
     scenario = online_scenario(request.seed, request.robot)
     if request.poses is not None:
-        poses = context.output(request.poses)
-        _write_readings(poses, scenario, request.seed)
-        context.inform(
-            f"six simulated readings at rest written to {poses}: robotrue dynamics sensor {poses}"
+        context.write(
+            request.poses,
+            _rest_readings(scenario, request.seed),
+            "six simulated readings at rest",
+            f": robotrue dynamics sensor {request.poses}",
         )
 
     async def serve(stop: asyncio.Event) -> object:
@@ -292,13 +290,12 @@ def simulate_rdt(request: SimulateRdtRequest, context: Context) -> PlainResult:
     return service.run_until_stopped("ATI force sensor", serve, seconds=request.seconds)
 
 
-def _write_readings(path: Path, scenario: OnlineScenario, seed: int) -> None:
-    from robotrue.core.files import write_atomic
+def _rest_readings(scenario: OnlineScenario, seed: int) -> bytes:
     from robotrue.dynamics.formats.dynamics_csv import sensor_csv
     from robotrue.simulation.online_scenario import WRIST_ATTITUDES
 
     readings = scenario.at_rest(WRIST_ATTITUDES, seed)
-    write_atomic(path, sensor_csv(WRIST_ATTITUDES, readings, SENSOR))
+    return sensor_csv(WRIST_ATTITUDES, readings, SENSOR)
 
 
 def _announce_sensor(

@@ -68,15 +68,13 @@ def run(request: SlotTestRequest, context: Context) -> PlainResult:
 
 
 def _simulate(request: SlotTestRequest, context: Context) -> PlainResult:
-    from robotrue.core.files import write_atomic
     from robotrue_reproductions.feng2018.slot_page import slot_page
     from robotrue_reproductions.feng2018.slot_trial import check_trial, run_slot_trial
 
     check_trial(request.seed, request.way)
     trial = run_slot_trial(request.seed, request.way, context.step)
     if request.output is not None:
-        page = context.output(request.output)
-        write_atomic(page, slot_page(trial).encode())
+        page = context.write(request.output, slot_page(trial))
         context.inform(f"page: {page}")
     datum = (
         ("block where it was", trial.rest.reason),

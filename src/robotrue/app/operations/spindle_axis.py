@@ -81,12 +81,9 @@ def run(request: SpindleAxisRequest, context: Context) -> PlainResult:
     tool = _tool_table(found, request.length_mm * MM)
     if request.cell is not None and request.output is not None:
         from robotrue.cell.toml_edit import with_table
-        from robotrue.core.files import write_atomic
 
-        output = context.output(request.output)
         text = with_table(request.cell.read_text(encoding="utf-8"), "tool", tool)
-        write_atomic(output, text.encode())
-        context.inform(f"[tool] written to {output}")
+        context.write(request.output, text, "[tool]")
     return PlainResult(
         values=_document(found, tool),
         shown=(Facts(title="Spindle axis in the flange", rows=_facts(found)), Text(_snippet(tool))),

@@ -70,7 +70,7 @@ def find_point(request: ToolPointRequest, context: Context) -> PlainResult:
     """
     import numpy as np
 
-    from robotrue.app.registered import open_model, write_tool
+    from robotrue.app.registered import cell_with_tool, open_model
     from robotrue.app.touch_settings import registration_settings
     from robotrue.calibration.nominal import NominalModel
     from robotrue.core.poses import pose
@@ -96,9 +96,8 @@ def find_point(request: ToolPointRequest, context: Context) -> PlainResult:
     T = pose(cell.robot.T_flange_tool[:3, :3], found.p_flange_tool)
     texts = _tool_texts(T, request.tool_format, request.tool_number)
     if request.output is not None:
-        output = context.output(request.output)
-        write_tool(cell, source, T, output)
-        context.wrote("cell with the tool", output)
+        data = cell_with_tool(cell, source, T, request.output)
+        context.write(request.output, data, "cell with the tool")
     known = found.region <= (request.tolerance_mm or np.inf) * MM
     verdict = "" if request.tolerance_mm is None else "holds" if known else "is not known to it"
     return PlainResult(
@@ -216,7 +215,7 @@ def find_axis(request: ToolAxisRequest, context: Context) -> PlainResult:
     """
     import numpy as np
 
-    from robotrue.app.registered import open_model, write_tool
+    from robotrue.app.registered import cell_with_tool, open_model
     from robotrue.calibration.nominal import NominalModel
     from robotrue.cell.registration.tool import tool_frame
     from robotrue.core.arrays import parse_number_list
@@ -231,9 +230,8 @@ def find_axis(request: ToolAxisRequest, context: Context) -> PlainResult:
     )
     texts = _tool_texts(T, request.tool_format, request.tool_number)
     if request.output is not None:
-        output = context.output(request.output)
-        write_tool(cell, source, T, output)
-        context.wrote("cell with the tool", output)
+        data = cell_with_tool(cell, source, T, request.output)
+        context.write(request.output, data, "cell with the tool")
     x, y, z = found.axis_in_flange
     tilt = float(np.arccos(np.clip(z, -1.0, 1.0)))
     sd = np.sqrt(np.diag(found.covariance)) / DEG

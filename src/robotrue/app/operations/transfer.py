@@ -227,7 +227,6 @@ def _write_page(
     result: Transferred,
     context: Context,
 ) -> None:
-    from robotrue.core.files import write_atomic
     from robotrue.report.content import Fact
     from robotrue.report.page import report_html
     from robotrue.report.report_files import file_fact
@@ -252,8 +251,7 @@ def _write_page(
         doubts=list(result.model.training_summary().warnings),
         provenance=facts,
     )
-    write_atomic(path, report_html(content).encode())
-    context.wrote("report", path)
+    context.write(path, report_html(content), "report")
 
 
 def save(
