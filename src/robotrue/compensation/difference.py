@@ -22,7 +22,7 @@ from robotrue.compensation.process_force import DescribedForce, state_forces
 from robotrue.compensation.result import mean_and_max
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.core.arrays import Array, BoolArray, IntArray
-from robotrue.core.columns import Column, Columns
+from robotrue.core.columns import EMPTY, Column, Columns
 from robotrue.core.rotations import rotation_vector_from_matrix
 from robotrue.core.units import DEG, UM
 from robotrue.errors import ModelMismatchError
@@ -58,6 +58,7 @@ class Difference(Columns):
         error_before: (n, 3) m in base, predicted, actual minus wanted; empty without a model.
         error_after: (n, 3) m in base, the same with the second program; empty likewise.
         covariance: (n, 3, 3) m^2 about ``error_after``; empty likewise.
+        joints: (n, 6) rad of the first program, compensated, model's sense; NaN without a model.
     """
 
     change: Annotated[IntArray, Column("n")]
@@ -68,6 +69,7 @@ class Difference(Columns):
     error_before: Annotated[Array, Column("m 3", unit="m", nan=True)]
     error_after: Annotated[Array, Column("m 3", unit="m", nan=True)]
     covariance: Annotated[Array, Column("m 3 3", unit="m^2", nan=True)]
+    joints: Annotated[Array, Column("n 6", unit="rad", nan=True, fill=np.nan)] = EMPTY
 
     @property
     def axis_target(self) -> BoolArray:
@@ -130,6 +132,7 @@ def difference(
     if axis.any():
         turn[axis] = np.abs(second.axes[axis] - first.axes[axis]).max(axis=1)
     before, after, covariance = np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 3, 3))
+    joints = EMPTY
     if model is not None:
         settings = CompensationSettings(load=load, home=np.empty(0) if home is None else home)
         here = compensate(model, first, settings=settings)
@@ -137,6 +140,7 @@ def difference(
         before = np.where(posed[:, None], here.predicted_error_before, np.nan)
         after = shift + np.where(posed[:, None], there.predicted_error_before, np.nan)
         covariance = np.where(np.isfinite(after)[..., None], there.covariance, np.nan)
+        joints = here.joints
     return Difference(
         change=_changes(first, second, shift, turn, posed | axis),
         line=first.line,
@@ -146,6 +150,7 @@ def difference(
         error_before=before,
         error_after=after,
         covariance=covariance,
+        joints=joints,
     )
 
 

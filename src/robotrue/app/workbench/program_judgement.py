@@ -14,6 +14,7 @@ from robotrue.app.force_options import parse_wrench
 from robotrue.app.serve_defaults import LARGEST_DRAWN
 from robotrue.app.stated_force import force_parameters
 from robotrue.app.workbench.arm_body import answer, body_document, pack_floats
+from robotrue.app.workbench.errors_along import ExpectedErrors, describe_errors, find_movers
 from robotrue.app.workbench.model_views import from_simulation
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell, frame_table, overlay_cell
@@ -189,10 +190,20 @@ def _document(
         "line": line[drawn],
         "compared": found.compared,
     }
+    point = np.full(len(kept), -1)
+    point[drawn] = np.arange(len(drawn))
+    movers = [find_movers(one.joints, found.cell.robot.controller) for _, one in parts]
+    errors = ExpectedErrors(
+        number=kept + 1,
+        line=line,
+        before=before + bound,
+        after=after + bound,
+        mover=np.concatenate(movers)[kept],
+        point=point,
+    )
     sizes = {"before": before, "after": after, "bound": bound, "shift": shift}
     # What nothing is known of comes first: it is why the program is NO-GO.
     order = np.argsort(-np.where(known, after + bound, np.inf), kind="stable")[:WORST]
-    place = {int(row): number for number, row in enumerate(drawn)}
     return {
         "scene": _draw_scene(found, path),
         "simulated": found.simulated,
@@ -206,6 +217,7 @@ def _document(
         "after_m": _statistics(after[known]),
         "bound_m": float(bound[known].max()),
         "expected_m": float((after + bound)[known].max()),
+        "along": describe_errors(errors.take(known), names),
         "states": {}
         if states is None
         else {each.name.lower(): int((states == each).sum()) for each in Conformity},
@@ -216,7 +228,7 @@ def _document(
                 "line": int(line[row]),
                 **{f"{name}_m": float(size[row]) for name, size in sizes.items()},
                 "state": None if states is None else Conformity(int(states[row])).name.lower(),
-                "point": place.get(int(row), -1),
+                "point": int(point[row]),
             }
             for row in order
         ],

@@ -21,6 +21,7 @@ from robotrue.web.page_context import PageContext
 from robotrue.web.parts.changed_lines import SHOWN, list_changed_lines
 from robotrue.web.parts.reports import Reports, find_reports
 from robotrue.web.parts.request_form import RequestForm
+from robotrue.web.parts.residuals import draw_along
 
 AFTER: Final = "after"
 """Stage of a compensated program; ``store.programs`` would bring all readers with it."""
@@ -114,12 +115,14 @@ async def _judge(context: PageContext) -> str:
         f"{'' if tolerance is None else f'&tolerance_mm={tolerance:g}'}"
         f"{'&strict=true' if strict else ''}"
     )
+    compared = found["scene"]["path"]["compared"]
     return context.render(
         "program_judged.html",
         record=record,
         found=found,
         after=record.stage == AFTER,
-        compared=found["scene"]["path"]["compared"],
+        compared=compared,
+        along=draw_along(context, found["along"], compared=compared),
         source=source,
         tolerance=tolerance,
         offered=OFFERED,

@@ -1,55 +1,134 @@
-"""Errors of poses before and after, drawn as SVG: pose by pose, and how many are how large."""
+"""Errors before and after, drawn as SVG: along the poses or targets, by size, by moving axis."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Final
+from dataclasses import dataclass, replace
+from typing import Any, Final
 
 from markupsafe import Markup
 
 from robotrue.web.page_context import PageContext
 
 BINS: Final = 24
-WIDTH: Final = 760
-HEIGHT: Final = 240
-LEFT: Final = 58
-RIGHT: Final = 12
-TOP: Final = 12
-BOTTOM: Final = 26
+FLOOR: Final = 1e-7
+"""m; lengths below are drawn as this one."""
 STEPS: Final = (1, 2, 5)
+MOST_NUMBERS: Final = 6
+"""Target numbers along the lower axis."""
+TALL: Final = 560
+"""Height of a chart beside two others."""
+BOTH: Final = ("before", "after")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Paper:
+    """Area of a chart, and the logarithmic scale of its lengths.
+
+    Attributes:
+        low_m: Length at the lower end.
+        high_m: Length at the upper end.
+        wide: Width in the units of the drawing.
+        tall: Height.
+    """
+
+    low_m: float
+    high_m: float
+    wide: int = 620
+    tall: int = 240
+    left: int = 58
+    right: int = 608
+    top: int = 12
+
+    @property
+    def bottom(self) -> int:
+        """Ordinate of the lower axis."""
+        return self.tall - 26
+
+    def share(self, length: float) -> float:
+        """Returns where a length in m lies between the ends, 0 to 1."""
+        inside = min(max(length, self.low_m), self.high_m)
+        return math.log(inside / self.low_m) / math.log(self.high_m / self.low_m)
+
+    def ticks(self) -> list[float]:
+        """Returns the round lengths in m between the ends."""
+        powers = range(math.floor(math.log10(self.low_m)), math.ceil(math.log10(self.high_m)) + 1)
+        every = [step * 10.0**power for power in powers for step in STEPS]
+        return [each for each in every if self.low_m <= each <= self.high_m]
 
 
 def draw_residuals(context: PageContext, poses: Sequence[Mapping[str, float]]) -> Markup:
-    """Returns both charts; lengths on a logarithmic scale, a number at each point of the first.
+    """Returns both charts of measured poses; lengths on a logarithmic scale.
 
     Args:
         context: Of the page: its unit of errors and its words.
         poses: ``row``, ``line``, ``before_m``, ``after_m`` of each.
     """
-    floor = 1e-7
-    lengths = [max(each[name], floor) for each in poses for name in ("before_m", "after_m")]
-    low, high = min(lengths) / 1.1, max(lengths) * 1.1
+    lengths = [max(each[f"{name}_m"], FLOOR) for each in poses for name in BOTH]
+    paper = Paper(low_m=min(lengths) / 1.1, high_m=max(lengths) * 1.1)
+    counts = {name: [0] * BINS for name in BOTH}
+    for each in poses:
+        for name, found in counts.items():
+            found[min(BINS - 1, int(paper.share(each[f"{name}_m"]) * BINS))] += 1
+    rows = [
+        {**each, "number": number, "point": each["row"] - 1}
+        for number, each in enumerate(poses, start=1)
+    ]
+    return _draw(context, paper, rows, counts, words="residuals")
 
-    def share(length: float) -> float:
-        return math.log(max(length, floor) / low) / math.log(high / low)
 
-    def count(name: str) -> list[int]:
-        found = [0] * BINS
-        for each in poses:
-            found[min(BINS - 1, int(share(each[name]) * BINS))] += 1
-        return found
+def draw_along(context: PageContext, along: Mapping[str, Any], *, compared: bool) -> Markup:
+    """Returns the charts of a program: by target, by size, by the axis that moves most.
 
-    counts = {"before": count("before_m"), "after": count("after_m")}
-    powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
-    ticks = [s * 10.0**p for p in powers for s in STEPS if low <= s * 10.0**p <= high]
+    Args:
+        context: Of the page: its unit of errors and its words.
+        along: As ``errors_along.describe_errors`` returns it.
+        compared: Whether there is a program before this one; if not, its own errors are drawn.
+    """
+    paper = Paper(low_m=along["low_m"], high_m=along["high_m"])
+    counts = {name: along["counts"][name] for name in (BOTH if compared else ("before",))}
+    step = max(1, -(-along["last"] // MOST_NUMBERS))
+    numbers = [1, *range(step, along["last"] - step // 2, step), along["last"]]
+    return _draw(
+        context,
+        paper,
+        along["rows"],
+        counts,
+        words="along",
+        file_named=len({each["file"] for each in along["rows"]}) > 1,
+        thinned=along["thinned"],
+        last=along["last"],
+        numbers=list(dict.fromkeys(numbers)),
+        movers=along["movers"],
+    )
+
+
+def _draw(
+    context: PageContext,
+    paper: Paper,
+    rows: Sequence[Mapping[str, Any]],
+    counts: Mapping[str, Sequence[int]],
+    *,
+    words: str,
+    file_named: bool = False,
+    thinned: bool = False,
+    last: int | None = None,
+    numbers: Sequence[int] = (),
+    movers: Sequence[Mapping[str, Any]] = (),
+) -> Markup:
+    """The charts; ``words`` names the texts about poses or targets."""
     return context.render(
         "residuals.html",
-        poses=poses,
+        paper=paper,
+        tall=replace(paper, tall=TALL) if movers else paper,
+        rows=rows,
         counts=counts,
         most=max(max(each) for each in counts.values()),
-        ticks=ticks,
-        share=share,
-        paper={"width": WIDTH, "height": HEIGHT, "left": LEFT, "right": WIDTH - RIGHT,
-               "top": TOP, "bottom": HEIGHT - BOTTOM},
-    )  # fmt: skip
+        words=words,
+        file_named=file_named,
+        thinned=thinned,
+        last=len(rows) if last is None else last,
+        numbers=numbers,
+        movers=movers,
+    )

@@ -77,6 +77,33 @@
   addEventListener("keydown", (e) => {
     if (e.key === "Enter" && e.target.matches?.("tr[data-href], tr[data-point]")) follow(e.target);
   });
+  // A point under the pointer in a chart is marked in the 3-D view, and the other way round.
+  const hover = (point) => dispatchEvent(new CustomEvent("bench-hover", { detail: point }));
+  addEventListener("pointerover", (e) => {
+    const dot = e.target.closest?.("svg [data-point]");
+    if (dot) hover(Number(dot.dataset.point));
+    else if (e.target.closest?.("svg.residuals")) hover(null);
+  });
+  addEventListener("pointerout", (e) => e.target.closest?.("svg.residuals") && !e.relatedTarget?.closest?.("svg.residuals") && hover(null));
+  // Charts of many points draw some of them: the nearest one before stands for the others.
+  const near = (chart, point) => {
+    let best = -1;
+    for (const dot of chart.querySelectorAll("circle[data-point]")) {
+      const at = Number(dot.dataset.point);
+      if (at <= point && at > best) best = at;
+    }
+    return best;
+  };
+  for (const [event, look] of [["bench-hover", "near"], ["bench-picked", "chosen"], ["bench-select", "chosen"]]) {
+    addEventListener(event, ({ detail }) => {
+      for (const chart of document.querySelectorAll("svg.residuals")) {
+        chart.querySelectorAll(`.${look}`).forEach((dot) => dot.classList.remove(look));
+        if (detail === null) continue;
+        const best = near(chart, detail);
+        chart.querySelectorAll(`circle[data-point="${best}"]`).forEach((dot) => dot.classList.add(look));
+      }
+    });
+  }
   const plain = (text) => String(text ?? "").replace(/[&<>"']/g, (c) => `&#${c.charCodeAt(0)};`);
   // A refusal as HTML: its kind and what helps in the reader's language, the detail as it came (faults.py).
   const fault = (found) => {

@@ -9,6 +9,7 @@ const HELD_MS = 500; // a whole picture between two of a slow machine would make
 const SLOW_MS = 50;
 const COARSEST = 0.4;
 const THIN_PATH = 4000;
+const MOST_PASSED = 20000;
 
 export const rampCss = "linear-gradient(90deg,#2f6db3,#3fa7a0,#8cc26a,#f0b040,#d8432b)";
 
@@ -59,11 +60,12 @@ void main(){
 const TINT = `varying vec3 vTint; void main(){ gl_FragColor = vec4(pow(vTint, vec3(1.0 / 2.2)), 1.0); }`;
 
 export class SceneView {
-  constructor(three, host, onPick) {
+  constructor(three, host, onPick, onHover) {
     Object.assign(this, three);
     const T = this.THREE;
     this.host = host;
     this.onPick = onPick;
+    this.onHover = onHover;
     this.software = drawnInSoftware();
     // Four samples a pixel are free on a graphics card and half the time without one.
     this.renderer = new T.WebGLRenderer({ antialias: !this.software, powerPreference: "high-performance" });
@@ -93,6 +95,8 @@ export class SceneView {
     this.retheme = () => this.theme();
     addEventListener("bench-theme", this.retheme);
     this.renderer.domElement.addEventListener("click", (e) => this.pick(e));
+    this.renderer.domElement.addEventListener("pointermove", (e) => this.passOver(e));
+    this.renderer.domElement.addEventListener("pointerleave", () => this.passOver(null));
     this.theme();
     this.resize();
   }
@@ -434,19 +438,37 @@ export class SceneView {
     this.wanted();
   }
 
-  // The nearest point to a click, within a finger's width.
   pick(event) {
-    if (!this.pickable) return;
+    const best = this.nearest(event, 22);
+    if (best >= 0) this.onPick(best);
+  }
+
+  // Says which point the pointer passes over; not while the view turns, and not of long paths.
+  passOver(event) {
+    if (!this.pickable || !this.onHover || this.passing || this.held || this.pickable.points.length > 3 * MOST_PASSED) return;
+    this.passing = true;
+    requestAnimationFrame(() => {
+      this.passing = false;
+      const best = event ? this.nearest(event, 10) : -1;
+      if (best === (this.passed ?? -1)) return;
+      this.passed = best;
+      this.onHover(best < 0 ? null : best);
+    });
+  }
+
+  // The point nearest to the pointer within some pixels; -1: none.
+  nearest(event, within) {
+    if (!this.pickable) return -1;
     const box = this.renderer.domElement.getBoundingClientRect();
     const v = new this.THREE.Vector3();
     const { points } = this.pickable;
-    let best = -1, least = 22;
+    let best = -1, least = within;
     for (let i = 0; i < points.length / 3; i++) {
       v.fromArray(points, 3 * i).project(this.camera);
       const d = Math.hypot(((v.x + 1) / 2) * box.width + box.left - event.clientX, ((1 - v.y) / 2) * box.height + box.top - event.clientY);
       if (v.z < 1 && d < least) [best, least] = [i, d];
     }
-    if (best >= 0) this.onPick(best);
+    return best;
   }
 
   // Points without errors, and thin lines of sight to where they are seen from, if that is known.
@@ -471,9 +493,19 @@ export class SceneView {
   }
 
   mark(i) {
+    this.ball("mark", i, 0xff2d78);
+  }
+
+  // Marks the point under the pointer; null: none is.
+  hover(i) {
+    if (i === null || !this.pickable || 3 * i + 2 >= this.pickable.points.length) this.show("hover", false);
+    else this.ball("hover", i, 0xffffff);
+  }
+
+  ball(name, i, colour) {
     const T = this.THREE;
-    const group = this.layer("mark");
-    const ball = new T.Mesh(new T.SphereGeometry(0.016, 16, 12), new T.MeshBasicMaterial({ color: 0xff2d78, depthTest: false }));
+    const group = this.layer(name);
+    const ball = new T.Mesh(new T.SphereGeometry(0.016, 16, 12), new T.MeshBasicMaterial({ color: colour, depthTest: false }));
     ball.renderOrder = 9;
     ball.position.fromArray(this.pickable.points, 3 * i);
     group.add(ball);

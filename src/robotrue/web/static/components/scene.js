@@ -52,6 +52,8 @@ export default {
   async mounted() {
     this.onSelect = (e) => this.pick(e.detail);
     addEventListener("bench-select", this.onSelect);
+    this.onHover = (e) => this.view?.hover(e.detail);
+    addEventListener("bench-hover", this.onHover);
     try {
       const tools = await import("/static/scene_view.js");
       const response = await fetch(this.src);
@@ -69,12 +71,13 @@ export default {
   },
   beforeUnmount() {
     removeEventListener("bench-select", this.onSelect);
+    removeEventListener("bench-hover", this.onHover);
     this.view?.dispose();
   },
   methods: {
     build(doc, tools) {
       // Kept out of Vue's data: a proxy around every float would be slow.
-      this.view = new tools.SceneView(three, this.$refs.host, (i) => this.pick(i, true));
+      this.view = new tools.SceneView(three, this.$refs.host, (i) => this.pick(i, true), (i) => dispatchEvent(new CustomEvent("bench-hover", { detail: i })));
       this.simulated = Boolean(doc.model?.simulated || doc.simulated);
       this.view.robot(doc.robot);
       this.view.frameAxes(doc.frames ?? []);
