@@ -133,7 +133,7 @@ class _Writer:
         self.points: list[bytes] = []
         if len(own):
             self.state = self.found.headers[int(self.found.header[self.last])]
-            self.words = self._fields(self.state)
+            self.words = self._fields(self.last)
 
     def write(self) -> bytes:
         """Returns the bytes."""
@@ -172,7 +172,7 @@ class _Writer:
             raise ShapeError(f"C{number} is no C point: numbers end at {_MOST}.")
         name = b"C%05d" % number
         state = self.found.headers[int(self.found.header[model])]
-        words = self._fields(state)
+        words = self._fields(model)
         given = self.insertion.words[row]
         if words is not None and len(given):
             told = np.where(given == NO_WORD, words[: WORDS["yaskawa"]], given).tolist()
@@ -184,8 +184,9 @@ class _Writer:
         self.points.append(name + b"=" + b",".join(values) + self.eol)
         return name
 
-    def _fields(self, state: Header) -> tuple[int, ...] | None:
-        return None if state.rconf < 0 else self.found.rconf[state.rconf]
+    def _fields(self, row: int) -> tuple[int, ...] | None:
+        index = int(self.found.configuration[row])
+        return None if index < 0 else self.found.rconf[index]
 
     def _headers(self, state: Header, words: tuple[int, ...] | None) -> list[bytes]:
         """Returns the header lines that make a state hold, and remembers that it does."""

@@ -93,7 +93,7 @@ def moves(scan: JbiScan, name: str, harmless: Container[str] = ()) -> JbiMoves:
     """
     walk = _Walk(scan, name, harmless)
     for line, text in scan.body:
-        walk.instruction(line, text.partition(b"'")[0])
+        walk.instruction(line, text.partition(b"'")[0] if b"'" in text else text)
     walk.finish()
     return walk.out
 
@@ -117,11 +117,12 @@ class _Walk:
     def instruction(self, line: int, text: bytes) -> None:
         """Reads one."""
         plain = _PLAIN.match(text)
-        if plain and not self._shift and self._is_plain(plain[3]):
-            row = self._row.get(int(plain[2]))
+        if plain and not self._shift:
+            letter, number, tail = plain.groups()
+            row = self._row.get(int(number)) if self._is_plain(tail) else None
             if row is not None:
                 self._master = [row]
-                self._track(line, self._master, plain[1], b"FPT" in plain[3])
+                self._track(line, self._master, letter, b"FPT" in tail)
                 return
         match = _MOVE.match(text)
         if match:
@@ -222,7 +223,7 @@ class _Walk:
 
     def _track(self, line: int, rows: list[int], letter: bytes, ends: bool) -> None:
         """Notes how rows are moved to; runs of MOVC are arcs of two points each."""
-        if letter != b"C" and rows:
+        if letter != b"C" and rows and self._run:
             self._close_run()
         for row in rows:
             how = _MOTION[letter]
@@ -231,7 +232,7 @@ class _Walk:
                 how = (Motion.ARC_VIA, Motion.ARC_END)[len(self._run) % 2 == 0]
                 how = how if self._run else Motion.LIN
                 self._run.append(row)
-            self.out.path.extend((line, row, int(how)))
+            self.out.path.extend((line, row, how))
             before = self.out.motion.get(row)
             if before is None or how == Motion.PTP:
                 self.out.motion[row] = how

@@ -67,9 +67,9 @@ class _Builder:
         kinds = np.array([header.unit for header in found.headers], np.int64)
         kind = kinds[found.header]
         tokens = TargetTokens(
-            start=found.start,
-            length=found.length,
-            value=found.value,
+            start=found.numbers.start,
+            length=found.numbers.length,
+            value=found.numbers.value,
             kind=kind,
             unit=unit,
             whole=np.array([False, False, True]),
@@ -86,8 +86,7 @@ class _Builder:
         share_fate(reason, self.walk.runs)
         self._hint_at_axes(reason, motion)
         self._count_notes()
-        rconf = np.array([header.rconf for header in found.headers], np.int64)[found.header]
-        rconf[kind != UNITS["RECTAN"]] = -1
+        rconf = np.where(kind == UNITS["RECTAN"], found.configuration, -1)
         return Program(
             name=self.name,
             dialect="jbi",
@@ -286,10 +285,9 @@ def _units(given: FrameTable) -> Array:
 
 def _words(found: JbiScan, rconf: IntArray) -> IntArray:
     """Returns the first six fields of the RCONF of every row (n, 6)."""
-    fields = np.full((len(found.rconf) + 1, WORDS["yaskawa"]), NO_WORD, np.int64)
-    for index, values in enumerate(found.rconf):
-        fields[index] = values[: WORDS["yaskawa"]]
-    return fields[rconf]  # -1 is the last row, without words
+    width = WORDS["yaskawa"]
+    fields = [values[:width] for values in found.rconf]
+    return np.array([*fields, (NO_WORD,) * width], np.int64)[rconf]  # -1 is without words
 
 
 def propose_ratios(frames: FrameTable) -> tuple[str, list[float]] | None:

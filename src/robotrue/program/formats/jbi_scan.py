@@ -10,24 +10,25 @@ from __future__ import annotations
 import re
 from array import array
 from dataclasses import dataclass, field
-from itertools import chain
 from typing import Final, NamedTuple, NoReturn
 
 import numpy as np
 
-from robotrue.core.arrays import Array, IntArray
+from robotrue.core.arrays import IntArray
 from robotrue.errors import FormatError
+from robotrue.program.formats.number_table import Numbers, NumberTable
 from robotrue.program.formats.number_text import NUMBER
 from robotrue.program.formats.text_lines import require_text
 
-_LINE: Final = re.compile(rb"([^\r\n]*)(?:\r\n|\n|\r|\Z)")
+_END: Final = rb"(?:\r\n|\n|\r|\Z)"
+_LINE: Final = re.compile(rb"([^\r\n]*)" + _END)
 _FINITE: Final = rb"[+-]?(?:\d{1,200}+(?:\.\d*+)?|\.\d++)(?:[eE][+-]?0?\d{1,2}(?!\d))?+"
+_CONFIGURATION: Final = rb"[ \t]*+///RCONF[ \t]++((?:[0-9]{1,9},){5,}+[0-9]{1,9})[ \t]*+" + _END
 _PLAIN_POINT: Final = re.compile(
-    rb"[ \t]*+([CP])(\d{1,6}+)[ \t]*+="
-    + rb",".join([rb"[ \t]*+(" + _FINITE + rb")[ \t]*+"] * 6)
-    + rb"(?:\r\n|\n|\r|\Z)"
-)
-"""A robot point of six numbers."""
+    rb"(?:" + _CONFIGURATION + rb")?+[ \t]*+([CP])(\d{1,6}+)[ \t]*+=("
+    + rb",".join([rb"[ \t]*+" + _FINITE + rb"[ \t]*+"] * 6) + rb")" + _END
+)  # fmt: skip
+"""A robot point of six numbers, and the configuration in the line before it."""
 _OTHER_POINT: Final = re.compile(rb"(C|P|BC|BP|EC|EX)(\d{1,6})[ \t]*=(.*)")
 _HEADER: Final = re.compile(rb"///(\w+)[ \t]*(.*)")
 _NUMBER: Final = re.compile(NUMBER)
@@ -47,14 +48,12 @@ class Header(NamedTuple):
         tool: Number of the tool, likewise.
         postype: ``BASE``, ``ROBOT``, ``USER``, ``TOOL``, ``MTOOL``, ``PULSE``, ``ANGLE`` or empty.
         unit: One of ``UNITS``; points without a type are pulses.
-        rconf: Index into ``JbiScan.rconf``, -1 before the first.
     """
 
     user: str = ""
     tool: str = ""
     postype: str = ""
     unit: int = UNITS["PULSE"]
-    rconf: int = -1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,10 +65,9 @@ class JbiScan:
         names: (n,) number of each point, P points counted from ``P_POINTS``.
         line: (n,) one-based line.
         header: (n,) index into ``headers``.
+        configuration: (n,) index into ``rconf``, -1 before the first.
         count: (n,) how many numbers stand there.
-        start: (n, 6) first byte of the numbers.
-        length: (n, 6).
-        value: (n, 6) as printed, NaN where none stands.
+        numbers: (n, 6) none for a point of another count.
         headers: Distinct states of the modal headers.
         rconf: The fields of every ``///RCONF`` line.
         counts: What ``///NPOS`` says, empty without it.
@@ -84,10 +82,9 @@ class JbiScan:
     names: IntArray
     line: IntArray
     header: IntArray
+    configuration: IntArray
     count: IntArray
-    start: IntArray
-    length: IntArray
-    value: Array
+    numbers: Numbers
     headers: list[Header]
     rconf: list[tuple[int, ...]]
     counts: tuple[int, ...]
@@ -130,8 +127,12 @@ class _Reader:
     body: list[tuple[int, bytes]] = field(default_factory=list)
     attributes: list[tuple[int, str, str]] = field(default_factory=list)
     rows: array[int] = field(default_factory=lambda: array("q"))
-    spans: array[int] = field(default_factory=lambda: array("q"))
-    values: array[float] = field(default_factory=lambda: array("d"))
+    fields: dict[bytes, tuple[int, ...]] = field(default_factory=dict)
+    table: NumberTable = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Makes the table of the numbers."""
+        self.table = NumberTable(self.data, [range(6)], b"'")
 
     def read(self) -> None:
         """Reads the whole file."""
@@ -143,8 +144,7 @@ class _Reader:
 
     def result(self) -> JbiScan:
         """Returns the columns."""
-        table = np.frombuffer(self.rows, np.int64).reshape(-1, 4)
-        spans = np.frombuffer(self.spans, np.int64).reshape(-1, 6, 2)
+        table = np.frombuffer(self.rows, np.int64).reshape(-1, 5)
         names = table[:, 0]
         order = np.argsort(names, kind="stable")
         twice = np.flatnonzero(np.diff(names[order]) == 0)
@@ -157,10 +157,9 @@ class _Reader:
             names=names,
             line=table[:, 1],
             header=table[:, 2],
-            count=table[:, 3],
-            start=spans[:, :, 0],
-            length=spans[:, :, 1] - spans[:, :, 0],
-            value=np.frombuffer(self.values, np.float64).reshape(-1, 6),
+            configuration=table[:, 3],
+            count=table[:, 4],
+            numbers=self.table.numbers(),
             headers=list(self.index),
             rconf=self.rconf,
             counts=self.counts,
@@ -178,7 +177,7 @@ class _Reader:
             return None
         self.at = match.end()
         self.line += 1
-        return match[1].strip(b" \t")
+        return _strip(match[1])
 
     def _section(self, *wanted: bytes) -> bytes:
         """Skips headers and comments to one of some section lines and returns it."""
@@ -199,13 +198,23 @@ class _Reader:
         while more:
             header = self._header()
             while match := _PLAIN_POINT.match(self.data, self.at):
-                kind, number, *numbers = match.groups()
+                rconf, kind, number, _ = match.groups()
+                if rconf:
+                    self.line += 1
+                    self._configure(rconf)
                 self.line += 1
-                self.rows.extend((self._name(kind.decode(), int(number)), self.line, header, 6))
-                self.spans.extend(chain.from_iterable(match.regs[3:]))
-                self.values.extend(map(float, numbers))
                 self.at = match.end()
+                name = self._name(kind.decode(), int(number))
+                self.rows.extend((name, self.line, header, len(self.rconf) - 1, 6))
+                self.table.add(*match.span(4), 0)
             more = self._other()
+
+    def _configure(self, text: bytes) -> None:
+        """Notes the fields of a plain ``///RCONF``; their texts repeat themselves."""
+        fields = self.fields.get(text)
+        if fields is None:
+            fields = self.fields[text] = tuple(map(int, text.split(b",")))
+        self.rconf.append(fields)
 
     def _pass_arguments(self) -> None:
         """Skips the content of ``//ARGINFO``: kinds of arguments and text for people."""
@@ -250,9 +259,9 @@ class _Reader:
         if kind in ("C", "P") and (len(parts) == 6 or not np.isfinite(numbers).all()):
             self._refuse(f"{_show(text)} has a number that cannot be read", "correct it")
         if kind in ("C", "P"):
-            self.rows.extend((self._name(kind, number), self.line, self._header(), len(parts)))
-            self.spans.extend([0] * 12)
-            self.values.extend([np.nan] * 6)
+            row = self._name(kind, number), self.line, self._header(), len(self.rconf) - 1
+            self.rows.extend((*row, len(parts)))
+            self.table.add(0, 0, 0)
         else:
             self.found[kind] = self.found.get(kind, 0) + 1
             self.external[kind, number] = numbers
@@ -276,7 +285,6 @@ class _Reader:
             fields = self._integers(name, value)
             if len(fields) < 6:
                 self._refuse(f"///RCONF has {len(fields)} fields, at least 6 are", "complete it")
-            self.state = self.state._replace(rconf=len(self.rconf))
             self.rconf.append(fields)
 
     def _integers(self, name: str, value: str) -> tuple[int, ...]:
@@ -287,7 +295,8 @@ class _Reader:
     def _instructions(self) -> None:
         """Reads ``//INST`` to its ``END``."""
         ended = False
-        while (text := self._next()) is not None:
+        for text in map(_strip, self.data[self.at :].splitlines()):
+            self.line += 1
             if text.startswith(b"/"):
                 header = _HEADER.fullmatch(text.replace(b"////", b"///", 1))
                 if header and not self.body:
@@ -301,6 +310,10 @@ class _Reader:
 
     def _refuse(self, what: str, cure: str) -> NoReturn:
         raise FormatError(f"{what}.", source=self.name, line=max(self.line, 1), hint=f"{cure}.")
+
+
+def _strip(text: bytes) -> bytes:
+    return text.strip(b" \t")
 
 
 def _show(text: bytes) -> str:
