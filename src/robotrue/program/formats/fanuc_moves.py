@@ -177,9 +177,10 @@ class _Walk:
         """Reads one; comments and remarked statements are passed over."""
         plain = _PLAIN.match(text)
         if plain and not self._run and not self._shifted:
-            row, options = self._row.get(int(plain[2])), self._options(plain[3])
+            letter, number, tail = plain.groups()
+            row, options = self._row.get(int(number)), self._options(tail)
             if row is not None and not options:
-                self._use(place, row, _MOTION[plain[1]])
+                self._use(place, row, _MOTION[letter])
                 return
         place += len(text) - len(text.lstrip())
         text = text.lstrip()
@@ -428,7 +429,7 @@ class _Walk:
         return known
 
     def _use(self, place: int, row: int, how: Motion) -> None:
-        self.out.path.extend((place, row, int(how)))
+        self.out.path.extend((place, row, how))
         before = self.out.motion.get(row)
         if before is None or how == Motion.PTP:
             self.out.motion[row] = how

@@ -142,16 +142,16 @@ class _Builder:
 
     def _tokens(self) -> TargetTokens:
         """Returns the places of the numbers; rows without a record have none."""
-        found, written = self.scan, self.walk.written
+        numbers, written = self.scan.numbers, self.walk.written
         nowhere = np.zeros((len(written), 6), np.int64)
         own = [
-            found.value[target.row] if target.pose is None else np.array(target.pose.values)
+            numbers.value[target.row] if target.pose is None else np.array(target.pose.values)
             for target in written
         ]
         return TargetTokens(
-            start=np.concatenate([found.start, nowhere]),
-            length=np.concatenate([np.where(np.isnan(found.value), 0, found.length), nowhere]),
-            value=np.concatenate([found.value, np.array(own).reshape(-1, 6)]),
+            start=np.concatenate([numbers.start, nowhere]),
+            length=np.concatenate([np.where(np.isnan(numbers.value), 0, numbers.length), nowhere]),
+            value=np.concatenate([numbers.value, np.array(own).reshape(-1, 6)]),
             kind=self.is_axis,
             unit=np.full((2, 6), DEG),
             whole=np.zeros(2, np.bool_),

@@ -99,11 +99,11 @@ def _points(found: FanucScan) -> dict[int, RegisterPose]:
     first, last = found.statements
     if _SETS_POSITION.search(found.data, first, last):
         return {}
-    plain = np.isfinite(found.value).all(axis=1) & (found.is_axis == 0)
+    plain = np.isfinite(found.numbers.value).all(axis=1) & (found.is_axis == 0)
     out: dict[int, RegisterPose] = {}
     for row in np.flatnonzero(plain).tolist():
         begin, size = found.config[row].tolist()
         if begin >= 0 and row not in found.external:
-            values = tuple(found.value[row].tolist())
+            values = tuple(found.numbers.value[row].tolist())
             out[int(found.number[row])] = RegisterPose(values, found.data[begin : begin + size])
     return out

@@ -105,7 +105,9 @@ def _set_names(text: bytes) -> frozenset[str]:
         out |= {"UF", "UT"}
     if b"CONDITION" in text.upper():
         out |= {"OFFSET", "TOOL_OFFSET"}
-    for line in text.split(b";"):
+    for line in text.split(b";") if b"R[" in text else ():
+        if b"R[" not in line:
+            continue
         moves = _MOVE.match(line) is not None
         if not (moves or _ASSIGNED.match(line) or _QUIET.match(line)) or (moves and b"=" in line):
             out |= {_name(*each) for each in _NAMED.findall(line)}

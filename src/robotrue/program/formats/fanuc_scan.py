@@ -11,14 +11,14 @@ import re
 from array import array
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from itertools import chain
 from typing import Final, NoReturn
 
 import numpy as np
 
-from robotrue.core.arrays import Array, IntArray
+from robotrue.core.arrays import IntArray
 from robotrue.errors import FormatError
 from robotrue.program.formats.move_trail import line_start
+from robotrue.program.formats.number_table import Numbers, NumberTable
 from robotrue.program.formats.number_text import NUMBER
 from robotrue.program.formats.text_lines import line_at, require_text
 
@@ -41,11 +41,12 @@ _PLAIN: Final = re.compile(
     rb"\s*+(P)\s*+\[\s*+(\d{1,6}+)\s*+(?::[^\]\r\n]*+)?\]\s*+\{\s*+GP1\s*+:"
     rb"\s*+UF\s*+:\s*+(\d{1,9}+|F)\s*+,\s*+UT\s*+:\s*+(\d{1,9}+|F)\s*+,"
     rb"(?:\s*+CONFIG\s*+:\s*+'([^'\r\n]*+)'\s*+,)?"
+    + rb"("
     + rb",".join(
-        rb"\s*+%c\s*+=\s*+([+-]?(?:\d{1,15}+(?:\.\d{0,15}+)?|\.\d{1,15}+))\s*+%s\s*+" % pair
+        rb"\s*+%c\s*+=\s*+[+-]?(?:\d{1,15}+(?:\.\d{0,15}+)?|\.\d{1,15}+)\s*+%s\s*+" % pair
         for pair in zip(b"XYZWPR", (b"mm", b"mm", b"mm", b"deg", b"deg", b"deg"), strict=True)
     )
-    + rb"\}\s*+;"
+    + rb")\}\s*+;"
 )
 """A pose of group 1 alone, as controllers write them by the thousand."""
 _CLOSE: Final = re.compile(rb"\}\s*;")
@@ -73,9 +74,7 @@ class FanucScan:
         frame: (n,) its UF, ``CURRENT`` for F.
         tool: (n,) its UT, likewise.
         is_axis: (n,) it holds J1 to J6.
-        start: (n, 6) first byte of each number.
-        length: (n, 6).
-        value: (n, 6) as printed; NaN where never taught.
+        numbers: (n, 6) NaN where never taught.
         config: (n, 2) first byte and length of what stands in the quotes of CONFIG, -1 without.
         external: Values of external axes (group, axis, value) by row.
         others: First byte of the records without a group 1, by number.
@@ -88,9 +87,7 @@ class FanucScan:
     frame: IntArray
     tool: IntArray
     is_axis: IntArray
-    start: IntArray
-    length: IntArray
-    value: Array
+    numbers: Numbers
     config: IntArray
     external: dict[int, list[tuple[int, str, float]]]
     others: dict[int, int]
@@ -105,7 +102,7 @@ class FanucScan:
     @property
     def last_record(self) -> int:
         """A byte of the last record."""
-        return max([int(self.start[:, 5].max(initial=0)), *self.others.values()])
+        return max([int(self.numbers.start[:, 5].max(initial=0)), *self.others.values()])
 
 
 def find_program(data: bytes) -> tuple[str, int, int] | None:
@@ -144,10 +141,15 @@ class _Reader:
     data: bytes
     name: str
     rows: array[int] = field(default_factory=lambda: array("q"))
-    spans: array[int] = field(default_factory=lambda: array("q"))
-    values: array[float] = field(default_factory=lambda: array("d"))
+    odd: dict[int, tuple[list[tuple[int, int]], list[float]]] = field(default_factory=dict)
+    frames: dict[bytes, int] = field(default_factory=dict)
+    table: NumberTable = field(init=False)
     external: dict[int, list[tuple[int, str, float]]] = field(default_factory=dict)
     others: dict[int, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Makes the table of the numbers."""
+        self.table = NumberTable(self.data, [range(6)], b";")
 
     def sections(self) -> tuple[tuple[int, int], tuple[int, int]]:
         """Returns where the statements and where the records stand."""
@@ -195,12 +197,17 @@ class _Reader:
             self._refuse(f"{_show(data, at)} is no position record", "correct it", at)
 
     def _plain_record(self, match: re.Match[bytes]) -> None:
-        groups, regs = match.groups(), match.regs
-        first, last = regs[5]
-        frames = _frame(groups[2]), _frame(groups[3])
-        self.rows.extend((int(groups[1]), regs[1][0], 0, first, last - first, *frames))
-        self.spans.extend(chain.from_iterable(regs[6:]))
-        self.values.extend(map(float, groups[5:]))
+        _, number, frame, tool, _, _ = match.groups()
+        first, last = match.span(5)
+        frames = self._frame(frame), self._frame(tool)
+        self.rows.extend((int(number), match.start(1), 0, first, last - first, *frames))
+        self.table.add(*match.span(6), 0)
+
+    def _frame(self, text: bytes) -> int:
+        number = self.frames.get(text)
+        if number is None:
+            number = self.frames[text] = int(text) if text.isdigit() else CURRENT
+        return number
 
     def _record(self, number: int, place: int, at: int, end: int) -> int:
         """Reads the groups of one record up to its ``};`` and returns the place after it."""
@@ -242,12 +249,12 @@ class _Reader:
             self._refuse(what, "positions are in mm and deg", group.end())
         quoted = group.start(4)
         config = (quoted, group.end(4) - quoted) if quoted >= 0 else (-1, 0)
-        self.rows.extend((number, place, kind, *config, _frame(group[2]), _frame(group[3])))
+        frames = self._frame(group[2]), self._frame(group[3])
+        self.rows.extend((number, place, kind, *config, *frames))
         numbers = [np.nan if text[:1] == b"*" else float(text) for text in groups[1::3]]
         if np.inf in numbers or -np.inf in numbers:
             self._refuse(f"a number in P[{number}] is too large", "correct it", six.start(2))
-        self.spans.extend(chain.from_iterable(six.regs[2::3]))
-        self.values.extend(numbers)
+        self.odd[self.table.add(0, 0, 0)] = list(six.regs[2::3]), numbers
         return six.end()
 
     def _axes(self, row: int, group: int, at: int, end: int) -> int:
@@ -266,7 +273,13 @@ class _Reader:
         """Returns the columns."""
         table = np.frombuffer(self.rows, np.int64).reshape(-1, _COLUMNS)
         self._require_once(table)
-        spans = np.frombuffer(self.spans, np.int64).reshape(-1, 6, 2)
+        numbers = self.table.numbers()
+        if self.odd:
+            rows = list(self.odd)
+            spans = np.array([spans for spans, _ in self.odd.values()], np.int64)
+            numbers.start[rows] = spans[:, :, 0]
+            numbers.length[rows] = spans[:, :, 1] - spans[:, :, 0]
+            numbers.value[rows] = [values for _, values in self.odd.values()]
         return FanucScan(
             data=self.data,
             number=table[:, 0],
@@ -274,9 +287,7 @@ class _Reader:
             frame=table[:, 5],
             tool=table[:, 6],
             is_axis=table[:, 2],
-            start=spans[:, :, 0],
-            length=spans[:, :, 1] - spans[:, :, 0],
-            value=np.frombuffer(self.values, np.float64).reshape(-1, 6),
+            numbers=numbers,
             config=table[:, 3:5],
             external=self.external,
             others=self.others,
@@ -299,10 +310,6 @@ class _Reader:
     def _refuse(self, what: str, cure: str, place: int) -> NoReturn:
         line = line_at(self.data.rstrip(), place)
         raise FormatError(f"{what}.", source=self.name, line=line, hint=f"{cure}.")
-
-
-def _frame(text: bytes) -> int:
-    return int(text) if text.isdigit() else CURRENT
 
 
 def _kind(names: tuple[bytes, ...], units: tuple[bytes, ...]) -> int:

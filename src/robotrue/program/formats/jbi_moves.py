@@ -71,7 +71,12 @@ class JbiMoves:
 
 
 def quiet_jobs(files: Sequence[tuple[str, bytes]]) -> tuple[str, ...]:
-    """Returns the names, in lower case, of jobs that set no point and call no job."""
+    """Returns the names, in lower case, of jobs that set no point and call no job.
+
+    Empty where no file calls a job.
+    """
+    if not any(b"CALL" in data for _, data in files):
+        return ()
     named = [(_JOB.search(data), data) for _, data in files]
     return tuple(
         match[1].decode("latin-1").strip().lower()
