@@ -10,11 +10,11 @@ from typing import Any, Final
 from markupsafe import Markup
 
 from robotrue.web.page_context import PageContext
+from robotrue.web.parts.curve import LEFT, STEPS
 
 BINS: Final = 24
 FLOOR: Final = 1e-7
 """m; lengths below are drawn as this one."""
-STEPS: Final = (1, 2, 5)
 MOST_NUMBERS: Final = 6
 """Target numbers along the lower axis."""
 TALL: Final = 560
@@ -23,7 +23,7 @@ BOTH: Final = ("before", "after")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Paper:
+class ChartArea:
     """Area of a chart, and the logarithmic scale of its lengths.
 
     Attributes:
@@ -37,7 +37,7 @@ class Paper:
     high_m: float
     wide: int = 620
     tall: int = 240
-    left: int = 58
+    left: int = LEFT
     right: int = 608
     top: int = 12
 
@@ -66,7 +66,7 @@ def draw_residuals(context: PageContext, poses: Sequence[Mapping[str, float]]) -
         poses: ``row``, ``line``, ``before_m``, ``after_m`` of each.
     """
     lengths = [max(each[f"{name}_m"], FLOOR) for each in poses for name in BOTH]
-    paper = Paper(low_m=min(lengths) / 1.1, high_m=max(lengths) * 1.1)
+    paper = ChartArea(low_m=min(lengths) / 1.1, high_m=max(lengths) * 1.1)
     counts = {name: [0] * BINS for name in BOTH}
     for each in poses:
         for name, found in counts.items():
@@ -86,7 +86,7 @@ def draw_along(context: PageContext, along: Mapping[str, Any], *, compared: bool
         along: As ``errors_along.describe_errors`` returns it.
         compared: Whether there is a program before this one; if not, its own errors are drawn.
     """
-    paper = Paper(low_m=along["low_m"], high_m=along["high_m"])
+    paper = ChartArea(low_m=along["low_m"], high_m=along["high_m"])
     counts = {name: along["counts"][name] for name in (BOTH if compared else ("before",))}
     step = max(1, -(-along["last"] // MOST_NUMBERS))
     numbers = [1, *range(step, along["last"] - step // 2, step), along["last"]]
@@ -106,7 +106,7 @@ def draw_along(context: PageContext, along: Mapping[str, Any], *, compared: bool
 
 def _draw(
     context: PageContext,
-    paper: Paper,
+    paper: ChartArea,
     rows: Sequence[Mapping[str, Any]],
     counts: Mapping[str, Sequence[int]],
     *,
