@@ -117,7 +117,7 @@ def test_an_input_is_not_overwritten(cli, work: Path) -> None:
     assert got.fault["kind"] == "ConfigurationError"
     got = cli("plan", work / "cell.toml", "-o", work / "p.csv", "--region", REGION,
               "--program-targets", work / "part.src", "--json")  # fmt: skip
-    assert "both say where" in got.fault["message"]
+    assert "both set where" in got.fault["message"]
 
 
 def test_a_program_for_another_maker_is_refused(cli, work: Path) -> None:

@@ -66,7 +66,7 @@ def test_sectors_and_boxes_and_sets(cli, design):
 
 def test_what_is_refused(cli, design):
     both = compare(cli, design, "--by-set")
-    assert "--region and --by-set both say" in both.err
+    assert "--region and --by-set both set" in both.err
     wrong = compare(cli, design, regions=[("A", "angle=1..2")])
     assert "--region A= 'angle=1..2', expected three ranges" in wrong.err
     far = compare(cli, design, regions=[SECTORS[0], ("far", f"angle_deg=90..100,{AROUND}")])

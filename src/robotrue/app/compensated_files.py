@@ -53,7 +53,7 @@ from robotrue.program.program import Program
 from robotrue.program.program_file import ProgramFile
 
 PART: tuple[str, ...] = ("name", "xyz_mm", "abc_deg", "verdict")
-"""What is said of the part frame a program runs in."""
+"""Reported keys of the part frame of a program."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,7 +86,7 @@ def compensate_files(request: CompensateRequest, context: Context) -> PlainResul
     files, outputs = open_programs(request, ground, context)
     forces = _forces(ground, files)
     context.step("compensating", 0, 1)
-    with ExitStack() as open_outputs:  # what is left open here when something fails gets no name
+    with ExitStack() as open_outputs:  # an output still open after a failure gets no name
         stacks = [open_outputs.enter_context(ExitStack()) for _ in outputs]
         streams = [
             stack.enter_context(atomic_stream(path))
@@ -342,7 +342,7 @@ def _finish(
 
 
 def _tell(target: Path, document: Counts, force: StatedForce, context: Context) -> None:
-    """Says what was done and which targets were left alone."""
+    """Reports the compensation and the targets left alone."""
     name = document["source"]
     context.inform(
         f"{name}: {document['compensated']} of {document['targets']} targets compensated, "

@@ -1,7 +1,7 @@
 """The demo on data: the same job on the measured UR10 (Landgraf et al., CASE 2021).
 
-Nobody moved the robot again: errors on held-out poses are measured against predicted, the errors of
-the compensated path are predictions, and the page says so.
+The robot was not moved again: errors on held-out poses are measured minus predicted, the errors of
+the compensated path are predictions, and the page states this.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ class HeldOut:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PathCheck:
-    """The compensated path. Errors are predicted, nobody re-measured it.
+    """The compensated path. Errors are predicted, not re-measured.
 
     Attributes:
         before: (n, 3) m, predicted if the path ran as it is.
@@ -116,13 +116,13 @@ def run_measured_demo(
 
     Args:
         data_dir: Folder that holds ``ur10-landgraf``.
-        out_dir: Folder, made if it is not there.
-        context: Told before each step.
+        out_dir: Folder, created if missing.
+        context: Called before each step.
         seed: Of the random split.
-        rows: How many rows of a series are used at most.
+        rows: Largest number of rows used of a series.
 
     Raises:
-        FormatError: The data are not there or cannot be read, or the folder cannot be written to.
+        FormatError: The data are missing or cannot be read, or the folder cannot be written to.
         ReachError: The path cannot be driven.
     """
     tell = partial(tell_share, context)

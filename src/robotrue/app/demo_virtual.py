@@ -1,6 +1,6 @@
-"""The whole job on a virtual cell, every file left behind to run again.
+"""The whole job on a virtual cell, with all files for repeating it.
 
-The virtual robot is a simulation. Everything the demo prints about it says so.
+The virtual robot is a simulation. All output of the demo about it is marked so.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ HELD_OUT_POSES: Final = 50
 REGION: Final = Region(turn=(20 * DEG, 20 * DEG, 40 * DEG))
 CHECK_LEVEL: Final = 15
 Share: TypeAlias = Callable[[str, float], None]
-"""Told what is done next and the share of the job that is behind, 0 to 1."""
+"""Called with the next step and the finished share of the job, 0 to 1."""
 
 
 def tell_share(context: Context, text: str, done: float) -> None:
@@ -60,8 +60,8 @@ def run_virtual_demo(out_dir: Path, context: Context, *, seed: int) -> DemoResul
     ``model.robotrue``, ``flange_hole_compensated.src``, ``demo.html`` and ``results.json``.
 
     Args:
-        out_dir: Folder, made if it is not there; files of the same names are replaced.
-        context: Told before each step.
+        out_dir: Folder, created if missing; files of the same names are replaced.
+        context: Called before each step.
         seed: Of the virtual cell and all its noise.
 
     Raises:

@@ -39,10 +39,10 @@ class Desk:
         session: Model and watch.
         setup: Of the foot.
         journal: Open.
-        truth: What measures references that do not say so themselves.
-        output: Where a refined model is kept.
+        truth: Instrument of references that do not state one.
+        output: File of the refined model.
         robot: Carries the foot; None for a head.
-        reporter: Told every answer, as a line and as JSON values.
+        reporter: Called with every answer, as a line and as JSON values.
     """
 
     def __init__(

@@ -116,13 +116,13 @@ _RADIANS: Final = 2.0 * np.pi
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReadForce:
-    """The force of a pass as it is to be cut into windows.
+    """The force of a pass before it is cut into windows.
 
     Attributes:
-        force: On the tool, base axes, its zero taken off.
+        force: On the tool, base axes, zero subtracted.
         stages: Of the pass.
-        zeros: (2, 3) N, sensor axes, before and behind the cut; zero where they were kept.
-        remarks: What is odd but harmless.
+        zeros: (2, 3) N, sensor axes, before and after the cut; zero where not subtracted.
+        remarks: Harmless oddities.
     """
 
     force: ForceRecord
@@ -143,7 +143,7 @@ def read_pass_joints(path: Path, robot: RobotModel, shift: float) -> tuple[PassJ
     Raises:
         FormatError: It cannot be read.
         ModelMismatchError: Joints beyond the limits of the arm.
-        ImplausibleDataError: Joints that stand still, or in radians.
+        ImplausibleDataError: Joints at rest, or in radians.
     """
     own = [f"j{k + 1}_deg" for k in range(robot.dof)]
     shown = [f"a{k + 1}_deg" for k in range(robot.dof)]
@@ -188,7 +188,7 @@ def read_pass_force(
     angle_file: Path | None,
     keep_zero: bool,
 ) -> ReadForce:
-    """Returns the force on the tool in base axes, its zero taken off, and the stages of the pass.
+    """Returns the force on the tool in base axes, zero subtracted, and the stages of the pass.
 
     Args:
         path: CSV, TDMS, MAT or UFF.
@@ -196,11 +196,11 @@ def read_pass_force(
         joints: Of the pass.
         spindle: Turns per second.
         angle_file: ``t_s,angle_deg`` of the spindle, clock of the force.
-        keep_zero: The zero has been taken off before.
+        keep_zero: The zero was subtracted before.
 
     Raises:
         FormatError: It cannot be read.
-        ImplausibleDataError: A sensor that cannot be right, or no single cut in the record.
+        ImplausibleDataError: An implausible sensor, or no single cut in the record.
     """
     record, remarks = read_force(path)
     turn = record.rate / spindle

@@ -52,10 +52,10 @@ REMARKS: Final = ("doubts", "notes")
 
 
 def describe_file(path: Path, mapping: Path | None) -> PlainResult:
-    """Returns what a file holds; a mapping says that it holds measurements.
+    """Returns the content of a file; with a mapping it holds measurements.
 
     Raises:
-        FormatError: Nothing that is known here.
+        FormatError: No known content.
     """
     data = read_bytes(path)
     if data.startswith(b"PK") and path.suffix.lower() not in WORKBOOKS:

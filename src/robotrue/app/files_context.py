@@ -31,7 +31,7 @@ class FilesContext(Context):
         self.shell = Shell() if shell is None else shell
 
     def step(self, text: str, done: int, of: int) -> None:
-        """Reports how far it is."""
+        """Reports the progress."""
         self.reporter.step(text, done, of)
 
     def report(self, message: Message) -> None:

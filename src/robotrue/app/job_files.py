@@ -70,8 +70,8 @@ class NoPlaces:
 def job_fields(operation: AnyOperation) -> tuple[RequestField, ...]:
     """Returns the fields of a request that a job states.
 
-    A job with a ``save`` of its own has those of the shell ``job``; any other one also the files
-    that are read and the names of what is written.
+    A job with its own ``save`` has those of the shell ``job``; any other one also the input files
+    and the names of the outputs.
     """
     request: type[Request] = operation.request
     fields = fields_of(request)

@@ -18,7 +18,7 @@ def job_kinds() -> dict[str, str]:
 
 
 class LazyJobKinds(Mapping[str, str]):
-    """The same, once somebody asks: it imports all operations, which a first page does without."""
+    """The same, on first use: it imports all operations, which a first page does not need."""
 
     def __getitem__(self, kind: str) -> str:
         return self._kinds[kind]

@@ -265,7 +265,7 @@ def _only(field: RequestField, values: list[object]) -> object:
 def _refusal(
     error: ValidationError, request: type[Request], fields: Mapping[str, RequestField]
 ) -> ConfigurationError:
-    """The first fault; a missing item says which noun is wanted."""
+    """Returns the first fault; for a missing item it names the expected noun."""
     for fault in error.errors(include_url=False):
         name = str(fault["loc"][0]) if fault["loc"] else ""
         if name in NAMED:

@@ -66,7 +66,7 @@ class KeptContext(WorkspaceContext):
         return self._copy_beside(reference, REGISTRATION.name)
 
     def document_files(self, reference: Reference, kind: str) -> tuple[Path, ...]:
-        """Returns the files of a document, also of what another job wrote: its reader judges it.
+        """Returns the files of a document, also those of another job, which their reader checks.
 
         Raises:
             ConfigurationError: A document of another kind, or that job wrote several files.
@@ -213,7 +213,7 @@ def _require_own_files(path: Path) -> None:
 def _named_files(path: Path) -> Iterator[str]:
     """All texts in a TOML, among them the files it may name; of another file none."""
     if path.suffix.lower() == ".toml":
-        with suppress(tomllib.TOMLDecodeError):  # whoever reads it says where
+        with suppress(tomllib.TOMLDecodeError):  # its reader reports the line
             yield from _texts(tomllib.loads(read_bytes(path).decode("utf-8-sig", errors="replace")))
 
 

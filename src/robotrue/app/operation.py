@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Result(Protocol):
-    """Contract of every result; whoever shows it adds the mark of simulated data."""
+    """Contract of every result; the shell that shows it adds the mark of simulated data."""
 
     @property
     def provenance(self) -> Provenance | None:
@@ -27,7 +27,7 @@ class Result(Protocol):
     def document(self) -> Mapping[str, object] | None:
         """Returns JSON values, units in the names; without ``simulated`` they are marked.
 
-        None of a service: it has told all.
+        None for a service, which has reported everything.
         """
         ...
 
@@ -42,17 +42,17 @@ R = TypeVar("R", bound=Result)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Operation(Generic[Q, R]):
-    """One thing the product does.
+    """One operation of the product.
 
     Attributes:
-        request: Type of what is asked.
-        help: One line; empty where the first line of its file says it.
-        run: Does it; the same on files and in a workspace.
+        request: Type of the request.
+        help: One line; empty where the first line of its file is used.
+        run: Runs it; the same on files and in a workspace.
         save: Writes its result into a workspace, with the transaction that ends the job, and
-            returns the job's result; None: the result is kept as a document with the files it
-            wrote, as :mod:`robotrue.app.job_runner` does.
+            returns the job's result; None: the result is saved as a document with the files it
+            wrote, by :mod:`robotrue.app.job_runner`.
         has_document: Whether the command has ``--json``: a run without a result has none.
-        is_service: Whether a run goes on until it is stopped; no job does.
+        is_service: Whether a run continues until it is stopped; no job does.
     """
 
     request: type[Q]

@@ -17,7 +17,7 @@ class Facts:
     Attributes:
         title: Above them.
         rows: Name and value.
-        measured: They stand beside a simulated result and rest on none of its data: not marked.
+        measured: Whether they do not depend on the simulated data of the result: not marked.
     """
 
     title: str

@@ -132,10 +132,10 @@ def job_operation(kind: str) -> AnyOperation:
 
 
 def why_no_job(listing: Listing) -> str:
-    """Returns why no job does an operation; empty for one that jobs can do.
+    """Returns why no job runs an operation; empty for one that jobs can run.
 
-    ``service``: it goes on until it is stopped. ``workspace``, ``jobs``: what pages and interface
-    do at once. ``machine``: it prepares this computer and has no result.
+    ``service``: it continues until it is stopped. ``workspace``, ``jobs``: pages and interface run
+    it at once. ``machine``: it prepares this computer and has no result.
     """
     operation = operation_of(listing.name)
     if listing.group in OF_THE_WORKSPACE:

@@ -153,7 +153,7 @@ def _list_poses(cell: Cell, plan: PosePlan) -> ReportTable:
             *axis_columns(cell.robot.dof),
             *(TableColumn(title=axis, unit="mm", digits=1) for axis in "xyz"),
             TableColumn(title="load"),
-            TableColumn(title="worth, place"),
+            TableColumn(title="benefit, place"),
         ),
         rows=tuple(
             (

@@ -84,7 +84,7 @@ def check_report_request(
 
 
 def write_draft(draft: ReportDraft, outputs: Sequence[Path], context: Context) -> PlainResult:
-    """Writes a report and says so."""
+    """Writes a report and reports its path."""
     from robotrue.report.report_files import write_reports
 
     files = [context.output(path) for path in outputs]

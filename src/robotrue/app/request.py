@@ -111,11 +111,11 @@ class Item(Option):
     """A reference to a cell, a model, measurements, a program, a registration or a document.
 
     Attributes:
-        noun: What it refers to, as ``robotrue workspace list`` spells it.
-        also: Other nouns that it may refer to in a job whose result is kept as a document.
+        noun: Kind of item, as ``robotrue workspace list`` spells it.
+        also: Other nouns that it may refer to in a job whose result is saved as a document.
         listed: Jobs may state it as a list of one.
         single: Jobs state one, or a list of one, where the command line takes several.
-        sent: A job with a ``save`` of its own also takes a file in its place, as the command does.
+        sent: A job with its own ``save`` also takes a file in its place, as the command does.
     """
 
     noun: str
@@ -127,10 +127,10 @@ class Item(Option):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InputFile(Option):
-    """A file that is read and that no workspace has items of.
+    """An input file that has no items in a workspace.
 
-    A job is given it as a file of an item: what came with the request is kept as a document. A job
-    with a ``save`` of its own has it only where ``shells`` says so.
+    A job gets it as a file of an item: an uploaded file is saved as a document. A job with its own
+    ``save`` has it only where ``shells`` allows it.
 
     Attributes:
         folder: A folder of files is read.
@@ -144,15 +144,15 @@ class InputFile(Option):
 class Output(Option):
     """A file to write.
 
-    On the command line its value is the path. A job with a ``save`` of its own writes it under
+    On the command line its value is the path. A job with its own ``save`` writes it under
     ``saved_as``: always, or, where the field is of the shell ``job``, if the parameter of that name
-    is true. Any other job is given the file name.
+    is true. Any other job gets the file name.
 
     Attributes:
-        what: Is written, with its article.
+        what: Written content, with its article.
         suffixes: In lower case, the usual one first.
-        only: No other suffix will do, unknown ones neither.
-        folder: A folder that exists will do, too.
+        only: No other suffix is allowed, unknown ones neither.
+        folder: An existing folder is allowed, too.
         renews: Name of the input that it may be written over.
         saved_as: File name in a job; empty: not written there.
     """
@@ -172,7 +172,7 @@ class RequestField:
 
     Attributes:
         name: Of the field; also of the parameter of a job.
-        kind: Type of one value, ``None`` and ``tuple`` taken off.
+        kind: Type of one value, without ``None`` and ``tuple``.
         many: Whether it is a tuple of values.
         optional: Whether it may be None.
         required: Whether it has no default.

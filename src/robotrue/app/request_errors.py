@@ -16,7 +16,7 @@ LIMITS: Final = {
     "less_than": ("lt", "below {}"),
     "less_than_equal": ("le", "{} or less"),
 }
-"""The limit in the context of an error, and how it is said."""
+"""The limit in the context of an error, and its wording."""
 EXPECTED: Final = {
     "bool_type": "true or false",
     "float_type": "a number",

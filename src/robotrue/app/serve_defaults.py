@@ -8,4 +8,4 @@ HOST: Final = "127.0.0.1"
 """This computer alone."""
 PORT: Final = 8080
 LARGEST_DRAWN: Final = 30_000_000
-"""Bytes of a program that a page checks, draws or compares while somebody waits."""
+"""Largest program, in bytes, that a page checks, draws or compares while the user waits."""

@@ -97,7 +97,7 @@ def run_until_stopped(
     if seconds is not None and not seconds > 0.0:
         raise ConfigurationError(f"{seconds:g} seconds, expected more than none.")
     begun = time.monotonic()
-    # a controller's clock waits for nobody, and these sleep most of the time
+    # a controller's clock does not wait, and these sleep most of the time
     with prompt_answers(first=True):
         report = asyncio.run(_stoppable(run, seconds))
     took = time.monotonic() - begun

@@ -29,7 +29,7 @@ METHOD_OPTIONS: Final = (
 )  # fmt: skip
 """Fields of the paper's method alone."""
 USUAL: Final = DengReadings()
-"""How the paper's equations are read unless stated otherwise."""
+"""Default readings of the paper's equations."""
 
 
 def _source_item(relation: str) -> Item:

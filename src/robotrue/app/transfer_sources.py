@@ -39,7 +39,7 @@ class KnownSource:
     Attributes:
         name: For messages and the summary.
         reference: Measurements or a model.
-        noun: Which of them an item is; of a file its content says so.
+        noun: Which of them an item is; for a file its content determines it.
         relation: Of the source to the target.
     """
 

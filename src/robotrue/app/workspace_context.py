@@ -43,8 +43,8 @@ class WorkspaceContext(Context):
 
     Attributes:
         work: The job, its workspace and its folder.
-        naming: Name and note of what it leaves.
-        shell: Nobody's.
+        naming: Name and note of its result.
+        shell: None of the shells.
     """
 
     def __init__(self, work: Work, naming: Naming) -> None:
@@ -53,18 +53,18 @@ class WorkspaceContext(Context):
         self._sent: dict[Path, MeasurementSet] = {}
 
     def step(self, text: str, done: int, of: int) -> None:
-        """Notes how far the job is; raises when it was cancelled."""
+        """Writes the job's progress; raises when it was cancelled."""
         self.work.step(text, done, of)
 
     def report(self, message: Message) -> None:
-        """Keeps one line with the job.
+        """Saves one line with the job.
 
-        Where the server keeps its files is nobody's business, and gone when the job is over.
+        Paths of the server are removed: they are private, and gone when the job is over.
         """
         self.work.remark(message.text.replace(f"{self.work.folder}/", ""))
 
     def wrote(self, what: str, path: Path, remark: str = "") -> None:
-        """Keeps the remark; the file becomes a part of an item, which says so itself."""
+        """Saves the remark; the file becomes a part of an item, which shows it."""
         if remark:
             self.inform(f"{what} written to {path.name}{remark}")
 

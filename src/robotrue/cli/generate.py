@@ -26,7 +26,7 @@ Names: TypeAlias = Path | list[Path] | None
 
 
 class GeneratedCommand:
-    """A command of an operation, which is imported when somebody asks for its options."""
+    """A command of an operation, which is imported when its options are needed."""
 
     def __init__(self, listing: Listing) -> None:
         self.__name__ = listing.name

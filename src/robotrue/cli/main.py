@@ -97,7 +97,8 @@ def run() -> None:
         sys.stderr.write("robotrue: stopped; no file is incomplete.\n")
         raise SystemExit(1) from None
     except BrokenPipeError:
-        # Whoever read the result has closed the pipe (``| head``); the flush at exit must not fail.
+        # The reader of the result has closed the pipe (``| head``); the flush at exit must not
+        # fail.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         raise SystemExit(1) from None
 

@@ -76,8 +76,8 @@ def state_at(home: Array, *, stated: bool) -> ArmState:
     """Returns the arm before the first target of a program.
 
     Args:
-        home: (6,) rad, where it is.
-        stated: Whether the user or the program says so; it is a guess otherwise.
+        home: (6,) rad, its joints.
+        stated: Whether the user or the program states it; it is a guess otherwise.
     """
     record = np.zeros(1, STATE_DTYPE)
     record["near"], record["joints"] = home, home

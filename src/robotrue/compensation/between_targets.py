@@ -39,8 +39,8 @@ class SplitOptions:
     """Requested splitting.
 
     Attributes:
-        tolerance_um: Split moves that are further off; None leaves all whole.
-        limit: Targets that may be put in.
+        tolerance_um: Split moves with larger deviations; None splits none.
+        limit: Largest number of inserted targets.
         deviation: Report the deviation.
     """
 
@@ -111,12 +111,12 @@ class Between:
     """Compensated job examined between its targets, split if requested.
 
     Attributes:
-        programs: To be written; those given where nothing is split.
+        programs: To be written; the given ones where no move is split.
         results: Compensation of each.
         document: JSON values.
         sentences: For the user.
-        left_whole: What deserves attention: moves that are left whole.
-        worst: The moves that are furthest off, as lines of a table.
+        left_whole: Warnings about moves that are not split.
+        worst: The moves with the largest deviations, as lines of a table.
     """
 
     programs: tuple[Program, ...]
@@ -128,10 +128,10 @@ class Between:
 
 
 def require_no_spin(options: SplitOptions, free_spin: bool) -> None:
-    """Refuses to look between targets whose spin is still to be chosen.
+    """Refuses to check between targets whose spin is still to be chosen.
 
     Raises:
-        ConfigurationError: Both are asked for.
+        ConfigurationError: Both are requested.
     """
     if free_spin:
         raise ConfigurationError(

@@ -156,12 +156,12 @@ class Pending(Protocol):
 
 
 class ChunkWorkers(ABC):
-    """Take tasks and give back chunks; a chunk lost with a worker is solved again, once.
+    """Takes tasks and returns chunks; a chunk lost with a worker is solved again, once.
 
     Attributes:
-        count: How many chunks are worked on at a time.
-        ahead: How many tasks are worth handing in before the first is back.
-        notes: What happened that the user should know.
+        count: Number of chunks solved at a time.
+        ahead: Number of tasks to submit before the first returns.
+        notes: Remarks for the user.
     """
 
     lost: ClassVar[tuple[type[Exception], ...]] = ()
@@ -199,7 +199,7 @@ class ChunkWorkers(ABC):
         self._hand_over(task)
 
     def _hand_over(self, task: ChunkTask) -> None:
-        with contextlib.suppress(*self.lost):  # found out when its chunk is asked for
+        with contextlib.suppress(*self.lost):  # detected when its chunk is requested
             self._pending[task.number] = self._start(task)
 
     def result(self, number: int) -> CompensatedChunk:
@@ -249,11 +249,11 @@ class ThisProcess(ChunkWorkers):
         return done
 
     def close(self) -> None:
-        """Has nobody to dismiss."""
+        """Does nothing: there are no workers to end."""
 
 
 class ChunkProcesses(ChunkWorkers):
-    """Processes of this machine, each started anew and with one thread."""
+    """New processes of this machine, each with one thread."""
 
     lost = (BrokenProcessPool,)
     once = "a worker process died while it computed {where}; it was repeated."
@@ -316,7 +316,7 @@ def _start_worker(job: ChunkJob) -> None:
 
 
 def _leave_with_parent() -> None:
-    """Ends this process when its parent is killed: nothing else would tell it."""
+    """Ends this process when its parent is killed, which nothing else would report."""
     parent = parent_process()
     if parent is not None:
         parent.join()

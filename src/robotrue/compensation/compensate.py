@@ -1,8 +1,8 @@
-"""A program whose targets are moved so that the actual tool lands where they were.
+"""Moves the targets of a program so that the actual tool reaches the original ones.
 
 Per target: the nominal inverse picks the branch, Newton on the calibrated, loaded arm finds the
-joints at which the *actual* tool is on the target, and the nominal pose at those joints is what the
-controller must be told. Arcs stay arcs and lines stay lines: targets move, none are added.
+joints at which the *actual* tool is on the target, and the nominal pose at those joints is the new
+target. Arcs stay arcs and lines stay lines: targets move, none are added.
 """
 
 from __future__ import annotations
@@ -81,8 +81,8 @@ def compensate_targets(
         setup: Of the program.
         program: The targets.
         load: One row, or one per target of these.
-        state: Where the arm is before them; changed in place to where it is after them.
-        progress: Told how many targets are done, and of how many.
+        state: The arm before them; changed in place to the arm after them.
+        progress: Called with the number of targets done and the total.
 
     Raises:
         ModelMismatchError: Axis targets of another arm.
@@ -109,7 +109,7 @@ def compensate_targets(
         notes += _notes(here, settings, part)
         progress("compensating", rows.stop, n)
     changed = outcome.status == Status.COMPENSATED
-    for column in (*outcome, axes, words, changed):  # frozen here, so that nobody copies them
+    for column in (*outcome, axes, words, changed):  # frozen here, so that they are not copied
         column.flags.writeable = False
     return Compensation(
         replacement=Replacement(

@@ -1,10 +1,10 @@
 """Compensation of a program file chunk by chunk, by several workers, in file order.
 
-A chunk depends on the one before only through where the arm is (:class:`ArmState`). A worker drives
-through a few hundred targets before its chunk to get there; the chunk is taken only if it began,
-bit for bit, where the chunk before it ended, and is done again from there otherwise. So the bytes
-are those of :func:`robotrue.compensation.compensate.compensate` on the whole file, whoever did
-which chunk. A file that is held whole is one chunk.
+A chunk depends on the one before only through the state of the arm (:class:`ArmState`). A worker
+solves a few hundred targets before its chunk to reach it; the chunk is used only if it started, bit
+for bit, where the chunk before it ended, and is solved again from there otherwise. So the bytes are
+those of :func:`robotrue.compensation.compensate.compensate` on the whole file, independent of the
+workers. A file that is held whole is one chunk.
 """
 
 from __future__ import annotations
@@ -101,17 +101,17 @@ def compensate_file(
 
     Args:
         model: Error of the robot; with :meth:`~ErrorModel.mean_tables` for a file that is cut.
-        file: What is known of the source.
+        file: Outline of the source.
         source: The program.
         writing: Takes the bytes, such as :func:`~robotrue.core.files.atomic_stream`.
         settings: Load, guards and tolerances.
-        workers: Processes; None: as many as help. The caller's main module must be importable
-            without side effects where it is not one.
-        dask: Address of a Dask scheduler that has workers; takes the place of processes.
-        progress: Told how many targets are done, and of how many.
+        workers: Processes; None: as many as speed it up. The caller's main module must be
+            importable without side effects if not 1.
+        dask: Address of a Dask scheduler that has workers; replaces processes.
+        progress: Called with the number of targets done and the total.
 
     Raises:
-        ConfigurationError: No tables, a number of workers that is none, or workers that died.
+        ConfigurationError: No tables, an invalid number of workers, or workers that died.
         FormatError: The source changed since it was outlined.
     """
     settings = settings or CompensationSettings()
@@ -153,11 +153,11 @@ def worker_count(targets: int, asked: int | None, *, alone: int = ALONE) -> int:
 
     Args:
         targets: Of the program.
-        asked: How many; None: as many as help, at most eight.
-        alone: Targets up to which one is as quick as two.
+        asked: Requested number; None: as many as speed it up, at most eight.
+        alone: Targets up to which one is as fast as two.
 
     Raises:
-        ConfigurationError: Fewer than one asked for.
+        ConfigurationError: Fewer than one requested.
     """
     if asked is not None:
         if asked < 1:

@@ -21,8 +21,8 @@ def locate(model: CalibratedArm, arm: Record, reuse: float, bump: Array, w: Reco
 
     Args:
         model: ``CalibratedArm``.
-        arm: That of its arms which is meant.
-        reuse: rad; the smooth residual is computed anew where a joint moved by more.
+        arm: One of its arms.
+        reuse: rad; the smooth residual is computed again where a joint moved by more.
         bump: (2, m) work space.
         w: Of ``WORK_DTYPE``.
     """

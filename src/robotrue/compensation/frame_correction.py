@@ -1,7 +1,7 @@
 """One rigid correction of each work frame, for targets that cannot be rewritten one by one.
 
-A target that the program computes keeps its numbers, yet it moves with the work frame it is
-computed in. The known targets of that frame say which frame fits best, and what it leaves.
+A target that the program computes keeps its numbers, but moves with its work frame. The known
+targets of that frame determine the best frame and its residual.
 """
 
 from __future__ import annotations

@@ -115,7 +115,7 @@ def _closed_joints(arm: Record, w: Record, at: Record, free: bool) -> bool:
         arm: Of ``ARM_DTYPE``.
         w: Working memory with the target; ``joints`` are written.
         at: State of the arm; its branch is changed.
-        free: The turns may be chosen anew to stay within the joint limits.
+        free: The turns may be chosen again to stay within the joint limits.
     """
     closed, theta = arm.closed, w.theta
     _write_wrist(w.target, closed.T_tool_wrist, w.hand)

@@ -43,7 +43,7 @@ class Plan:
         worded: (k,) targets whose configuration words are to be renewed.
         known: (n,) 1 where the arm's configuration is known from here on, -1 where from here on it
             is not, 0 where it is what it was before.
-        notes: What the user should know.
+        notes: Remarks for the user.
     """
 
     route: IntArray
@@ -186,9 +186,9 @@ class _WordChoice:
         last: (b,) those that name the branch, of the last target that has any.
         rows: (k,) targets whose joints they choose.
         joints: (k, 6) rad of those.
-        astray: (m,) targets that have words, which lead nowhere.
-        changed: (m,) targets with other words than those before, which nobody can read.
-        notes: What the user should know.
+        astray: (m,) targets whose words lead to no solution.
+        changed: (m,) targets with other words than those before, which cannot be interpreted.
+        notes: Remarks for the user.
     """
 
     last: IntArray
@@ -205,8 +205,8 @@ def _by_words(
     """Returns the targets whose words choose the nominal joints, and those joints (k, 6) rad.
 
     Joint moves, and the first target when it is a straight one: straight moves keep the branch.
-    Where nothing says how this arm goes with the words, a joint move with other words than those
-    before leads to a configuration that is not known.
+    Where the meaning of the words for this arm is not known, a joint move with other words than
+    those before leads to an unknown configuration.
     """
     maker = program.words_of
     last = before[: branch_words(maker, program.words[:0]).shape[1]]
@@ -267,7 +267,7 @@ def _fitting(
 
 
 def _note_unused(robot: RobotModel, maker: Maker) -> str:
-    """Returns the note on words that nobody can read for this arm."""
+    """Returns the note on words that cannot be interpreted for this arm."""
     if robot.maker != maker:
         stated = "not stated" if robot.maker == "generic" else f"{robot.maker!r}"
         return (

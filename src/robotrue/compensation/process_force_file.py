@@ -196,7 +196,7 @@ def _read_part(
 
 
 def _find_source(stated: Mapping[str, object], fault: Fault) -> str:
-    """Returns which key says how large the force is."""
+    """Returns the key that states the size of the force."""
     for key in stated:
         if key not in _ForceEntry.model_fields:
             known = f"known are {', '.join(_ForceEntry.model_fields)}."

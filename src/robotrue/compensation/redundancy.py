@@ -1,14 +1,14 @@
 """The free rotation about the axis of a rotating tool, chosen for stiffness and room.
 
-A cutter that turns leaves the rotation of the tool frame about its axis open; CAM or the post wrote
-one. Here it is chosen anew, run by run (:mod:`robotrue.compensation.redundancy_path`), by the
+With a rotating cutter the rotation of the tool frame about its axis is free; CAM or the post wrote
+one. Here it is chosen again, run by run (:mod:`robotrue.compensation.redundancy_path`), by the
 cheapest way through a grid of spins with two refinements (:mod:`robotrue.robot.spin` states the
-rule): distance from joint limits and singularities, joint travel, and on top
-``(deflection / settings.deflection)^2`` per metre, the deflection being what the process force
-bends the arm by across the feed. A spin is counted from the attitude that is written, so zero
-changes nothing. Each run keeps the arm's branch; a run that cannot be followed, or would gain less
-than a twentieth, stays as written. Between stations spins are interpolated, and every run is
-checked once more as the controller drives it.
+rule): distance from joint limits and singularities, joint travel, and on top ``(deflection /
+settings.deflection)^2`` per metre, the deflection being that of the arm under the process force
+across the feed. A spin is counted from the written attitude, so zero changes nothing. Each run
+keeps the arm's branch; a run that cannot be followed, or would gain less than a twentieth, stays as
+written. Between stations spins are interpolated, and every run is checked once more as the
+controller drives it.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ def require_free_spin(model: ErrorModel | None, force: Array | DescribedForce) -
 def compensate_with_spins(
     model: ErrorModel, program: Program, settings: CompensationSettings, cutter: Array
 ) -> tuple[Compensation, dict[str, object]]:
-    """Returns the compensation of a program with its spins chosen anew, and what they won.
+    """Returns the compensation of a program with newly chosen spins, and their benefit.
 
     Raises:
         ConfigurationError: As :func:`choose_spins`.
@@ -120,21 +120,20 @@ def choose_spins(
     *,
     settings: CompensationSettings | None = None,
 ) -> SpinChoice:
-    """Returns the program with the rotation about the tool axis chosen anew.
+    """Returns the program with a newly chosen rotation about the tool axis.
 
     Args:
-        model: Its compliance says what a force does; a model without leaves limits and
-            singularities to decide.
+        model: Its compliance gives the deflection; without it, limits and singularities decide.
         program: As read.
         free: Cutter axis, grid, margins.
         settings: Its wrench is the process force; it must not turn with the tool frame.
 
     Raises:
-        ConfigurationError: The arm is not ortho-parallel, or carries the part, or the language
-            leaves the rotation to something else.
+        ConfigurationError: The arm is not ortho-parallel, or carries the part, or the language does
+            not state the rotation.
 
-    Fails when: a program goes back to a point it keeps in a variable; that point has one attitude
-    for all moves that end there, and targets are taken in file order. Obstacles are not known here.
+    Fails when: a program returns to a point stored in a variable; that point has one attitude for
+    all moves that end there, and targets are processed in file order. Obstacles are not considered.
     """
     settings = settings or CompensationSettings()
     robot = model.robot.nominal()

@@ -1,6 +1,6 @@
 """Runs of a program that one rotation about the tool axis can go through, with points in between.
 
-A run begins where a joint move ends (or at an axis target, which stays as it is) and goes on
+A run starts where a joint move ends (or at an axis target, which stays as it is) and continues
 through straight moves, arcs and splines up to the next joint move. Between far targets points are
 added where the controller drives: on the line or the circle, attitude turned evenly.
 """

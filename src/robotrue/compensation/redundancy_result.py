@@ -1,4 +1,4 @@
-"""Result of choosing the free rotation of a program anew."""
+"""Result of choosing the free rotation of a program."""
 
 from __future__ import annotations
 
@@ -45,15 +45,15 @@ class PostureQuality:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SpinChoice:
-    """A program with its free rotations chosen anew.
+    """A program with newly chosen free rotations.
 
     Attributes:
-        program: With new attitudes and configuration words; its bytes are those that were read.
+        program: With new attitudes and configuration words; its bytes are unchanged.
         spin: (n,) rad about the cutter axis, from the attitude written; 0 where it stays.
         turned: (n,) targets with another attitude.
-        before: How the arm stands with the program as written.
+        before: Stance of the arm with the program as written.
         after: With the new one.
-        runs: How many runs there are, and how many of them were turned.
+        runs: Number of runs, and of turned runs.
         notes: One sentence each.
     """
 

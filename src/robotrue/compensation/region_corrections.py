@@ -100,18 +100,18 @@ class RegionArm:
 def open_region(
     model: ErrorModel, region: PoseRegion, T_flange_tool: Array, settings: CompensationSettings
 ) -> RegionArm:
-    """Returns the arm in the configuration it takes in the middle of a region.
+    """Returns the arm in its configuration in the middle of a region.
 
     Args:
         model: Error of the robot; with closed inverse kinematics.
         region: Of the poses.
         T_flange_tool: (4, 4) tool.
-        settings: One row of load; ``home`` chooses the configuration, the nearest to it. Without
-            it the corrections of all configurations have to be alike. What a backlash does is
-            not known: the direction that joints come from is not.
+        settings: One row of load; ``home`` chooses the configuration, the nearest to it. Without it
+            the corrections of all configurations must agree. Backlash is not corrected: the
+            approach direction of the joints is unknown.
 
     Raises:
-        ConfigurationError: No closed inverse; or nothing says which configuration, and it matters.
+        ConfigurationError: No closed inverse; or the configuration is not stated, and matters.
         ReachError: The middle is out of reach.
     """
     setup = compensation_setup(model, T_flange_tool[None], np.empty(0), settings)

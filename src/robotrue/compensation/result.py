@@ -39,10 +39,10 @@ class Tally:
         status: (number of statuses,) targets of each :class:`Status`.
         total: (5,) sums over the compensated targets, in the order and units of ``SIZES``.
         largest: (5,) largest values.
-        sigma: Whether the last of them is known.
+        sigma: Whether the last entry is known.
         notes: Notes on targets, by their lines.
         remarks: Further notes, one sentence each.
-        stance: How the arm stands at the first target of the program, where it is among them.
+        stance: Stance of the arm at the first target of the program, if it is among these.
         steps: Between targets left alone and compensated ones.
     """
 
@@ -109,23 +109,23 @@ def sum_tallies(parts: Iterable[Tally]) -> Tally:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Compensation(Columns):
-    """New targets, what became of each, and what the model expects.
+    """New targets, the status of each, and the errors predicted by the model.
 
     Attributes:
         replacement: For the dialect's writer.
         status: (n,) :class:`Status`.
         predicted_error_before: (n, 3) m, base, actual minus commanded if the program ran as it
             is; NaN where the target could not be evaluated.
-        predicted_error_after: (n, 3) m, base, the same with the replacement; what the inversion
-            left where compensated, the error before where not.
+        predicted_error_after: (n, 3) m, base, the same with the replacement; the residual of the
+            inversion where compensated, the error before where not.
         shift: (n, 3) m, base, of the command; zero where unchanged.
         turn: (n,) rad, size of the rotation of the command; zero where unchanged.
         joints: (n, dof) rad the robot will be commanded to, model's sense; NaN where unknown.
-        covariance: (n, 3, 3) m^2 of the position at the commanded joints; empty if not asked for.
+        covariance: (n, 3, 3) m^2 of the position at the commanded joints; empty unless requested.
         singular_value: (n,) see ``CompensationSettings.min_singular_value``; NaN where unknown.
         row_notes: Notes on targets, by their lines.
         remarks: Further notes, one sentence each.
-        stance: How the arm stands at the first target that it reaches; None if it reaches none.
+        stance: Stance of the arm at the first target that it reaches; None if it reaches none.
     """
 
     replacement: Annotated[Replacement, Column("n")]

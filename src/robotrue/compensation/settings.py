@@ -33,12 +33,12 @@ class CompensationSettings:
             per target.
         wrench: (6,) for the program or (n, 6) per target: N and N m on the tool, at the tool
             point, in base axes. Empty takes the wrench of ``load``.
-        home: (6,) rad, where the arm is before the first target, unless the program says it;
-            empty: not known, taken to be the middle of the limits.
-        alike: m by which the predicted errors of two configurations of the arm may differ where
-            nothing says which one it takes; targets with more are left alone.
+        home: (6,) rad, joints before the first target, unless the program states them; empty: not
+            known, assumed in the middle of the limits.
+        alike: m by which the predicted errors of two configurations of the arm may differ where the
+            configuration is not stated; targets with more are left alone.
         axis_targets: Compensate axis targets too.
-        approach: Where the sign of the last motion comes from, for backlash.
+        approach: Source of the sign of the last motion, for backlash.
         max_shift: m, largest correction of the position.
         max_turn: rad, largest correction of the rotation.
         min_shift: m and rad; a correction smaller than this is none.
@@ -48,7 +48,7 @@ class CompensationSettings:
         tolerance: m left between actual tool and target.
         turn_tolerance: rad left.
         covariance: Also predict the covariance at every target (slower).
-        max_sigma: m; with ``covariance``, targets predicted less surely than this are noted.
+        max_sigma: m; with ``covariance``, targets with a larger predicted deviation are noted.
     """
 
     load: Load = NO_LOAD

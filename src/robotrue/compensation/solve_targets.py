@@ -1,11 +1,10 @@
-"""Solves some targets of a program: nominal joints, guesses that matter, inversion, guards.
+"""Solves some targets of a program: nominal joints, ambiguous configurations, inversion, guards.
 
-A pose says where the tool is. Which of the arm's configurations takes it there follows from the
-program's words, its axis values, the start posture of the user, or the target before. Where none
-of them is there, the configuration is a guess, and everything up to the next target that says it
-hangs on it. The guess does no harm while the predicted errors of all configurations inside the
-joint limits are alike; from the first target on where they are not, it may: targets from there on
-are left alone.
+A pose states the tool's position and orientation. The arm's configuration follows from the
+program's words, its axis values, the start posture of the user, or the target before. Without any
+of them the configuration is a guess, on which all targets depend up to the next one that states it.
+The guess is harmless while the predicted errors of all configurations inside the joint limits
+agree; targets from the first one on where they differ are left alone.
 """
 
 from __future__ import annotations
@@ -43,7 +42,7 @@ from robotrue.robot.opw import opw_geometry
 from robotrue.robot.statics import Load
 
 _TURN: Final = 2.0 * np.pi
-_SLACK: Final = 1e-9  # rad; rounding of a joint that stands at its limit
+_SLACK: Final = 1e-9  # rad; rounding of a joint at its limit
 _ALIKE: Final = 1e-6  # rad between joints that are one solution
 _BATCHES: Final = (1, 63, 960)
 """Rows looked at together; the first is nearly always enough."""

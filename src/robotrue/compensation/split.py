@@ -33,11 +33,11 @@ class SplitPlan:
     """Plan for the k moves of a job.
 
     Attributes:
-        parts: (k,) equal parts; 1 leaves the move whole.
+        parts: (k,) equal parts; 1 does not split the move.
         size: (k,) m, deviation of the worst part.
         over: (k,) the move is beyond the tolerance and stays whole.
-        stepped: (k,) of these: no number of parts would do, its correction has a step.
-        insertion: The targets to put in.
+        stepped: (k,) of these: no number of parts is enough, its correction has a step.
+        insertion: The targets to insert.
         vias: One per program: the auxiliary points that move along their arcs.
     """
 
@@ -60,20 +60,20 @@ def plan_split(
     """Returns the fewest equal parts of every move that keep it within a tolerance.
 
     The deviation of a line falls with the square of the number of parts, that of an arc with its
-    cube; the number that this promises is tried on the compensated points of the parts, then one
-    less or more until the fewest is found.
+    cube; the resulting number is tried on the compensated points of the parts, then one less or
+    more until the fewest is found.
 
     Args:
         job: The compensated job.
         programs: Its programs.
-        deviation: Of its moves when kept whole.
+        deviation: Of its moves when not split.
         tolerance: m.
-        limit: Targets that may be put in.
+        limit: Largest number of inserted targets.
 
     Raises:
         ConfigurationError: The tolerance is no positive length, or needs more targets than allowed.
 
-    Fails when: an orientation is asked to be kept as well; the tolerance is one of position.
+    Fails when: the orientation has a tolerance as well; only the position is checked.
     """
     if not 0.0 < tolerance < np.inf:
         raise ConfigurationError(
@@ -221,7 +221,7 @@ def _words(
     parts: IntArray,
     which: IntArray,
 ) -> IntArray:
-    """Returns the words (m, w) of the targets put in: those of the end, or of the joints there."""
+    """Returns words (m, w) of the inserted targets: those of the end, or of the joints there."""
     maker = programs[0].words_of
     out = np.full((len(which), WORDS[maker]), NO_WORD, dtype=np.int64)
     mine = np.flatnonzero(_turning(job, programs)[rows])

@@ -37,16 +37,16 @@ _TURNED: Final = 1e-4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SplitJob:
-    """A job with targets put in, not yet compensated.
+    """A job with inserted targets, not yet compensated.
 
     Attributes:
         programs: Read from the new bytes.
         moves: Its moves: ``parts`` for each that was split.
-        origin: (n,) job row each job row was before, -1 for those put in.
+        origin: (n,) previous job row of each job row, -1 for inserted ones.
         wrench: (n, 6) N, N m, base, of every job row where the load changes along the job; else
             empty.
-        order: For each program its rows in the order of the path: positions kept by number stand
-            behind the others in the file.
+        order: For each program its rows in the order of the path: positions stored by number come
+            after the others in the file.
     """
 
     programs: tuple[Program, ...]
@@ -59,11 +59,11 @@ class SplitJob:
 def split_job(
     job: JobMoves, programs: Sequence[Program], plan: SplitPlan, reread: Reread
 ) -> SplitJob:
-    """Returns the job with the targets of the plan put in.
+    """Returns the job with the targets of the plan inserted.
 
     Raises:
-        ConfigurationError: The dialect cannot put targets in.
-        FormatError: What was written does not read as the planned path.
+        ConfigurationError: The dialect cannot insert targets.
+        FormatError: The written program does not read as the planned path.
     """
     language = find_inserter(programs[0].dialect)
     bent = tuple(programs)
@@ -98,7 +98,8 @@ def compensate_split(
 ) -> tuple[list[Compensation], list[CompensationSettings]]:
     """Returns the compensation of every program of a split job, and the settings it was made with.
 
-    Targets are taken in the order of the path, so that each branch goes on from the target before.
+    Targets are solved in the order of the path, so that each branch continues from the target
+    before.
 
     Args:
         model: Error of the robot.
@@ -135,8 +136,8 @@ def _orders(
     for k in range(len(after)):
         rows = np.arange(new[k], new[k + 1])
         mine = origin[rows]
-        # A target put in comes before the next of its file, or before its own move's if that is
-        # kept in the same file.
+        # An inserted target comes before the next of its file, or before its own move's if that is
+        # in the same file.
         place = np.where(mine >= 0, mine, np.iinfo(np.int64).max)
         place = np.minimum.accumulate(place[::-1])[::-1]
         put = np.flatnonzero(mine < 0)

@@ -41,10 +41,11 @@ RESOLUTION: Final = 0.1 * UM
 _ARM: Final = 0.5
 """m a turn of the tool counts for: a radian bows a line as half a metre of path does."""
 _PROBED: Final = 2048
-"""Lines that tell how strongly the correction curves: so many spread evenly, so many longest."""
+"""Lines used to estimate the curvature of the correction, this many spread evenly and as many
+longest."""
 _SAFETY: Final = 4.0
 _FULLY: Final = 1000
-"""Most worst lines looked at in all steps when no tolerance says which."""
+"""Largest number of worst lines checked in all steps without a tolerance."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,7 +58,7 @@ class Samples:
         steps: Steps of a part.
         shapes: Of the moves.
         position: (n, 3) m, base, wanted.
-        solved: (n,) what the controller would have to be told, in the base.
+        solved: (n,) targets to command, in the base.
     """
 
     base: IntArray
@@ -199,7 +200,7 @@ def _settings(settings: CompensationSettings, wrench: Array) -> CompensationSett
 
 
 def _deviations(samples: Samples) -> MoveDeviations:
-    """Returns how far the controller's way is from the points, per move; k > 0."""
+    """Returns the distance of the controller's path from the points, per move; k > 0."""
     shapes, steps = samples.shapes, samples.steps
     told, status = samples.solved.replacement.position, samples.solved.status
     first = np.cumsum(samples.count) - samples.count
@@ -245,7 +246,7 @@ def _from_arcs(told: Array, row: IntArray, node: IntArray, steps: int) -> Array:
 
 
 def _turns(samples: Samples, row: IntArray, node: IntArray) -> Array:
-    """Angles (n,) rad between the orientations told and those interpolated between the nodes."""
+    """Returns angles (n,) rad between commanded orientations and interpolated ones."""
     told = samples.solved.replacement.rotation
     first, last = told[node], told[node + samples.steps]
     way = rotation_vector_from_matrix(np.swapaxes(first, 1, 2) @ last)

@@ -29,7 +29,7 @@ from robotrue.robot.statics import Load
 _ON_THE_WAY: Final = 1e-3
 """rad a detour over the auxiliary orientation may add."""
 _AMBIGUOUS: Final = 2.8
-"""rad of turn above which the auxiliary orientation says which way."""
+"""rad of turn above which the auxiliary orientation decides the direction."""
 _TINY: Final = 1e-6
 
 
@@ -255,8 +255,8 @@ def loads(shapes: Shapes, move: IntArray, t: Array) -> Array:
 
     Between the targets force and moment turn the shortest way while their sizes change in
     proportion, so that a force along the tangent of an arc stays along it, and a constant one
-    constant; an arc is taken in two pieces. At a corner the force of the move before turns into
-    that of this one on the way.
+    constant; an arc is handled in two pieces. At a corner the force of the move before turns into
+    that of this one along the move.
     """
     if not len(shapes.load):
         return np.empty((0, 6))

@@ -19,7 +19,7 @@ NAMED: Final = 5
 
 
 class Status(Explained):
-    """One per target. Everything but ``COMPENSATED`` keeps the bytes that stood there."""
+    """One per target. All but ``COMPENSATED`` leave the bytes unchanged."""
 
     COMPENSATED = 0, "compensated"
     UNCHANGED_NO_ERROR = 1, "no error predicted"
@@ -57,8 +57,8 @@ class RowNote:
 
     Attributes:
         lines: The first ``NAMED`` lines, one-based.
-        count: How many targets there are.
-        text: What is said of them; ``%.0f`` stands for ``worst``.
+        count: Number of targets.
+        text: Sentence about them; ``%.0f`` is replaced by ``worst``.
         worst: Largest value among them, if the text names one.
         rank: Place of the note among others.
     """

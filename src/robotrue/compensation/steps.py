@@ -1,9 +1,9 @@
-"""The ledges a mixed program leaves: a target left alone beside one that is compensated.
+"""Steps in the path of a mixed program, where an unchanged target is next to a compensated one.
 
 On a path the tool follows (lines, arcs, splines) the contour has a step where one end of a move is
-corrected and the other is not: the target left alone stands at no correction, so the step is the
-length of its neighbour's. A joint move or a rapid one cuts nothing and makes no step, nor does the
-way from a home position, an axis target reached by a joint move.
+corrected and the other is not: the unchanged target has no correction, so the step is the length of
+its neighbour's. A joint move or a rapid one cuts nothing and makes no step, nor does the move from
+a home position, an axis target reached by a joint move.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from robotrue.program.lang import languages
 from robotrue.program.program import Motion, Program, Reason
 
 NAMED: Final = 5
-"""Steps told one by one."""
+"""Largest number of steps listed one by one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -272,7 +272,7 @@ class StepRule:
 
     Attributes:
         max_mm: Largest step.
-        allow: Write the program all the same.
+        allow: Write the program despite larger steps.
     """
 
     max_mm: float

@@ -68,9 +68,9 @@ class Calibrated:
     Attributes:
         model: The error model.
         output: Its file.
-        page: Report page that was written, if one was asked for.
+        page: Report page that was written, if requested.
         rows: Measured poses.
-        measured: Where the poses come from.
+        measured: Source of the poses.
         provenance: Of the model.
     """
 

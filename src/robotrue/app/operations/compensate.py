@@ -23,10 +23,10 @@ GONE: Final = ("output", "identity")
 
 
 def run(request: CompensateRequest, context: Context) -> PlainResult:
-    """Writes the compensated program and says what became of each target.
+    """Writes the compensated program and reports the status of each target.
 
     Raises:
-        ConfigurationError: Options that do not go together, or a limit that is none.
+        ConfigurationError: Options that do not go together, or an invalid limit.
         ModelMismatchError: A program or a part frame of another model.
         StepError: Steps in the path are too large and not allowed; nothing is written.
     """

@@ -156,7 +156,7 @@ def _look_up(requirement: Requirement) -> _Library:
 
 
 def _kernel_cache() -> tuple[str, int, bool]:
-    """Folder of the compiled kernels, how many it holds, and whether it can be written."""
+    """Returns the folder of the compiled kernels, their number, and whether it can be written."""
     import os
     from pathlib import Path
 

@@ -46,7 +46,7 @@ class DrillEvaluateRequest(Request):
 
 
 def evaluate_model(request: DrillEvaluateRequest, context: Context) -> PlainResult:
-    """Says what one move leaves on clamps with known tilts."""
+    """Reports the residual tilt after one move on clamps with known tilts."""
     from robotrue.drilling.campaign_csv import read_test
     from robotrue.drilling.drill_defaults import MODEL
     from robotrue.drilling.evaluate import evaluate_test, evaluation_document
@@ -140,10 +140,10 @@ class DrillJudged:
 
 
 def report_model(request: DrillReportRequest, context: Context) -> DrillJudged:
-    """Writes the report of a model on clamps with known tilts, and its JSON twin.
+    """Writes the report of a model on clamps with known tilts, and its JSON file.
 
     Raises:
-        ConfigurationError: A job that judges a model by the campaign it was learned from.
+        ConfigurationError: A job that tests a model on the campaign it was learned from.
     """
     from robotrue.drilling.campaign_csv import read_test
     from robotrue.drilling.drill_defaults import CAMPAIGN, MODEL, campaign_parts

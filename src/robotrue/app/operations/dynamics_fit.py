@@ -91,7 +91,7 @@ def _fit_paper(
     from robotrue.dynamics.paper_tables import paper_tables
 
     if request.frf is not None:
-        context.note("--frf is not used by jin2022: it has no physics to tell its static row to")
+        context.note("--frf is not used by jin2022: it has no physics for its static row")
     model = fit_paper(windows, arm)
     tables = paper_tables(model)
     if len(windows.pass_names) == 1:

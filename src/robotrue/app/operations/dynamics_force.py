@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 EXAMPLE: Final = "docs/howto/predict-the-dynamic-error.md"
 SHOWN: Final = 8
-"""Spindle lines that are told."""
+"""Largest number of reported spindle lines."""
 
 
 class DynamicsForceRequest(Request):

@@ -56,7 +56,7 @@ class DynamicsPredictRequest(Request):
 
 
 def run(request: DynamicsPredictRequest, context: Context) -> PlainResult:
-    """Predicts, writes the error as CSV, and says how far to trust it."""
+    """Predicts the error, writes it as CSV, and reports its uncertainty."""
     from robotrue.app.dynamics_inputs import parse_static
     from robotrue.dynamics.formats.column_table import table_bytes
     from robotrue.dynamics.formats.frf_table import read_frf

@@ -90,7 +90,7 @@ class DynamicsWindowsRequest(Request):
 
 
 def run(request: DynamicsWindowsRequest, context: Context) -> PlainResult:
-    """Cuts the windows, writes them, and says where the stages of the pass lie."""
+    """Cuts the windows, writes them, and reports the stages of the pass."""
     from robotrue.app.dynamics_inputs import parse_static
     from robotrue.core.provenance import merge
     from robotrue.dynamics.formats.dynamics_csv import read_windows, write_windows
@@ -203,7 +203,7 @@ def _edges(request: DynamicsWindowsRequest, read: ReadForce, records: PassRecord
         length = WINDOW if request.window_s is None else request.window_s
         return even_windows(read.stages, records, length)
     if request.window_s is not None:
-        raise ConfigurationError("--edges and --window-s both say where windows lie.")
+        raise ConfigurationError("--edges and --window-s both set the windows.")
     return read_edges(request.edges)
 
 

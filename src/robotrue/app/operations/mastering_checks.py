@@ -129,10 +129,10 @@ class MasteringRequest(Request):
 
 
 def check_zeros(request: MasteringRequest, context: Context) -> PlainResult:
-    """Judges the zeros of the axes.
+    """Checks the zeros of the axes.
 
     Raises:
-        ConfigurationError: Touches without joints, or of several places; a point that is none.
+        ConfigurationError: Touches without joints, or of several places; an invalid point.
         ObservabilityError: Too few touches, or too much alike.
         ImplausibleDataError: Touches that no one or two lost zeros explain.
         ModelMismatchError: Joints of another robot.
@@ -240,11 +240,11 @@ def _sense(robot: RobotModel, joint: int) -> float:
 
 
 def _blocks(found: MasteringCheck, robot: RobotModel, *, calibrated: bool) -> tuple[Block, ...]:
-    """Returns the verdict, the axes and what to set.
+    """Returns the verdict, the axes and their new readings.
 
     Args:
         found: The check.
-        robot: Says how its controller counts, and who made it.
+        robot: For the convention of its controller, and its maker.
         calibrated: Whether the arm was calibrated while it was good.
     """
     import numpy as np
@@ -269,7 +269,7 @@ def _blocks(found: MasteringCheck, robot: RobotModel, *, calibrated: bool) -> tu
             rows=tuple(
                 (
                     f"A{j + 1}",
-                    "cannot be told" if np.isnan(p) else f"{100.0 * p:.1f} %",
+                    "not determined" if np.isnan(p) else f"{100.0 * p:.1f} %",
                     "-" if np.isinf(least) else f"{least / DEG:.3f}",
                 )
                 for j, (p, least) in enumerate(zip(found.probability, found.least, strict=True))

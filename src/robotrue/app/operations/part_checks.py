@@ -55,7 +55,7 @@ class BlankCheckRequest(Request):
 
 
 def check_blank_part(request: BlankCheckRequest, context: Context) -> PlainResult:
-    """Says what the blank leaves on every touched face, and where least.
+    """Reports the allowance of the blank on every touched face, and the least.
 
     Raises:
         ConfigurationError: Touches without normals, or a shift of a cell that is not registered.
@@ -241,7 +241,7 @@ class DatumCheckRequest(Request):
 
 
 def check_datums(request: DatumCheckRequest, context: Context) -> PlainResult:
-    """Says whether the datums hold, are off, or cannot tell.
+    """Reports whether the datums agree, deviate, or are undetermined.
 
     Raises:
         ConfigurationError: No registered cell, a datum the frame was made of, or no tolerance.

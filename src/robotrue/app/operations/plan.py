@@ -131,7 +131,7 @@ def _choose_poses(
 
     if request.region is not None and request.program is not None:
         raise ConfigurationError(
-            "--region and --program-targets both say where the arm will work.",
+            "--region and --program-targets both set where the arm will work.",
             hint="leave one of them out.",
         )
     within, region = request.within, request.region

@@ -88,13 +88,13 @@ class ProbePlanRequest(Request):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlannedTouches:
-    """Touches that were chosen.
+    """Chosen touches.
 
     Attributes:
-        plan: The touches, in the order of their worth, and what they will tell.
-        task: Of which candidates, for which postures.
-        candidates: What could be touched, and what could not.
-        notes: What the plan rests on.
+        plan: The touches, in the order of their information gain, and the expected uncertainty.
+        task: Candidates and machined postures.
+        candidates: Features that can be touched, and those that cannot.
+        notes: Assumptions of the plan.
         output: The table that was written.
         provenance: Of the model and the part frame.
     """
@@ -197,9 +197,9 @@ def run(request: ProbePlanRequest, context: Context) -> PlannedTouches:
     """Chooses the probing points and writes them with the requested files.
 
     Raises:
-        ConfigurationError: A frame or an axis that cannot be, or nothing says where the part is.
+        ConfigurationError: An invalid frame or axis, or the part's position is not stated.
         ModelMismatchError: A machined file of another arm or part.
-        ReachError: Nothing of a machined file can be reached.
+        ReachError: No posture of a machined file can be reached.
     """
     from robotrue.app.registered import provenance_used, read_model_or_cell
     from robotrue.core.files import write_atomic

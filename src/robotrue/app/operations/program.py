@@ -117,10 +117,10 @@ class ProgramRequest(Request):
 
 
 def run(request: ProgramRequest, context: Context) -> PlainResult:
-    """Writes the program and says what each side asks of the arm.
+    """Writes the program and reports the arm's motion on each side.
 
     Raises:
-        ConfigurationError: A name, a limit, a post or a part frame that cannot be.
+        ConfigurationError: An invalid name, limit, post or part frame.
         ModelMismatchError: An arm the language is not for, or a model of another arm.
         ReachError: A point out of reach, or no clear way between sides.
     """
@@ -231,7 +231,7 @@ def _require_own_files(program: WrittenProgram, output: Path) -> None:
         raise ConfigurationError(
             f"{name} beside the program is not of it, and the program needs its own.",
             source=path,
-            hint="write the program into a folder of its own.",
+            hint="write the program into a separate folder.",
         )
 
 

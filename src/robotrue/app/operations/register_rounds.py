@@ -57,7 +57,7 @@ def run(request: RegisterRoundsRequest, context: Context) -> PlainResult:
     """Adjusts, and writes the cell for the next run.
 
     Raises:
-        ConfigurationError: A format of frames, or nothing says where the part stood at first.
+        ConfigurationError: A format of frames, or the part's first position is not stated.
         ObservabilityError: Touches that do not fix the part.
         ImplausibleDataError: Rounds that are not of one part.
     """

@@ -172,7 +172,7 @@ def _write(draft: ReportDraft, forms: Sequence[str], subject: str, context: Cont
         try:
             written += write_reports([context.output(Path(f"{name}.pdf"))], content)
         except (MissingExtraError, ConfigurationError) as cause:
-            if tuple(forms) != FORMS:  # asked for by name
+            if tuple(forms) != FORMS:  # requested by name
                 raise
             context.inform(f"no PDF: {cause}")
     if "xml" in forms:

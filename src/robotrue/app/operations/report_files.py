@@ -174,13 +174,13 @@ def draft_program(
 
     Args:
         request: The programs, the model and the tolerance.
-        context: Where they are.
+        context: Source of the files.
         lang: Language of the report.
         registered: Cell whose frames the program uses.
 
     Raises:
         ConfigurationError: The nominal arm, or a tolerance that is not above zero.
-        ModelMismatchError: Programs that do not belong together, or no target to judge.
+        ModelMismatchError: Programs that do not belong together, or no target to check.
     """
     from robotrue.app.force_options import read_force_options
     from robotrue.app.registered import open_model, provenance_used

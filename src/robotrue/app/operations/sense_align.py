@@ -38,7 +38,7 @@ class SenseAlignRequest(Request):
 
 
 def run(request: SenseAlignRequest, context: Context) -> PlainResult:
-    """Writes the clock file and reports how well the jog has shown it.
+    """Writes the clock file and reports the uncertainty of the alignment.
 
     Raises:
         FormatError: A record that cannot be read.

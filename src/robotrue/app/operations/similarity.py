@@ -190,7 +190,7 @@ def _regions(
 
     if request.region and request.by_set:
         raise ConfigurationError(
-            "--region and --by-set both say what the regions are.", hint="leave one of them out."
+            "--region and --by-set both set the regions.", hint="leave one of them out."
         )
     if request.by_set:
         return regions_of_sets(points, rows)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 PORT: Final = 47600
 NO_ANSWERS: Final = 2
-"""Holes without any answer after which nobody is there."""
+"""Holes without any answer after which the run ends."""
 
 
 class SimulateDrillRequest(Request):
@@ -77,10 +77,10 @@ class PracticeFigures:
 
 
 def run(request: SimulateDrillRequest, context: Context) -> PlainResult:
-    """Drills beside ``robotrue drill run`` until all holes are done or Ctrl-C; or writes files.
+    """Drills with ``robotrue drill run`` until all holes are done or Ctrl-C; or writes files.
 
     Raises:
-        ConfigurationError: Numbers or an address that cannot be, or nobody answers.
+        ConfigurationError: Invalid numbers or address, or no answer.
     """
     from robotrue.drilling.foot_file import read_foot
     from robotrue.drilling.head import Head
@@ -148,7 +148,7 @@ def _drill(
     if alone.is_set():
         raise ConfigurationError(
             f"no answer from {address.shown}.",
-            hint="start robotrue drill run first; --to where it says that it listens.",
+            hint="start robotrue drill run first; --to the address it reports.",
         )
     return result
 

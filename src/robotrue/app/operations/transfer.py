@@ -36,15 +36,15 @@ REPEATS: Final = 5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Transferred:
-    """A model that came out of a contest of candidates.
+    """A model chosen among candidates.
 
     Attributes:
         model: The error model.
         output: Its file.
-        verdict: Who won, and whether target poses said so.
-        selection: What each candidate reached on held-out target poses; None without any.
-        curve: Accuracy against the number of target poses, if asked for.
-        page: Report page that was written, if one was asked for.
+        verdict: The chosen candidate, and whether target poses decided it.
+        selection: Error of each candidate on held-out target poses; None without any.
+        curve: Accuracy against the number of target poses, if requested.
+        page: Report page that was written, if requested.
         provenance: Of the model.
     """
 

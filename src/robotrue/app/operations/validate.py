@@ -44,7 +44,7 @@ class Validated:
     Attributes:
         report: The numbers.
         poses: Rows.
-        page: Report page that was written, if one was asked for.
+        page: Report page that was written, if requested.
         provenance: Of the model and the poses.
     """
 

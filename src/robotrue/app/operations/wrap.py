@@ -28,10 +28,10 @@ WORD_EDGE_DEG: Final = 0.5
 
 
 def run(request: WrapRequest, context: Context) -> PlainResult:
-    """Writes the module, and says what it leaves and where it is to be called.
+    """Writes the module, and reports its residual and where to call it.
 
     Raises:
-        ConfigurationError: Values that cannot be, or a configuration that nothing says.
+        ConfigurationError: Invalid values, or a configuration that is not stated.
         ReachError: A pose of the region cannot be compensated.
         StepError: No table of that size keeps the tolerance.
     """

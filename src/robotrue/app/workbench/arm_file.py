@@ -43,7 +43,8 @@ def read_arm(path: Path, *, convention: str, maker: str) -> ArmFile:
             d_mm, a_mm`` and perhaps ``low_deg, high_deg, axes_sign, axes_offset_deg``, a row per
             joint; or a URDF.
         convention: Of such a table, ``dh`` or ``mdh``.
-        maker: Says how the controller counts the axes; empty: as the file says, else not known.
+        maker: For the controller's convention of the axes; empty: as the file states, else not
+            known.
 
     Raises:
         ConfigurationError: Another kind of file.

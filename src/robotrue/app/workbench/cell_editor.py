@@ -142,7 +142,7 @@ FIELDS: Final[Mapping[str, tuple[float, float, float]]] = {
     "sigma_um": (USUAL["sigma_um"], 0.0, 1000.0),
     "sigma_um_per_m": (USUAL["sigma_um_per_m"], 0.0, 1000.0),
 }
-"""What a number is if nothing is said, and what it may be."""
+"""Default, lower and upper limit of each number."""
 LARGEST: Final = 200_000
 """Characters of a cell.toml."""
 
@@ -235,15 +235,15 @@ def save_cell_text(
     """Returns the record of a cell.toml's text: a new cell, or a new version of one.
 
     Args:
-        workspace: Where it is.
+        workspace: Of the cell.
         text: Of the cell.toml.
         name: Of a new cell.
         id: Of the cell that gets a new version; empty: none.
-        version: Of it that was changed.
+        version: Its version that was changed.
         companions: Files that the text of a new cell names.
 
     Raises:
-        ModelMismatchError: Somebody else changed it meanwhile.
+        ModelMismatchError: Another user changed it meanwhile.
     """
     if len(text) > LARGEST:
         raise ConfigurationError(f"a cell.toml of {len(text)} characters, expected {LARGEST:,}.")

@@ -112,7 +112,8 @@ def _column_mapping(
 ) -> tuple[list[Path], ColumnMapping | None]:
     """Returns the files of points, and a column mapping from its fields, or None.
 
-    With ``joint_list`` among the fields one of two files is the joint list, whichever says so.
+    With ``joint_list`` among the fields one of two files is the joint list, detected by its
+    content.
 
     Raises:
         ConfigurationError: An unknown field or a value it cannot take, a joint list and no points.
@@ -248,7 +249,7 @@ def _read_preview(cell: Cell, path: Path, layout: ColumnMapping | None) -> dict[
 
 
 def _guess(header: Sequence[str]) -> dict[str, object]:
-    """Returns the columns recognised by their names; others are left open."""
+    """Returns the columns recognised by their names; others are empty."""
     joints, axes = guess_columns(header)
     return {
         "joints": [joints.get(k, "") for k in range(1, max(joints, default=6) + 1)],

@@ -155,7 +155,7 @@ def list_rows(
     joints = tuple(f"joints_{k + 1}" for k in range(record.dof))
     position = tuple(f"position_{axis}" for axis in "xyz")
     columns = ("source_row", *joints, *position)
-    by_axis = sort.removeprefix("-") in joints  # a controller may count the other way round
+    by_axis = sort.removeprefix("-") in joints  # a controller may count in reverse
     shown = RowQuery(columns=columns, sort=sort, offset=offset, limit=limit)
     if by_axis:
         shown = RowQuery(columns=columns, limit=record.poses)

@@ -192,7 +192,7 @@ def _features(
 
 
 def _points(path: Path, relation: AxisRelation) -> PointsFile:
-    """A file of points; the line that says that nothing was touched yet is as it should be here."""
+    """Reads a file of points; the line that marks an unprobed plan is allowed here."""
     data = path.read_bytes().removeprefix(b"\xef\xbb\xbf")
     if not data.startswith(PLANNED.encode()):
         return read_points(path, relation)
@@ -266,7 +266,7 @@ def _postures(
         scene=scene_of(cell, clearance=0.0) if cell.obstacles else None,
     ).touches
     alike = np.ones(len(able), dtype=bool)
-    if opw_geometry(robot) is not None:  # nobody wants elbow or shoulder turned over in between
+    if opw_geometry(robot) is not None:  # the elbow and shoulder must not flip in between
         alike = branches_of(robot, able.joints) == branches_of(robot, machining.joints)[0]
     out: list[list[tuple[float, ...]]] = [[] for _ in range(len(features))]
     for wanted in (alike, ~alike):

@@ -153,7 +153,7 @@ def _with_file(at: Opened, path: Path) -> ProbingSession:
         )
         session = session.with_reading(reading)
     found, _ = fit_readings(at, session.kept)
-    if found is None:  # too few to judge one by the others
+    if found is None:  # too few to check one by the others
         for feature, values in rows:
             at = replace(at, session=_with(at, feature, values, path.name, hold=False))
         return at.session
@@ -314,7 +314,7 @@ def _write_cell(workspace: Workspace, at: Opened, table: PartTable, place: Path)
     data = with_part(text, part_tables(table)).encode()
     parse_cell(data, own / REGISTERED)
     write_atomic(place / REGISTERED, data)
-    for each in own.iterdir():  # what the cell names stands beside it
+    for each in own.iterdir():  # files that the cell names are next to it
         if each.name != "cell.toml" and not (place / each.name).exists():
             (place / each.name).write_bytes(each.read_bytes())
 

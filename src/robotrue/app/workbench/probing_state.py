@@ -50,11 +50,11 @@ class TouchWords:
         tool_sigma_mm: Of the tip in the flange.
         tolerance_mm: Of the part.
         probe_radius_mm: Of the ball.
-        rough_mm: How far the part may be from where it is said to be.
+        rough_mm: Standard deviation of the part's stated rough position.
         lean_deg: Largest lean of the probe.
         tip_axis: The way from the flange to the tip, in the tool frame.
-        axes: What readings count.
-        fit: What is fitted.
+        axes: Axes convention of readings.
+        fit: Fitted quantities.
     """
 
     touch_sigma_mm: float
@@ -169,7 +169,7 @@ def require_same_arm(cell: Cell, model: ErrorModel | None) -> None:
 
 
 def readings_name(session: ProbingSession) -> str:
-    """Returns the name of the file of readings; what is simulated says so wherever it goes."""
+    """Returns the name of the file of readings, which marks simulated ones."""
     return "readings simulated.csv" if session.simulated else "readings.csv"
 
 

@@ -44,10 +44,10 @@ def show_probing(workspace: Workspace, id: str, version: int, feature: int) -> b
     """Returns the whole page of a session.
 
     Args:
-        workspace: Where it is.
+        workspace: Of the session.
         id: Of the session.
         version: Of it.
-        feature: That somebody wants to touch next; -1: the one proposed.
+        feature: Next feature chosen by the user; -1: the proposed one.
     """
     at = open_session(workspace, id, version)
     session = at.session

@@ -109,7 +109,7 @@ def _read_programs(
             hint="robotrue diff BEFORE AFTER --model MODEL.",
         )
     used = after.refs("model")
-    if used:  # a compensated program is judged by the model that compensated it
+    if used:  # a compensated program is checked with the model that compensated it
         record = items.get(workspace, MODEL, used[0].id, version=used[0].version)
     held = models.model_of(workspace, record)
     stated = force_parameters(workspace, after)

@@ -110,7 +110,7 @@ def preview_file(
 
 
 def show_model(folder: str, model: str, version: int) -> bytes:
-    """Returns what a model learned, how surely, and what the data cannot tell."""
+    """Returns the parameters of a model, their uncertainty, and those the data do not determine."""
     from robotrue.app.workbench.model_views import show_model as answer
 
     return _ask(answer, folder, model, version)
