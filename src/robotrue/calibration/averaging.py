@@ -23,6 +23,7 @@ import numpy as np
 
 from robotrue.calibration.belief import (
     Belief,
+    stack_roots,
     with_centres,
     with_harmonics,
     with_term,
@@ -101,7 +102,7 @@ def average_models(models: Sequence[CalibratedModel], weights: Array) -> Calibra
     average = replace(
         members[0].belief,
         mean=mean,
-        root=np.vstack([*(m.scale * m.belief.root for m in members), apart]),
+        root=stack_roots([*((m.scale, m.belief.root) for m in members), (1.0, apart)]),
         white=float(np.sqrt(max(visit - first.repeatability**2, 0.0))),
         inflation=width.inflation if width else 1.0,
         T_tracker_base={
@@ -224,6 +225,8 @@ def _widen_smooth(belief: Belief, smooth: SmoothResidual) -> Belief:
 
 def _arrange(belief: Belief, terms: tuple[Term, ...]) -> Belief:
     """The belief over other terms in another order; those it does not have are zero and certain."""
+    if [(t.name, t.size) for t in belief.terms] == [(t.name, t.size) for t in terms]:
+        return replace(belief, terms=terms)
     size = len(belief.errors)
     whole = size + sum(term.size for term in terms)
     mean, root = np.zeros(whole), np.zeros((len(belief.root), whole))

@@ -13,12 +13,13 @@ ch. V). Nothing can become indefinite, and the order of the rows does not matter
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
 from scipy.linalg import qr, svd
+from scipy.linalg.blas import dsyrk
 from scipy.linalg.lapack import dpotrf
 
 from robotrue.calibration.terms.backlash import Backlash
@@ -276,9 +277,11 @@ def root_of_covariance(covariance: Array) -> Array:
 
 def compress_root(root: Array) -> Array:
     """Returns a root with no more rows than columns that say anything, where that saves much."""
-    used = np.flatnonzero((root != 0.0).any(axis=0))
+    used = np.flatnonzero(root.any(axis=0))
     if len(root) <= WIDE * len(used):
         return root
+    if len(used) == root.shape[1]:
+        return _triangle(root)
     triangle = _triangle(root[:, used])
     out = np.zeros((len(triangle), root.shape[1]))
     out[:, used] = triangle
@@ -292,10 +295,22 @@ def _triangle(root: Array) -> Array:
     variances that were added, cost it nothing. Where it would lose digits, by QR.
     """
     alone = np.count_nonzero(root, axis=1) == 1
-    gram = root[~alone].T @ root[~alone]
+    gram = dsyrk(1.0, (root[~alone] if alone.any() else root).T)  # its upper triangle
     gram[np.diag_indices(len(gram))] += (root[alone] ** 2).sum(axis=0)
     sd = np.sqrt(np.diagonal(gram))
-    factor, fault = dpotrf(gram / sd[:, None] / sd, lower=0, clean=1)
+    gram /= sd[:, None]
+    gram /= sd
+    factor, fault = dpotrf(gram, lower=0, clean=1, overwrite_a=1)
     if fault or np.diagonal(factor).min() < LEAST_PIVOT:
         return np.asarray(qr(root, mode="r")[0][: root.shape[1]])
-    return np.asarray(factor * sd)
+    factor *= sd
+    return np.ascontiguousarray(factor)
+
+
+def stack_roots(parts: Sequence[tuple[float, Array]]) -> Array:
+    """Returns roots (r, p) one above the other, each times its factor; made in one pass."""
+    rows = np.cumsum([0, *(len(root) for _, root in parts)])
+    stacked = np.empty((rows[-1], parts[0][1].shape[1]))
+    for (factor, root), start in zip(parts, rows[:-1].tolist(), strict=True):
+        np.multiply(root, factor, out=stacked[start : start + len(root)])
+    return stacked

@@ -369,7 +369,7 @@ def model_of(
     root = whole[:, :end]
     columns = np.flatnonzero(root.any(axis=0))
     physical = root[:, : len(belief.errors)]
-    variance = belief.inflation * (root**2).sum(axis=0)
+    variance = belief.inflation * np.einsum("ij,ij->j", root, root)
     said = [
         line
         for term in belief.terms

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -89,10 +89,19 @@ class LearnedParts:
 
 _Waves: TypeAlias = tuple[Estimate, LinearFit, HeldOutRows]
 _Inputs: TypeAlias = tuple[RobotModel, MeasurementSet, FitSettings]
-_LAST_WAVES: ContextVar[list[tuple[_Inputs, tuple[bool, int], _Waves]] | None] = ContextVar(
-    "last_waves", default=None
-)
-"""The last fit with ripple, within :func:`share_waves`."""
+
+
+@dataclass(slots=True)
+class _LastFit:
+    """What fits of the same rows have in common: the elastic estimate and the fits with ripple."""
+
+    inputs: _Inputs | None = None
+    physical: Estimate | None = None
+    waves: dict[tuple[bool, int], _Waves] = field(default_factory=dict)
+
+
+_LAST_FIT: ContextVar[_LastFit | None] = ContextVar("last_fit", default=None)
+"""Of the rows fitted last, within :func:`share_waves`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,35 +156,48 @@ class LearnedMethod:
 
 @contextmanager
 def share_waves() -> Iterator[None]:
-    """Lets fits of the same rows share what they have in common: all but the smooth residual.
+    """Lets fits of the same rows share the elastic estimate, and all but the smooth residual.
 
     Of one set of rows at a time: that of the last fit.
     """
-    token = _LAST_WAVES.set([])
+    token = _LAST_FIT.set(_LastFit())
     try:
         yield
     finally:
-        _LAST_WAVES.reset(token)
+        _LAST_FIT.reset(token)
+
+
+def estimate_elastic(
+    robot: RobotModel, measurements: MeasurementSet, settings: FitSettings
+) -> Estimate:
+    """Returns the elastic estimate; within :func:`share_waves` made once for the same rows."""
+    last = _find_last_fit((robot, measurements, settings))
+    if last.physical is None:
+        last.physical = estimate(robot, measurements, settings, free_groups("elastic"))
+    return last.physical
+
+
+def _find_last_fit(inputs: _Inputs) -> _LastFit:
+    """What is known of the last fit, emptied where that had other inputs."""
+    last = _LAST_FIT.get() or _LastFit()
+    if last.inputs is None or not all(a is b for a, b in zip(last.inputs, inputs, strict=True)):
+        last.inputs, last.physical, last.waves = inputs, None, {}
+    return last
 
 
 def _fit_waves(
     robot: RobotModel, measurements: MeasurementSet, settings: FitSettings, parts: LearnedParts
 ) -> _Waves:
     """The physical estimate, the fit with ripple, and its held-out blocks."""
-    last = _LAST_WAVES.get()
-    inputs = (robot, measurements, settings)
-    for known, chosen, waves in last or ():
-        same = all(a is b for a, b in zip(known, inputs, strict=True))
-        if same and chosen == (parts.ripple, parts.highest):
-            return waves
-    physical = estimate(robot, measurements, settings, free_groups("elastic"))
-    at = climb_ladder(first_design(physical, measurements, settings, parts), parts)
-    for steps in ROUNDS:
-        at = renew_linearisation(at, steps=steps)
-    waves = physical, at, _predict_blocks(at, settings)
-    if last is not None:
-        last[:] = [(inputs, (parts.ripple, parts.highest), waves)]
-    return waves
+    known = _find_last_fit((robot, measurements, settings)).waves
+    chosen = (parts.ripple, parts.highest)
+    if chosen not in known:
+        physical = estimate_elastic(robot, measurements, settings)
+        at = climb_ladder(first_design(physical, measurements, settings, parts), parts)
+        for steps in ROUNDS:
+            at = renew_linearisation(at, steps=steps)
+        known[chosen] = physical, at, _predict_blocks(at, settings)
+    return known[chosen]
 
 
 def first_design(

@@ -11,7 +11,12 @@ import numpy as np
 from robotrue.calibration.calibrated_model import CalibratedModel, Reflector
 from robotrue.calibration.estimate import Estimate, estimate
 from robotrue.calibration.held_out_blocks import HeldOutRows
-from robotrue.calibration.learned import LearnedMethod, LearnedParts, hold_out_physical
+from robotrue.calibration.learned import (
+    LearnedMethod,
+    LearnedParts,
+    estimate_elastic,
+    hold_out_physical,
+)
 from robotrue.calibration.learned_assembly import describe_width, warn_of_width
 from robotrue.calibration.model import ErrorModel, describe_rows
 from robotrue.calibration.parameters import station_as_base, target_as_tool
@@ -60,7 +65,10 @@ def fit_rigid_flexible(
     Raises:
         ConfigurationError: A method that is not ``nominal``, ``geometric`` or ``elastic``.
     """
-    result = estimate(robot, measurements, settings, free_groups(method))
+    if method == "elastic":
+        result = estimate_elastic(robot, measurements, settings)
+    else:
+        result = estimate(robot, measurements, settings, free_groups(method))
     return model_of(result, hold_out_physical(result, measurements, settings), settings, method)
 
 

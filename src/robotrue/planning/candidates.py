@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.stats import qmc
 
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.regions import Region, contains
@@ -90,6 +89,8 @@ def draw_postures(robot: RobotModel, n: int, *, seed: int, margin: float) -> Arr
             f"margin of {np.degrees(margin):.1f} deg at both ends leaves no range.",
             hint="a smaller margin.",
         )
+    from scipy.stats import qmc  # takes longer to import than most commands run
+
     draws = qmc.Sobol(robot.dof, scramble=True, rng=np.random.default_rng([seed, 41]))
     unit = draws.random_base2(int(np.ceil(np.log2(n))))
     return np.asarray(np.round((middle + (2.0 * unit - 1.0) * half) / STEP) * STEP)

@@ -8,7 +8,6 @@ from typing import Final
 
 import numpy as np
 from scipy.linalg import solve_triangular
-from scipy.stats import qmc
 
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
@@ -56,6 +55,8 @@ def draw_drift_candidates(model: ErrorModel, cell: Cell, *, seed: int) -> Array:
         )
         return candidates.joints
     low, high = trained
+    from scipy.stats import qmc  # takes longer to import than most commands run
+
     draws = qmc.Sobol(model.robot.dof, rng=np.random.default_rng([seed, 43]))
     joints = np.round((low + draws.random(DRAWN) * (high - low)) / STEP) * STEP
     checked = usable(scene, joints)

@@ -13,7 +13,6 @@ from typing import Annotated, Final, Literal, TypeAlias
 
 import numpy as np
 from scipy.special import chdtri
-from scipy.stats import qmc
 
 from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.deng2022.similarity import similarity
@@ -353,6 +352,8 @@ def known_places(
     if stated is None or stated.shape != (2, dof):
         return None
     low, high = stated
+    from scipy.stats import qmc  # takes longer to import than most commands run
+
     unit = qmc.Sobol(dof, rng=np.random.default_rng(SEED)).random(samples)
     joints = low + unit * (high - low)
     prediction = model.predict(Query(joints=joints, load=load))

@@ -23,7 +23,6 @@ from typing import Final
 from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.deng2022.domains import Domains
 from robotrue.calibration.deng2022.readings import DengReadings
-from robotrue.calibration.deng2022.transfer_gpr import fit_boosted_poses, fit_deng2022
 from robotrue.calibration.drift_prior import NO_DRIFT, DriftScales
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel, with_summary
@@ -240,6 +239,8 @@ def _transfers(
     def learn(rows: MeasurementSet | None) -> ErrorModel:
         if rows is None:
             raise ObservabilityError("no target pose to learn from.")
+        from robotrue.calibration.deng2022.transfer_gpr import fit_boosted_poses  # slow to import
+
         return fit_boosted_poses(robot, rows, sets, settings)
 
     out: dict[str, Candidate] = {"transfer": transfer, "pooled": pool}
@@ -294,9 +295,10 @@ def _require_frame(source: TransferSource, model: ErrorModel, rows: MeasurementS
 
 
 def _alone(robot: RobotModel, settings: FitSettings, richest: str) -> dict[str, Candidate]:
-    out: dict[str, Candidate] = {"target-only": partial(_fit_alone, robot, settings, "elastic")}
+    leaning = replace(settings, lean_on_prior=True)  # one for all: they share the elastic estimate
+    out: dict[str, Candidate] = {"target-only": partial(_fit_alone, robot, leaning, "elastic")}
     if richest != "elastic":
-        out[f"target-only {richest}"] = partial(_fit_alone, robot, settings, richest)
+        out[f"target-only {richest}"] = partial(_fit_alone, robot, leaning, richest)
     return out
 
 
@@ -305,7 +307,7 @@ def _fit_alone(
 ) -> ErrorModel:
     if rows is None or not len(rows):
         raise ObservabilityError("no target row to fit.")
-    return fit(robot, rows, method=method, settings=replace(settings, lean_on_prior=True))
+    return fit(robot, rows, method=method, settings=settings)
 
 
 METHOD: Final = "deng2022"
@@ -342,6 +344,8 @@ def deng2022_contestants(
         ModelMismatchError: Another number of joints, or positions in a tracker frame.
         ObservabilityError: Too few rows.
     """
+    from robotrue.calibration.deng2022.transfer_gpr import fit_deng2022  # slow to import
+
     known = source.measurements
     if known is None:
         raise ConfigurationError(
