@@ -1,7 +1,7 @@
-"""Calibration from paths of constant or slowly turning attitude. All simulated.
+"""Calibration from paths of constant or slowly turning attitude, simulated unless ``--real``.
 
     python benchmarks/constant_attitude.py [--quick] [--paths N] [--first SEED] [--only KIND]
-                                           [--methods NAME ...] [--rows]
+                                           [--methods NAME ...] [--rows] [--real]
 
 Each seed is one path: a line, arc, raster or curve of 0.05 to 0.5 m on an arm of the presets with
 geometric errors, 50 to 100 poses, noise of 5 to 50 um per axis, reflector known to 1 to 100 mm and
@@ -9,6 +9,9 @@ off by as much, tracker frame known or not. Four blocks of consecutive poses ins
 fifth of it, are held out. `auto` calibrates from the rest. The floor of the same run is SciPy's
 least squares of the whole DH table, tool and frame, from the same poses and the same stated
 reflector; priors of 10 mm and 10 mrad keep it from running away where the data see nothing.
+
+``--real`` takes planar rasters of constant attitude out of both measured series of the UR10: 50 to
+110 poses of one height and one attitude each, the reflector stated to 10 mm.
 """
 
 from __future__ import annotations
@@ -20,6 +23,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from real_arms import ROOT, points
 from scipy.optimize import least_squares
 
 from robotrue.calibration.methods import METHODS
@@ -29,8 +33,8 @@ from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.terms.error_vector import PriorScales
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.poses import pose
-from robotrue.core.rotations import matrix_from_rotation_vector
-from robotrue.core.units import MM
+from robotrue.core.rotations import matrix_from_rotation_vector, rotation_vector_from_matrix
+from robotrue.core.units import DEG, MM
 from robotrue.errors import RobotrueError
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.forward import forward
@@ -50,6 +54,11 @@ WORSE = 0.8
 """Least squares at below this share of the error of `auto` is better by 20 %."""
 PATHS = 2000
 QUICK = 12
+SERIES = ("A", "B")
+REFLECTOR = pose(np.eye(3), np.array([0.0, 0.0, 0.109]))
+"""T_flange_tool of the measured UR10, stated to 10 mm."""
+FEWEST = 40
+"""Poses of a measured raster."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,6 +124,37 @@ def simulate(seed: int, kind: str | None = None) -> Case:
         train=rows.subset(np.setdiff1d(np.arange(count), held)),
         test=rows.subset(held),
     )
+
+
+def measured_rasters() -> list[Case]:
+    """Returns the rasters of both measured series, each pose once, in the order of the lanes."""
+    robot = preset("UR10").with_tool(REFLECTOR)
+    cases = []
+    for name in SERIES:
+        rows = points(name)
+        T = forward(robot, rows.joints)
+        turn = rotation_vector_from_matrix(T[:, :3, :3] @ T[0, :3, :3].T)
+        place = np.round(T[:, :3, 3] / (10 * MM)).astype(np.int64)
+        key = np.column_stack([np.round(turn / DEG).astype(np.int64), place[:, 2]])
+        _, group = np.unique(key, axis=0, return_inverse=True)
+        for k in range(int(group.max()) + 1):
+            mine = np.flatnonzero(group == k)
+            _, first = np.unique(place[mine], axis=0, return_index=True)  # by lane, then along it
+            raster = rows.subset(mine[first])
+            if len(raster) < FEWEST:
+                continue
+            held = held_blocks(len(raster))
+            cases.append(
+                Case(
+                    seed=len(cases),
+                    kind=f"UR10 {name}",
+                    robot=robot,
+                    settings=FitSettings(scales=PriorScales(tool=10 * MM)),
+                    train=raster.subset(np.setdiff1d(np.arange(len(raster)), held)),
+                    test=raster.subset(held),
+                )
+            )
+    return cases
 
 
 def held_blocks(count: int) -> IntArray:
@@ -243,8 +283,8 @@ def is_better(outcome: Outcome) -> bool:
     return outcome.floor < WORSE * outcome.auto
 
 
-def report(outcomes: Sequence[Outcome]) -> int:
-    """Prints counts and quantiles; returns 1 if a bound was missed."""
+def report(outcomes: Sequence[Outcome], word: str) -> int:
+    """Prints counts and quantiles of simulated or measured paths; 1 if a bound was missed."""
     refused = [o for o in outcomes if o.refusal]
     moving = [
         o
@@ -264,6 +304,7 @@ def report(outcomes: Sequence[Outcome]) -> int:
     for o in [*refused, *moving, *nominal][:20]:
         print(f"  seed {o.case.seed} {o.case.kind}: {o.winner} {o.refusal} {o.unsettled}")
     ratio = np.array([o.auto / o.floor for o in outcomes if not o.refusal])
+    print(f"auto within 10 % of least squares or better: {np.sum(ratio <= 1.1)} of {len(ratio)}")
     for label, values in (
         ("auto mm", np.array([o.auto for o in outcomes if not o.refusal]) / MM),
         ("least squares mm", np.array([o.floor for o in outcomes if not o.refusal]) / MM),
@@ -274,10 +315,10 @@ def report(outcomes: Sequence[Outcome]) -> int:
     print(f"auto: {np.mean([o.seconds for o in outcomes]):.2f} CPU s a path, with the floor")
     count = len(outcomes)
     rows = (
-        (f"methods still moving, of {count} simulated paths", 0, len(moving)),
-        (f"simulated paths refused, of {count}", 0, len(refused)),
+        (f"methods still moving, of {count} {word} paths", 0, len(moving)),
+        (f"{word} paths refused, of {count}", 0, len(refused)),
         ("nominal where least squares is better by 20 %", 0, len(nominal)),
-        ("simulated lines not fitted, of " + str(len(lines)), 0, len(lines) - len(fitted)),
+        (f"{word} lines not fitted, of {len(lines)}", 0, len(lines) - len(fitted)),
     )
     for name, reach, value in rows:
         verdict = "reached" if value <= reach else "missed"
@@ -299,21 +340,27 @@ def main() -> int:
     parser.add_argument("--only", choices=KINDS, help="one kind of path")
     parser.add_argument("--methods", nargs="+", choices=list(METHODS), default=list(METHODS))
     parser.add_argument("--rows", action="store_true", help="print every path")
+    parser.add_argument("--real", action="store_true", help="rasters of the measured UR10 instead")
     args = parser.parse_args()
-    outcomes = []
-    for seed in range(args.first, args.first + (QUICK if args.quick else args.paths)):
-        o = run(simulate(seed, args.only), args.methods)
+    if args.real and not ROOT.is_dir():
+        parser.error(f"no measured data at {ROOT}")
+    outcomes: list[Outcome] = []
+    seeds = range(args.first, args.first + (QUICK if args.quick else args.paths))
+    word = "measured" if args.real else "simulated"
+    cases = measured_rasters() if args.real else (simulate(seed, args.only) for seed in seeds)
+    for case in cases:
+        o = run(case, args.methods)
         outcomes.append(o)
         if args.rows:
             print(
-                f"{seed:5d} {o.case.kind:6s} {o.case.robot.name:20s} {o.case.train.frame:7s} "
+                f"{case.seed:5d} {o.case.kind:6s} {o.case.robot.name:20s} {o.case.train.frame:7s} "
                 f"{len(o.case.train):3d} tool {o.case.settings.scales.tool / MM:5.1f} mm "
                 f"auto {o.auto / MM:.4f} floor {o.floor / MM:.4f} {o.winner} {o.seconds:.2f} s "
                 f"{o.refusal} {o.unsettled or ''}",
                 flush=True,
             )
-    print(f"{len(outcomes)} simulated paths, seeds from {args.first}")
-    return report(outcomes)
+    print(f"{len(outcomes)} {word} paths" + f", seeds from {args.first}" * (not args.real))
+    return report(outcomes, word)
 
 
 if __name__ == "__main__":
