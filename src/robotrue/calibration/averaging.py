@@ -1,4 +1,4 @@
-"""One model from several fits of the same rows: what none of them excludes stays in its width.
+"""One model from several fits of the same rows; its covariance includes their spread.
 
 With weights a_k over models of mean m_k and covariance f_k S_k the average has
 
@@ -10,8 +10,8 @@ held out of (:mod:`robotrue.calibration.held_out_blocks`). Where a model does no
 as after a transfer, S_k keeps its own factor and f is one.
 
 All models are linear in the same coefficients, so the average is one of them: mean and root over
-robot errors and terms. A term that a model does not have is zero in it, and certain. Nothing that
-uses an error model can tell it from a single fit.
+robot errors and terms. A term that a model does not have is zero in it, without variance. An
+average is used like a single fit.
 """
 
 from __future__ import annotations
@@ -181,9 +181,8 @@ def _align_members(
 def _share_moments(members: Sequence[_Member], share: Array) -> Array:
     """The means (k, p) of the members, moments of links by the compliance they act through.
 
-    A moment bends the joints of its own link and of those before it, and the product is what a
-    model predicts. A member that says these joints are stiff says nothing of the moment: the mean
-    of the others stands in it.
+    A moment bends the joints of its link and of those before it, and a model predicts the product.
+    A member with stiff joints does not determine the moment: the mean of the others replaces it.
     """
     means = np.array([member.belief.mean for member in members])
     dof = members[0].model.robot.dof

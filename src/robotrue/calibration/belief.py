@@ -219,8 +219,8 @@ def with_term(belief: Belief, term: Term, kept: IntArray) -> Belief:
     Args:
         belief: Before.
         term: Of a name the belief has.
-        kept: (k,) where the parameters it had stand in the new term; the others stand at zero, with
-            no variance yet.
+        kept: (k,) indices of the old parameters in the new term; the others are zero, without
+            variance yet.
     """
     place = belief.place(term.name)
     terms = tuple(term if old.name == term.name else old for old in belief.terms)

@@ -135,7 +135,7 @@ def _restore_terms(archive: Archive, robot: RobotModel) -> list[tuple[Term, Arra
     """The terms of an archive with their parameters, the standard ones first.
 
     Raises:
-        ArchiveError: A term nobody registered, or a damaged one.
+        ArchiveError: An unregistered term, or a damaged one.
     """
     for name in archive.arrays:
         archive.array(name)

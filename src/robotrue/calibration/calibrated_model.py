@@ -182,7 +182,8 @@ class CalibratedModel(Columns):
     def joint_covariance(self, query: Query) -> Array:
         """Returns the covariance (3n, 3n) m^2 of the errors of all rows together.
 
-        Its diagonal blocks are those of :meth:`predict`; the others say what rows share.
+        Its diagonal blocks are those of :meth:`predict`; the others are the covariances between
+        rows.
 
         Raises:
             ShapeError: Joints or approach of another robot.
@@ -201,8 +202,8 @@ class CalibratedModel(Columns):
     def _visit(self) -> float:
         """Variance per axis of one visit, m^2, over the factor on it.
 
-        A factor below one is about what is not known of a rigid-flexible arm, not about its visits.
-        Learned models have always had theirs narrowed with it, where many rows say so.
+        A factor below one applies to the parameters of a rigid-flexible arm, not to its visits.
+        Learned models also narrow their visits, where many rows support it.
         """
         visit = self.white**2 + self.repeatability**2
         return visit / min(self.inflation, 1.0) if self.root is None else visit

@@ -1,8 +1,8 @@
 """The linear model around an estimate.
 
-Every column comes out of the rows' own Jacobian: drive angles act where ``theta`` acts, the tool
-point where a shift of the base acts. So points and full poses, in base or in a tracker frame, with
-one reflector or several, need no case of their own.
+Every column follows from the Jacobian of the rows: drive angles act like ``theta``, the tool point
+like a shift of the base. So points and full poses, in base or in a tracker frame, with one
+reflector or several, need no special case.
 """
 
 from __future__ import annotations
@@ -69,14 +69,14 @@ class Design:
         observations: Points and poses.
         layout: Of the physical parameters.
         prior: Of the physical parameters.
-        state: Where everything is linearised.
+        state: Point of linearisation.
         noise: (2,) white variance of lengths (m^2) and angles (rad^2).
         weights: (rows of the set,) robust weight.
         loss: The robust rule that made them.
         terms: Beyond the physical parameters: ripple, backlash, smooth residual, then others.
         values: (k,) their parameters where terms that are not linear are linearised.
-        active: (p,) columns in use, free physical parameters first; the others stand at zero.
-        few: The rows are too few to say the scale of each band of ripple.
+        active: (p,) columns in use, free physical parameters first; the others are zero.
+        few: The rows are too few to determine the scale of each band of ripple.
     """
 
     observations: tuple[PointObservation, ...]

@@ -95,8 +95,8 @@ DEFAULTS: Final[Mapping[Relation, DriftScales]] = {
     for k, relation in enumerate(RELATIONS)
 }
 """Same campaign: half an hour of warming. Months: the stand, the reflector and the encoders
-referenced anew, 1 to 2 K (12 um per m and K). Another arm of the type: tolerances of manufacture,
-placed anew; its gears are alike in kind and not in phase."""
+referenced again, 1 to 2 K (12 um per m and K). Another arm of the type: tolerances of manufacture,
+another base; its gears are alike in kind and not in phase."""
 
 
 NO_DRIFT: Final = DriftScales(**{scale.name: 0.0 for scale in fields(DriftScales)})

@@ -4,8 +4,8 @@ For m numbers z = H w + noise every scale enters one m x m matrix,
 
     K = k^2 A'A + sum_g s_g^2 H_g unit_g^2 H_g' + noise,      A = R D H',    y = z - H D mean
 
-so that a step costs m^3, whatever the source measured. The Hessian at the optimum says how well
-the scales are known.
+so that a step costs m^3, whatever the source measured. The Hessian at the optimum gives the
+uncertainty of the scales.
 """
 
 from __future__ import annotations

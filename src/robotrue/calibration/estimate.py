@@ -256,7 +256,7 @@ def _verdict(
     screened: IntArray,
     rows: int,
 ) -> FitVerdict:
-    """Judges the fit; ``screened`` are lines of the source file."""
+    """Returns the verdict on the fit; ``screened`` are lines of the source file."""
     loose = _loose_turns(posterior)
     doubts = [*loose, *(f"not seen by the data: {d}." for d in seen.harmful)]
     short = posterior.numbers < seen.determinable

@@ -5,8 +5,8 @@ At a linearisation the posterior of the step x is Gaussian with precision
     A = diag(1 / sd^2) + sum_i u_i J_i^T N_i^-1 J_i,      N_i = C_i + sum_c noise_c diag(white_c)
 
 Robust weights u, the white noise and the prior scales are iterated to their joint fixed point on
-the linear problem (MacKay 1992, "The evidence framework", eq. 4.9-4.10, for scales and noise by
-the gradient of the evidence); then the state moves and everything is linearised anew.
+the linear problem (MacKay 1992, "The evidence framework", eq. 4.9-4.10, for scales and noise by the
+gradient of the evidence); then the state moves and everything is linearised again.
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ from robotrue.errors import ConvergenceError
 PULL: Final = 0.5
 """Weight of the scale at rest in a learned one, in parameters."""
 LEAST_GAIN: Final = 1.0
-"""Gain in log evidence per step below which learning stops, where nothing else is said."""
+"""Default gain in log evidence per step below which learning stops."""
 COMMON_HOLD: Final = 0.5
 """Hold of the factor that held groups have in common: a factor of e in the scale is one sigma."""
 FEW_PER_COLUMN: Final = 0.6

@@ -1,36 +1,36 @@
 """Held-out error and coverage of a linear model, and the width factor that follows.
 
 Within the training rows alone: the rows are cut into contiguous blocks in the order they were
-measured; the scales, the noise and the weights are learned anew without each block, which is then
-predicted. What stays common to all blocks: linearisation, robust weights, and the lengths of the
-smooth part.
+measured; the scales, the noise and the weights are learned again without each block, which is then
+predicted. Common to all blocks are linearisation, robust weights, and the lengths of the smooth
+part.
 
-The covariance gets one factor f from these predictions. A factor is a variance, and few rows know
-it poorly: with a prior of :data:`PRIOR_NUMBERS` numbers about one it is where
+The covariance gets one factor f from these predictions. A factor is a variance, which few rows
+determine poorly: with a prior of :data:`PRIOR_NUMBERS` numbers about one it is where
 
     sum (r' C^-1 V C^-1 r - tr C^-1 V) + PRIOR_NUMBERS (1 / f - 1) = 0,    V = f (learned + white)
 
 with C = V + instrument, and the 95 % region is that of Student's law on as many degrees as there
 are rows left: the three numbers of a row share their cause, so a row counts once. With many rows
-the 95 % point of the rows themselves takes over, whatever law they follow.
+the 95 % point of the rows themselves is used, for any distribution.
 
 Several models of the same rows, averaged, get one factor together, from the average of their
 predictions of the blocks. A factor of each is not enough: errors of models that differ cancel in
 their average, so that it is more accurate than its members while the spread between them makes it
 wider (the ambiguity decomposition of Krogh and Vedelsby 1995). Averages are of few rows, whose
-factor is mostly chance: there a row counts once beside the prior too.
+factor is mostly chance: there a row counts once against the prior too.
 
-Whether a smooth residual can predict blocks left out is found before it is fitted with all the
-rest. At fixed scales a block left out is a closed formula of one factorisation (Rasmussen and
-Williams 2006, eq. 5.10-5.12, in blocks). With whitened rows y = F w + Z v + e and T T' = F C F', C
-the posterior covariance without v,
+Whether a smooth residual can predict blocks left out is checked before the joint fit. At fixed
+scales a block left out is a closed formula of one factorisation (Rasmussen and Williams 2006, eq.
+5.10-5.12, in blocks). With whitened rows y = F w + Z v + e and T T' = F C F', C the posterior
+covariance without v,
 
     K^-1 = 1 - T T',    V = K^-1 Z,    K2^-1 = K^-1 - V (1 / a^2 + Z'V)^-1 V'
     residual of block B = (K^-1)_BB^-1 (K^-1 y)_B,  and the same with K2
 
 The scales are those of all rows, the blocks left out among them, and of several amplitudes a the
-best counts: where even so no block is predicted better, learning all scales anew without each block
-finds the same at a hundred times the cost.
+best counts: where even so no block is predicted better, learning all scales again without each
+block gives the same at a hundred times the cost.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ BLOCKS: Final = 5
 STEPS: Final = 6
 """Of learning without a block, from the scales of all rows."""
 PRIOR_NUMBERS: Final = 20.0
-"""Numbers that the prior of the factor is worth."""
+"""Weight of the prior of the factor, in numbers."""
 NUMBERS_PER_ROW: Final = 3.0
 """Of a position, which share one cause."""
 QUANTILE_ROWS: Final = 300
@@ -135,7 +135,7 @@ def predict_held_out(
         uncarried: (rows,) m^2, variance of the smooth residual that its centres do not carry.
         repeatability: m, sd per axis, part of the rows' stated covariance.
         kept: All rows, from :meth:`Design.keep_rows`.
-        shift: m, sd per axis by which blocks may stand apart for the time between them alone.
+        shift: m, sd per axis of a shift between blocks caused by the time between them alone.
     """
     count = len(design.weights)
     fold = label_blocks(count)

@@ -48,7 +48,7 @@ CURES: Final[dict[Reveal, str]] = {
 STATED_STIFFNESS: Final = (
     "measure some poses under a known horizontal force; until then the stated stiffness is used"
 )
-"""The cure of compliance nobody saw where a stiffness was stated before."""
+"""The cure of undetermined compliance where a stiffness is stated."""
 ASSUMED_WEIGHT: Final = (
     "unloaded poses determine the product of link weight and drive compliance, not each factor; "
     "measure some poses under a known force or a second payload, or state the link masses"
@@ -133,11 +133,11 @@ def analyse(
     *,
     stiffness_stated: bool = False,
 ) -> Identifiability:
-    """Returns what the data see of the ``robot`` block.
+    """Returns the identifiability of the ``robot`` block.
 
     Args:
         robot: The arm at the solution.
-        layout: The parameter vector; stations say that the base is not known.
+        layout: The parameter vector; with stations the base is not known.
         information: (P, P) J^T W J of the data, SI.
         prior_sd: (P,) physical scales, zero where fixed.
         payload: Of the imagined measurements.

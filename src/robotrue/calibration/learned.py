@@ -63,9 +63,9 @@ LEAST_WEIGHT: Final = 0.01
 UNSEEN: Final = 1e-5
 """Information on a coefficient, over that of its starting scale, below which it is left out."""
 MANY_ROWS: Final = 200
-"""Rows from which the ladder begins at its second rung, and each band has a scale of its own."""
+"""Rows from which the ladder starts at its second rung, and each band has its own scale."""
 FEWEST_SMOOTH: Final = 60
-"""Rows below which nobody can tell a smooth residual from the rest; it is not tried."""
+"""Rows below which a smooth residual cannot be separated from other errors; it is not tried."""
 LONG_CAMPAIGN: Final = 1000
 """Rows of a campaign so long that half of a day's shift is seen within it."""
 LADDER_STEPS: Final = 8
@@ -258,7 +258,7 @@ def climb_ladder(design: Design, parts: LearnedParts) -> LinearFit:
 
 
 def renew_linearisation(at: LinearFit, *, steps: int) -> LinearFit:
-    """Returns the fit with linearisation, robust weights and noise taken anew."""
+    """Returns the fit with new linearisation, robust weights and noise."""
     design, fit = at.design, at.weights
     robust = np.zeros(len(design.weights))
     for item in design.rows():

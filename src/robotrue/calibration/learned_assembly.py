@@ -5,8 +5,8 @@ covariance to the columns of :class:`CalibratedModel`. The base gets the shift b
 which no row of one campaign can show.
 
 A refit without some rows costs no more than solving the linear model again: the rows left out leave
-the sums; scales, noise and weights are learned anew, from where learning starts and not from what
-all rows learned: a scale remembers a region that is left out (measured on a UR10: 0.18 mm in place
+the sums; scales, noise and weights are learned again from their initial values, not from those of
+all rows: otherwise a scale retains a region that is left out (measured on a UR10: 0.18 mm instead
 of 0.46 mm). As between held-out blocks, linearisation, robust weights, the bands of ripple in use
 and the basis of the smooth residual are those of all rows. The width of a refit comes from the
 held-out rows it still has.

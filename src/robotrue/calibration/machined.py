@@ -1,10 +1,10 @@
-"""Uncertainty of machined points: an arm that probes and machines errs both times in one way.
+"""Uncertainty of machined points: probing and machining share the errors of the arm.
 
 The tip in the part is ``p = h(q, w, f)``: joints, the arm's errors w, the part's frame f. The
-covariance of a machined point is that of its error about where the program wants it, at one visit.
+covariance of a machined point is that of its deviation from the programmed position, at one visit.
 
-(a) The program is compensated by the model and the frame of one estimate. What is left is what that
-estimate does not know of h::
+(a) The program is compensated by the model and the frame of one estimate. The remaining error
+follows from the estimate's uncertainty of h::
 
     error = H_m d[w, f]            covariance = H_m S H_m' + rest,   H_m = [J_m, -G] in the part
 
@@ -16,12 +16,12 @@ makes a probed side better known than the arm itself.
 
     M = J_m - G L J_p              covariance = M S M' + G L N L' G' + rest
 
-with S what is believed of the arm (a nominal one or a calibrated one), N the noise of the touches.
+with S the covariance of the arm (a nominal one or a calibrated one), N the noise of the touches.
 Errors that touching and machining share cancel in M only where both postures are alike: a side that
 was not probed keeps the whole error of the arm.
 
-``rest`` is what differs from visit to visit: repeatability, learned white noise, and the part of a
-smooth residual that the centres do not carry.
+``rest`` differs from visit to visit: repeatability, learned white noise, and the part of a smooth
+residual that the centres do not carry.
 """
 
 from __future__ import annotations
@@ -167,7 +167,7 @@ def unchanged_covariance(
     """Returns the covariance (m, 3, 3) m^2, in the part, of points run with an unchanged model.
 
     Args:
-        belief: What is believed of the arm: its mean is the model that probed and that runs.
+        belief: Of the arm: its mean is the model that probed and that runs.
         touches: Postures of the n touches.
         machined: Postures of the m machined points.
         points: (m, 3) m, the machined points in the part.

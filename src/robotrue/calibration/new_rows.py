@@ -2,13 +2,13 @@
 
     z = measured - h(w0) + H w0 = H w + noise
 
-The posture, the tracker frames and the nuisances of the new set are linearised where the belief
-stands; conditioning the prior on them and taking them again where it then stands is Gauss-Newton.
-Tracker set-ups the belief does not know, and further reflectors, bring columns of their own.
+The posture, the tracker frames and the nuisances of the new set are linearised at the belief's
+mean; conditioning the prior on them and linearising again at the new mean is Gauss-Newton. Tracker
+set-ups that the belief does not contain, and further reflectors, add columns.
 
 Updates, transfers and touches differ in their rows, their robust weights and where they stop. A row
-is weighed by how far it lies from what the belief predicts (before conditioning), or from what all
-other rows predict (:func:`left_out_lengths`).
+is weighed by its distance from the belief's prediction (before conditioning), or from the
+prediction by all other rows (:func:`left_out_lengths`).
 """
 
 from __future__ import annotations
@@ -104,14 +104,14 @@ def new_rows(
     """Returns the measurements ready to be added to a belief.
 
     Args:
-        belief: Says where the arm is believed to be.
+        belief: Prior of the arm.
         measurements: In base or in tracker frames.
         settings: Payload, sd of orientations.
         fresh: True: every tracker set-up is a new one, whatever its number.
 
     Raises:
         ObservabilityError: A new set-up with fewer than 3 points, or all on one line.
-        ImplausibleDataError: Points that cannot be this robot's.
+        ImplausibleDataError: Points that are impossible for this robot.
     """
     robot = belief.actual
     measurements = _with_tool_axes(robot, measurements)
@@ -180,10 +180,10 @@ def whiten(pieces: Sequence[LinearRows], noise: Array, weights: Array) -> tuple[
 
 
 def _with_tool_axes(robot: RobotModel, measurements: MeasurementSet) -> MeasurementSet:
-    """The set with orientations of the robot's own tool, however its target sits on it.
+    """Returns the set with orientations of the robot's tool, for any mounting of its target.
 
-    A 6-D target that was mounted anew may be turned by any angle; the constant part of the turn
-    says nothing about the arm.
+    A 6-D target that was mounted again may be turned by any angle; the constant part of the turn
+    contains no information about the arm.
     """
     posed = measurements.has_rotation & (measurements.target == 0)
     if not posed.any():
@@ -248,7 +248,7 @@ def weigh_innovations(
     loss: Loss,
     inflation: float,
 ) -> Array:
-    """Returns the robust weight (n,) of rows by how far they lie from what the belief predicts."""
+    """Returns the robust weight (n,) of rows by their distance from the belief's prediction."""
     out = np.ones(count)
     for piece in pieces:
         n, m, p = piece.columns.shape

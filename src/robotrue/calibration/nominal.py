@@ -1,4 +1,4 @@
-"""The arm that nobody measured: what its controller computes, and how far arms of its type err."""
+"""The unmeasured arm: its controller's kinematics, and the typical errors of its type."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class NominalModel(UnconditionalModel):
 
     @property
     def calibrated(self) -> bool:
-        """False: nobody measured it."""
+        """False: it was not measured."""
         return False
 
     def belief(self) -> Belief:
@@ -97,7 +97,7 @@ class NominalModel(UnconditionalModel):
         return self
 
     def training_summary(self) -> TrainingSummary:
-        """Returns a summary without rows, and a warning that says so."""
+        """Returns a summary without rows, and a warning that states it."""
         return TrainingSummary(
             {
                 "method": "none",

@@ -2,7 +2,7 @@
 
 ``residual = measured - predicted`` and ``jacobian = d predicted / d parameters``, so a Gauss-Newton
 step solves ``jacobian @ step = residual``. Covariances hold the instrument and the repeatability;
-``white`` says where the learned white noise (of lengths, of angles) adds to them.
+``white`` marks where the learned white noise (of lengths, of angles) adds to them.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ CHANNELS: Final = 2
 CHUNK: Final = 2048
 """Rows linearised at a time: bounds the memory of the chain walk."""
 ROWS: Final = 512
-"""Rows at a time where terms have columns of their own."""
+"""Rows at a time where terms have separate columns."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

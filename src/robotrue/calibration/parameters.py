@@ -135,10 +135,10 @@ def difference(layout: ParameterLayout, state: State, origin: State) -> Array:
 def station_as_base(layout: ParameterLayout, state: State) -> tuple[slice, Array] | None:
     """Returns a station's block and the (6, 6) map of its step to one of the base errors.
 
-    With an unknown tracker frame the base *is* where that station says: the joint offsets and the
-    station are known only together, and only together do they say where a measured point will be.
-    The first station that has axes stands for the base; a place has none. None where no station is
-    estimated, or only places.
+    With an unknown tracker frame the station *defines* the base: the joint offsets and the station
+    are determined only together, and only together do they predict a measured point. The first
+    station that has axes represents the base; a place has none. None where no station is estimated,
+    or only places.
     """
     frames = [k for k in layout.stations if k not in layout.places]
     if not frames:
@@ -195,16 +195,16 @@ def start_state(
 
     Tracker frames start at the best rigid fit to the nominal arm; of poses on or near one line the
     turn about it is the one that an offset of the reflector explains best. Further reflectors start
-    at the mean of where they are seen on the flange. A station whose every point is its own origin
-    (0, 0, 0) is a place, such as a socket that the tool was put into several times: it only shifts.
-    A 6-D target whose axes are turned against the tool frame gives its orientation to the returned
-    robot's tool; the tool point stays.
+    at the mean of their measured positions on the flange. A station whose every point is its own
+    origin (0, 0, 0) is a place, such as a socket that the tool was put into several times: it only
+    shifts. A 6-D target whose axes are turned against the tool frame gives its orientation to the
+    returned robot's tool; the tool point stays.
 
     Args:
         robot: Nominal arm.
         measurements: In base or in tracker frames.
-        tool_sd: m, how well the place of reflector 0 is known; an offset within :data:`OFF` of it
-            says nothing against the robot.
+        tool_sd: m, standard deviation of the position of reflector 0; an offset within :data:`OFF`
+            of it is no fault of the robot.
         line: Accept stations whose points lie on one line.
 
     Raises:

@@ -71,7 +71,7 @@ NOISIER: Final = (2.0, 4.0)
 """Touches left out beyond the share ``CROWD`` are no outliers if noise that many times larger takes
 all but ``FEW`` of them in: ``touch_sigma`` is then too small, and the noise is learned."""
 ROUNDS: Final = 4
-"""Times the touches are judged anew where the estimate has moved."""
+"""Times the touches are checked again where the estimate has moved."""
 STILL: Final = 1e-7
 """m and rad: frames that move by less are at rest."""
 

@@ -35,16 +35,16 @@ class ProbingSettings:
 
     Attributes:
         touch_sigma: m per axis of one touch: probe, surface, hand; without the arm.
-        tool_sigma: m per axis, how far the tool point may be from where the model has it. 0: the
-            tool that was measured is still in its holder; for a nominal arm that of ``priors``.
-        T_flange_tool: (4, 4) nominal tool of the touches, if another than the model's; what the
-            model knew of its own tool then does not apply, and ``tool_sigma`` must say how well
-            this one is known.
+        tool_sigma: m per axis, deviation of the tool point from that of the model. 0: the measured
+            tool is still in its holder; for a nominal arm that of ``priors``.
+        T_flange_tool: (4, 4) nominal tool of the touches, if another than the model's; the model's
+            tool error then does not apply, and ``tool_sigma`` must state the uncertainty of this
+            one.
         robust: Name and leave out touches that disagree.
         learn: Let the touches scale the priors of a nominal arm, and noise beyond ``touch_sigma``.
         payload: On the flange while touching.
         priors: Of a nominal arm: scales, stiffness, repeatability.
-        start: ``T_base_part`` of parts whose touches do not say roughly where they stand.
+        start: ``T_base_part`` of parts whose touches do not determine a rough position.
     """
 
     touch_sigma: float = 5e-5
@@ -163,7 +163,7 @@ def model_of_estimate(estimate: ProbingEstimate) -> CalibratedModel:
 
 
 NOISY: Final = 1.5
-"""Noise of the touches over that stated, from which it is said."""
+"""Ratio of the noise of the touches to the stated noise, from which it is reported."""
 
 
 def touches_hash(touches: ProbingSet) -> str:

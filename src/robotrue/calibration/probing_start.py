@@ -24,13 +24,13 @@ from robotrue.measurement.probing_set import ProbingSet
 from robotrue.robot.statics import Load
 
 ROBOT: Final = 0.5 * MM
-"""Error of an arm that nobody measured which is not a rigid motion of the part, per axis."""
+"""Error of an unmeasured arm beyond a rigid motion of the part, per axis."""
 FLAT: Final = 1e-3
 """Points closer to one line than this part of their length fix no rotation about it."""
 UNIT_STEP: Final = 30.0
 """Patterns this many times larger or smaller than one another are in different units."""
 FEWEST_ROBUST: Final = 5
-"""Points from which one of them can be told to be wrong."""
+"""Fewest points from which a wrong one can be identified."""
 
 
 def tips(belief: Belief, joints: Array, payload: Load) -> Array:
@@ -72,7 +72,7 @@ def check_held(touches: ProbingSet, in_base: Array, mine: IntArray, T_base_part:
     """Passes if the chosen touches of one part fix all six directions of its frame.
 
     Raises:
-        ObservabilityError: They do not; names what is left open, in part axes.
+        ObservabilityError: They do not; names the undetermined directions, in part axes.
     """
     labels = touches.labels
     full = mine[touches.full[mine]]
@@ -107,7 +107,7 @@ def check_pattern(points: Array, labels: tuple[str, ...]) -> None:
         labels: (n) of the points.
 
     Raises:
-        ObservabilityError: Fewer than three places, or all on one line; says which touches.
+        ObservabilityError: Fewer than three places, or all on one line; names the touches.
     """
     named = ", ".join(labels[:8]) + (", ..." if len(labels) > 8 else "")
     places = np.unique(np.round(points, 7), axis=0)
@@ -149,7 +149,7 @@ def _fit_frame(touches: ProbingSet, in_base: Array, mine: IntArray, robust: bool
 
 
 def _loose(part: Array, base: Array) -> float:
-    """Returns by how many m per axis a good touch may be off, for an arm nobody measured."""
+    """Returns the largest error of a good touch, m per axis, for an unmeasured arm."""
     typical = np.median(np.linalg.norm(apply(fit_rigid(part, base), part) - base, axis=1))
     # At the start a bound that is too tight would cut through an arm that errs more than most.
     return float(min(max(ROBOT, 0.2 * typical), 10.0 * ROBOT))

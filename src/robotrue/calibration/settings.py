@@ -3,8 +3,8 @@
 The default scales are those of a production industrial arm. A scale that is learned moves to where
 the data put it (marginal likelihood), held by a weak pull to the default
 (:func:`robotrue.calibration.evidence.pulled_scale`), so that a group without information keeps its
-physical scale. As a belief the priors are an arm that nobody has measured; touches of a part are
-added to it as to any other.
+physical scale. As a belief the priors are an unmeasured arm; touches of a part are added to it as
+to any other.
 """
 
 from __future__ import annotations
@@ -71,12 +71,12 @@ class FitSettings:
         scales: Prior standard deviations.
         stiffness: Known joint stiffness; without it a broad scale from the arm's weight is learned.
         rotation_sd: rad per axis of a measured orientation without covariance.
-        campaign_shift: m per axis, sd by which the arm stands off its mean on one day; default:
-            12 um, what a metre of steel grows by in a kelvin. One campaign cannot show it; a
-            prediction for another day pays it twice.
+        campaign_shift: m per axis, sd of the arm's deviation from its mean on one day; default: 12
+            um, the growth of a metre of steel per kelvin. One campaign cannot show it; a prediction
+            for another day includes it twice.
         solver: Robust rule, what is learned, iterations.
-        lean_on_prior: Accept fewer numbers than the parameters they should determine; the rest
-            then comes from the prior, and the verdict says so.
+        lean_on_prior: Accept fewer numbers than the parameters they should determine; the others
+            then come from the prior, and the verdict states it.
     """
 
     payload: Load = NO_LOAD

@@ -1,24 +1,25 @@
-"""Sources of a transfer: who they are, and how several become one belief.
+"""Sources of a transfer, and their combination into one belief.
 
-The leading source stands for the target's own arm. Every other source observes the same
-coefficients with variance S_i + Q_i; where it disagrees with the leading one by more than both
-allow, its variance grows until it does not. Where all sources are other units the first one is
-widened by the spread of units: what it then says is the mean of the type.
+The leading source represents the target's arm. Every other source observes the same coefficients
+with variance S_i + Q_i; where it disagrees with the leading one by more than both allow, its
+variance grows until it does not. Where all sources are other units the first one is widened by the
+spread of units: it then represents the mean of the type.
 
-Many calibrated arms of one type, a fleet, say mean and covariance of the next arm's parameters. Arm
-i has the posterior N(m_i, S_i) of its parameters w_i ~ N(mu, L). One step of expectation and
+Many calibrated arms of one type, a fleet, give mean and covariance of the next arm's parameters.
+Arm i has the posterior N(m_i, S_i) of its parameters w_i ~ N(mu, L). One step of expectation and
 maximisation from these posteriors gives
 
     mu = mean m_i,    L = mean S_i + scatter of the m_i about mu
 
 (the law of total variance): a direction that no arm determined keeps the prior's width, one that
-all determined has the width of their scatter. Few arms know a scatter of 40 parameters poorly, so
-its variances are shrunk to those of their physical group and its correlations to zero, as if
+all determined has the width of their scatter. Few arms determine a scatter of 40 parameters poorly,
+so its variances are shrunk to those of their physical group and its correlations to zero, as if
 :data:`PRIOR_ARMS` further arms had shown the group's variance and nothing else (the mode of an
-inverse Wishart posterior about the diagonal). The next arm also pays for the error of mu, 1 / N.
+inverse Wishart posterior about the diagonal). The next arm's covariance includes the error of mu, 1
+/ N.
 
 Ripple has no common mean: gears of one type are alike in kind and not in phase. Base and reflector
-are where each arm stands. A smooth residual belongs to one arm.
+are specific to each arm, and so is a smooth residual.
 
 A source may be reduced to a few postures (:func:`see_at_postures`). At n postures the ripple of a
 joint is n shifts of its drive, whatever number of cycles it has. With b the sines and cosines of a
@@ -28,7 +29,7 @@ joint at the postures and v the prior variance of their amplitudes w,
 
 u has unit prior variance, as the drift between campaigns needs it, and no more coefficients than
 there are postures. Fits of rows at these postures, and predictions at them, are the same with u as
-with w: a comparison that holds out ten parts of 30 poses costs nothing like ten fits of 3,000
+with w: a comparison that holds out ten parts of 30 poses costs far less than ten fits of 3,000
 columns.
 """
 
@@ -83,8 +84,8 @@ class TransferSource:
         measurements: Rows of the source; fitted by the transfer. Either these or ``model``.
         model: A calibration of the source.
         relation: ``"region"``: same arm, same campaign, another part of the workspace.
-            ``"campaign"``: same arm, another time, instrument or reflector set up anew.
-            ``"unit"``: another arm of the same type.
+            ``"campaign"``: same arm, another time, instrument or reflector set-up. ``"unit"``:
+            another arm of the same type.
         name: For messages and the summary.
     """
 
@@ -223,7 +224,7 @@ def fleet_belief(beliefs: Sequence[Belief], scales: PriorScales) -> Belief:
 
     Args:
         beliefs: Of :data:`FEWEST_ARMS` or more arms of one type, with one reflector.
-        scales: How well the next arm's base and reflector are known.
+        scales: Uncertainty of the next arm's base and reflector.
     """
     count = max(len(belief.ripple.cycles) for belief in beliefs)
     beliefs = [with_harmonics(belief, count) for belief in beliefs]
@@ -292,7 +293,7 @@ def _column_groups(belief: Belief, end: int) -> list[IntArray]:
 
 
 def _place_anew(belief: Belief, scales: PriorScales, mean: Array, covariance: Array) -> None:
-    """Forgets where the arms stood and their reflectors sat, in place."""
+    """Resets base and reflector of the arms to their priors, in place."""
     for frame in ("base", "tool"):
         place = parameter_slice(belief.robot.dof, frame)
         seen = np.diagonal(covariance)[place] > 0.0

@@ -104,7 +104,7 @@ class PartDistanceObservation:
         """Returns the linearised rows; residual (n, 1) m.
 
         Raises:
-            ImplausibleDataError: Parts that stand in the same place.
+            ImplausibleDataError: Parts in the same place.
         """
         chosen = [self.distances[i] for i in np.arange(len(self.distances))[part]]
         n = len(chosen)
@@ -167,12 +167,12 @@ def touch_rows(
 ) -> NewRows:
     """Returns the touches ready to be added to a belief, linearised about frames to start from.
 
-    Rows 0 to n - 1 are the touches, those behind them the known distances.
+    Rows 0 to n - 1 are the touches, the rows after them the known distances.
 
     Args:
-        belief: Says where the arm is believed to be.
+        belief: Prior of the arm.
         touches: With joints.
-        T_base_part: (4, 4) of every part, where it roughly stands.
+        T_base_part: (4, 4) of every part, roughly.
         touch_sigma: m per axis of one touch: probe, surface, hand.
         payload: On the flange while touching.
     """
@@ -267,7 +267,7 @@ def find_agreeing_touches(stack: Stack, belief: Belief, noise: Array, tested: in
         stack: All rows, the touches first.
         belief: Of the arm and, at its end, the frames.
         noise: (2,) white variance of lengths and angles.
-        tested: Number of touches; the rows behind them are believed.
+        tested: Number of touches; the rows after them are used without a test.
 
     Raises:
         ConvergenceError: Weights that never settle.
@@ -292,26 +292,26 @@ def find_agreeing_touches(stack: Stack, belief: Belief, noise: Array, tested: in
 
 
 BANDS: Final = (1, 4, 9, 17, 33)
-"""First N of each band of ripple that has a scale of its own."""
+"""First N of each band of ripple with its own scale."""
 HOLD: Final = 0.5
 """Of each scale to its default: a factor of e is one sigma."""
 STEPS: Final = 40
 WORTH: Final = 8.0
-"""Weights that the default scales are worth: with 4, regions after 12 touches hold too much."""
+"""Weight of the default scales: with 4, regions after 12 touches hold too much."""
 
 
 def learn_scales(
     belief: Belief, stack: Stack, noise: Array, physical: Prior
 ) -> tuple[Belief, float]:
-    """Returns the prior of a nominal arm with scales as the touches ask, and their noise factor.
+    """Returns the prior of a nominal arm with scales from the touches, and their noise factor.
 
     Groups: the learnable ones of the physical prior and the bands of ripple. All are held to their
-    default: thirty touches say little of a group, but they say what all have in common. A scale
-    told by few is not a scale known, so the belief's inflation grows (:func:`few_factor`).
+    default: thirty touches determine a single group poorly, but the common scale well. A scale from
+    few touches is uncertain, so the belief's inflation grows (:func:`few_factor`).
 
     Args:
         belief: Diagonal prior of the arm, the frames at its end.
-        stack: The believed rows.
+        stack: The rows in use.
         noise: (2,) white variance of lengths and angles.
         physical: Names the groups of the robot errors.
     """
@@ -354,17 +354,17 @@ def learn_scales(
 
 
 def few_factor(told: float, worth: float = WORTH) -> float:
-    """Returns the factor on a covariance whose scale was told by some weights.
+    """Returns the factor on a covariance whose scale was learned from some weights.
 
     Args:
         told: Number of weights of learned groups that the touches determine.
-        worth: Weights that the default scales are worth.
+        worth: Weight of the default scales.
     """
     return student_factor(told + worth)
 
 
 def noise_factor(belief: Belief, stack: Stack, noise: Array) -> float:
-    """Returns by how much the touches' variance is larger than stated; never below 1."""
+    """Returns the ratio of the touches' variance to the stated one; never below 1."""
     unit = stack.columns @ belief.root.T
     group = PriorGroup(name="all", columns=np.arange(unit.shape[1]), sd=1.0)
     offset = replace(stack, values=stack.values - stack.columns @ belief.mean)

@@ -17,11 +17,11 @@ U = TypeVar("U")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Unseen:
-    """A combination of parameters that the data could not see.
+    """A combination of parameters that the data do not determine.
 
     Attributes:
         name: Of the combination.
-        cure: What would show it; empty if nobody knows.
+        cure: Measurement that would determine it; empty if unknown.
         harmless: No position of the measured point depends on it.
         terms: Parameter and coefficient, SI; empty where harmless or not recorded.
     """

@@ -1,12 +1,12 @@
 """Physics-informed transfer: a calibration carried to another region, campaign or arm of its type.
 
 Every source is a posterior over the same coefficients: geometry, compliance, ripple, backlash,
-smooth residual. The first source of the same arm is the prior of the target, widened by what may
-have changed (:mod:`robotrue.calibration.drift_prior`); every other source is one more observation
-of the same coefficients with its own drift. Sources that are other units of the type say what units
-have in common: parameters = type mean + unit + drift. From five units on their own scatter is the
-spread of units (:mod:`robotrue.calibration.sources`). The target rows then move everything, the
-scales of the drift included. Without target rows the prediction is the prior's, as wide as it is.
+smooth residual. The first source of the same arm is the prior of the target, widened by possible
+changes (:mod:`robotrue.calibration.drift_prior`); every other source is one more observation of the
+same coefficients with its own drift. Sources that are other units of the type determine the common
+part: parameters = type mean + unit + drift. From five units on their own scatter is the spread of
+units (:mod:`robotrue.calibration.sources`). The target rows then update everything, the scales of
+the drift included. Without target rows the prediction is the prior's, with its full width.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ ROUNDS: Final = 3
 FIELD_LENGTH: Final = 1.5
 """In units of sin q and cos q: length of a smooth residual the sources do not have."""
 DEFAULTS_WORTH: Final[Mapping[Relation, int]] = {"region": 12, "campaign": 4, "unit": 4}
-"""Rows the default scales are worth; in one campaign the source's held-out blocks speak too."""
+"""Weight of the default scales, in rows; in one campaign the source's held-out blocks count too."""
 SEED: Final = 21
 
 
@@ -113,10 +113,10 @@ def fit_transfer(
     learn: bool = True,
     method: str = "gp",
 ) -> CalibratedModel:
-    """Returns the error model of the target: sources carried over, target rows added.
+    """Returns the error model of the target: sources transferred, target rows added.
 
-    What may have changed lengthens its root: a model that is saved should be made
-    :meth:`CalibratedModel.compact` first.
+    Possible changes lengthen its root: apply :meth:`CalibratedModel.compact` before a model is
+    saved.
 
     Args:
         robot: Nominal arm of the target with the nominal reflector.
@@ -131,8 +131,9 @@ def fit_transfer(
     Raises:
         ConfigurationError: No source, an unknown relation, or a model without covariance.
         ModelMismatchError: A source of another robot type, or of other joints.
-        ImplausibleDataError: Target rows that cannot be this robot's, or in other units or frames.
-        ObservabilityError: A target in a tracker frame of its own with fewer than 3 points.
+        ImplausibleDataError: Target rows that are impossible for this robot, or in other units or
+            frames.
+        ObservabilityError: A target in a separate tracker frame with fewer than 3 points.
     """
     settings = FitSettings() if settings is None else settings
     if not sources:
@@ -172,10 +173,10 @@ def carry_source(
     source: TransferSource,
     settings: FitSettings,
 ) -> CalibratedModel:
-    """Returns a source as it is, widened by what its relation lets change.
+    """Returns a source without an update, widened by the changes of its relation.
 
-    The target rows say where a new tracker frame and further reflectors are, and nothing else; the
-    arm counts as noise of the size of its uncertainty at them.
+    The target rows determine only a new tracker frame and further reflectors; the arm counts as
+    noise of the size of its uncertainty at them.
 
     Raises:
         As :func:`fit_transfer`.
@@ -254,8 +255,8 @@ def _weights(
 ) -> Array:
     """Returns robust weights of the learning rows, each from the prediction by all others.
 
-    In the first turn the scales are the defaults: lengths are taken in units of their median, so
-    that a drift larger than expected makes no outlier of a good row.
+    In the first turn the scales are the defaults: lengths are divided by their median, so that a
+    drift larger than expected makes no outlier of a good row.
     """
     out = u.copy()
     problem.weigh(u[row])

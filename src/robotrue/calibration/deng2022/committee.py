@@ -1,13 +1,13 @@
 """One expert of the joined model: a Gaussian process, or the rounds of a boosted one.
 
-What is kept is what the rounds were fitted with: rows, weights, hyper-parameters. Everything else
-follows by linear algebra, so that an archive gives back the same expert whatever becomes of the
-code that chose the weights.
+The training data of the rounds are stored: rows, weights, hyper-parameters. Everything else follows
+by linear algebra, so that an archive restores the same expert independently of the code that chose
+the weights.
 
-How wide its stated uncertainty is is learned on rows that a fit did not see. The copies of the
-source in the sub-spaces repeat the same measurements, and H_j is fitted to the target rows, so the
-variance of eq. 32 is too small. One factor on it makes the mean squared error of held-out rows, in
-units of their stated variance, equal to one.
+The width of its stated uncertainty is learned on held-out rows. The copies of the source in the
+sub-spaces repeat the same measurements, and H_j is fitted to the target rows, so the variance of
+eq. 32 is too small. One factor on it makes the mean squared error of held-out rows, in units of
+their stated variance, equal to one.
 """
 
 from __future__ import annotations
@@ -92,10 +92,10 @@ class Committee(Columns):
         return combined, np.asarray(np.tensordot(share, variance + apart, axes=1))
 
     def precision(self, k: int) -> Array:
-        """Returns P (n, n) 1/mm^2 of round k: the rows' precision, the constant mean taken out.
+        """Returns P (n, n) 1/mm^2 of round k: the rows' precision, with the constant mean removed.
 
-        For any rows T, ``P_TT^-1 (P y)_T`` is what all other rows miss them by, and ``P_TT^-1`` the
-        covariance of that, the noise of T included.
+        For any rows T, ``P_TT^-1 (P y)_T`` is their residual against a prediction from all other
+        rows, and ``P_TT^-1`` its covariance, the noise of T included.
         """
         near = correlation(self.inputs / self.length, self.inputs / self.length)
         covariance = self.amplitude**2 * near
@@ -294,15 +294,15 @@ def held_out_inflation(
 ) -> float:
     """Returns the factor on the predictive variance of a committee, from held-out target rows.
 
-    Kernel and weights are those of all rows; the alignment of the source is fitted anew without the
-    rows held out, and the processes predict them from all others in closed form. Neighbours in
+    Kernel and weights are those of all rows; the alignment of the source is fitted again without
+    the rows held out, and the processes predict them from all others in closed form. Neighbours in
     angle about joint 1 are held out apart, so each sub-space keeps its other rows.
 
     Args:
         committee: Of the target domain; the target rows are its last.
         rows: Target rows.
         carry: Returns the source errors (k n, 3) m in all sub-spaces, aligned to a part of them.
-        white: m, sd per axis of what a single visit adds to the process.
+        white: m, sd per axis that a single visit adds to the process.
     """
     count = len(rows.errors)
     first = len(committee.inputs) - count
@@ -335,7 +335,7 @@ def left_out_inflation(committee: Committee, rows: Labelled, white: float) -> fl
     Args:
         committee: Of one process.
         rows: It was fitted to.
-        white: m, sd per axis of what a single visit adds to the process.
+        white: m, sd per axis that a single visit adds to the process.
     """
     missed, variance = committee.learners[0].predict_left_out()
     process = np.maximum(variance - committee.noise**2, 0.0) * MM**2

@@ -23,7 +23,7 @@ from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel
 
 FEWEST_IN_SUB_SPACE: Final = 3
-"""Target poses; fewer cannot say how errors of the source change on the way."""
+"""Target poses; fewer do not determine how errors of the source change with the angle."""
 BEYOND: Final = 0.25
 """Part of the source's range of radius or height by which a target pose may lie outside of it."""
 SLACK: Final = 1e-3

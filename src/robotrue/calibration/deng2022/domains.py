@@ -170,7 +170,7 @@ def check_overlap(domains: Domains, features: Array) -> None:
         features: (n, 6) m and rad of the target poses.
 
     Raises:
-        ConfigurationError: The rule is broken; the message says how.
+        ConfigurationError: The rule is violated; the message states how.
     """
     vary = bool(np.ptp(_own_attitude(features), axis=0).max() > 1e-6)
     if len(domains.sub_spaces) < 2:

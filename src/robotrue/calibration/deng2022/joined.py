@@ -59,16 +59,16 @@ class Expert:
 
 @dataclass(frozen=True, slots=True, kw_only=True, weakref_slot=True)
 class PoseModel(UnconditionalModel):
-    """Errors learned on Cartesian poses, eq. 26; the first expert whose domain holds a pose speaks.
+    """Errors learned on Cartesian poses, eq. 26, by the first expert whose domain holds a pose.
 
-    A model of poses knows nothing of joints, loads, approach or other tools: it holds for the
-    payload and the point that were measured. Rotation errors are NaN; the paper has none.
+    A model of poses does not depend on joints, loads, approach or tool: it is valid for the
+    measured payload and point. Rotation errors are NaN; the paper has none.
 
     Attributes:
         robot: The nominal arm, with the tool that was measured.
         experts: Target domain first, then the source.
         reference: (3,) rad, A, B, C near which attitudes are read.
-        outside: What happens outside all domains: refuse, or ask the expert of the nearest.
+        outside: Rule outside all domains: refuse, or use the expert of the nearest.
         summary: JSON values for :meth:`training_summary`.
     """
 
@@ -93,7 +93,7 @@ class PoseModel(UnconditionalModel):
         return None
 
     def joint_covariance(self, query: Query) -> Array:
-        """Raises: a model of poses does not say what its rows share.
+        """Raises: a model of poses has no covariance between rows.
 
         Raises:
             ConfigurationError: Always.

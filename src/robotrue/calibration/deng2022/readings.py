@@ -34,14 +34,15 @@ Outside: TypeAlias = Literal["raise", "nearest"]
 class DengReadings:
     """Readings of the ambiguous or faulty equations; the defaults are the readings that work.
 
-    What each switch does was measured on simulated arms; ``robotrue reproduce deng2022`` prints it.
+    The effect of each switch was measured on simulated arms; ``robotrue reproduce deng2022`` prints
+    it.
 
     Attributes:
         transform: T_j, eq. 11-12. ``known-angle``: eq. 11 with the angle between the two nominal
             regions and no translation. ``least-squares``: (Xst'Xst)^-1 Xst' Xt from the mapped
             pairs; for nominal poses it returns the same, transpo. ``literal``: eq. 12 as printed
-            multiplies n source rows with m mapped rows; it raises and says so.
-        attitude: What T_j does to the tool's attitude, which eq. 11 leaves open: it turns with
+            multiplies n source rows with m mapped rows; it raises.
+        attitude: Effect of T_j on the tool's attitude, which eq. 11 does not define: it turns with
             joint 1 (rz grows by the angle), or stays as it is in the base.
         inputs: X in eq. 13-15. ``positions``: H_j has 7 rows (position, error, 1). ``pose``: all
             six pose numbers of x, 10 rows; needs more target poses for the same accuracy.
@@ -75,10 +76,10 @@ class DengReadings:
             come out the same process.
         length: A fixed isotropic kernel length, mm and deg alike; None learns it.
         kernel_rows: Hyper-parameters of the boosted kernel are learned on this many rows, evenly
-            spaced; the paper does not say how they are found.
+            spaced; the paper does not state the method.
         overlap_weight: sigma_in of eq. 19, weight of target rows that lie in two sub-spaces.
-        outside: What the joined model, eq. 26, does outside both domains: refuse, or take the
-            nearer domain's.
+        outside: Rule of the joined model, eq. 26, outside both domains: refuse, or use the nearer
+            domain's.
     """
 
     transform: TransformReading = "known-angle"
@@ -166,7 +167,7 @@ def changed_readings(readings: DengReadings) -> dict[str, object]:
 
 
 TargetRule: TypeAlias = Literal["random", "boundary", "corners", "space-filling"]
-"""Rule 3 and what may stand in its place."""
+"""Rule 3 and its alternatives."""
 RULES: Final[tuple[TargetRule, ...]] = get_args(TargetRule)
 TARGET_RULE: Final[TargetRule] = "random"
 

@@ -52,7 +52,7 @@ from robotrue.measurement.measurement_set import MeasurementSet, concatenate
 from robotrue.robot.model import RobotModel
 
 FEWEST_POSES: Final = 8
-"""Of the source, or of a region with a process of its own."""
+"""Of the source, or of a region with a separate process."""
 FAR_PAIR: Final = 1.0 * MM
 """Mean distance of pairs from which the other convention of attitude is looked at."""
 

@@ -157,7 +157,7 @@ class GaussianProcess(ProcessRegressor):
         return self
 
     def reweight(self, sample_weight: Array) -> GaussianProcess:
-        """Returns this process with other weights on the rows of its fit, nothing learned anew.
+        """Returns this process with other weights on the rows of its fit, without learning again.
 
         Args:
             sample_weight: (n,) of the rows that had a weight, all positive.

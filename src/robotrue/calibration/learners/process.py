@@ -52,7 +52,7 @@ class TrainingRows:
         scale: Standard deviation of the outputs, 1 where they do not vary.
         isotropic: One length for all inputs.
         mean: "constant" or "per-domain" (integrated out), "estimated" or "zero".
-        repeats: A row of weight w stands for w equal rows, also in the evidence.
+        repeats: A row of weight w counts as w equal rows, also in the evidence.
         prior: Whether theta has the weak prior.
         target: (n,) which rows are of the target; all without a source.
     """
@@ -90,8 +90,9 @@ class ProcessParts:
         length: (d,).
         coupling: (2, 2) covariance of the functions of source and target at one place.
         noise: (2,) standard deviation, of source and target.
-        rho: What the target takes over of the source; NaN without one.
-        difference: Standard deviation of what the target has of its own; NaN without a source.
+        rho: Factor of the source in the target; NaN without one.
+        difference: Standard deviation of the target's difference from the source; NaN without a
+            source.
     """
 
     length: Array

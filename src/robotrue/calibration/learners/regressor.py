@@ -124,7 +124,7 @@ class ProcessRegressor(Regressor):
         return_cov: bool = False,
         noisy: bool = True,
     ) -> Any:
-        """Returns the mean (m,) or (m, k), and on request how far to trust it.
+        """Returns the mean (m,) or (m, k), and on request its uncertainty.
 
         Args:
             X: (m, d), of the target where there is a source too.
@@ -134,7 +134,7 @@ class ProcessRegressor(Regressor):
                 function.
 
         Raises:
-            ConfigurationError: Both deviation and covariance asked for.
+            ConfigurationError: Both deviation and covariance are requested.
         """
         check_is_fitted(self)
         if return_std and return_cov:

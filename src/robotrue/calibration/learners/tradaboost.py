@@ -4,7 +4,7 @@ Deng et al. 2022, eq. 19-26, with a switch for every equation that can be read i
 
 ======  =======================================================================================
 eq. 19  source rows have no initial weight as printed; here 1 / (n + m) times ``source_weight``
-eq. 20  ``|w (y - G)|`` is taken over the outputs: one error and one weight for each row. w is one
+eq. 20  ``|w (y - G)|`` is over all outputs: one error and one weight for each row. w is one
         for all rows (``output_weights``), or one for each row and output (``error_weights``)
 eq. 22  weights sum to one over source and target, so that few target rows never reach the limit
         of 0.5: ``error_over="all"`` as printed, "target" divides by the target's share
@@ -52,7 +52,7 @@ class TrAdaBoostR2(Regressor):
         combination: Reading of eq. 25.
         output_weights: (k,) measurement weights of eq. 20, ones when None.
         hyper_parameters: "first-round" learns those of a :class:`GaussianProcess` once and solves
-            the other rounds with the same kernel; "each-round" learns them anew.
+            the other rounds with the same kernel; "each-round" learns them again.
 
     Attributes:
         estimators_: Learners kept, first round first.
@@ -133,7 +133,7 @@ class TrAdaBoostR2(Regressor):
         """Returns the combined prediction (m,) or (m, k), eq. 25, and on request its deviation.
 
         The deviation is that of the mixture of all learners with weights ln(1 / beta): their own,
-        and how far they lie apart. It needs learners with ``predict(return_std=True)``.
+        and the spread between them. It needs learners with ``predict(return_std=True)``.
         """
         check_is_fitted(self)
         inputs = validate_data(self, X, reset=False, dtype=np.float64)

@@ -39,11 +39,11 @@ class TransferGaussianProcess(ProcessRegressor):
             with a flat prior; "zero" none.
         length: Number or (d,), in the unit of the inputs.
         amplitude: Standard deviation of the source's function.
-        difference: Standard deviation of what the target has of its own; may be zero.
-        rho: What the target takes over of the source.
+        difference: Standard deviation of the separate difference; may be zero.
+        rho: Factor of the source's process in the target.
         noise: Standard deviation of the white noise of target rows.
         source_noise: Standard deviation of the white noise of source rows.
-        fall_back: False: the source is used whatever the target rows say.
+        fall_back: False: the source is used regardless of the target rows.
         prior: "weak" or "none", as :class:`GaussianProcess`; the weak one has rho within 1 of 1
             and the difference about 0.3 standard deviations of the outputs, within e^1.5.
         intervals: "marginal" or "plug-in", as :class:`GaussianProcess`.
@@ -54,11 +54,11 @@ class TransferGaussianProcess(ProcessRegressor):
         used_source_: Whether predictions come from both domains.
         advantage_: Mean log probability of a target number given all other rows, less the same
             without source rows; NaN where it was not compared.
-        rho_: What was learned, as the arguments; NaN when the source is not used.
+        rho_: Learned value of the argument; NaN when the source is not used.
         correlation_: Of target and source function at one place.
         length_: (d,).
         amplitude_: Standard deviation of the target's function.
-        difference_: Of what it has of its own.
+        difference_: Standard deviation of the separate difference.
         noise_: Of a target row.
         source_noise_: Of a source row.
         inflation_: Factor on predictive variances by ``intervals``.

@@ -111,7 +111,7 @@ class RailGuide(Term):
         return (moved[:, :, :, None] * waves[:, None, None, :]).reshape(*moved.shape[:2], -1)
 
     def effect(self, robot: RobotModel, at: ArmPostures, values: Array) -> Effect:
-        """Returns the motion of the base, and how much it varies where the place is not known."""
+        """Returns the motion of the base, and its variance where the rail position is not known."""
         shape = values.reshape(6, WAVES)
         errors = np.zeros((len(at), len(robot.errors)))
         base = parameter_slice(robot.dof, "base")
@@ -257,7 +257,7 @@ def _spread(robot: RobotModel, shape: Array, waves: Array) -> float:
 
 
 def _functions(x: Array) -> Array:
-    """Returns b (n, WAVES) at x (n,) along the travel; the slope goes on beyond its ends."""
+    """Returns b (n, WAVES) at x (n,) along the travel; the slope continues beyond its ends."""
     inside = np.clip(x, 0.0, 1.0)[:, None]
     cosines = np.cos(np.pi * np.arange(2, WAVES + 1) * inside)
     return np.column_stack([x - 0.5, cosines])

@@ -1,12 +1,12 @@
-"""Joint ripple: errors of the drive angle that travel through the arm's own Jacobian.
+"""Joint ripple: errors of the drive angle, mapped through the arm's Jacobian.
 
     dq_i(q_i) = sum_N A_iN sin(N q_i) + B_iN cos(N q_i)
 
-Gears, bearings and encoders err periodically in the joint angle. What reaches the tool is the
-drive error times dx/dq_i, so the coefficients are linear, and what was learned about a joint in one
-part of the workspace holds in every other. N runs over whole cycles per revolution: on the range a
-joint has moved through they make any curve up to their highest frequency. Each joint and band of N
-has a variance of its own, learned from the data (:mod:`robotrue.calibration.evidence`).
+Gears, bearings and encoders err periodically in the joint angle. The error at the tool is the drive
+error times dx/dq_i, so the coefficients are linear, and those learned in one part of the workspace
+are valid in every other. N runs over whole cycles per revolution: on the range of a joint they form
+any curve up to their highest frequency. Each joint and band of N has a separate variance, learned
+from the data (:mod:`robotrue.calibration.evidence`).
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ HOLD: Final = 0.5
 LADDER: Final = (16, 64, 136, 264)
 """Highest N that is tried, one after the other, while the evidence grows."""
 POSES_PER_HARMONIC: Final = 3
-"""Poses asked for each harmonic: half the numbers the coefficients of six joints would need."""
+"""Required poses per harmonic: half the numbers the coefficients of six joints would need."""
 HELD_HARMONICS: Final = 64
 """Highest harmonic whatever the rows, from ``HELD_ROWS``: the law they are held to decays."""
 HELD_ROWS: Final = 24

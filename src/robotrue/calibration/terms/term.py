@@ -225,7 +225,7 @@ class Term(ABC):
 
     @abstractmethod
     def in_tables(self, tables: MeanTables, values: Array) -> MeanTables | None:
-        """Returns the tables with the term's mean added; None if they cannot say it."""
+        """Returns the tables with the term's mean added; None if they cannot hold it."""
 
     @staticmethod
     def out_of_tables(tables: MeanTables) -> MeanTables:

@@ -67,7 +67,7 @@ def term_of(name: str) -> type[Term]:
     """Returns the term of a name.
 
     Raises:
-        ArchiveError: Nobody registered it.
+        ArchiveError: It is not registered.
     """
     load_outside()
     if name not in _TERMS:
