@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import re
-import signal
 import time
 from collections import OrderedDict
 from collections.abc import Mapping
@@ -26,6 +24,7 @@ from robotrue.drilling.journal import Journal, answer_document, step_document
 from robotrue.drilling.model_archive import write_model
 from robotrue.errors import ConfigurationError, RobotrueError
 from robotrue.online.net_address import net_address
+from robotrue.online.service_run import stop_on_signals
 from robotrue.online.signals import SignalSample, UdpSignals, write_signals
 
 _AGAIN: Final = 200
@@ -211,11 +210,7 @@ async def serve_desk(desk: Desk, address: str, seconds: float | None, *, begin: 
             f"--from {where.scheme}://, expected udp://.", hint=f"--from udp://0.0.0.0:{PORT}"
         )
     source = UdpSignals(where.host, where.port, only=where.options.get("from", ""))
-    stop = asyncio.Event()
-    loop = asyncio.get_running_loop()
-    for name in (signal.SIGINT, signal.SIGTERM):
-        with contextlib.suppress(NotImplementedError):
-            loop.add_signal_handler(name, stop.set)
+    stop = stop_on_signals()
     listening = f"listening on udp://{source.address[0]}:{source.address[1]}; Ctrl-C ends"
     for line in filter(None, (listening, mark_sentence(desk.provenance), begin)):
         desk.reporter.report(Message(line))

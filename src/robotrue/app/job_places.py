@@ -24,6 +24,7 @@ from robotrue.app.request import (
 )
 from robotrue.app.workspace_context import WorkspaceContext
 from robotrue.core.files import read_bytes, sha256_of_file
+from robotrue.core.json_values import texts_in
 from robotrue.errors import ConfigurationError, RobotrueError
 from robotrue.store import items
 from robotrue.store.cells import copy_cell
@@ -214,18 +215,8 @@ def _named_files(path: Path) -> Iterator[str]:
     """All texts in a TOML, among them the files it may name; of another file none."""
     if path.suffix.lower() == ".toml":
         with suppress(tomllib.TOMLDecodeError):  # its reader reports the line
-            yield from _texts(tomllib.loads(read_bytes(path).decode("utf-8-sig", errors="replace")))
-
-
-def _texts(value: object) -> Iterator[str]:
-    if isinstance(value, str):
-        yield value
-    elif isinstance(value, Mapping):
-        for each in value.values():
-            yield from _texts(each)
-    elif isinstance(value, list):
-        for each in value:
-            yield from _texts(each)
+            text = read_bytes(path).decode("utf-8-sig", errors="replace")
+            yield from texts_in(tomllib.loads(text))
 
 
 @contextmanager

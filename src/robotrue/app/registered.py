@@ -56,6 +56,12 @@ def open_model(path: Path, registered: Path | None = None) -> tuple[Cell, ErrorM
     return overlay_cell(cell, place), model
 
 
+def open_arm(path: Path) -> tuple[Cell, ErrorModel]:
+    """Returns the cell and the model of :func:`open_model`, of a nominal arm that of no error."""
+    cell, model = open_model(path)
+    return cell, NominalModel(robot=cell.robot) if model is None else model
+
+
 def read_model_or_cell(path: Path) -> tuple[Cell, ErrorModel | None]:
     """Returns the cell of a cell file or model file, and the model of the latter."""
     if read_bytes(path).startswith(ZIP):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 
@@ -11,10 +11,27 @@ from robotrue.calibration.probing import ProbingSettings
 from robotrue.cell.cell import Cell
 from robotrue.core.surfaces import TriangleMesh
 from robotrue.core.units import MM
+from robotrue.errors import ConfigurationError
 from robotrue.planning.information import settings_of
 from robotrue.validation.registration_frame import TOOL, RegistrationSettings
 from robotrue.validation.registration_methods import Method
 from robotrue.validation.validation_defaults import REGISTRATION_FIT, REGISTRATION_METHOD
+
+UNITS: Final = {"mm": MM, "m": 1.0, "inch": 25.4 * MM}
+"""Units of meshes, m."""
+
+
+def mesh_scale(unit: str) -> float:
+    """Returns the m of one unit of a mesh.
+
+    Raises:
+        ConfigurationError: No such unit.
+    """
+    if unit not in UNITS:
+        raise ConfigurationError(
+            f"--mesh-unit {unit!r}, expected {', '.join(UNITS)}.", hint="--mesh-unit mm"
+        )
+    return UNITS[unit]
 
 
 def registration_settings(

@@ -39,8 +39,30 @@ WIDE: Final = 1.3
 """Rows of the root over its columns from which it is made square again."""
 
 
+class StandardTerms:
+    """What has the terms that every model has, if only with no parameters.
+
+    Attributes:
+        terms: Ripple, backlash, smooth residual, then others.
+    """
+
+    __slots__ = ()
+
+    terms: tuple[Term, ...]
+
+    @property
+    def ripple(self) -> Ripple:
+        """The ripple of the gears."""
+        return next(term for term in self.terms if isinstance(term, Ripple))
+
+    @property
+    def smooth(self) -> SmoothResidual:
+        """The smooth residual."""
+        return next(term for term in self.terms if isinstance(term, SmoothResidual))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Belief:
+class Belief(StandardTerms):
     """A calibrated arm as mean and root over named columns.
 
     Attributes:
@@ -81,16 +103,6 @@ class Belief:
     def end(self) -> int:
         """First column of the nuisances, or the number of columns."""
         return len(self.robot.errors) + sum(term.size for term in self.terms)
-
-    @property
-    def ripple(self) -> Ripple:
-        """The term of that name, which every belief has."""
-        return next(term for term in self.terms if isinstance(term, Ripple))
-
-    @property
-    def smooth(self) -> SmoothResidual:
-        """The term of that name, which every belief has."""
-        return next(term for term in self.terms if isinstance(term, SmoothResidual))
 
     @property
     def errors(self) -> Array:

@@ -13,6 +13,7 @@ from typing import Final
 
 import numpy as np
 
+from robotrue.calibration.belief import StandardTerms
 from robotrue.calibration.evidence import PriorGroup, Sums, SumsBuilder
 from robotrue.calibration.observations import (
     CHANNELS,
@@ -21,7 +22,6 @@ from robotrue.calibration.observations import (
 )
 from robotrue.calibration.parameters import ParameterLayout, State, difference
 from robotrue.calibration.settings import LEARNED, Prior
-from robotrue.calibration.terms.ripple import Ripple
 from robotrue.calibration.terms.smooth import SmoothBasis, SmoothResidual
 from robotrue.calibration.terms.term import Term
 from robotrue.core.arrays import Array, BoolArray, IntArray
@@ -62,7 +62,7 @@ class WhitenedRows:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Design:
+class Design(StandardTerms):
     """Columns of the linear model, and the point of linearisation.
 
     Attributes:
@@ -108,16 +108,6 @@ class Design:
                 return slice(start, start + term.size)
             start += term.size
         raise KeyError(name)
-
-    @property
-    def ripple(self) -> Ripple:
-        """The term of that name."""
-        return next(term for term in self.terms if isinstance(term, Ripple))
-
-    @property
-    def smooth(self) -> SmoothResidual:
-        """The term of that name."""
-        return next(term for term in self.terms if isinstance(term, SmoothResidual))
 
     @property
     def offset(self) -> Array:

@@ -16,7 +16,7 @@ from robotrue.calibration.arm import prepare_arm
 from robotrue.calibration.belief import Belief
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.observable import check_motions
-from robotrue.core.poses import apply, fit_rigid, inverse, pose
+from robotrue.core.poses import apply, check_mirror, fit_rigid, inverse, pose
 from robotrue.core.robust import GAUSS_POINT, agreeing
 from robotrue.core.units import MM
 from robotrue.errors import ConvergenceError, ImplausibleDataError, ObservabilityError
@@ -141,7 +141,7 @@ def _fit_frame(touches: ProbingSet, in_base: Array, mine: IntArray, robust: bool
     part, base = touches.point[rows], in_base[rows]
     _check_units(part, base)
     if touches.full[rows].all():
-        _check_mirror(part, base, fit_rigid(part, base))
+        check_mirror(part, base)
     keep = np.ones(len(rows), dtype=bool)
     if robust and len(rows) >= FEWEST_ROBUST:
         keep = _agreeing(part, base, GAUSS_POINT * _loose(part, base))
@@ -177,21 +177,3 @@ def _check_units(part: Array, base: Array) -> None:
             f"{sizes[1] / MM:.6g} mm.",
             hint="one of the two is in another unit: points are in mm in files, joints in deg.",
         )
-
-
-def _check_mirror(part: Array, base: Array, T: Array) -> None:
-    """A pattern with depth that fits far better as its mirror image is a mirrored part."""
-    here = _rms(part, base, T)
-    mirrored = part * np.array([1.0, 1.0, -1.0])
-    there = _rms(mirrored, base, fit_rigid(mirrored, base))
-    size = float(np.sqrt(((part - part.mean(axis=0)) ** 2).sum(axis=1).mean()))
-    if here > 1e-2 * size and there < 0.1 * here:
-        raise ImplausibleDataError(
-            f"the touched points are the mirror image of the part: {here / MM:.3g} mm rms "
-            f"residual, {there / MM:.3g} mm with one axis of the part reversed.",
-            hint="check the sign of one coordinate, or the order of the names.",
-        )
-
-
-def _rms(part: Array, base: Array, T: Array) -> float:
-    return float(np.sqrt(((apply(T, part) - base) ** 2).sum(axis=1).mean()))

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from pydantic import ValidationError
 
 from robotrue.cell.cell import DEFAULT_TARGET_SIGMA, Cell
 from robotrue.cell.controller_table import read_controller
@@ -31,7 +30,7 @@ from robotrue.core.files import parse_toml, read_bytes, sha256
 from robotrue.core.model_identity import ModelIdentity
 from robotrue.core.poses import pose, pose_from_xyz_abc
 from robotrue.core.provenance import Provenance, SourceFile
-from robotrue.core.schema_faults import configuration_error, line_of_key
+from robotrue.core.schema_faults import check_tables, line_of_key
 from robotrue.core.units import DEG, MM, UM
 from robotrue.errors import ConfigurationError, ShapeError
 from robotrue.measurement.tracker import DEFAULT_SPECIFICATION, TrackerSpecification, one_sigma
@@ -65,10 +64,7 @@ def parse_cell(data: bytes, path: str | Path, *, files: Mapping[str, bytes] | No
         FormatError: As :func:`read_cell`.
     """
     tables, text = parse_toml(data, path, example="the reference of cell.toml")
-    try:
-        file = CellFile.model_validate(tables)
-    except ValidationError as cause:
-        raise configuration_error(cause, path=path, text=text, schema=CellFile) from None
+    file = check_tables(CellFile, tables, path=path, text=text)
     try:
         return _build_cell(file, _Source(path=Path(path), text=text, data=data, files=files))
     except (ConfigurationError, ShapeError) as cause:

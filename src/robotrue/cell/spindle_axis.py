@@ -118,13 +118,21 @@ def fit_spindle_axis(points: Array, sigma: float, *, source: str = "") -> Spindl
     )
 
 
+def fit_flat_circle(points: Array) -> tuple[float, float, float]:
+    """Returns x, y and radius (m) of the circle about z that points (n, 3) are on, to begin with.
+
+    Of least squared power of the points, which a linear system gives.
+    """
+    x, y, _ = points.T
+    columns = np.column_stack([2.0 * x, 2.0 * y, np.ones(len(x))])
+    a, b, power = np.linalg.lstsq(columns, x * x + y * y, rcond=None)[0].tolist()
+    return a, b, max(power + a**2 + b**2, 1e-12) ** 0.5
+
+
 def _fit_circle(points: Array) -> tuple[Array, Array, Array]:
     """Centre (3), slopes of the normal (2) and radius; residuals (n, 2); derivative (2n, 6)."""
-    x, y, _ = points.T
-    flat = np.column_stack([2.0 * x, 2.0 * y, np.ones(len(x))])
-    first = np.linalg.lstsq(flat, x * x + y * y, rcond=None)[0]
-    values = np.array([first[0], first[1], 0.0, 0.0, 0.0, 0.0])
-    values[5] = np.sqrt(max(first[2] + first[0] ** 2 + first[1] ** 2, 1e-12))
+    x, y, radius = fit_flat_circle(points)
+    values = np.array([x, y, 0.0, 0.0, 0.0, radius])
     for _ in range(_STEPS):
         residual, jacobian = _off_circle(points, values)
         step = np.linalg.lstsq(jacobian, -residual.ravel(), rcond=None)[0]

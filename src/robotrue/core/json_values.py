@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Final, overload
 
 _ODD: Final = re.compile("[\\0\\ud800-\\udfff]")
@@ -30,6 +30,18 @@ def json_values(value: object) -> object:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
+
+
+def texts_in(value: object) -> Iterator[str]:
+    """Yields the texts in JSON or TOML values, keys excepted."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, Mapping):
+        for item in value.values():
+            yield from texts_in(item)
+    elif isinstance(value, list):
+        for item in value:
+            yield from texts_in(item)
 
 
 def plain_text(value: object) -> bool:

@@ -6,6 +6,8 @@ import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.rotations import matrix_from_abc, skew
+from robotrue.core.units import MM
+from robotrue.errors import ImplausibleDataError
 
 
 def pose(rotation: Array, translation: Array) -> Array:
@@ -55,6 +57,32 @@ def propagate_covariance(covariance: Array, lever: Array) -> Array:
     """
     columns = displacement_columns(lever)
     return np.asarray(columns @ covariance @ np.swapaxes(columns, -1, -2))
+
+
+def check_mirror(points_part: Array, points_base: Array, weights: Array | None = None) -> None:
+    """Rejects a part that is mirrored: a pattern with depth fits its mirror image far better.
+
+    Args:
+        points_part: (n, 3) m, nominal.
+        points_base: (n, 3) m, touched.
+        weights: (n,) non-negative; equal if not given.
+
+    Raises:
+        ImplausibleDataError: The touched points are the mirror image of the part.
+    """
+    w = np.ones(len(points_part)) if weights is None else weights
+    images = points_part, points_part * np.array([1.0, 1.0, -1.0])
+    misfits = [points_base - apply(fit_rigid(image, points_base, w), image) for image in images]
+    here, there = (float(np.sqrt(w @ (misfit**2).sum(axis=1))) for misfit in misfits)
+    spread = points_part - points_part.mean(axis=0)
+    size = float(np.sqrt(w @ (spread**2).sum(axis=1)))
+    if here > 1e-2 * size and there < 0.1 * here:
+        rms = float(np.sqrt((misfits[0] ** 2).sum(axis=1).mean()))
+        raise ImplausibleDataError(
+            f"the touched points are the mirror image of the part: {rms / MM:.3g} mm rms "
+            f"residual, {rms * there / here / MM:.3g} mm with one axis of the part reversed.",
+            hint="check the sign of one coordinate, or the order of the names.",
+        )
 
 
 def fit_rigid(points_b: Array, points_a: Array, weights: Array | BoolArray | None = None) -> Array:

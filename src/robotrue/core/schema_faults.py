@@ -6,27 +6,47 @@ import difflib
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Final, get_args
+from typing import Final, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 
 from robotrue.core.document_decoder import expected_value, join_key, show_value
 from robotrue.errors import ConfigurationError
 
+S = TypeVar("S", bound=BaseModel)
 _HEADER: Final = re.compile(r"\s*+(\[\[?)([^\[\]]++)\]\]?\s*+(?:#.*)?")
 
 
-def configuration_error(
+def check_tables(
+    schema: type[S], tables: Mapping[str, object], *, path: str | Path, text: str
+) -> S:
+    """Returns the tables of a TOML file as the model of its schema.
+
+    Args:
+        schema: The file is checked against it.
+        tables: Of the file.
+        path: For the message.
+        text: Of the file, for the line.
+
+    Raises:
+        ConfigurationError: An unknown key, or a value that cannot be; with file and line.
+    """
+    try:
+        return schema.model_validate(tables)
+    except ValidationError as cause:
+        raise _configuration_error(cause, path=path, text=text, schema=schema) from None
+
+
+def _configuration_error(
     cause: ValidationError,
     *,
     path: str | Path,
     text: str,
     schema: type[BaseModel],
 ) -> ConfigurationError:
-    """Returns the error for the first fault pydantic found; unknown keys come before the others.
+    """The error for the first fault pydantic found; unknown keys come before the others.
 
-    A misspelt key is both unknown and missing; the first is what helps. ``schema`` is what the
-    file was checked against.
+    A misspelt key is both unknown and missing; the first is what helps.
     """
     faults = sorted(cause.errors(), key=lambda fault: fault["type"] != "extra_forbidden")
     fault = faults[0]

@@ -24,12 +24,12 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
 from robotrue.cell.schema import Above0, Number, Three, Two
 from robotrue.core.arrays import Array
 from robotrue.core.files import read_toml
-from robotrue.core.schema_faults import configuration_error, line_of_key
+from robotrue.core.schema_faults import check_tables, line_of_key
 from robotrue.core.units import DEG, MM, UM
 from robotrue.drilling.foot import FLAT, MAX_TILT_DEG, READING_SIGMA_UM, Foot, Skin, TakenZero
 from robotrue.drilling.head import AXIS_ORDER, AxisOrder, Head
@@ -130,10 +130,7 @@ def read_foot(path: str | Path) -> FootSetup:
         FormatError: The file cannot be read.
     """
     tables, text = read_toml(path, example="the guide on drilling")
-    try:
-        file = FootFile.model_validate(tables)
-    except ValidationError as cause:
-        raise configuration_error(cause, path=path, text=text, schema=FootFile) from None
+    file = check_tables(FootFile, tables, path=path, text=text)
     try:
         return _setup(file, path)
     except (ConfigurationError, ShapeError) as cause:

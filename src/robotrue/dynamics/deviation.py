@@ -18,7 +18,6 @@ from typing import Annotated, Final
 
 import numpy as np
 
-from robotrue.calibration.archive import robot_arrays, robot_document
 from robotrue.calibration.learners.posterior import Solved
 from robotrue.core.archive import Archive, archive_reader
 from robotrue.core.arrays import Array, IntArray
@@ -47,10 +46,8 @@ from robotrue.dynamics.learned_deviation import (
     DeviationPrediction,
     SampleTerms,
     WindowTrust,
-    arm_arrays,
+    archive_learned,
     arm_from,
-    windows_arrays,
-    windows_document,
     windows_from,
 )
 from robotrue.dynamics.windows import WindowSet, check_for_fit, force_range
@@ -215,20 +212,10 @@ class DeviationModel(Columns):
 
     def to_archive(self) -> Archive:
         """Returns the model as document and arrays (SI)."""
-        document = {
-            "robot": robot_document(self.arm.robot),
-            "settings": asdict(self.settings),
-            **windows_document(self.windows),
-        }
-        arrays = {
-            **robot_arrays(self.arm.robot),
-            **arm_arrays(self.arm),
-            **windows_arrays(self.windows),
-            **{name: getattr(self, name) for name in ("theta", "factors", "factors_sd")},
-        }
+        arrays = {"theta": self.theta, "factors": self.factors, "factors_sd": self.factors_sd}
         if self.row is not None:
             arrays |= {"row": self.row.value, "row_sd": self.row.sd}
-        return Archive(kind=KIND, schema=SCHEMA, document=document, arrays=arrays)
+        return archive_learned(KIND, SCHEMA, self, {"settings": asdict(self.settings)}, arrays)
 
 
 def fit_deviation(

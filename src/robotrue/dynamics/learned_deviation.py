@@ -14,7 +14,7 @@ from typing import Annotated, Final, Protocol
 
 import numpy as np
 
-from robotrue.calibration.archive import robot_from
+from robotrue.calibration.archive import robot_arrays, robot_document, robot_from
 from robotrue.core.archive import Archive
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.columns import Column, Columns
@@ -94,19 +94,42 @@ class LearnedDeviation(Protocol):
         """Returns the model as document and arrays (SI)."""
 
 
-def windows_document(windows: WindowSet) -> dict[str, object]:
-    """Returns the JSON values of windows that an archive keeps beside :func:`windows_arrays`."""
-    return {
-        "passes": list(windows.passes),
-        "zero_taken": windows.zero_taken.tolist(),
-        "source": windows.source,
-        "provenance": windows.provenance.to_document(),
-    }
+def archive_learned(
+    kind: str,
+    schema: int,
+    learned: LearnedDeviation,
+    document: Mapping[str, object],
+    arrays: Mapping[str, Array],
+) -> Archive:
+    """Returns the archive of a fitted deviation: its arm, its windows, and what is its own.
 
-
-def windows_arrays(windows: WindowSet) -> Mapping[str, Array]:
-    """Returns the arrays of windows, SI."""
-    return {name: getattr(windows, name) for name in (*_ARRAYS, "measured")}
+    Args:
+        kind: Of the archive.
+        schema: Version of the archive.
+        learned: The deviation; :func:`arm_from` and :func:`windows_from` restore its parts.
+        document: Its further JSON values.
+        arrays: Its further arrays, SI.
+    """
+    arm, windows = learned.arm, learned.windows
+    return Archive(
+        kind=kind,
+        schema=schema,
+        document={
+            "robot": robot_document(arm.robot),
+            "passes": list(windows.passes),
+            "zero_taken": windows.zero_taken.tolist(),
+            "source": windows.source,
+            "provenance": windows.provenance.to_document(),
+            **document,
+        },
+        arrays={
+            **robot_arrays(arm.robot),
+            "stiffness": arm.stiffness,
+            "direction": arm.direction,
+            **{name: getattr(windows, name) for name in (*_ARRAYS, "measured")},
+            **arrays,
+        },
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -134,11 +157,6 @@ def windows_from(archive: Archive) -> WindowSet:
         provenance=provenance_from(stated.provenance, before=[stated.source]),
         **{name: archive.array(name) for name in _ARRAYS},
     )
-
-
-def arm_arrays(arm: CompliantArm) -> Mapping[str, Array]:
-    """Returns what an archive keeps of an arm beside its robot, SI."""
-    return {"stiffness": arm.stiffness, "direction": arm.direction}
 
 
 def arm_from(archive: Archive) -> CompliantArm:

@@ -15,7 +15,6 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.calibration.archive import robot_arrays, robot_document
 from robotrue.core.archive import Archive, archive_reader
 from robotrue.core.archive_tables import pack_table, unpack_table
 from robotrue.core.arrays import Array, BoolArray
@@ -26,10 +25,8 @@ from robotrue.dynamics.learned_deviation import (
     DeviationPrediction,
     SampleTerms,
     WindowTrust,
-    arm_arrays,
+    archive_learned,
     arm_from,
-    windows_arrays,
-    windows_document,
     windows_from,
 )
 from robotrue.dynamics.paper_learners import (
@@ -146,20 +143,12 @@ class PaperModel(Columns):
         """Returns the model as document and arrays (SI)."""
         machine, vectors = pack_table(self.machine)
         document = {
-            "robot": robot_document(self.arm.robot),
             "components": self.components.count,
             **machine,
             "held_out_m": self.held_out,
-            **windows_document(self.windows),
         }
-        arrays = {
-            **robot_arrays(self.arm.robot),
-            **arm_arrays(self.arm),
-            **windows_arrays(self.windows),
-            **{name: getattr(self.components, name) for name in _COMPONENTS},
-            **vectors,
-        }
-        return Archive(kind=KIND, schema=SCHEMA, document=document, arrays=arrays)
+        arrays = {name: getattr(self.components, name) for name in _COMPONENTS}
+        return archive_learned(KIND, SCHEMA, self, document, {**arrays, **vectors})
 
 
 def fit_paper(windows: WindowSet, arm: CompliantArm) -> PaperModel:

@@ -10,7 +10,7 @@ from urllib.parse import parse_qs
 import numpy as np
 
 from robotrue.cell.cell import Cell
-from robotrue.core.arrays import Array
+from robotrue.core.arrays import Array, parse_number_list
 from robotrue.core.provenance import Provenance, read_provenance, simulation_mark
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
@@ -228,11 +228,8 @@ def _axes(text: str, cell: Cell) -> Callable[[Array], Array]:
             return np.asarray(forward(cell.robot, own[None])[0])
 
         return PathAxes(pose) if text == "path" else lambda joints: pose(joints)[:3, :3]
-    try:
-        angles = np.array([float(part) for part in text.split(",")])
-    except ValueError:
-        angles = np.zeros(0)
-    if angles.shape != (3,) or not np.isfinite(angles).all():
+    angles = parse_number_list(text)
+    if len(angles) != 3:
         raise ConfigurationError(
             f"--correct-in {text!r}, expected base, tool, path, or A,B,C in deg.",
             hint="as RSI_ON and the sensor's frame of the running program say.",

@@ -12,7 +12,7 @@ from robotrue.calibration.model import ErrorModel, provenance_of
 from robotrue.cell.cell import Cell
 from robotrue.cell.config import read_cell
 from robotrue.core.archive import read_archive
-from robotrue.core.arrays import Array
+from robotrue.core.arrays import Array, parse_number_list
 from robotrue.core.poses import pose_from_xyz_abc
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, MM
@@ -241,10 +241,7 @@ def _read_pose(text: str) -> Array:
 
 
 def _numbers(text: str, count: int, option: str) -> Array:
-    try:
-        numbers = np.array([float(item) for item in text.split(",")])
-    except ValueError:
-        numbers = np.zeros(0)
-    if len(numbers) != count or not np.isfinite(numbers).all():
+    numbers = parse_number_list(text)
+    if len(numbers) != count:
         raise ConfigurationError(f"{option} {text!r}, expected {count} numbers with commas.")
     return numbers

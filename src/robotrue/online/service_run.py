@@ -146,6 +146,16 @@ def compile_kernels(sensing: Sensing) -> None:
     )
 
 
+def stop_on_signals() -> asyncio.Event:
+    """Returns what Ctrl-C and a request to end set, in the running loop."""
+    stop = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        with contextlib.suppress(NotImplementedError):  # Windows: Ctrl-C raises instead
+            loop.add_signal_handler(number, stop.set)
+    return stop
+
+
 async def _serve(
     settings: SenseSettings,
     cell: Cell,
@@ -156,11 +166,7 @@ async def _serve(
     origins: Mapping[str, Provenance],
     watch: Callable[[Snapshot], None],
 ) -> Snapshot:
-    stop = asyncio.Event()
-    loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        with contextlib.suppress(NotImplementedError):  # Windows: Ctrl-C raises instead
-            loop.add_signal_handler(number, stop.set)
+    stop = stop_on_signals()
     latest: list[Snapshot] = []
     origin = merge(origins.values())
     plans = _sinks(settings, cell, writer, resumed, lambda: _all_healths(latest), origin)

@@ -7,6 +7,7 @@ a micrometre are one point.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -137,11 +138,7 @@ def _crossings(segments: Array) -> tuple[IntArray, IntArray, Array]:
         meet = (low[i, 1] <= high[j, 1]) & (low[j, 1] <= high[i, 1])
         found.append(_meet(segments, i[meet], j[meet]))
         begin = stop
-    return (
-        np.concatenate([each[0] for each in found]),
-        np.concatenate([each[1] for each in found]),
-        np.concatenate([each[2] for each in found], axis=1),
-    )
+    return _join(found)
 
 
 def _meet(segments: Array, i: IntArray, j: IntArray) -> tuple[IntArray, IntArray, Array]:
@@ -167,11 +164,12 @@ def _meet(segments: Array, i: IntArray, j: IntArray) -> tuple[IntArray, IntArray
             on = (np.linalg.norm(point - foot, axis=1) < SNAP) & (share > 0.0) & (share < 1.0)
             ends = np.full(int(on.sum()), float(end))
             pairs.append((one[on], other[on], np.stack([ends, share[on]])))
-    return (
-        np.concatenate([each[0] for each in pairs]),
-        np.concatenate([each[1] for each in pairs]),
-        np.concatenate([each[2] for each in pairs], axis=1),
-    )
+    return _join(pairs)
+
+
+def _join(parts: Sequence[tuple[IntArray, IntArray, Array]]) -> tuple[IntArray, IntArray, Array]:
+    i, j, share = zip(*parts, strict=True)
+    return np.concatenate(i), np.concatenate(j), np.concatenate(share, axis=1)
 
 
 def _pieces(count: int, edges: IntArray) -> list[BoolArray]:

@@ -16,6 +16,7 @@ from typing import Final
 from sqlalchemy import CompoundSelect, delete, select, true, union
 from sqlalchemy.orm import Session
 
+from robotrue.core.json_values import texts_in
 from robotrue.errors import ConfigurationError
 from robotrue.store import journal
 from robotrue.store.blobs import STAGED, sweep
@@ -156,7 +157,7 @@ def _find_unneeded(session: Session, old: set[str]) -> set[str]:
     for id, to in session.execute(select(LinkRow.id, LinkRow.to_id).distinct()):
         rests.setdefault(id, set()).add(to)
     waiting = select(JobRow.parameters).where(JobRow.state.not_in(_OVER))
-    named = {text.lower() for asked in session.scalars(waiting) for text in _texts(asked)}
+    named = {text.lower() for asked in session.scalars(waiting) for text in texts_in(asked)}
     begins = tuple(text for text in named if len(text) >= SHORTEST_ID)
     needed = {id for id in old if id.startswith(begins)}
     look = [*needed, *(id for id in rests if id not in old)]
@@ -166,17 +167,6 @@ def _find_unneeded(session: Session, old: set[str]) -> set[str]:
                 needed.add(to)
                 look.append(to)
     return old - needed
-
-
-def _texts(value: object) -> Iterator[str]:
-    if isinstance(value, str):
-        yield value
-    elif isinstance(value, dict):
-        for each in value.values():
-            yield from _texts(each)
-    elif isinstance(value, list):
-        for each in value:
-            yield from _texts(each)
 
 
 def _own_files(session: Session, gone: set[str]) -> Iterator[BlobRow]:

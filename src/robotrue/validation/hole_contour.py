@@ -13,6 +13,7 @@ from typing import Annotated, Final
 
 import numpy as np
 
+from robotrue.cell.spindle_axis import fit_flat_circle
 from robotrue.core.arrays import Array, frozen
 from robotrue.core.columns import Column, Columns
 from robotrue.core.units import MM
@@ -92,11 +93,8 @@ def fit_cylinder(points: Array) -> HoleCylinder:
     points = frozen(points, (None, 3), "points")
     if len(points) < 6:
         raise ShapeError(f"{len(points)} points on the wall, expected at least 6.")
-    x, y, _ = points.T
-    flat = np.column_stack([2.0 * x, 2.0 * y, np.ones(len(x))])
-    first = np.linalg.lstsq(flat, x * x + y * y, rcond=None)[0]
-    values = np.array([first[0], first[1], 0.0, 0.0, 0.0])
-    values[4] = np.sqrt(max(first[2] + first[0] ** 2 + first[1] ** 2, 1e-12))
+    x, y, radius = fit_flat_circle(points)
+    values = np.array([x, y, 0.0, 0.0, radius])
     columns = _free_columns(points, float(values[4]))
     for _ in range(_STEPS):
         residual, jacobian = _radial(points, values)

@@ -62,19 +62,13 @@ def check_blank_part(request: BlankCheckRequest, context: Context) -> PlainResul
         ImplausibleDataError: Exchanged faces, or wrong units.
         ModelMismatchError: Joints of another robot.
     """
-    from robotrue.app.operations.register import UNITS
-    from robotrue.app.registered import open_model, registered_cell
+    from robotrue.app.registered import open_arm, registered_cell
     from robotrue.core.provenance import merge
     from robotrue.measurement.formats.part_points import read_points
     from robotrue.robot.configuration import axis_relation
 
     source = context.cell_file(request.cell)
-    cell, model = open_model(source)
-    if request.mesh_unit not in UNITS:
-        raise ConfigurationError(
-            f"--mesh-unit {request.mesh_unit!r}, expected {', '.join(UNITS)}.",
-            hint="--mesh-unit mm",
-        )
+    cell, arm = open_arm(source)
     if request.output is not None and cell.part is None:
         raise ConfigurationError(
             "-o writes shifted part frames, and the cell has none.",
@@ -82,7 +76,7 @@ def check_blank_part(request: BlankCheckRequest, context: Context) -> PlainResul
             hint="robotrue register CELL|MODEL POINTS -o CELL_OUT.",
         )
     touches = read_points(request.blank, axis_relation(cell.robot)).touches
-    check = _fit_blank(request, cell, model, touches)
+    check = _fit_blank(request, cell, arm, touches)
     if request.output is not None and cell.part is not None:
         shifted = _shift_part(cell.part, check)
         data = registered_cell(cell, source, shifted, context.output(request.output))
@@ -97,21 +91,18 @@ def check_blank_part(request: BlankCheckRequest, context: Context) -> PlainResul
 
 
 def _fit_blank(
-    request: BlankCheckRequest, cell: Cell, model: ErrorModel | None, touches: ProbingSet
+    request: BlankCheckRequest, cell: Cell, arm: ErrorModel, touches: ProbingSet
 ) -> BlankCheck:
     """The part in its blank, in the frame it will be cut in."""
     from dataclasses import replace
 
-    from robotrue.app.operations.register import UNITS
-    from robotrue.app.touch_settings import registration_settings
-    from robotrue.calibration.nominal import NominalModel
+    from robotrue.app.touch_settings import mesh_scale, registration_settings
     from robotrue.core.surfaces import read_mesh
     from robotrue.validation.blank import check_blank
     from robotrue.validation.part_registration import check_rows
     from robotrue.validation.registration_frame import tips
     from robotrue.validation.touch_checks import check_units, naming
 
-    arm = NominalModel(robot=cell.robot) if model is None else model
     touches = replace(touches, radius=request.probe_radius_mm * MM)
     settings = registration_settings(cell, request.touch_sigma_mm)
     check_rows(arm, touches, tuple(map(str, touches.parts)))
@@ -122,7 +113,7 @@ def _fit_blank(
         at = tips(arm, touches.joints, settings) if touches.has_joints else touches.position
         check_units(touches, at)
         return check_blank(
-            read_mesh(request.mesh, unit=UNITS[request.mesh_unit]),
+            read_mesh(request.mesh, unit=mesh_scale(request.mesh_unit)),
             touches,
             at,
             T_base_part,
@@ -248,16 +239,15 @@ def check_datums(request: DatumCheckRequest, context: Context) -> PlainResult:
         ImplausibleDataError: Wrong units.
         ModelMismatchError: Joints of another robot.
     """
-    from robotrue.app.registered import open_model
+    from robotrue.app.registered import open_arm
     from robotrue.app.touch_settings import registration_settings
-    from robotrue.calibration.nominal import NominalModel
     from robotrue.core.provenance import merge
     from robotrue.measurement.formats.part_points import read_points
     from robotrue.robot.configuration import axis_relation
     from robotrue.validation.datum_touches import check_part
 
     source = context.registration_file(request.cell)
-    cell, model = open_model(source)
+    cell, arm = open_arm(source)
     if cell.part is None:
         raise ConfigurationError(
             "the cell is not registered: it has no part frame to check.",
@@ -282,7 +272,7 @@ def check_datums(request: DatumCheckRequest, context: Context) -> PlainResult:
         number = file.parts.index(frame.name) if frame.name in file.parts else 0
         used = file.touches.subset(file.touches.part == number)
     check, joint = check_part(
-        NominalModel(robot=cell.robot) if model is None else model,
+        arm,
         frame,
         datums.touches,
         used=used,

@@ -30,9 +30,7 @@ from robotrue.validation.validation_defaults import (
 )
 
 if TYPE_CHECKING:
-    from robotrue.core.surfaces import TriangleMesh
-
-UNITS: Final = {"mm": MM, "m": 1.0, "inch": 25.4 * MM}
+    pass
 
 
 class RegisterRequest(Request):
@@ -87,15 +85,15 @@ def run(request: RegisterRequest, context: Context) -> PlainResult:
     """
     from dataclasses import replace
 
-    from robotrue.app.registered import model_file_of, open_model, registered_cell, relative_name
+    from robotrue.app.registered import model_file_of, open_arm, registered_cell, relative_name
     from robotrue.app.registration_view import (
         frames_document,
         registration_blocks,
         registration_document,
         write_frames,
     )
-    from robotrue.app.touch_settings import registration_settings
-    from robotrue.calibration.nominal import NominalModel
+    from robotrue.app.touch_settings import mesh_scale, registration_settings
+    from robotrue.core.surfaces import read_mesh
     from robotrue.measurement.formats.part_points import read_points
     from robotrue.robot.configuration import axis_relation
     from robotrue.store.model_file import write_model
@@ -104,10 +102,11 @@ def run(request: RegisterRequest, context: Context) -> PlainResult:
     output, source = context.output(request.output), context.cell_file(request.cell)
     refined_path = request.model_out or output.with_name(f"{output.stem}_model.robotrue")
     _check_request(request, source, refined_path)
-    cell, model = open_model(source)
+    unit = mesh_scale(request.mesh_unit)
+    cell, arm = open_arm(source)
     file = read_points(request.points, axis_relation(cell.robot))
     found = register(
-        NominalModel(robot=cell.robot) if model is None else model,
+        arm,
         replace(file.touches, radius=request.probe_radius_mm * MM),
         parts=file.parts,
         settings=registration_settings(
@@ -118,7 +117,7 @@ def run(request: RegisterRequest, context: Context) -> PlainResult:
             tolerance_mm=request.tolerance_mm,
             fit=request.fit,
             method=request.method,
-            mesh=_mesh(request),
+            mesh=None if request.mesh is None else read_mesh(request.mesh, unit=unit),
         ),
     )
     frames = write_frames(found.frames, request.frame_format, request.frame_number)
@@ -164,17 +163,6 @@ def _check_request(request: RegisterRequest, source: Path, refined: Path) -> Non
             f"--probe-radius-mm is {request.probe_radius_mm:g} mm, expected 0 to 100 mm.",
             hint="--probe-radius-mm 3",
         )
-
-
-def _mesh(request: RegisterRequest) -> TriangleMesh | None:
-    from robotrue.core.surfaces import read_mesh
-
-    if request.mesh_unit not in UNITS:
-        raise ConfigurationError(
-            f"--mesh-unit {request.mesh_unit!r}, expected {', '.join(UNITS)}.",
-            hint="--mesh-unit mm",
-        )
-    return None if request.mesh is None else read_mesh(request.mesh, unit=UNITS[request.mesh_unit])
 
 
 OPERATION: Final = Operation(request=RegisterRequest, run=run)

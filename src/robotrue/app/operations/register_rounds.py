@@ -63,7 +63,7 @@ def run(request: RegisterRoundsRequest, context: Context) -> PlainResult:
     """
     import numpy as np
 
-    from robotrue.app.registered import model_file_of, open_model, registered_cell, relative_name
+    from robotrue.app.registered import model_file_of, open_arm, registered_cell, relative_name
     from robotrue.app.registration_view import (
         frames_document,
         registration_blocks,
@@ -71,7 +71,6 @@ def run(request: RegisterRoundsRequest, context: Context) -> PlainResult:
         write_frames,
     )
     from robotrue.app.touch_settings import registration_settings
-    from robotrue.calibration.nominal import NominalModel
     from robotrue.measurement.formats.part_points import read_points
     from robotrue.planning.work_area import rough_frames
     from robotrue.program.controller_frames import controller_frame
@@ -81,7 +80,7 @@ def run(request: RegisterRoundsRequest, context: Context) -> PlainResult:
     output, source = context.output(request.output), context.cell_file(request.cell)
     for form in request.frame_format:
         controller_frame(np.eye(4), form, number=request.frame_number)  # refuses before any work
-    cell, model = open_model(source)
+    cell, arm = open_arm(source)
     files = [read_points(path, axis_relation(cell.robot)) for path in request.rounds]
     for path, file in zip(request.rounds, files, strict=True):
         if len(file.parts) > 1:
@@ -92,7 +91,7 @@ def run(request: RegisterRoundsRequest, context: Context) -> PlainResult:
             )
     name = files[0].parts[0]
     found, rounds = register_in_rounds(
-        NominalModel(robot=cell.robot) if model is None else model,
+        arm,
         [file.touches for file in files],
         rough_frames(cell, request.frame, (name,))[0],
         name=name,

@@ -70,9 +70,8 @@ def find_point(request: ToolPointRequest, context: Context) -> PlainResult:
     """
     import numpy as np
 
-    from robotrue.app.registered import cell_with_tool, open_model
+    from robotrue.app.registered import cell_with_tool, open_arm
     from robotrue.app.touch_settings import registration_settings
-    from robotrue.calibration.nominal import NominalModel
     from robotrue.core.poses import pose
     from robotrue.core.provenance import merge
     from robotrue.measurement.formats.part_points import read_points
@@ -81,12 +80,12 @@ def find_point(request: ToolPointRequest, context: Context) -> PlainResult:
 
     _require_tool_formats(request.tool_format, request.tool_number)
     source = context.cell_file(request.cell)
-    cell, model = open_model(source)
+    cell, arm = open_arm(source)
     read = partial(read_points, relation=axis_relation(cell.robot))
     touches = read(request.touches).touches
     table = None if request.table is None else read(request.table).touches
     found = calibrate_tool(
-        NominalModel(robot=cell.robot) if model is None else model,
+        arm,
         touches,
         table=table,
         settings=registration_settings(
@@ -215,15 +214,13 @@ def find_axis(request: ToolAxisRequest, context: Context) -> PlainResult:
     """
     import numpy as np
 
-    from robotrue.app.registered import cell_with_tool, open_model
-    from robotrue.calibration.nominal import NominalModel
+    from robotrue.app.registered import cell_with_tool, open_arm
     from robotrue.cell.registration.tool import tool_frame
     from robotrue.core.arrays import parse_number_list
 
     _require_tool_formats(request.tool_format, request.tool_number)
     source = context.cell_file(request.cell)
-    cell, model = open_model(source)
-    arm = NominalModel(robot=cell.robot) if model is None else model
+    cell, arm = open_arm(source)
     found, origin = _fit_axis(request, cell, arm)
     T = tool_frame(
         cell.robot.T_flange_tool[:3, 3], found.axis_in_flange, parse_number_list(request.x_along)

@@ -17,6 +17,7 @@ from robotrue.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from robotrue.store.bin import Discarded, RecycleBin
+    from robotrue.store.exchange import ExchangeTotals
     from robotrue.store.records import ItemRecord
     from robotrue.store.workspace import Workspace
 
@@ -147,8 +148,14 @@ def export_workspace(request: WorkspaceExportRequest, context: Context) -> Plain
     file = context.output(request.file)
     with Workspace.open(request.folder) as workspace:
         carried = export_project(workspace, file)
+    return _tell_carried(carried, file, "row", "written to", context)
+
+
+def _tell_carried(
+    carried: ExchangeTotals, file: Path, what: str, way: str, context: Context
+) -> PlainResult:
     rows = sum(carried.rows.values())
-    context.inform(f"{count(rows, 'row')} and {count(carried.files, 'file')} written to {file}")
+    context.inform(f"{count(rows, what)} and {count(carried.files, 'file')} {way} {file}")
     return PlainResult(values={"file": str(file), "rows": carried.rows, "files": carried.files})
 
 
@@ -178,11 +185,7 @@ def import_workspace(request: WorkspaceImportRequest, context: Context) -> Plain
     file = request.file
     with Workspace.open(request.folder) as workspace:
         carried = import_project(workspace, file)
-    rows = sum(carried.rows.values())
-    context.inform(
-        f"{count(rows, 'new row')} and {count(carried.files, 'file')} imported from {file}"
-    )
-    return PlainResult(values={"file": str(file), "rows": carried.rows, "files": carried.files})
+    return _tell_carried(carried, file, "new row", "imported from", context)
 
 
 WORKSPACE_IMPORT: Final = Operation(

@@ -8,7 +8,7 @@ import numpy as np
 
 from robotrue.app.workbench.arm_body import answer, body_document, pack_floats
 from robotrue.app.workbench.file_imports import cell_of
-from robotrue.app.workbench.model_views import from_simulation
+from robotrue.app.workbench.model_views import evaluate_set, from_simulation
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
 from robotrue.cell.obstacles import Box, Sphere
@@ -22,7 +22,7 @@ from robotrue.planning.arm_scene import scene_of
 from robotrue.robot.configuration import controller_axes
 from robotrue.robot.forward import forward
 from robotrue.store import items, measurements, models
-from robotrue.store.nouns import CELL, DOCUMENT, MEASUREMENT, MODEL
+from robotrue.store.nouns import CELL, DOCUMENT, MODEL
 from robotrue.store.workspace import Workspace
 from robotrue.validation.error_map import error_map
 from robotrue.validation.evaluation import Evaluation, evaluate
@@ -70,10 +70,7 @@ def draw_measurement(
 ) -> bytes:
     """Returns measured errors of a set before and after, by a model that need not know the set."""
     held = models.model_of(workspace, items.get(workspace, MODEL, model_id, version=model_version))
-    rows = measurements.rows_of(
-        workspace, items.get(workspace, MEASUREMENT, set_id, version=version)
-    )
-    seen = evaluate(held.model, rows, payload=held.cell.payload)
+    rows, seen = evaluate_set(workspace, set_id, version, held)
     simulated = from_simulation(held.model, [rows])
     frames = _frame_documents(held.cell)
     return answer({"frames": frames, "simulated": simulated, **_points(held.cell, seen)})

@@ -27,6 +27,7 @@ from robotrue.robot.configuration import controller_axes
 from robotrue.robot.model import RobotModel
 from robotrue.store import items, measurements, models
 from robotrue.store.measurements import RowQuery
+from robotrue.store.model_file import ModelFile
 from robotrue.store.nouns import CELL, MEASUREMENT, MODEL, MeasurementRecord
 from robotrue.store.workspace import Workspace
 from robotrue.validation.contest import Selection, selection_from_summary
@@ -101,16 +102,22 @@ MOST_DRAWN: Final = 300
 """Poses in a chart of errors."""
 
 
+def evaluate_set(
+    workspace: Workspace, set_id: str, version: int, held: ModelFile
+) -> tuple[MeasurementSet, Evaluation]:
+    """Returns a stored set, and its errors before and after by a model."""
+    record = items.get(workspace, MEASUREMENT, set_id, version=version)
+    rows = measurements.rows_of(workspace, record)
+    return rows, evaluate(held.model, rows, payload=held.cell.payload)
+
+
 def judge_measurement(
     workspace: Workspace, set_id: str, version: int, model_id: str, model_version: int
 ) -> bytes:
     """Returns how well a model predicts a set, its worst poses and what screening finds."""
     record = items.get(workspace, MODEL, model_id, version=model_version)
     held = models.model_of(workspace, record)
-    rows = measurements.rows_of(
-        workspace, items.get(workspace, MEASUREMENT, set_id, version=version)
-    )
-    seen = evaluate(held.model, rows, payload=held.cell.payload)
+    rows, seen = evaluate_set(workspace, set_id, version, held)
     fitted = any(to.id == set_id for to in record.refs("data"))
     inside = coverage(seen.after, seen.covariance)
     return answer(

@@ -45,7 +45,7 @@ from robotrue.calibration.deng2022.joined import Expert, PoseModel, expert_of, p
 from robotrue.calibration.deng2022.readings import AttitudeReading, DengReadings
 from robotrue.calibration.settings import FitSettings
 from robotrue.core.arrays import Array
-from robotrue.core.regions import CylinderRegion
+from robotrue.core.regions import CylinderRegion, bound_cylinder
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ObservabilityError
 from robotrue.measurement.measurement_set import MeasurementSet, concatenate
@@ -342,9 +342,4 @@ def fit_boosted_poses(
 
 def _around(points: Array) -> CylinderRegion:
     """A full ring about joint 1 that holds all points."""
-    radius, height = np.hypot(points[:, 0], points[:, 1]), points[:, 2]
-    return CylinderRegion(
-        angle=(-np.pi, np.pi),
-        radius=(float(radius.min()), float(radius.max())),
-        height=(float(height.min()), float(height.max())),
-    )
+    return replace(bound_cylinder(points), angle=(-np.pi, np.pi))

@@ -17,6 +17,7 @@ from robotrue.core.arrays import Array, BoolArray, frozen
 from robotrue.core.columns import Column, Columns
 from robotrue.core.poses import (
     apply,
+    check_mirror,
     displacement_columns,
     fit_rigid,
     pose,
@@ -200,7 +201,7 @@ def fit_points(
     check_pattern(in_part, labels)
     T_base_part = fit_rigid(in_part, in_base, weights)
     residuals = point_residuals(T_base_part, in_part, in_base)
-    _check_mirror(in_part, in_base, weights, residuals)
+    check_mirror(in_part, in_base, weights)
     freedom = 3 * n - 6
     stated = sigma is not None or noise is not None
     scale = 1.0
@@ -297,20 +298,4 @@ def check_pattern(points: Array, names: tuple[str, ...]) -> None:
             f"points {listed} lie on one line along ({axis}): {size[1] / MM:.3g} mm off it, rms, "
             f"over {size[0] / MM:.3g} mm along it; the rotation about it is not observable.",
             hint="touch a point to the side of that line.",
-        )
-
-
-def _check_mirror(in_part: Array, in_base: Array, weights: Array, residuals: Array) -> None:
-    """A pattern with depth that fits far better as its mirror image is a mirrored part."""
-    here = float(np.sqrt(weights @ (residuals**2).sum(axis=1)))
-    mirrored = in_part * np.array([1.0, 1.0, -1.0])
-    other = point_residuals(fit_rigid(mirrored, in_base, weights), mirrored, in_base)
-    there = float(np.sqrt(weights @ (other**2).sum(axis=1)))
-    size = float(np.sqrt(weights @ ((in_part - in_part.mean(axis=0)) ** 2).sum(axis=1)))
-    if here > 1e-2 * size and there < 0.1 * here:
-        left = np.sqrt(np.mean((residuals**2).sum(axis=1))) / MM
-        raise ImplausibleDataError(
-            f"the touched points are the mirror image of the part: {left:.3g} mm rms residual, "
-            f"{left * there / here:.3g} mm with one axis of the part reversed.",
-            hint="check the sign of one coordinate, or the order of the names.",
         )

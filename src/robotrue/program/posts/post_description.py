@@ -13,11 +13,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Final, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field
 
 from robotrue.core.arm_words import Maker
 from robotrue.core.files import parse_toml, read_bytes
-from robotrue.core.schema_faults import configuration_error, line_of_key
+from robotrue.core.schema_faults import check_tables, line_of_key
 from robotrue.errors import ConfigurationError
 from robotrue.program.lang import language_names
 from robotrue.program.posts.line_template import LineTemplate, parse_template
@@ -168,10 +168,7 @@ def read_post(path: Path) -> Post:
         FormatError: The file cannot be read.
     """
     tables, text = parse_toml(read_bytes(path), path, example="the guide from CAM to program")
-    try:
-        stated = PostFile.model_validate(tables)
-    except ValidationError as cause:
-        raise configuration_error(cause, path=path, text=text, schema=PostFile) from None
+    stated = check_tables(PostFile, tables, path=path, text=text)
     return _PostBuilder(stated, path, text).build()
 
 
