@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import re
 from array import array
-from itertools import chain
-from math import nan
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -23,7 +21,7 @@ from robotrue.program.formats.apt_statements import (
     to_number,
 )
 from robotrue.program.formats.gcode_arcs import no_arcs
-from robotrue.program.formats.number_table import Numbers
+from robotrue.program.formats.number_table import Numbers, NumberTable
 from robotrue.program.formats.number_text import WHOLE_NUMBER
 from robotrue.program.formats.path_words import PathWords, Turn, poses, tool_axes
 from robotrue.program.formats.shared_fate import share_fate
@@ -32,13 +30,10 @@ from robotrue.program.formats.text_lines import line_starts, require_text
 from robotrue.program.program import FrameTable, Motion, Program, Reason
 
 _NUMBER: Final = re.compile(WHOLE_NUMBER)
-_CELL: Final = rb"[ \t]*+([+-]?(?:\d++(?:\.\d*+)?|\.\d++))[ \t]*+"
+_CELL: Final = rb"[ \t]*+[+-]?(?:\d++(?:\.\d*+)?|\.\d++)[ \t]*+"
+_THREE: Final = b",".join([_CELL] * 3)
 _PLAIN: Final = re.compile(
-    rb"^[ \t]*+GOTO[ \t]*+/"
-    + b",".join([_CELL] * 3)
-    + rb"(?:,"
-    + b",".join([_CELL] * 3)
-    + rb")?(?=\r?$)",
+    rb"^[ \t]*+GOTO[ \t]*+/(" + _THREE + rb"(?:," + _THREE + rb")?)(?=\r?$)",
     re.IGNORECASE | re.MULTILINE,
 )
 """A line that is nothing but a point of three or six numbers."""
@@ -68,7 +63,7 @@ def read_apt_program(data: bytes, name: str, frames: FrameTable) -> Program:
 
 
 class _Points(NamedTuple):
-    """Lines that are nothing but a point, and the file without them."""
+    """Lines that are nothing but a point, and the file with a blank in place of each."""
 
     line: IntArray
     start: IntArray
@@ -79,21 +74,30 @@ class _Points(NamedTuple):
 
 def _plain_points(data: bytes) -> _Points:
     """Reads the lines that are nothing but a point and neither continue one nor are continued."""
-    rest, first = bytearray(data), line_starts(data)
-    begins, spans, values = array("q"), array("q"), array("d")
+    table, begins, ends, last = NumberTable(data, [range(6)], b"$"), array("q"), array("q"), -9
     for match in _PLAIN.finditer(data):
-        begin = match.start()
-        numbers = [nan if text is None else float(text) for text in match.groups()]
-        before = data[data.rfind(b"\n", 0, max(begin - 1, 0)) + 1 : begin]
-        if before.rstrip().endswith(b"$") or any(abs(number) > LARGEST for number in numbers):
-            continue
-        begins.append(begin)
-        spans.extend(chain.from_iterable(match.regs[1:]))
-        values.extend(numbers)
-        rest[begin : match.end()] = b" " * (match.end() - begin)
-    start, end = np.array(spans, np.int64).reshape(-1, 6, 2).transpose(2, 0, 1)
-    line = np.searchsorted(first, np.array(begins, np.int64), side="right")
-    return _Points(line, start, end - start, np.array(values).reshape(-1, 6), bytes(rest))
+        begin, end = match.span()
+        # Behind another point there is nothing but a line end.
+        if begin - last <= len(b"\r\n") or not _is_continued(data, begin):
+            begins.append(begin)
+            ends.append(end)
+            table.add(*match.span(1), 0)
+        last = end
+    numbers, place = table.numbers(), np.array([begins, ends], np.int64)
+    fits = ~((numbers.start >= 0) & ~(np.abs(numbers.value) <= LARGEST)).any(axis=1)
+    numbers, place = numbers.rows(np.flatnonzero(fits)), place[:, fits]
+    line = np.searchsorted(line_starts(data), place[0], side="right")
+    pieces, last = [], 0
+    for begin, end in place.T.tolist():
+        pieces.append(data[last:begin])
+        last = end
+    rest = b" ".join([*pieces, data[last:]])
+    return _Points(line, numbers.start, numbers.length, numbers.value, rest)
+
+
+def _is_continued(data: bytes, begin: int) -> bool:
+    """Returns whether the line before a byte that begins one ends with a dollar sign."""
+    return data[data.rfind(b"\n", 0, max(begin - 1, 0)) + 1 : begin].rstrip().endswith(b"$")
 
 
 class _Part(NamedTuple):

@@ -50,6 +50,8 @@ def statements(data: bytes, source: str) -> Iterator[AptStatement]:
     if not lines[-1]:
         lines.pop()  # behind the last line end
     for number, raw in enumerate(lines, start=1):
+        if not (hidden or pending) and not raw.strip():
+            continue
         if hidden and _NUMBERS.fullmatch(raw):
             code, comment = "", f"{hidden} {raw.strip()}"
         else:
