@@ -19,6 +19,7 @@ _QUIET: Final = re.compile(rb'"(?:[^"\\\r\n]|\\.)*+"|#[^\r\n]*+')
 _LINE: Final = re.compile(rb"[^\r\n]++")
 _OPENING: Final = re.compile(rb"\s*(def|thread|sec|if|while)\b(?:\s+(\w+)\s*\(([^)]*)\))?")
 _END: Final = re.compile(rb"\s*end\s*$")
+_BLOCK: Final = re.compile(rb"\s*(?:def|thread|sec|if|while|end)\b")
 _SIGNS: Final = re.compile(rb"[\[(]|[\])]|,")
 _ROUTINES: Final = (b"def", b"thread", b"sec")
 
@@ -75,6 +76,9 @@ def routines(code: bytes, name: str) -> list[Routine]:
         if line is None:
             break
         start, at = line.start(), _statement_end(code, line.start(), line.end(), name)
+        if not _BLOCK.match(code, start, at):  # nearly all there are
+            open_routines[-1].statements.append((start, at))
+            continue
         opening = _OPENING.match(code, start, at)
         if opening and opening[1] in _ROUTINES:
             found.append(_routine(opening))

@@ -113,6 +113,8 @@ class ScriptWalk:
         self._own = {routine.name for routine in routines if routine.name}
         self._blocks: list[str] = []
         self._literal_frames: dict[bytes, int] = {}
+        self._given = 0  # literals given to variables
+        self._named_frame: tuple[object, int] = None, UNKNOWN  # and what it was asked in
         self._tools: dict[int, int] = {}
         self.moves = 0
 
@@ -225,6 +227,7 @@ class ScriptWalk:
                     variable.computed = True
                 point = self.story.add(literal.start(), self.table.add(*literal.span(), kind), kind)
                 variable.give("", point, self.course.barriers)
+                self._given += 1
                 return True
         if variable is None and not match[3]:
             variable = self.variables.declare("", name, "value")
@@ -258,6 +261,9 @@ class ScriptWalk:
         known = self._literal_frames.get(text)
         if known is not None:
             return known
+        state = text, self._scope, self.course.barriers, self._given
+        if state == self._named_frame[0]:
+            return self._named_frame[1]
         match = POSE.match(self.code, start, end)
         if match and match.end() == end:
             point = self.story.add(start, self.table.add(*match.span(), POINT), FRAME)
@@ -268,6 +274,7 @@ class ScriptWalk:
             points = self.variables.points_at(variable, "", self.course.barriers)
             if points:
                 self.story.flags[points[0]] = Reason.EXPRESSION
+                self._named_frame = state, points[0]
                 return points[0]
         self._mention(start, end)
         return UNKNOWN
