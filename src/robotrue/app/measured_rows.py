@@ -31,7 +31,6 @@ def read_together(
     mapping: Path | None,
     *,
     reporter: Reporter,
-    minimum: int = FEWEST_POSES,
 ) -> MeasurementSet:
     """Returns all files as one set, checked for plausibility.
 
@@ -44,7 +43,7 @@ def read_together(
         ModelMismatchError: Another number of joints, or files in different frames.
     """
     sets = [read_rows(cell, path, mapping, reporter=reporter) for path in paths]
-    return join_rows(cell, sets, [str(path) for path in paths], reporter=reporter, minimum=minimum)
+    return join_rows(cell, sets, [str(path) for path in paths], reporter=reporter)
 
 
 def join_rows(

@@ -63,15 +63,9 @@ class ArmWithTerms:
     values: Array | None
     other_tool: slice | None
 
-    def linearise(
-        self,
-        joints: Array,
-        load: Load,
-        approach: Array | None = None,
-        conditions: ArmConditions | None = None,
-    ) -> LinearArm:
+    def linearise(self, joints: Array, load: Load, approach: Array | None = None) -> LinearArm:
         """Returns the error of the arm, linearised; arguments as :meth:`postures`."""
-        return self.linearise_at(self.postures(joints, load, approach, conditions))
+        return self.linearise_at(self.postures(joints, load, approach))
 
     def postures(
         self,

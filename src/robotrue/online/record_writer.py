@@ -52,7 +52,6 @@ class RecordWriter:
         path: str | Path,
         header: RecordHeader,
         *,
-        sync: float = SYNC,
         segment: int = SEGMENT,
         memory: int = MEMORY,
         write: Write = os.write,
@@ -62,7 +61,6 @@ class RecordWriter:
         Args:
             path: Folder; made if it is not there.
             header: Of the segments to come.
-            sync: s between two writes through to the disk.
             segment: Bytes from which a new segment starts.
             memory: Bytes of frames that may wait.
             write: Puts bytes to a file; another one in tests of a full disk.
@@ -72,7 +70,7 @@ class RecordWriter:
             FormatError: It cannot be written to.
         """
         self.path = Path(path)
-        self._header, self._sync, self._segment = header_bytes(header), sync, segment
+        self._header, self._segment = header_bytes(header), segment
         self._memory, self._write = memory, write
         try:
             self.path.mkdir(parents=True, exist_ok=True)
@@ -169,7 +167,7 @@ class RecordWriter:
                         return
                     with self._change:
                         self._change.wait(_RETRY)
-                elif time.monotonic() - self._synced >= self._sync:
+                elif time.monotonic() - self._synced >= SYNC:
                     self._sync_to_disk()
             self._end_segment()
         except BaseException as fault:  # raised by the next put: the thread has no caller
@@ -179,7 +177,7 @@ class RecordWriter:
         """Returns False when all is written and no more will come."""
         with self._change:
             if not self._queue and not self._closing:
-                self._change.wait(self._sync)
+                self._change.wait(SYNC)
             return bool(self._queue) or not self._closing
 
     def _write_batch(self) -> bool:

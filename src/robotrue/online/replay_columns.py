@@ -39,8 +39,6 @@ def read_columns(
     needed: tuple[str, ...],
     groups: tuple[tuple[str, ...], ...],
     optional: tuple[str, ...],
-    *,
-    chunk: int = CHUNK,
 ) -> Iterator[tuple[tuple[str, ...], Array]]:
     """Gives the names of the columns and a table (n, columns) as printed, stretch by stretch.
 
@@ -49,7 +47,6 @@ def read_columns(
         needed: Columns that have to be there.
         groups: Columns that are there together or not at all.
         optional: Columns that may be there.
-        chunk: Bytes of a stretch.
 
     Raises:
         FormatError: Unreadable, a column missing, unknown or without unit, a cell that is no
@@ -61,7 +58,7 @@ def read_columns(
     try:
         with Path(path).open("rb") as stream:
             names, line = _names(stream, path, needed, groups, optional)
-            for body in _stretches(stream, chunk):
+            for body in _stretches(stream):
                 table = _at_once(body, names) if names else None
                 fault = None
                 if table is None and names:
@@ -113,10 +110,10 @@ def _names(
     return (), line
 
 
-def _stretches(stream: BinaryIO, chunk: int) -> Iterator[bytes]:
+def _stretches(stream: BinaryIO) -> Iterator[bytes]:
     """Gives whole lines, many at once; a last line without its end was cut short."""
     rest = b""
-    while data := stream.read(chunk):
+    while data := stream.read(CHUNK):
         data = rest + data
         cut = data.rfind(b"\n") + 1
         body, rest = data[:cut], data[cut:]

@@ -163,8 +163,6 @@ def exchange_poses(
     start: IntArray,
     *,
     criterion: Criterion = CRITERION,
-    covariance: Array | None = None,
-    allowed: BoolArray | None = None,
     sweeps: int | None = None,
     told: Callable[[int], None] | None = None,
 ) -> Choice:
@@ -178,12 +176,10 @@ def exchange_poses(
         weight: (k, k) m^2.
         start: (n,) rows of the candidates to start from.
         criterion: ``"I"`` or ``"D"``.
-        covariance: (k, k) P before the first; I if not given.
-        allowed: (c,) allowed candidates; all if not given.
         sweeps: Most passes over the plan; as many as :data:`EXCHANGES` allow if not given.
         told: Called with the number of exchanges tried, before each.
     """
-    free = np.ones(len(rows), dtype=bool) if allowed is None else np.array(allowed)
+    free = np.ones(len(rows), dtype=bool)
     chosen = [int(k) for k in start]
     free[chosen] = False
     most = passes(len(chosen)) if sweeps is None else sweeps
@@ -193,7 +189,7 @@ def exchange_poses(
             if told is not None:
                 told(sweep * len(chosen) + place)
             others = rows[chosen[:place] + chosen[place + 1 :]]
-            without = _Posterior(rows, weight, covariance_after(others, covariance))
+            without = _Posterior(rows, weight, covariance_after(others, None))
             gains = without.gains(criterion)
             best = int(np.argmax(np.where(free, gains, -np.inf)))
             if gains[best] > gains[old] * (1.0 + BETTER):
@@ -202,7 +198,7 @@ def exchange_poses(
                 moved = True
         if not moved:
             break
-    return follow(rows, weight, np.array(chosen, dtype=np.int64), covariance=covariance)
+    return follow(rows, weight, np.array(chosen, dtype=np.int64))
 
 
 def passes(n: int) -> int:

@@ -72,7 +72,6 @@ def predict_accuracy(
     order: IntArray,
     *,
     seed: int,
-    covariance: Array | None = None,
     told: Callable[[int], None] | None = None,
 ) -> ExpectedAccuracy:
     """Returns the accuracy expected after each pose of an order, and after random poses.
@@ -82,11 +81,10 @@ def predict_accuracy(
         rows: (c, 3, k) whitened rows of the candidates.
         order: (n,) chosen candidates, in the order of choice.
         seed: Of the random plans.
-        covariance: (k, k) before the first pose; I if not given.
         told: Called with how many random plans are done, before each.
     """
     fixed = work.rest + work.instrument
-    rms, mean = _curve(work, rows, order, fixed, covariance)
+    rms, mean = _curve(work, rows, order, fixed)
     rng = np.random.default_rng([seed, 43])
     n = len(order)
     random = np.empty((RANDOM, n + 1))
@@ -94,7 +92,7 @@ def predict_accuracy(
         if told is not None:
             told(k)
         other = rng.choice(len(rows), n, replace=False)
-        random[k] = _curve(work, rows, other, fixed, covariance)[1]
+        random[k] = _curve(work, rows, other, fixed)[1]
     low, middle, high = np.percentile(random, [25, 50, 75], axis=0)
     return ExpectedAccuracy(
         rms=rms,
@@ -106,15 +104,11 @@ def predict_accuracy(
     )
 
 
-def _curve(
-    work: WorkErrorPrior, rows: Array, order: IntArray, fixed: Array, covariance: Array | None
-) -> tuple[Array, Array]:
-    """Root mean square and mean of the 3-D error after each pose."""
+def _curve(work: WorkErrorPrior, rows: Array, order: IntArray, fixed: Array) -> tuple[Array, Array]:
+    """Root mean square and mean of the 3-D error after each pose; its parameters begin at I."""
     m, _, size = work.columns.shape
-    flat = work.columns.reshape(3 * m, size)
-    now = np.eye(size) if covariance is None else covariance.copy()
-    pushed = (flat if covariance is None else flat @ now).reshape(m, 3, size)
-    spread = np.einsum("mik,mjk->mij", pushed, work.columns) + fixed
+    flat, now = work.columns.reshape(3 * m, size), np.eye(size)
+    spread = np.einsum("mik,mjk->mij", work.columns, work.columns) + fixed
     rms, mean = [], []
     for k in [-1, *order.tolist()]:
         if k >= 0:

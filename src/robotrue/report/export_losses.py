@@ -149,15 +149,14 @@ def losses(found: ExportableModel, names: Sequence[str]) -> tuple[Loss, ...]:
     return tuple(out)
 
 
-def measure_loss(found: ExportableModel, robot: RobotModel, joints: Array | None = None) -> Loss:
+def measure_loss(found: ExportableModel, robot: RobotModel) -> Loss:
     """Returns what a rigid robot, as another program will compute it, misses of the model.
 
     Args:
         found: The model.
         robot: What was exported.
-        joints: (n, dof) rad that program is given at the sample poses; the same if None.
     """
-    at = forward(robot, found.joints if joints is None else joints)[:, :3, 3]
+    at = forward(robot, found.joints)[:, :3, 3]
     return _loss("all", found.position - at)
 
 

@@ -71,7 +71,6 @@ def statistics_table(
     title: str,
     rows: Sequence[tuple[str, ErrorStatistics]],
     *,
-    caption: str = "",
     words: ReportTexts = ENGLISH,
     highlight: int | None = -1,
 ) -> ReportTable:
@@ -80,7 +79,6 @@ def statistics_table(
     Args:
         title: Heading.
         rows: Name and statistics of each row.
-        caption: What to read in it.
         words: Language of the headings.
         highlight: Row to set off, counted from the end if below 0; None for none.
     """
@@ -96,7 +94,6 @@ def statistics_table(
             (name, s.n, *(v / MM for v in (s.mean, s.std, s.p95, s.max, s.three_sigma, s.rms)))
             for name, s in rows
         ),
-        caption=caption,
         highlight=None if highlight is None else highlight % len(rows),
     )
 

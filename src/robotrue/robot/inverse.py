@@ -267,16 +267,10 @@ def _seed(robot: RobotModel, near: Array | None) -> Array:
     return robot.limits.mean(axis=1) if near is None else np.asarray(near, dtype=np.float64)
 
 
-def inverse_path(
-    robot: RobotModel,
-    T_base_tool: Array,
-    *,
-    near: Array | None = None,
-    branch: int | None = None,
-) -> Array:
+def inverse_path(robot: RobotModel, T_base_tool: Array, *, near: Array | None = None) -> Array:
     """Returns joints (n, 6) rad along a path: one branch throughout, every joint without jumps.
 
-    The branch is the one of ``branch``, or the one nearest to ``near`` at the first reachable pose.
+    The branch is the one nearest to ``near`` at the first reachable pose.
     Where the wrist is straight A4 and A6 are those of the pose before. A full turn is added where
     an angle would jump; a joint that would then leave its limits gives NaN, not a turn back.
 
@@ -284,7 +278,6 @@ def inverse_path(
         robot: The arm; nominal geometry and its tool.
         T_base_tool: (n, 4, 4) in path order.
         near: (6,) rad before the first pose; the middle of the limits if not given.
-        branch: Branch number.
 
     Fails when: the path leads through a wrist singularity; a branch that is kept then turns A4 by
     half a turn from one pose to the next, as the arm itself would have to.
@@ -295,7 +288,7 @@ def inverse_path(
     arm = require_closed(robot)
     seed = _seed(robot, near)
     T_base_flange = T_base_tool @ inverse_pose(robot.T_flange_tool)
-    chosen, start, first = _first_reached(robot, T_base_tool, seed, branch)
+    chosen, start, first = _first_reached(robot, T_base_tool, seed)
     path = np.full((len(T_base_tool), 6), np.nan)
     if start < 0:
         return path
@@ -314,18 +307,15 @@ def inverse_path(
     return path
 
 
-def _first_reached(
-    robot: RobotModel, T_base_tool: Array, seed: Array, branch: int | None
-) -> tuple[int, int, Array]:
+def _first_reached(robot: RobotModel, T_base_tool: Array, seed: Array) -> tuple[int, int, Array]:
     """Branch, index and joints of the first pose inside the limits; index -1 if there is none."""
     for start in range(0, len(T_base_tool), _FIRST):
         part = T_base_tool[start : start + _FIRST]
-        found = inverse_batch(robot, part, near=seed, branch=branch)
+        found = inverse_batch(robot, part, near=seed)
         good = np.flatnonzero(~np.isnan(found[:, 0]))
         if len(good):
             joints = found[good[0]]
-            chosen = branch_of(robot, joints) if branch is None else branch
-            return chosen, start + int(good[0]), joints
+            return branch_of(robot, joints), start + int(good[0]), joints
     return 0, -1, seed
 
 

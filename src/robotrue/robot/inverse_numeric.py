@@ -134,9 +134,7 @@ def solve_global(
     T_base_tool: Array,
     *,
     near: Array | None = None,
-    load: Load = NO_LOAD,
     seeds: int = SEEDS,
-    tolerance: float = TOLERANCE,
 ) -> NumericSolution:
     """Returns joints inside the limits for each pose, without a seed: for arms like the UR.
 
@@ -147,9 +145,7 @@ def solve_global(
         robot: The arm with errors and compliance.
         T_base_tool: (n, 4, 4).
         near: (n, dof) or (dof,) rad; the middle of the limits if not given.
-        load: Payload and wrench, one row or n rows.
         seeds: Postures to start from.
-        tolerance: m and rad.
 
     Fails when: no posture leads to a solution inside the limits: ``converged`` is False, and the
     pose is out of reach or needs more seeds.
@@ -157,7 +153,7 @@ def solve_global(
     n = len(T_base_tool)
     middle = robot.limits.mean(axis=1)
     wanted = np.broadcast_to(middle if near is None else np.asarray(near), (n, robot.dof))
-    options = all_solutions(robot, T_base_tool, load=load, seeds=seeds, tolerance=tolerance)
+    options = all_solutions(robot, T_base_tool, seeds=seeds)
     start, found = np.array(wanted), np.zeros(n, dtype=bool)
     for k, option in enumerate(options):
         turned = _turn_inside(robot, option, wanted[k])
@@ -165,7 +161,7 @@ def solve_global(
             start[k] = turned[np.argmin(np.sum((turned - wanted[k]) ** 2, axis=1))]
             found[k] = True
     # A whole turn is not quite a whole turn where a gear has an error: a last step settles it.
-    last = solve(robot, T_base_tool, start, load=load, tolerance=tolerance)
+    last = solve(robot, T_base_tool, start)
     return NumericSolution(
         joints=last.joints,
         residual=last.residual,

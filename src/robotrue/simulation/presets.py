@@ -108,7 +108,6 @@ def deng2022(
         name="virtual KR160 R1570 with spindle",
         nominal=nominal,
         actual=nominal.with_errors(_errors(nominal, np.ones(30), 1.0 / STIFFNESS)),
-        known_payload=SPINDLE,
         payload=SPINDLE,
         effects=draw_unmodelled(seed, level=level),
         repeatability=repeatability,

@@ -156,7 +156,6 @@ class VirtualRobot:
         name: Name of the simulated robot.
         nominal: Model of the controller and the user: geometry, masses, no errors.
         actual: The true arm: geometric errors, compliances, true masses.
-        known_payload: Payload stated by the user.
         payload: True payload.
         effects: The rest of the truth.
         repeatability: m, 1 sigma per axis of the scatter of repeated visits.
@@ -165,7 +164,6 @@ class VirtualRobot:
     name: str
     nominal: RobotModel
     actual: RobotModel
-    known_payload: Load
     payload: Load
     effects: UnmodelledEffects
     repeatability: float

@@ -68,12 +68,10 @@ def add(
         return _insert(into, noun, columns, links, attach_files(into, files), id)
 
 
-def add_version(
-    into: Transaction, noun: Noun[R], before: R, *, links: Sequence[Link] = (), **changes: object
-) -> R:
+def add_version(into: Transaction, noun: Noun[R], before: R, **changes: object) -> R:
     """Returns the new version of an item that is as the one before but for some columns."""
     columns = {**_columns(before), **changes}
-    return _insert(into, noun, columns, (*before.links, *links), before.attachments, before.id)
+    return _insert(into, noun, columns, before.links, before.attachments, before.id)
 
 
 def _insert(

@@ -122,7 +122,6 @@ def error_map(
     *,
     tool_abc: Array,
     attitude: Attitude = MAP_ATTITUDE,
-    along: int | None = None,
     sectors: int = MAP_SECTORS,
     near: Array | None = None,
     load: Load = NO_LOAD,
@@ -133,10 +132,10 @@ def error_map(
     Args:
         model: Any error model.
         region: Cylinder or cube in base.
-        counts: Grid values along each coordinate, those along ``along`` a multiple of ``sectors``.
+        counts: Grid values along each coordinate; those along the sectors, the angle of a
+            cylinder or y of a cube, a multiple of their number.
         tool_abc: (3,) rad, KUKA A, B, C of the tool in base; for ``turning`` at angle 0.
         attitude: How the tool stands.
-        along: Coordinate of the sectors; the angle of a cylinder and y of a cube if None.
         sectors: How many.
         near: (dof,) rad, a posture of the branch wanted; the middle of the training range, or of
             the limits, if None. It is turned about joint 1 to each point.
@@ -147,10 +146,10 @@ def error_map(
         ShapeError: Counts that do not divide into the sectors.
         ReachError: Not one point can be taken.
     """
-    axis = (0 if isinstance(region, CylinderRegion) else 1) if along is None else along
-    if axis not in (0, 1, 2) or sectors < 1 or counts[axis] % sectors:
+    axis = 0 if isinstance(region, CylinderRegion) else 1
+    if sectors < 1 or counts[axis] % sectors:
         raise ShapeError(
-            f"{counts[min(max(axis, 0), 2)]} grid values do not fall into {sectors} sectors.",
+            f"{counts[axis]} grid values do not fall into {sectors} sectors.",
             hint="a multiple of the number of sectors.",
         )
     robot = model.robot.nominal()

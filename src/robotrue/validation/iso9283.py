@@ -195,9 +195,9 @@ class RepeatedPose:
 
 
 def repeated_poses(
-    robot: RobotModel, measured: MeasurementSet, after: Array, *, least: int = 2
+    robot: RobotModel, measured: MeasurementSet, after: Array
 ) -> tuple[RepeatedPose, ...]:
-    """Returns every pose that was visited ``least`` times or more, in the order of first visits.
+    """Returns every pose that was visited twice or more, in the order of first visits.
 
     Visits of one pose have the same joints, payload and wrench.
 
@@ -205,7 +205,6 @@ def repeated_poses(
         robot: The nominal arm with the measured tool.
         measured: Rows in base.
         after: (n, 3) m, measured minus predicted.
-        least: Visits.
     """
     key = np.column_stack(
         [
@@ -218,7 +217,7 @@ def repeated_poses(
     found = []
     for g in np.argsort(first, kind="stable"):
         rows = np.flatnonzero(group.ravel() == g)
-        if len(rows) < least:
+        if len(rows) < 2:
             continue
         joints = measured.joints[rows[0]]
         commanded = forward(robot.nominal(), joints[None])[0, :3, 3]

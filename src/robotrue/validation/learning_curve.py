@@ -97,43 +97,38 @@ def learning_curve(
     repeats: int = 5,
     payload: Load | None = None,
     floor: float | None = None,
-    test: MeasurementSet | None = None,
     progress: Progress | None = None,
-    seed: int = 0,
 ) -> LearningCurve:
     """Returns how every candidate does with 0, 5, 10, 20, 40 target poses.
 
     Args:
         candidates: As of the guard.
-        target: Target rows; without ``test`` the largest count leaves at least
-            :data:`FEWEST_HELD` of them to test on, larger counts are left out.
+        target: Target rows; the largest count leaves at least :data:`FEWEST_HELD` of them to test
+            on, larger counts are left out.
         counts: Numbers of target poses.
         repeats: Random nested subsets.
         payload: Used where a row does not state its own.
         floor: m, the error nothing can beat, if it is known.
-        test: Rows to test on instead, never given to a candidate.
         progress: Told before every fit.
-        seed: Of the subsets.
 
     Raises:
         ShapeError: No candidates, no repeats, or too few target rows for any count.
     """
     n = len(target)
-    room = n if test is not None else n - FEWEST_HELD
-    used = np.array(sorted({int(c) for c in counts if 0 <= c <= room}), dtype=np.int64)
+    used = np.array(sorted({int(c) for c in counts if 0 <= c <= n - FEWEST_HELD}), dtype=np.int64)
     if not candidates or repeats < 1 or not len(used):
         raise ShapeError(
             f"no curve from {n} target rows, {len(candidates)} candidates and {repeats} repeats.",
             hint=f"{FEWEST_HELD} target rows are held out; measure more.",
         )
-    rng = np.random.default_rng([seed, 43])
+    rng = np.random.default_rng([0, 43])
     orders = [rng.permutation(n) for _ in range(repeats)]
     shape = (len(candidates), len(used), repeats)
     mean, inside = np.full(shape, np.nan), np.full(shape, np.nan)
     failures: dict[str, str] = {}
     done = 0
     for r, order in enumerate(orders):
-        held = target.subset(order[int(used[-1]) :]) if test is None else test
+        held = target.subset(order[int(used[-1]) :])
         for c, (name, fit) in enumerate(candidates.items()):
             for k, count in enumerate(used):
                 if progress is not None:
@@ -149,7 +144,7 @@ def learning_curve(
         counts=used,
         mean=mean,
         coverage=inside,
-        held=n - int(used[-1]) if test is None else len(test),
+        held=n - int(used[-1]),
         floor=floor,
         failures=tuple(failures.values()),
     )

@@ -167,7 +167,6 @@ def feng_cell(seed: int, sizes: CellSizes | None = None) -> FengCell:
         name=f"simulated KR160, cell {seed}",
         nominal=nominal,
         actual=nominal.with_tool(askew @ tool).with_errors(errors),
-        known_payload=NO_LOAD,
         payload=NO_LOAD,
         effects=_harmonics(seed, amplitude, order.astype(np.float64), phase),
         repeatability=own.repeatability,
