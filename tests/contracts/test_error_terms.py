@@ -13,10 +13,12 @@ from robotrue.calibration.terms import term_registry
 from robotrue.calibration.terms.backlash import Backlash
 from robotrue.calibration.terms.rail_guide import RailGuide
 from robotrue.calibration.terms.ripple import Ripple, harmonics
+from robotrue.calibration.terms.rotary_table import RotaryTable
 from robotrue.calibration.terms.smooth import SmoothBasis, SmoothResidual
 from robotrue.calibration.terms.term import ArmPostures, Effect, Term, rigid_tables
 from robotrue.calibration.terms.thermal import Thermal
 from robotrue.core.arrays import Array
+from robotrue.program.external_axes import ExternalAxis
 from robotrue.robot.forward import forward, parameter_jacobian, sensitivity_of, walk
 from robotrue.robot.model import RobotModel
 from robotrue.robot.presets import preset
@@ -38,6 +40,14 @@ TERMS: dict[str, Term] = {
         usual=np.linspace(1.0, 4.0, 6),
         spread=2.0,
         span=np.array([290.0, 300.0]),
+    ),
+    "table": RotaryTable(
+        axes=(
+            ExternalAxis(number=2, direction=np.array([0.0, 0.1, 1.0]), point=np.array([1, 0, 0])),
+        ),
+        low=np.array([-1.0]),
+        high=np.array([1.0]),
+        scatter=1e-6,
     ),
     "rail": RailGuide(number=1, direction=np.eye(3)[1], low=0.0, high=4.0, stated=1.3),
 }
@@ -68,7 +78,7 @@ class Phased(Backlash):
 
 def values_of(term: Term) -> Array:
     # What moves the error vector does so to first order.
-    size = 1e-9 if isinstance(term, Thermal | RailGuide) else 1e-4
+    size = 1e-9 if isinstance(term, Thermal | RailGuide | RotaryTable) else 1e-4
     return size * np.random.default_rng(5).standard_normal(term.size)
 
 

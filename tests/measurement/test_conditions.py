@@ -36,10 +36,17 @@ def test_temperatures_of_arm_and_joints_time_and_external_axes(tmp_path: Path) -
     stated = rows.conditions
     np.testing.assert_allclose(stated.temperature, rows.joint_temperature)
     assert stated.time.tolist() == [90.5]
-    np.testing.assert_allclose(stated.external[0, [0, 2]], [1.5, 30.0 * DEG])
-    assert np.isnan(stated.external[0, [1, 3, 4, 5]]).all()
+    np.testing.assert_allclose(rows.external[0, [0, 2]], [1.5, 30.0 * DEG])
+    assert np.isnan(rows.external[0, [1, 3, 4, 5]]).all()
     asked = read_queries(tmp_path / "meas.csv")
-    np.testing.assert_array_equal(asked.conditions.external, stated.external)
+    np.testing.assert_array_equal(asked.conditions.external, rows.external)
+
+
+def test_of_measured_points_the_rail_alone_is_a_condition(tmp_path: Path) -> None:
+    rows = read_measurements(written(tmp_path, f"{HEADER},e1_mm,e3_deg\n{ROW},1500,30\n"))
+    assert np.isnan(rows.conditions.external).all()
+    railed = replace(rows, rail=Rail(number=1, direction=np.eye(3)[1]))
+    np.testing.assert_array_equal(railed.conditions.external[0], [1.5, *5 * [np.nan]])
 
 
 def test_without_columns_nothing_is_stated(tmp_path: Path) -> None:

@@ -16,8 +16,10 @@ from robotrue.app.outputs import check_output, require_suffix
 from robotrue.app.registered import open_model, provenance_used
 from robotrue.app.reporting import place_in_file
 from robotrue.app.stated_conditions import model_under
+from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.model import ErrorModel, identity_of
 from robotrue.calibration.nominal import NominalModel
+from robotrue.calibration.terms.rotary_table import require_table_axes
 from robotrue.cell.cell import Cell, frame_table
 from robotrue.cell.part import PartFrame
 from robotrue.compensation.between_targets import SplitOptions
@@ -25,6 +27,7 @@ from robotrue.compensation.process_force import DescribedForce
 from robotrue.compensation.stance import start_joints
 from robotrue.compensation.steps import StepRule
 from robotrue.core.arrays import Array
+from robotrue.core.conditions import EXTERNAL_AXES, no_conditions
 from robotrue.core.model_identity import ModelIdentity
 from robotrue.core.provenance import Provenance
 from robotrue.errors import ConfigurationError
@@ -86,6 +89,8 @@ def open_ground(request: CompensateRequest, context: Context) -> Ground:
     used = identity_of(model or NominalModel(robot=cell.robot))
     stated = (request.temperature_degC, request.time_s, request.e1_mm)
     model = model_under(model, *stated, context)
+    if isinstance(model, CalibratedModel):
+        require_table_axes(model.terms, cell.controller.external)
     frame = None if cell.part is None else cell.part.frame(request.part)
     if frame is not None:
         cell = replace(cell, T_base_frame=frame.T_base_part)
@@ -146,8 +151,16 @@ def _why_whole(request: CompensateRequest, ground: Ground) -> str:
         "no model": model is None,
         "--e1-mm": request.e1_mm is not None,
         "a model without flat tables": model is not None and model.mean_tables() is None,
+        "a rotary table": model is not None and _is_on_table(model, ground.table),
     }
     return ", ".join(what for what, asked in asks.items() if asked)
+
+
+def _is_on_table(model: ErrorModel, table: FrameTable) -> bool:
+    """Returns whether the model has errors of axes that carry work frames."""
+    external = np.full((1, EXTERNAL_AXES), np.nan)
+    external[0, [axis.number - 1 for axis in table.external if not axis.carries_robot]] = 0.0
+    return not model.tables_hold(replace(no_conditions(), external=external))
 
 
 def _refuse_second_place(request: CompensateRequest, files: Sequence[ProgramFile]) -> None:

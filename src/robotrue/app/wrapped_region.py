@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -15,11 +16,13 @@ from robotrue.compensation.region_corrections import RegionArm, open_region
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.compensation.stance import start_joints
 from robotrue.core.arrays import Array, BoolArray, parse_number_list
+from robotrue.core.conditions import EXTERNAL_AXES, no_conditions
 from robotrue.core.poses import inverse, pose_from_xyz_abc
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 from robotrue.program.correction_table import PoseRegion
+from robotrue.program.external_axes import riders_of
 from robotrue.program.program import FrameTable, Motion, Program, Reason
 from robotrue.program.target_poses import target_poses
 
@@ -45,6 +48,7 @@ def open_arm(
     known = _known_targets(programs)
     bases = [program.T_base_frame[program.frame[rows]] for program, rows in known]
     tools = [program.T_flange_tool[program.tool[rows]] for program, rows in known]
+    _refuse_on_table(model, table, request.base or "base", programs)
     T_base_frame = _choose(table.bases, request.base, bases, table.T_base_frame, "base")
     T_flange_tool = _choose(table.tools, request.tool, tools, table.T_flange_tool, "tool")
     box, attitude = _box_and_attitude(request, known, T_base_frame)
@@ -63,6 +67,27 @@ def open_arm(
         approach="unknown",
     )
     return open_region(model, region, T_flange_tool, settings)
+
+
+def _refuse_on_table(
+    model: ErrorModel, table: FrameTable, base: str, programs: Sequence[Program]
+) -> None:
+    """Refuses a work frame that a calibrated table turns: a function does not know its angle.
+
+    Raises:
+        ConfigurationError: It does.
+    """
+    carried = np.full((1, EXTERNAL_AXES), np.nan)
+    for axis, rides in zip(table.external, riders_of(table.external, base), strict=True):
+        carried[0, axis.number - 1] = 0.0 if rides else np.nan
+    stated = [program.external for program in programs if program.external is not None]
+    external = np.concatenate([carried, *stated])
+    if not model.tables_hold(replace(no_conditions(len(external)), external=external)):
+        raise ConfigurationError(
+            "the work frame is on a rotary table whose errors the model has; a function does not "
+            "know the angle of the table.",
+            hint="--base of a frame beside the table, or a model calibrated without --table.",
+        )
 
 
 def _known_targets(programs: Sequence[Program]) -> list[tuple[Program, BoolArray]]:

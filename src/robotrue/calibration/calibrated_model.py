@@ -249,6 +249,10 @@ class CalibratedModel(Columns):
                     "value with each target, or state it: --e1-mm 1500.",
                 )
 
+    def tables_hold(self, conditions: ArmConditions) -> bool:
+        """Returns whether :meth:`mean_tables` is all at postures under conditions (n rows)."""
+        return not any(term.beyond_tables(conditions) for term in self.terms)
+
     def mean_tables(self) -> MeanTables | None:
         """Returns the mean as flat tables, or None if a term has no such form.
 

@@ -148,6 +148,10 @@ class ErrorModel(Protocol):
         """
         ...
 
+    def tables_hold(self, conditions: ArmConditions) -> bool:
+        """Returns whether the mean tables are all at postures under conditions (n rows)."""
+        ...
+
     def training_summary(self) -> TrainingSummary:
         """Returns method, data hash, row counts, region, held-out result, warnings."""
         ...
@@ -176,6 +180,10 @@ class UnconditionalModel:
 
     def require_stated(self, conditions: ArmConditions) -> None:
         """Accepts all conditions."""
+
+    def tables_hold(self, conditions: ArmConditions) -> bool:
+        """Returns true."""
+        return True
 
 
 def no_dependence() -> ConfigurationError:

@@ -347,6 +347,22 @@ def _into_station(
     rotation[mine] = turn @ rotation[mine]
 
 
+def station_poses(station: IntArray, T_tracker_base: Mapping[int, Array]) -> Array:
+    """Returns T_tracker_base (n, 4, 4) of the set-ups of n rows.
+
+    Raises:
+        ModelMismatchError: A station that is not known.
+    """
+    unknown = sorted(set(station.tolist()) - set(T_tracker_base))
+    if unknown:
+        raise ModelMismatchError(
+            f"tracker station {unknown[0]} is not in the model, which has "
+            f"{sorted(T_tracker_base)}.",
+            hint="calibrate with rows of that station, or register it first.",
+        )
+    return np.stack([T_tracker_base[int(k)] for k in station])
+
+
 def take_to_base(
     measurements: MeasurementSet, T_tracker_base: Mapping[int, Array]
 ) -> MeasurementSet:
@@ -361,14 +377,7 @@ def take_to_base(
     """
     if measurements.frame == "base":
         return measurements
-    unknown = sorted(set(measurements.station.tolist()) - set(T_tracker_base))
-    if unknown:
-        raise ModelMismatchError(
-            f"tracker station {unknown[0]} is not in the model, which has "
-            f"{sorted(T_tracker_base)}.",
-            hint="calibrate with rows of that station, or register it first.",
-        )
-    T = inverse(np.stack([T_tracker_base[int(k)] for k in measurements.station]))
+    T = inverse(station_poses(measurements.station, T_tracker_base))
     turn = T[:, :3, :3]
     back = np.swapaxes(turn, 1, 2)
     return replace(

@@ -64,7 +64,9 @@ def compensate(
     """
     settings = settings or CompensationSettings()
     load = load_about_part_origin(program, settings.load_for(len(program)))
-    setup = compensation_setup(model, program.T_flange_tool, program.start, settings)
+    setup = compensation_setup(
+        model, program.T_flange_tool, program.start, settings, program.external
+    )
     return compensate_targets(setup, program, load, setup.start_state())
 
 

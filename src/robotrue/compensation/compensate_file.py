@@ -183,7 +183,8 @@ def _workers(
 
 
 def _job(model: ErrorModel, file: ProgramFile, settings: CompensationSettings) -> ChunkJob:
-    setup = compensation_setup(model, file.T_flange_tool, file.start, settings)
+    external = None if file.held is None else file.held.external
+    setup = compensation_setup(model, file.T_flange_tool, file.start, settings, external)
     if file.held is None and not setup.has_tables:
         raise ConfigurationError(
             "the model has no flat tables; programs are read whole with it.", source=file.name

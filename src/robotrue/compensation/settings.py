@@ -12,6 +12,7 @@ from robotrue.calibration.terms.term import rigid_tables
 from robotrue.compensation.arm_state import ArmState, state_at
 from robotrue.compensation.calibrated_arm import CalibratedArm, calibrated_arm
 from robotrue.core.arrays import Array, BoolArray, frozen
+from robotrue.core.conditions import no_conditions
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 from robotrue.program.compensation_defaults import MAX_SHIFT_MM
@@ -146,6 +147,7 @@ def compensation_setup(
     T_flange_tool: Array,
     start: Array,
     settings: CompensationSettings,
+    external: Array | None = None,
 ) -> CompensationSetup:
     """Returns the setup for a program.
 
@@ -154,6 +156,7 @@ def compensation_setup(
         T_flange_tool: (t, 4, 4) tools of the program.
         start: Axis values (6,) the program says it starts from, controller's sense; or empty.
         settings: Guards and tolerances.
+        external: (n, 6) m or rad, external axes of the targets; None: none is described.
 
     Raises:
         ConfigurationError: The arm has not six joints.
@@ -165,6 +168,9 @@ def compensation_setup(
         [np.allclose(t, robot.T_flange_tool, rtol=0.0, atol=SAME_TOOL) for t in T_flange_tool]
     )
     tables = model.mean_tables()
+    if external is not None:
+        conditions = replace(no_conditions(len(external)), external=external)
+        tables = tables if model.tables_hold(conditions) else None
     return CompensationSetup(
         robot=robot,
         arm=calibrated_arm(tables or rigid_tables(robot), T_flange_tool, measured),

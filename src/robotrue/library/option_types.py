@@ -13,6 +13,7 @@ class CalibrateOptions(TypedDict, total=False):
     method: Literal["auto", "nominal", "geometric", "elastic", "ripple", "gp"]
     mapping: str | Path | None
     cure: str | None
+    table: str | Path | None
     report: str | Path | None
 
 

@@ -96,12 +96,19 @@ class MeasurementSet(Columns):
 
     @property
     def conditions(self) -> ArmConditions:
-        """Temperature, time and external axes; of a joint without one, that of the arm."""
+        """Temperature, time and place on the rail; of a joint without one, that of the arm.
+
+        Other external axes carry parts and do not move a point that is measured on the arm.
+        """
+        external = np.full_like(self.external, np.nan)
+        if self.rail is not None:
+            rail = self.rail.number - 1
+            external[:, rail] = self.external[:, rail]
         return join_conditions(
             temperature=self.temperature,
             joint_temperature=self.joint_temperature,
             time=self.time,
-            external=self.external,
+            external=external,
         )
 
     @property

@@ -65,7 +65,10 @@ class ExternalAxis:
                 "on the floor move by themselves.",
                 hint="describe the rail with its direction, without what it carries.",
             )
-        object.__setattr__(self, "direction", frozen(direction / length, (3,), "direction"))
+        if abs(length - 1.0) > 1e-12:  # a unit vector keeps its bits
+            object.__setattr__(self, "direction", frozen(direction / length, (3,), "direction"))
+        else:
+            object.__setattr__(self, "direction", direction)
         if self.point is not None:
             object.__setattr__(self, "point", frozen(self.point, (3,), "point"))
 
@@ -161,15 +164,15 @@ def carry_frames(
     T = T_base_frame[frame[first]]
     for column in reversed(range(len(axes))):  # the axis nearest to the part moves it first
         if not rails[column]:
-            _move(T, axes[column], here[first, column])
+            move_frames(T, axes[column], here[first, column])
     for column in np.flatnonzero(rails).tolist():  # seen from a robot that went the other way
-        _move(T, axes[column], 2.0 * axes[column].at - here[first, column])
+        move_frames(T, axes[column], 2.0 * axes[column].at - here[first, column])
     every = np.concatenate([T_base_frame, T])
     every.flags.writeable = False
     return Carried(frame=out, T_base_frame=every, unknown=unknown, external=external)
 
 
-def _move(T: Array, axis: ExternalAxis, values: Array) -> None:
+def move_frames(T: Array, axis: ExternalAxis, values: Array) -> None:
     """Moves frames (k, 4, 4) in place as the axis moves what it carries, values (k,) m or rad."""
     step = (values - axis.at)[:, None] * axis.direction
     if axis.point is None:

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from robotrue.calibration.model import ErrorModel
     from robotrue.cell.cell import Cell
     from robotrue.measurement.measurement_set import MeasurementSet
+    from robotrue.measurement.table_set import TableSet
     from robotrue.store.workspace import Transaction
     from robotrue.validation.contest import Selection
 
@@ -56,6 +57,13 @@ class CalibrateRequest(Request):
         Option(
             shells=ON_COMMAND_LINE,
             help="Correct a cause that the data doctor reported; files stay unchanged.",
+        ),
+    ] = None
+    table: Annotated[
+        Path | None,
+        InputFile(
+            help="Points on a rotary table, measured at several angles (CSV: point, e2_deg, x_mm, "
+            "y_mm, z_mm): its errors are learned, too."
         ),
     ] = None
     report: SavedPage = None
@@ -114,8 +122,11 @@ def run(request: CalibrateRequest, context: Context) -> Calibrated:
     cell = context.cell(request.cell)
     examined = read_examined(cell, request.measurements, request.mapping, request.cure, context)
     rows = examined.rows
+    table = None if request.table is None else _read_table(cell, request.table)
     model, selection = _fit(request, cell, rows, context)
     model = examined.mark(model)
+    if table is not None:
+        model = _add_table(model, cell, table)
     output = context.output(request.output)
     write_model(output, model, cell)
     context.wrote("model", output)
@@ -166,6 +177,34 @@ def _fit(
     selection = selection_from_summary(model.training_summary().selection or {})
     context.inform(f"method {selection.winner}: {selection.reason}")
     return model, selection
+
+
+def _read_table(cell: Cell, path: Path) -> TableSet:
+    """Returns points on the table, with the covariance of the tracker where they state none."""
+    from robotrue.cell.cell import tracker_covariance
+    from robotrue.measurement.table_set import read_table_points
+
+    return read_table_points(
+        path, frame=cell.frame, instrument=lambda position: tracker_covariance(cell, position)
+    )
+
+
+def _add_table(model: ErrorModel, cell: Cell, rows: TableSet) -> ErrorModel:
+    """Returns the model with the errors of the rotary table of the cell.
+
+    Raises:
+        ConfigurationError: The model has no posterior, or as ``calibrate_table``.
+    """
+    from robotrue.calibration.calibrated_model import CalibratedModel
+    from robotrue.calibration.table_fit import calibrate_table
+    from robotrue.errors import ConfigurationError
+
+    if not isinstance(model, CalibratedModel):
+        raise ConfigurationError(
+            f"--table with a {type(model).__name__}, which learns no errors.",
+            hint="--method auto, geometric, elastic, ripple or gp.",
+        )
+    return calibrate_table(model, rows, cell.controller.external)
 
 
 def _screened_lines(rows: MeasurementSet, screened: Sequence[int]) -> list[str]:

@@ -227,6 +227,10 @@ class Term(ABC):
     def in_tables(self, tables: MeanTables, values: Array) -> MeanTables | None:
         """Returns the tables with the term's mean added; None if they cannot hold it."""
 
+    def beyond_tables(self, conditions: ArmConditions) -> bool:
+        """Returns whether a posture under some conditions (n rows) needs more than the tables."""
+        return False
+
     @staticmethod
     def out_of_tables(tables: MeanTables) -> MeanTables:
         """Returns the tables without this term, where :attr:`export_name` names it."""

@@ -18,6 +18,7 @@ from robotrue.calibration.terms.error_vector import (
 )
 from robotrue.calibration.terms.rail_guide import RailGuide
 from robotrue.calibration.terms.ripple import Ripple
+from robotrue.calibration.terms.rotary_table import RotaryTable
 from robotrue.calibration.terms.smooth import SmoothResidual
 from robotrue.calibration.terms.term import MeanTables, Term
 from robotrue.calibration.terms.thermal import Thermal
@@ -29,7 +30,7 @@ GROUP: Final = "robotrue.terms"
 STANDARD: Final = (Ripple.name, Backlash.name, SmoothResidual.name)
 """Terms that every model has, if only with no parameters; their columns come in this order."""
 _TERMS: Final[dict[str, type[Term]]] = {
-    term.name: term for term in (Ripple, Backlash, SmoothResidual, Thermal, RailGuide)
+    term.name: term for term in (Ripple, Backlash, SmoothResidual, Thermal, RailGuide, RotaryTable)
 }
 
 
