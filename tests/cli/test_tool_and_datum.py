@@ -152,7 +152,7 @@ def test_datums_hold_or_are_off(cli, registered: Path) -> None:
     assert off.code == 0
     assert "is off: datum" in off.out
     unsure = cli(*asked, datums(registered / "d.csv"), "--tolerance-mm", 0.05, "--json").document
-    assert unsure["verdict"] == "cannot tell"
+    assert unsure["verdict"] == "undecided"
 
 
 def test_datums_that_cannot_be_checked(cli, registered: Path) -> None:

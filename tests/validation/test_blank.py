@@ -91,7 +91,7 @@ def test_the_verdicts() -> None:
     assert checked(touch(LEFT), 4.5).verdict == "does not fit"  # 4 on both y faces
     uneven = LEFT | {"-y": 6.0, "+y": 6.0}
     assert checked(touch(uneven), 4.5).verdict == "fits when shifted"
-    assert checked(touch(LEFT | {"-x": 7.0}), 4.0).verdict == "cannot tell"
+    assert checked(touch(LEFT | {"-x": 7.0}), 4.0).verdict == "undecided"
     assert checked(touch(LEFT | {"-x": -1.0, "+x": 1.0}), 0.5).verdict == "does not fit"
     out = checked(touch(LEFT | {"-x": -1.0}), 1.0)
     assert out.least.allowance == pytest.approx(-1.0 * MM)

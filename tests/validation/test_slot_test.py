@@ -135,13 +135,13 @@ def test_a_part_that_moved_is_off_and_by_how_much() -> None:
 
 def test_a_blunt_touch_cannot_tell() -> None:
     found = datums(np.zeros(3), noise=Noise(touch=0.3 * MM, robot=0.0))
-    assert found.verdict == "cannot tell"
+    assert found.verdict == "undecided"
     assert "resolves" in found.reason
 
 
 def test_chance_beyond_the_tolerance_is_no_verdict() -> None:
     found = datums(np.array([0.15 * MM, 0.0, 0.0]), tolerance=0.1 * MM)
-    assert found.verdict == "cannot tell"
+    assert found.verdict == "undecided"
 
 
 def test_small_and_certain_is_within_tolerance_but_told() -> None:

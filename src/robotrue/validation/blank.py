@@ -106,7 +106,7 @@ def turned_allowances(
 
 
 BlankVerdict: TypeAlias = Literal[
-    "fits", "fits when shifted", "fits when turned", "cannot tell", "does not fit"
+    "fits", "fits when shifted", "fits when turned", "undecided", "does not fit"
 ]
 OPPOSITE: Final = 20.0 * DEG
 """Faces whose normals are this near to opposite share what is left."""
@@ -117,7 +117,7 @@ NARROW: Final = 0.05
 ALONG: Final = 0.9
 """Cosine above which a turn about an axis leaves a face as it is."""
 SIGMAS: Final = 2.0
-"""Standard deviations behind "cannot tell"."""
+"""Standard deviations of "undecided"."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -153,14 +153,14 @@ class BlankCheck(Columns):
 
     Attributes:
         faces: Touched ones.
-        required: m that must be left everywhere.
+        required: m, required allowance everywhere.
         verdict: Of :data:`BlankVerdict`.
-        shift: (3,) m in part, by which the part is to move inside the blank; 0 where no two faces
-            are opposite.
-        turn: (3,) rad, rotation vector in part by which it is to turn before that shift; 0 where a
-            shift does, or no turn surely leaves more.
+        shift: (3,) m in part, required shift of the part inside the blank; 0 where no two faces are
+            opposite.
+        turn: (3,) rad, rotation vector in part to apply before that shift; 0 where a shift is
+            enough, or no turn surely leaves more.
         after: (f,) m, allowance of each face after turn and shift.
-        doubts: What the touches cannot tell, one sentence each.
+        doubts: What the touches do not determine, one sentence each.
     """
 
     faces: tuple[BlankFace, ...]
@@ -194,7 +194,7 @@ def check_blank(
         in_base: (n, 3) m, where the tip, or the centre of the ball, was.
         T_base_part: (4, 4) the frame the part will be cut in.
         sigma: m along the normal of one touch, the arm's share included.
-        required: m that must be left everywhere.
+        required: m, required allowance everywhere.
 
     Raises:
         ConfigurationError: A touch without a normal, or a negative allowance.
@@ -357,7 +357,7 @@ def _judge(faces: Sequence[BlankFace], after: Array, required: float, turn: Arra
     if (after - slack >= required).all():
         return "fits when turned" if turn.any() else "fits when shifted"
     if (after + slack >= required).all() or (now + slack >= required).all():
-        return "cannot tell"
+        return "undecided"
     return "does not fit"
 
 

@@ -115,11 +115,11 @@ def uncertainty_budget(
     Args:
         model: Any error model.
         query: The poses, with their loads.
-        repeatability: m, ISO 9283 RP the model was told.
+        repeatability: m, ISO 9283 RP stated for the model.
         instrument: From :func:`tracker_lines` or :func:`stated_line`.
         T_base_part: (4, 4) m of the registered part; None without one.
         part_covariance: (6, 6) of its origin and left rotation vector, base axes.
-        force_sigma: N per axis, standard deviation of the process force about what is planned.
+        force_sigma: N per axis, standard deviation of the process force about the planned one.
 
     Raises:
         ShapeError: No poses, or half of a registration.

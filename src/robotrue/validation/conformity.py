@@ -6,11 +6,11 @@ Three answers::
 
 U is the radius that holds 95 % about the prediction, so the true error of a conforming target is
 within T with at least 95 %. This is the guard band of ISO 14253-1 taken as a decision rule; each
-target is judged by itself.
+target is checked by itself.
 
-A target that states axes names no place a tolerance could be held to: whether it is missed is
-nobody's question. It is counted apart and not judged, unless the strict rule is asked for, by which
-a target of which nothing can be said is one that is not proven. Nothing judged is nothing proven.
+A target that states axes has no Cartesian position and no tolerance. It is counted separately and
+not checked, unless the strict rule is requested, by which an unchecked target is not proven.
+Without a checked target nothing is proven.
 """
 
 from __future__ import annotations
@@ -55,14 +55,14 @@ def conformity(length: Array, bound: Array, tolerance: float) -> IntArray:
 
 
 def to_judge(axis_target: BoolArray, *, strict: bool) -> BoolArray:
-    """Returns which targets (n,) are held to a tolerance: those that state a place; strictly, all.
+    """Returns which targets (n,) have a tolerance: those with a Cartesian position; strictly, all.
 
     Args:
         axis_target: (n,) targets that state axes.
-        strict: Whether those count, too, as targets of which nothing is known.
+        strict: Whether those count, too, as unproven targets.
 
     Raises:
-        ObservabilityError: Every target states axes; there is nothing to judge.
+        ObservabilityError: Every target states axes; there is no target to check.
     """
     if axis_target.all():
         raise ObservabilityError(

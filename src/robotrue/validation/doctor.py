@@ -1,7 +1,7 @@
-"""The data doctor: names what is wrong with measured rows, and offers to put it right.
+"""The data doctor: identifies faults of measured rows, and offers to correct them.
 
-Every suspicion proposes its likeliest hypothesis by cheap tests; the best few are fitted anew and
-compared with "clean" by their Bayes factor. Nothing is put right unless it is asked for.
+Every suspicion proposes its likeliest hypothesis by cheap tests; the best few are fitted again and
+compared with "clean" by their Bayes factor. Corrections are applied on request only.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ class Diagnosis:
 def diagnose(
     robot: RobotModel, rows: MeasurementSet, settings: FitSettings | None = None
 ) -> Diagnosis:
-    """Returns what is wrong with measured rows, as far as it can be told; changes nothing.
+    """Returns the detected faults of measured rows; changes nothing.
 
     Args:
         robot: Nominal arm with the measured reflector.
@@ -122,7 +122,7 @@ def diagnose(
     if named is not None:
         best, probability = named
         best, after = _refine_cure(best, robot, used)
-        if not after > IMPLAUSIBLE * robot.reach:  # put right they would be nobody's still
+        if not after > IMPLAUSIBLE * robot.reach:  # still implausible after the correction
             found.append(
                 NamedCause(hypothesis=best, probability=probability, before=error, after=after)
             )
@@ -140,7 +140,7 @@ def _fit_clean(robot: RobotModel, rows: MeasurementSet, settings: FitSettings) -
 
 
 def _compare(clean: Evidence) -> list[Hypothesis]:
-    """Every suspicion's hypotheses, the best of them fitted anew, the likeliest first."""
+    """Returns every suspicion's hypotheses, the best of them fitted again, the likeliest first."""
     tried = [hypothesis for suspicion in SUSPICIONS for hypothesis in suspicion.look(clean)]
     tried.sort(key=lambda each: -each.log_odds)
     refitted = [
@@ -351,7 +351,7 @@ def with_findings(model: ErrorModel, lines: list[str]) -> ErrorModel:
 
 
 def with_cure(model: ErrorModel, finding: NamedCause, raw: MeasurementSet) -> ErrorModel:
-    """Returns the model whose summary and lineage say which rows were put right, and how."""
+    """Returns the model whose summary and lineage state the corrected rows and their correction."""
     document = _finding_document(finding, raw)
     step = {
         "step": "cure",

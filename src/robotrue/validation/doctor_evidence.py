@@ -247,22 +247,22 @@ HOPELESS: Final = -3.0
 
 @dataclass(frozen=True, kw_only=True)
 class Hypothesis:
-    """One way in which rows may be wrong, with what makes them right again.
+    """One possible fault of rows, with its correction.
 
     Attributes:
         cause: Its name.
-        text: What is wrong, with numbers and units; no rows, no full stop.
-        log_odds: Log Bayes factor against clean rows, its own freedom paid for.
-        rows: (k,) rows of the whole set that are concerned; all if the whole file is.
-        cure: Returns the whole set put right; None where the cure is outside the rows.
-        robot: The robot put right, where that is the cure.
-        columns: (n, 3, q) m, what the hypothesis adds to the examined rows, over its sd; None where
-            ``log_odds`` rest on a fit of their own.
+        text: The fault, with numbers and units; no rows, no full stop.
+        log_odds: Log Bayes factor against clean rows, with the price of its freedom.
+        rows: (k,) affected rows of the whole set; all if the whole file is affected.
+        cure: Returns the whole corrected set; None where the cure is outside the rows.
+        robot: The corrected robot, where that is the cure.
+        columns: (n, 3, q) m, effect of the hypothesis on the examined rows, over its sd; None where
+            ``log_odds`` follow from a separate fit.
         price: Log of the choices that were made to find it, in ``log_odds`` already.
         revise: From coefficients (q,) of ``columns`` to the hypothesis that has them.
-        refine: From cured rows, fitted anew, to the hypothesis that cures them better: an effect
-            that is large is not linear. Its text, ``cure`` and ``refine`` replace those.
-        advice: What to do in the shop, an imperative sentence.
+        refine: From corrected rows, fitted again, to the hypothesis that corrects them better: a
+            large effect is not linear. Its text, ``cure`` and ``refine`` replace those.
+        advice: Action in the shop, an imperative sentence.
     """
 
     cause: CauseName

@@ -32,7 +32,7 @@ from robotrue.validation.doctor_evidence import (
 from robotrue.validation.doctor_segments import SEGMENTS, Picked, Segment, estimate_columns
 
 LARGEST_SHARE: Final = 0.4
-"""Part of the rows that may be off; of more nobody knows which are right."""
+"""Largest share of faulty rows; of more it is not determined which are right."""
 ROUNDS: Final = 6
 SEEDS: Final = 8
 LEAST: Final = 3
@@ -162,7 +162,7 @@ SCATTERED: Final = (
 
 
 def find_repeats(rows: MeasurementSet, robot: RobotModel) -> list[Hypothesis]:
-    """Returns duplicated rows, and points that were not measured anew, where there are any."""
+    """Returns duplicated rows, and points that were not measured again, where there are any."""
     later = np.array([row for _, row in duplicate_rows(rows)], dtype=np.int64)
     stated: tuple[tuple[CauseName, str, str, IntArray], ...] = (
         (

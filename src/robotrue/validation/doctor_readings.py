@@ -106,8 +106,8 @@ def list_readings(robot: RobotModel, joints: Array) -> list[ColumnReading]:
     """Returns every other reading of the joint columns (n, dof) rad, and other robots alike."""
     readings = []
     for step, word, lost in ((-1, "before", len(joints) - 1), (1, "after", 0)):
-        # The joints of a row are those of the row before: its own stand in the row after. The row
-        # at the end that has none keeps its own.
+        # The joints of a row are those of the row before: its own are in the row after. The row at
+        # the end that has none keeps its own.
         moved = np.roll(joints, step, axis=0)
         moved[lost] = joints[lost]
         readings.append(

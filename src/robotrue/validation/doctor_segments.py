@@ -42,15 +42,15 @@ MakeColumns = Callable[[Case], Array]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Picked:
-    """Rows that were picked as off alike.
+    """Rows that were picked as having one common deviation.
 
     Attributes:
         inside: (n,) of the examined rows.
         rows: Of the whole set.
-        log_odds: Log Bayes factor, the price taken off.
+        log_odds: Log Bayes factor, less the price.
         sizes: (q,) m, likeliest sd of each coefficient of the effect.
         price: Log of the choices.
-        text: Of an effect that was taken off already; empty at the first step.
+        text: Of an effect that was subtracted already; empty at the first step.
     """
 
     inside: BoolArray
@@ -112,7 +112,7 @@ class Segment:
         return [self.build(residuals, found)]
 
     def build(self, residuals: Evidence, picked: Picked) -> Hypothesis:
-        """Returns the hypothesis of some rows, their effect estimated and taken off."""
+        """Returns the hypothesis of some rows, their effect estimated and subtracted."""
         arm = residuals.case
         every = picked.sizes * self.make_columns(arm)
         columns = every[arm.chosen] * picked.inside[:, None, None]
@@ -280,7 +280,7 @@ SEGMENTS: Final = (
         cause="instrument-moved",
         make_columns=motion_columns,
         shares=SHIFT_AND_TURN,
-        advice="shoot fixed points again, or number these rows as a station of their own",
+        advice="shoot fixed points again, or number these rows as a separate station",
         describe=lambda value, size: (
             f"the instrument or its frame moved: these rows are off by {size / MM:.3f} mm"
         ),

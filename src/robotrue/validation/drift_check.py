@@ -1,19 +1,19 @@
 """Drift check: whether the robot has changed since its calibration, from a few poses.
 
-With residuals r = measured - predicted (all poses in one vector) and their covariance C (what the
-model does not know of these poses together, scatter, instrument)::
+With residuals r = measured - predicted (all poses in one vector) and their covariance C (joint
+uncertainty of the model at these poses, scatter, instrument)::
 
     X = r' C^-1 r ~ chi2(3 n)                                nothing has changed
     d = (A' C^-1 A)^-1 A' C^-1 r,  G = d' (A' C^-1 A) d ~ chi2(k)    one cause of k numbers
-    X - G ~ chi2(3 n - k)                                    that cause explains all of it
+    X - G ~ chi2(3 n - k)                                     that cause explains all of it
 
 A is the derivative of the tool point by the cause: the base moved (6), the tool or its reflector
 moved (3), one joint slipped (1 each), one reading is wrong (3 each). The level is divided: half for
-X, half among the m causes (Bonferroni), so that a robot that has not changed is called changed with
-no more than the stated probability.
+X, half among the m causes (Bonferroni), so that an unchanged robot is reported as changed with no
+more than the stated probability.
 
 Fails when: poses are few or alike. A cause that hardly moves the measured points is not tried, and
-two that move them alike (joint 1 slipped, base turned about its axis) cannot be told apart.
+two that move them alike (joint 1 slipped, base turned about its axis) cannot be separated.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""A dry run: points along a program, the robot stopped at each, what was measured there.
+"""A dry run: points along a program, each measured with the robot stopped.
 
-Points stand at equal steps of the way along a program's moves; each is the target nearest to its
-step, so that the robot is stopped where a command says. Error is the measured point less the
-target of the program as it is wanted, in base.
+Points are at equal steps along a program's moves; each is the target nearest to its step, so that
+the robot stops at a commanded target. Error is the measured point less the target of the intended
+program, in base.
 """
 
 from __future__ import annotations

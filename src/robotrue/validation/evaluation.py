@@ -1,6 +1,6 @@
-"""Predictions of a model at measured rows: the one comparison that all validation uses.
+"""Predictions of a model at measured rows: the comparison used by all validation.
 
-Beside it stands the honest "before": what a mere correction of base and tool is worth.
+The fair "before" goes with it: the benefit of correcting base and tool alone.
 """
 
 from __future__ import annotations

@@ -1,14 +1,14 @@
 """The guard against negative transfer: sources count only as far as target poses agree.
 
 Candidates compete on target poses held out in turn; sources are in every training part. The first
-candidate, the transfer, is believed until another beats it by more than the noise, and those that
-use the target poses alone speak last. So whatever is chosen is, on held-out target poses, never
-worse than the target poses alone by more than the noise of that comparison.
+candidate, the transfer, is used unless another beats it by more than the noise; those that use the
+target poses alone come last. So the choice is, on held-out target poses, never worse than the
+target poses alone by more than the noise of that comparison.
 
 The choice is one of name. With few target poses the model is the average, by held-out density, of
-the candidates that the chosen one does not beat by more than the noise: ten poses cannot say more.
+the candidates that the chosen one does not beat by more than the noise: ten poses decide no more.
 
-Without target poses nothing can be checked; the model then says so.
+Without target poses nothing can be checked; the model then states this.
 """
 
 from __future__ import annotations
@@ -98,21 +98,21 @@ def select_guarded(
     seed: int = 0,
     requested: str = "",
 ) -> ErrorModel:
-    """Returns the model of the candidate that holds on target poses, with the evidence.
+    """Returns the model of the candidate that wins on target poses, with the evidence.
 
     Its training summary gains ``"selection"`` (the contest, if there was one), ``"guard"``
     (:meth:`GuardVerdict.summary`) and the guard's sentences at the head of ``"doubts"``.
 
     Args:
-        transfers: Candidates that use sources, the one believed first at the head.
+        transfers: Candidates that use sources, the preferred one first.
         alone: Candidates that use the target rows alone, simplest first.
-        target: Rows of the region asked about, in one frame; None or no rows: nothing is checked.
+        target: Rows of the requested region, in one frame; None or no rows: nothing is checked.
         payload: Used where a row does not state its own.
         reach: m, of the arm; target points within a twentieth of it count as one place.
         doubts: Known before, e.g. of sources left out.
-        progress: Told before every fit.
+        progress: Called before every fit.
         seed: Of the folds.
-        requested: A candidate that is used whoever wins; the verdict then names the winner.
+        requested: A candidate that is used regardless of the winner, which the verdict names.
 
     Raises:
         ObservabilityError: No candidate could be fitted.

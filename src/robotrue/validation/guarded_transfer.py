@@ -79,19 +79,19 @@ def fit_guarded(
     method: str = "gp",
     progress: Progress | None = None,
 ) -> ErrorModel:
-    """Returns the model that holds on the target poses, with the contest in its summary.
+    """Returns the model that wins on the target poses, with the contest in its summary.
 
     Args:
         robot: Nominal arm of the target with the measured tool.
-        target: Target rows; None or no rows: a transfer that nothing was checked of.
+        target: Target rows; None or no rows: an unchecked transfer.
         sources: Measurements or models from elsewhere.
         settings: Of every fit.
-        drift: How far source and target may be apart; the defaults of the relation if None.
+        drift: Scales of the difference of source and target; the defaults of the relation if None.
         method: Richest method of a source given as measurements, of pooled and of target rows.
-        progress: Told before every fit.
+        progress: Called before every fit.
 
     Raises:
-        ImplausibleDataError: Target rows that cannot be this robot's.
+        ImplausibleDataError: Target rows that are impossible for this robot.
         ModelMismatchError: Target rows of another number of joints.
         ObservabilityError: Nothing could be fitted.
     """
@@ -109,9 +109,9 @@ def select_transfer(
     progress: Progress | None = None,
     requested: str = "",
 ) -> ErrorModel:
-    """Returns the winner of the contest; see :func:`fit_guarded`, of which this is the end.
+    """Returns the winner of the contest; last step of :func:`fit_guarded`.
 
-    A candidate that was ``requested`` is used whoever wins.
+    A ``requested`` candidate is used regardless of the winner.
 
     Raises:
         ObservabilityError: Nothing could be fitted.
@@ -153,7 +153,7 @@ def contestants(
         method: Richest method of any fit.
 
     Raises:
-        ImplausibleDataError: Target rows that cannot be this robot's.
+        ImplausibleDataError: Target rows that are impossible for this robot.
         ModelMismatchError: Target rows of another number of joints.
     """
     if target is not None and len(target):

@@ -82,7 +82,7 @@ def fit_cylinder(points: Array) -> HoleCylinder:
     Args:
         points: (n, 3) m, on the wall.
 
-    Fails when: the points span less height than a tenth of the radius; they do not tell the
+    Fails when: the points span less height than a tenth of the radius; they do not determine the
     direction of the axis, and it is held along z. Or they lie on less than about a third of the
     turn; centre and radius then trade against each other.
 

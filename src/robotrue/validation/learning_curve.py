@@ -99,7 +99,7 @@ def learning_curve(
     floor: float | None = None,
     progress: Progress | None = None,
 ) -> LearningCurve:
-    """Returns how every candidate does with 0, 5, 10, 20, 40 target poses.
+    """Returns the error of every candidate with 0, 5, 10, 20, 40 target poses.
 
     Args:
         candidates: As of the guard.

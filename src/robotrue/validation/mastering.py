@@ -57,7 +57,7 @@ TRIED: Final = SIZES[2]
 CERTAIN: Final = 4.0
 """Standard deviations of an offset that are seen against the chance that no axis lost its zero."""
 FEWEST: Final = 8
-"""Touches; the point takes three numbers, and two axes must be told apart from wrong touches."""
+"""Fewest touches; the point needs three numbers, and two axes must differ from wrong touches."""
 ONE_PLACE: Final = 1e-6
 """m; nominal points closer together are one place."""
 MISFIT: Final = 3.0

@@ -26,13 +26,13 @@ class SolvedTouches:
 
     Attributes:
         after: The posterior.
-        rows: Where they stand then.
-        pieces: The believed ones, linearised there.
-        moved: (3,) m, how far the point went from where it was believed.
+        rows: Linearised at the posterior.
+        pieces: The rows in use, linearised there.
+        moved: (3,) m, shift of the point from its prior.
         evidence: Log marginal likelihood, up to a constant of the touches.
-        surprise: Touches over what was expected of them.
+        surprise: Touches over their expectation.
         residuals: (n, 3) m.
-        offset: (k,) rad, by which the zeros of the hypothesis moved.
+        offset: (k,) rad, shift of the zeros of the hypothesis.
         covariance: (k, k) rad^2 of it.
     """
 
@@ -67,10 +67,10 @@ def solve_touches(
     Args:
         belief: Of the arm before any zero was lost.
         joints: Whose zeros are unknown.
-        size: rad, by how much.
+        size: rad, prior deviation of the zeros.
         rows: The touches.
-        keep: (n,) which are believed.
-        loose: m per axis, how well the point is known before.
+        keep: (n,) which are used.
+        loose: m per axis, prior deviation of the point.
     """
     prior = loosen_zeros(belief, joints, size, rows.nuisances, loose)
     at, moved = prior, np.zeros(rows.nuisances)

@@ -64,20 +64,20 @@ def register(
     parts: Sequence[str] = ONE_PART,
     settings: RegistrationSettings | None = None,
 ) -> RegisteredPart:
-    """Returns where the parts stand, with covariance, verdict and the model they belong to.
+    """Returns the frames of the parts, with covariance, verdict and the model they belong to.
 
     Args:
-        arm: The model that touched and that will machine; :class:`NominalModel` without one.
+        arm: The model used for touching and machining; :class:`NominalModel` without one.
         touches: Of one part or several; their ``part`` counts ``parts``.
         parts: Names.
         settings: Noise, tool, tolerance, mesh.
 
     Raises:
-        ObservabilityError: Collinear or coincident points, too few touches, a motion left open.
+        ObservabilityError: Collinear or coincident points, too few touches, an undetermined motion.
         ImplausibleDataError: Wrong units, exchanged names, a mirrored part, points off the part,
             half of the touches contradicting the rest.
         ModelMismatchError: Joints of another robot.
-        ConvergenceError: A fit that comes to no rest.
+        ConvergenceError: A fit that does not converge.
 
     Fails when: touches of a flat pattern belong to the mirrored part: they fit it upside down.
     """

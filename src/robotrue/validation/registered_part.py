@@ -37,13 +37,13 @@ class FoundFrame(Columns):
 
     Attributes:
         name: Of the part or side.
-        registration: Frame, covariance, residuals, touches not believed.
+        registration: Frame, covariance, residuals, rejected touches.
         points: (n, 3) m in part, the nominal points of the touches.
         machined: (n, 3, 3) m^2 in part, covariance of a machined point at each touch and in its
             posture: frame and arm together; without joints the frame's share alone.
         with_arm: Whether ``machined`` holds the arm's share.
         reasons: Why not to cut, one sentence each.
-        doubts: What the touches cannot tell, one sentence each.
+        doubts: What the touches do not determine, one sentence each.
     """
 
     name: str
@@ -143,7 +143,7 @@ def check_frame(
         registration: The frame.
         points: (n, 3) m in part.
         machined: (n, 3, 3) m^2 in part; None takes the frame's share alone.
-        tolerance: m that machined points must keep with 95 %; None: not judged.
+        tolerance: m that machined points must meet with 95 %; None: not checked.
         reasons: Against cutting, found elsewhere.
         doubts: Found elsewhere.
     """
@@ -211,7 +211,7 @@ def _many_just_beyond(fit: Registration) -> tuple[str, ...]:
 
 
 def _stray(fit: Registration) -> tuple[str, ...]:
-    """Warns of touches within the stated noise that stand out among the others."""
+    """Warns of touches within the stated noise that are far off the others."""
     if len(fit.names) < 6:
         return ()
     usual = float(np.median(fit.distances)) / 1.5382  # median of a chi with 3 degrees of freedom

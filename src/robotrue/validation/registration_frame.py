@@ -38,19 +38,18 @@ class RegistrationSettings:
 
     Attributes:
         touch: m per axis, one touch: probe, surface, hand; without the arm.
-        robot: m per axis, the arm's error that is no rigid motion of the part, for telling wrong
+        robot: m per axis, the arm's error beyond a rigid motion of the part, for detecting wrong
             touches; default: the model's own at the touches, or that of a nominal arm.
-        tool_sigma: m per axis, how well the tip is known in the flange; 0: unchanged since the
-            model was made. Default: 0 where the tip is the point the model was made with, else
-            0.3 mm.
-        tolerance: m that machined points must keep; default: not judged.
+        tool_sigma: m per axis, uncertainty of the tip in the flange; 0: unchanged since the model
+            was made. Default: 0 where the tip is the point the model was made with, else 0.3 mm.
+        tolerance: m that machined points must meet; default: not checked.
         fit: ``auto``, ``frame`` (the model stays as it is) or ``joint``.
-        method: How the frame alone is made of the touches; only ``touches`` goes with ``joint``.
+        method: How the frame alone is fitted to the touches; only ``touches`` goes with ``joint``.
         T_flange_tool: (4, 4) of the tip; default: the tool of the model.
         mesh: The part; touches with a normal then lie on it.
-        on_mesh: m, how far a nominal point may be off it.
+        on_mesh: m, largest distance of a nominal point from it.
         arm: Payload, repeatability and priors of the arm.
-        belief: What is believed of a nominal arm, where it is more than those priors.
+        belief: Prior of a nominal arm, where it is more than those priors.
     """
 
     touch: float = TOUCH
@@ -149,10 +148,10 @@ def touch_query(joints: Array, robot: RobotModel, settings: RegistrationSettings
 
 
 def robot_share(arm: ErrorModel, touches: ProbingSet, settings: RegistrationSettings) -> float:
-    """Returns m per axis by which the arm may be off besides a rigid motion of the part.
+    """Returns the arm's error beyond a rigid motion of the part, m per axis.
 
-    With joints from what is believed of the arm: small where all touches have one posture, up to a
-    millimetre of a nominal arm that touches from all sides.
+    With joints it follows from the arm's prior: small where all touches have one posture, up to a
+    millimetre for a nominal arm that touches from all sides.
     """
     if settings.robot is not None:
         return settings.robot
@@ -178,19 +177,19 @@ def frame_alone(
     placed: Array | None = None,
     reasons: tuple[str, ...] = (),
 ) -> FoundFrame:
-    """Returns the frame of one part, the model of the arm left as it is.
+    """Returns the frame of one part; the model of the arm is unchanged.
 
     Args:
         arm: The model.
         found: The touches.
         settings: Noise, tool, tolerance, method.
-        placed: (4, 4) ``T_base_part`` that stands beside the touches; default: what they give.
+        placed: (4, 4) ``T_base_part`` stated in addition to the touches; default: their fit.
         reasons: Against cutting, found elsewhere.
 
     Raises:
-        ObservabilityError: A motion left open.
+        ObservabilityError: An undetermined motion.
         ImplausibleDataError: Exchanged names, or half the touches against the rest.
-        ConvergenceError: No rest.
+        ConvergenceError: No convergence.
     """
     fit, gain = fit_by_method(settings.method, found.touches, found.in_base, noise=found.noise)
     if placed is not None:
@@ -238,9 +237,9 @@ def finish_frame(
 
 
 def _other_poses(touches: ProbingSet, in_base: Array, fit: Registration) -> tuple[str, ...]:
-    """A doubt where the touched mesh looks the same in another pose.
+    """Returns a warning where the touched mesh looks the same in another pose.
 
-    Where three feature points are touched their names decide, and nothing is said.
+    Where three feature points are touched their names decide, without a warning.
     """
     on = touches.touched != NO_SURFACE
     if int(touches.full.sum()) >= 3 or not on.any():

@@ -42,9 +42,9 @@ one side .17 and .12 mm there, 1.44 and 1.36 mm on the other (benchmarks/registe
 SPARE: Final = 3
 """Numbers beyond frames and tool that a joint estimate asks at the least."""
 EXACT: Final = 1e-6
-"""m, a tip that is said to be known exactly."""
+"""m, deviation of a tip stated as exact."""
 TILT: Final = 10.0 * DEG
-"""Touches whose attitudes differ by less cannot tell the tool from the frame."""
+"""Touches whose attitudes differ by less cannot separate the tool from the frame."""
 LOUD: Final = 3.0
 """Noise beyond what was stated, as a factor, from which the frame is not to be cut in."""
 
@@ -55,7 +55,7 @@ def numbers_of(touches: ProbingSet) -> int:
 
 
 def enough_for_joint(arm: ErrorModel, touches: ProbingSet, settings: RegistrationSettings) -> bool:
-    """Returns whether arm, tool and frames should be estimated together, if nobody says.
+    """Returns whether arm, tool and frames should be estimated together by default.
 
     A model that keeps no covariance of its parameters cannot learn from touches.
     """
@@ -67,10 +67,10 @@ def enough_for_joint(arm: ErrorModel, touches: ProbingSet, settings: Registratio
 
 
 def require_numbers(touches: ProbingSet) -> None:
-    """Passes if the touches can carry what a joint estimate asks.
+    """Passes if the touches are enough for a joint estimate.
 
     Raises:
-        ObservabilityError: No joints, or too few touches; says how many and which there are.
+        ObservabilityError: No joints, or too few touches; states their number and names.
     """
     source = file_of(touches)
     if not touches.has_joints:
@@ -100,15 +100,15 @@ def joint_registration(
     """Returns all frames and the refined arm.
 
     Args:
-        arm: What is known before the touches.
+        arm: Prior of the arm.
         checked: Part by part.
         touches: Of all parts.
         settings: Noise and tool.
 
     Raises:
-        ObservabilityError: A motion left open.
+        ObservabilityError: An undetermined motion.
         ImplausibleDataError: Exchanged names, or half the touches against the rest.
-        ConvergenceError: No rest.
+        ConvergenceError: No convergence.
     """
     robot = arm.robot
     known, doubts = _tool_sigma(arm, robot, touches, settings)
@@ -209,7 +209,7 @@ def _tool_sigma(
             "tip acts like a shift of the part, and appears when the part is machined from "
             "another side."
         )
-    # A nominal arm's prior of the tip would stand in for 0.
+    # A nominal arm's prior of the tip would replace 0.
     return known if arm.calibrated else max(known, EXACT), tuple(doubts)
 
 

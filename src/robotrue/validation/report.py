@@ -209,14 +209,14 @@ class ValidationReport:
     Attributes:
         robot: Name of the robot.
         before: Measured minus nominal, as measured. For sets in a tracker frame the station is the
-            one the model estimated, so a frame error is already out; ``notes`` says so.
+            one the model estimated, so a frame error is already removed; ``notes`` states it.
         before_aligned: The same after the best base and tool fitted to these rows; None for too
             few rows.
         after: Measured minus (nominal plus predicted).
         coverage: Share of rows in their stated 95 % regions.
         axis_before: Tool axis angles before; None without orientations.
         axis_after: Tool axis angles after; None if the model predicts no rotation.
-        worst: The rows missed most, worst first.
+        worst: The rows with the largest errors, worst first.
         doubts: When not to trust these numbers.
         notes: How they were made.
         outside: (k,) rows outside the region the model was trained in.

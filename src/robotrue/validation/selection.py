@@ -2,11 +2,11 @@
 
 Candidates come simplest first. Each is fitted on the training part of every split and scored on the
 held-out part. A richer one replaces the one chosen so far only if its mean held-out error is lower
-by more than the noise: the one-sided 95 % Student interval of the paired differences, taken over
-folds because rows of one fold share their fit and their place. ``nominal`` gives way to any gain.
+by more than the noise: the one-sided 95 % Student interval of the paired differences, over folds,
+because rows of one fold share their fit and their place. Any gain replaces ``nominal``.
 
 The choice is one of name. With fewer than :data:`AVERAGED_ROWS` rows the model is the average of
-the candidates by their held-out density: what was not excluded stays in its width.
+the candidates by their held-out density, whose spread is in its covariance.
 
 Cost is bounded by rule, not by luck: at most :data:`MOST_TRAIN` rows fit a fold and at most
 :data:`MOST_TEST` score it, evenly spaced; the winner is refitted on all rows. With more rows than
@@ -120,9 +120,9 @@ def select(
     Args:
         candidates: Fit functions, simplest first.
         measurements: All rows.
-        splits: What to hold out; :func:`default_splits` if None.
+        splits: Held-out parts; :func:`default_splits` if None.
         payload: Used where a row does not state its own.
-        progress: Told before every fit.
+        progress: Called before every fit.
 
     Raises:
         ShapeError: No candidates or no splits.
@@ -173,7 +173,7 @@ def hold_out(
     hold = partial(_hold_folds, contest, candidates, _stop_hopeless(refits or {}), payload)
     held, leaders = hold(progress, race=len(measurements) > MOST_TRAIN)
     if any(isinstance(held[leader], RobotrueError) for leader in leaders):
-        held, _ = hold(progress, race=False)  # who lost to one that fails later lost to nobody
+        held, _ = hold(progress, race=False)  # without losses to failed candidates
     return Trials(
         held=held,
         folds=folds,
@@ -389,8 +389,8 @@ def fit_auto(
         measurements: All rows.
         settings: Given to every method; the default payload is taken from it too.
         methods: Fit functions by name, simplest first.
-        splits: What to hold out; chosen by the number of rows if None.
-        progress: Told before every fit.
+        splits: Held-out parts; chosen by the number of rows if None.
+        progress: Called before every fit.
 
     Raises:
         ObservabilityError: No method could be fitted.
@@ -443,7 +443,7 @@ def _fit_whole(
     settings: FitSettings,
     progress: Progress | None,
 ) -> dict[str, WholeFit]:
-    """The learned methods' fits of all rows; none of few rows: there every choice is made anew.
+    """Returns the learned methods' fits of all rows; none of few rows, as all choices are repeated.
 
     A method that cannot be fitted to all rows is left to fit the folds by itself.
     """

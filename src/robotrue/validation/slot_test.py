@@ -1,11 +1,11 @@
-"""Two-sided slot test and datum check: what they say and what they cannot say.
+"""Two-sided slot test and datum check, with their limits.
 
 Slots are cut from one side to beyond the middle and from the other side to meet; where they meet,
-the two halves are off by a step. With one clamping and one frame both halves move together when
-the frame is wrong: the step does not change at all. It shows the tool tip, twice where the tool is
-turned half round, and what the arm does differently in the two postures. A datum that was not used
-for the frame, touched again, shows the frame; a small fit residual cannot, since the touches a
-frame was made of agree with it by construction.
+the two halves differ by a step. With one clamping and one frame both halves move together when the
+frame is wrong: the step does not change at all. It contains the tip error, twice where the tool is
+turned half round, and the difference of the arm's errors in the two postures. A datum that was not
+used for the frame, touched again, checks the frame; a small fit residual does not, since the
+touches of a frame agree with it by construction.
 
 Source of the test: Feng, Liang, Xi 2018, J. Xiamen Univ. Nat. Sci. 57(5), section 2.
 """
@@ -195,7 +195,7 @@ def _sentences(frames: Frames, gain: float) -> tuple[tuple[str, ...], tuple[str,
     return tuple(sees), tuple(blind)
 
 
-DatumVerdict: TypeAlias = Literal["holds", "is off", "cannot tell"]
+DatumVerdict: TypeAlias = Literal["holds", "is off", "undecided"]
 
 CERTAIN: Final = 0.99
 """Probability behind "is off", over all datums together."""
@@ -203,18 +203,17 @@ CERTAIN: Final = 0.99
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DatumCheck:
-    """Datums that had no part in the frame, touched again.
+    """Datums that were not used for the frame, touched again.
 
     Attributes:
         names: Of the datums.
         deviation: (n, 3) m, touched less nominal, part axes.
         covariance: (n, 3, 3) m^2 of it if the frame is right: frame, touch and arm.
         probability: (n,) of a deviation this large if the frame is right.
-        tolerance: m, what the part may be off.
-        resolution: m, largest 95 % half axis of ``covariance``: smaller errors are not seen.
-        verdict: ``"is off"``: beyond the tolerance and too far for its uncertainty; ``"cannot
-            tell"``: the check resolves less than the tolerance, or chance may explain it;
-            ``"holds"``: neither.
+        tolerance: m, permitted deviation of the part.
+        resolution: m, largest 95 % half axis of ``covariance``: smaller errors are not detected.
+        verdict: ``"is off"``: beyond the tolerance and its uncertainty; ``"undecided"``: the check
+            resolves less than the tolerance, or chance may explain it; ``"holds"``: neither.
         reason: One sentence with the numbers.
     """
 
@@ -244,10 +243,10 @@ def check_datums(
     names: tuple[str, ...] | None = None,
     used: tuple[str, ...] = (),
 ) -> DatumCheck:
-    """Returns whether datums lie where the frame says, within what touching them can tell.
+    """Returns whether datums agree with the frame, within the uncertainty of touching them.
 
-    Touch them with the model, and in the posture, the part will be cut with: the check then sees
-    the frame, a part that moved, exchanged features, and the arm's error in that posture.
+    Touch them with the model and the posture used for cutting: the check then detects a wrong
+    frame, a part that moved, exchanged features, and the arm's error in that posture.
 
     Args:
         T_base_part: (4, 4) the frame to be checked.
@@ -349,7 +348,7 @@ def _check_deviation(
         return "is off", f"{found}, {allowed}: more than the uncertainty of frame, touch and arm."
     if resolution > tolerance:
         return (
-            "cannot tell",
+            "undecided",
             f"{found}, {allowed}, but the check resolves {resolution / MM:.3f} mm only.",
         )
     if unlikely.any():
@@ -358,5 +357,5 @@ def _check_deviation(
             f"{found}, {allowed}: within it, but more than the stated uncertainty.",
         )
     if beyond.any():
-        return "cannot tell", f"{found}, {allowed}: beyond it, but within its uncertainty."
+        return "undecided", f"{found}, {allowed}: beyond it, but within its uncertainty."
     return "holds", f"{found}, {allowed}."

@@ -35,7 +35,7 @@ class SocketSpread(Columns):
         distance: (n,) m from the mean of the touch's own socket.
         names: (n) of the sockets.
         length_error: (k,) m, predicted minus known distance of two sockets.
-        inside: (n,) whether the touch lies in its 95 % region; empty where none was asked for.
+        inside: (n,) whether the touch lies in its 95 % region; empty where none was requested.
     """
 
     distance: Annotated[Array, Column("_", unit="m")]
@@ -86,14 +86,14 @@ def socket_spread(
     payload: Load = NO_LOAD,
     touch_sigma: float | None = None,
 ) -> SocketSpread:
-    """Returns how far the model lets the ball wander in each socket.
+    """Returns the spread of the predicted ball positions in each socket.
 
     Args:
         model: Fitted without these touches.
         touches: Of sockets.
         payload: On the flange while touching.
-        touch_sigma: m per axis of one touch, without the arm, as the fit was told; where given, the
-            95 % region of every touch about the mean of its socket is compared with where it lies.
+        touch_sigma: m per axis of one touch, without the arm, as stated for the fit; where given,
+            every touch is compared with its 95 % region about the mean of its socket.
 
     Raises:
         ObservabilityError: Touches that are in no socket, or a socket touched once.
@@ -216,8 +216,8 @@ def hold_out_touches(
 ) -> SocketSpread:
     """Returns distances of single touches, held out at random, from the others of their socket.
 
-    Says how well the model interpolates with every place seen: what noise and hands leave. Beside
-    it the held-out places show what is lost elsewhere in the workspace.
+    Measures the model's interpolation with all places in the training data: the residual of noise
+    and handling. Held-out places in contrast show the loss elsewhere in the workspace.
 
     Args:
         fit: From touches to a model.

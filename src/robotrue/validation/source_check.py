@@ -25,7 +25,7 @@ from robotrue.validation.evaluation import aligned_rows, evaluate
 from robotrue.validation.validate import physical_floor
 
 FEWEST_PLAUSIBLE: Final = 6
-"""Rows from which a rigid motion says whether joints and positions belong together."""
+"""Fewest rows from which a rigid motion shows whether joints and positions belong together."""
 MANY_SCREENED: Final = 0.05
 """Share of rows without weight from which a source is called contaminated."""
 USELESS: Final = 0.9

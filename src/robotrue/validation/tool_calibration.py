@@ -1,9 +1,9 @@
-"""Tool point and tool axis from touches in joints, with the arm's own errors in what is stated.
+"""Tool point and tool axis from touches in joints, with the arm's errors in their uncertainty.
 
-From a table that the probe found (Feng, Liang, Xi 2018, eq. 5-8): each touch of a known point of
-the table with the tool's tip gives the whole tool point, so one orientation will do, and what the
-arm does wrong alike with probe and tool falls out. From one fixed point that nobody measured: three
-orientations or more. A touch with the tip says nothing about the turn about the tool's axis.
+From a probed table (Feng, Liang, Xi 2018, eq. 5-8): each touch of a known point of the table with
+the tool's tip gives the whole tool point, so one orientation is enough, and errors of the arm
+common to probe and tool cancel. From one unmeasured fixed point: three orientations or more. A
+touch with the tip does not determine the turn about the tool's axis.
 """
 
 from __future__ import annotations
@@ -55,9 +55,9 @@ class CalibratedTool(Columns):
         p_flange_tool: (3,) m.
         covariance: (3, 3) m^2 in flange axes: touches, table, arm.
         names: Of the touches.
-        residuals: (n, 3) m in base, where the tip is put less where it touched.
-        table: Where the table was found; None: a fixed point that nobody measured.
-        doubts: What the touches cannot tell, one sentence each.
+        residuals: (n, 3) m in base, predicted minus touched position of the tip.
+        table: Frame of the table; None: an unmeasured fixed point.
+        doubts: What the touches do not determine, one sentence each.
     """
 
     p_flange_tool: Annotated[Array, Column("3", unit="m")]
@@ -359,10 +359,10 @@ def axis_on_plane(
 
     Args:
         arm: The model.
-        squarings: Their joints count, their points do not.
+        squarings: Their joints are used, their points are not.
         normal_in_base: (3,) of the plane, out of the material.
         sigma: rad per axis of one squaring.
-        settings: What is believed of the arm.
+        settings: With the prior of the arm.
 
     Raises:
         ConfigurationError: No joints, no normal, or a sigma that is not positive.
@@ -411,7 +411,7 @@ def _with_tip(settings: RegistrationSettings, tool: Array) -> RegistrationSettin
 
 
 def _tool_query(joints: Array, tool: Array, settings: RegistrationSettings) -> Query:
-    """Postures of a tip that the model knows nothing of."""
+    """Returns postures of a tip that is not in the model."""
     return Query(joints=joints, load=settings.arm.payload, T_flange_tool=pose(np.eye(3), tool))
 
 
@@ -433,10 +433,10 @@ def _tip_roots(belief: Belief, query: Query) -> Array:
 
 
 def _check_residuals(touches: ProbingSet, residuals: Array, spread: Array) -> None:
-    """Passes if every touch is as near to its place as arm, table and touch allow.
+    """Passes if every touch agrees with its place within arm, table and touch.
 
     Raises:
-        ImplausibleDataError: One is not; says which, and how far.
+        ImplausibleDataError: One does not; names it, with its distance.
     """
     n = len(touches)
     if n < 2:

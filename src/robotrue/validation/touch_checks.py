@@ -73,8 +73,8 @@ def check_units(
 
     Args:
         touches: Of one part.
-        in_base: (n, 3) m, where the tip was.
-        tips: Joints (n, dof) rad to tips (n, 3) m, to tell radians from degrees.
+        in_base: (n, 3) m, positions of the tip.
+        tips: Joints (n, dof) rad to tips (n, 3) m, to separate radians from degrees.
 
     Raises:
         ImplausibleDataError: Radians for degrees, metres or inches for millimetres.
@@ -129,7 +129,7 @@ def check_pattern_of(touches: ProbingSet) -> None:
     """Passes if feature points alone, where there are no others, fix all six directions.
 
     Raises:
-        ObservabilityError: Too few, coincident or collinear points; says which.
+        ObservabilityError: Too few, coincident or collinear points; names them.
     """
     if touches.full.all():
         check_pattern(touches.point, touches.labels)
@@ -220,17 +220,17 @@ def _agree(point: Array, base: Array, bound: float) -> int:
 def check_exchanged(
     touches: ProbingSet, in_base: Array, T_base_part: Array, wrong: BoolArray, *, tolerance: float
 ) -> None:
-    """Passes unless touches the fit did not believe fit each other's place.
+    """Passes unless touches rejected by the fit match each other's place.
 
     Args:
         touches: Of one part.
         in_base: (n, 3) m.
-        T_base_part: (4, 4), from the touches that were believed.
-        wrong: (n,) True where the fit did not believe a touch.
+        T_base_part: (4, 4), from the accepted touches.
+        wrong: (n,) True where the fit rejected a touch.
         tolerance: m.
 
     Raises:
-        ImplausibleDataError: Exchanged names; says which.
+        ImplausibleDataError: Exchanged names; states them.
     """
     rows = np.flatnonzero(wrong & touches.full)
     if not 2 <= len(rows) <= SWAPPED:

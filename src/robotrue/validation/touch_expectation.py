@@ -1,14 +1,14 @@
-"""One more touch: what it should read after those before it, and how well the part is known then.
+"""One more touch: its expected reading after those before it, and the part's uncertainty then.
 
 From the first touch on, when no frame can be fitted yet, the arm's errors w and a step f of every
-frame about a rough place are believed together. With the tip where the model has it and R the
-part's attitude, a touch of nominal point p reads
+frame about a rough place have a joint prior. With the tip of the model and R the part's attitude, a
+touch of nominal point p reads
 
     tip - T p = G f - B w + e,        G = [I, -(R p) x],   w ~ N(0, I),   f ~ N(rough, S)
 
 and Gauss-Newton over all touches gives mean and covariance of both, so also of the next reading and
-of every machined point. ``register`` decides what the frame is; this says what to expect, and what
-may be wrong with a reading that is not as expected: place, unit, sign, ball, repeat.
+of every machined point. ``register`` determines the frame; this module predicts readings, and lists
+possible faults of an unexpected one: place, unit, sign, ball, repeat.
 """
 
 from __future__ import annotations
@@ -55,11 +55,11 @@ class TouchBelief:
         arm: Model or nominal arm that touches.
         settings: Of the registration.
         T_base_part: (4, 4) of every part, by its number.
-        belief: Of the arm; None where touches say nothing about it (no joints): the arm's share is
+        belief: Of the arm; None where touches do not determine it (no joints): the arm's share is
             noise then.
-        mean: (k + 6 f,) what was learned of the arm, in units of its prior, then zeros.
+        mean: (k + 6 f,) learned errors of the arm, in units of its prior, then zeros.
         covariance: (k + 6 f, k + 6 f), of the same and of the steps of the frames (m, rad).
-        touches: How many it rests on.
+        touches: Number of touches used.
     """
 
     arm: ErrorModel
@@ -124,11 +124,11 @@ def update_belief(
     """Returns arm and frames after the touches; without touches, at the rough place.
 
     Args:
-        arm: That touches.
+        arm: Touching arm.
         touches: Made so far, with joints if ``joints``, else with positions; None: none.
         rough: (4, 4) roughly ``T_base_part`` of every part.
         settings: Noise and tool.
-        rough_sigma: m per axis, how far off that may be.
+        rough_sigma: m per axis, standard deviation of that.
         joints: Whether readings are joints of the arm.
     """
     belief = arm_belief(arm, settings) if joints else None
@@ -200,10 +200,10 @@ def check_reading(known: TouchBelief, touch: ProbingSet) -> CheckedTouch:
 
 
 def machined_radius(known: TouchBelief, places: ProbingSet) -> Array:
-    """Returns the distance (n,) m that points machined at places keep 95 times in 100.
+    """Returns the 95 % bound (n,) m on the errors of points machined at places.
 
-    With joints frame and arm together, of a run compensated by what the touches tell; without, the
-    frame's share alone.
+    With joints frame and arm together, of a run compensated by the touches; without, the frame's
+    share alone.
 
     Args:
         known: After some touches.
@@ -291,7 +291,7 @@ SCALES: Final[tuple[tuple[str, float], ...]] = (
 )
 """Units a position may have been read in, and mm of one of them."""
 SAME: Final = 1e-9
-"""m and rad; nobody touches twice that alike."""
+"""m and rad; closer touches are copies."""
 ALONG: Final = 0.95
 """Cosine from which an offset counts as along the approach."""
 BALL: Final = (0.4 * MM, 15.0 * MM)

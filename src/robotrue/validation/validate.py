@@ -236,7 +236,8 @@ def _axis_angles(seen: Evaluation) -> tuple[AxisAngles | None, AxisAngles | None
 
 
 def _axis_statistics(measured: Array, expected: Array) -> AxisAngles:
-    # How the target sits on the tool is a constant nobody commanded: R_tool_target, chordal mean.
+    # The mounting of the target on the tool is an uncommanded constant: R_tool_target, chordal
+    # mean.
     u, _, vt = np.linalg.svd(np.mean(np.swapaxes(expected, 1, 2) @ measured, axis=0))
     constant = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
     aim = expected[:, :, 2]

@@ -41,7 +41,7 @@ POINT_SIGMA_MM: Final = 0.1
 TOUCH_MM: Final = 0.1
 """One touch, per axis: a tip or ball by hand or by a trigger."""
 REGISTRATION_FIT: Final = "auto"
-"""The touches move the arm where they tell enough of it."""
+"""The touches update the arm where they determine enough of it."""
 REGISTRATION_METHOD: Final = "touches"
 """Every touch counts, and wrong ones are named."""
 FRAME_NUMBER: Final = 1
