@@ -22,6 +22,7 @@ from robotrue.app.workbench.errors_along import (
 )
 from robotrue.robot.presets import preset
 from robotrue.store import programs
+from robotrue.web.parts.residuals import ChartArea
 
 ENGLISH = {"accept-language": "en"}
 FILES = ("one", "two", "three")
@@ -133,3 +134,10 @@ def test_a_point_of_a_chart_is_marked_in_the_scene(
         dot.click()
         watched.find("picked").wait_for()
         assert "chosen" in (dot.get_attribute("class") or "")
+
+
+@pytest.mark.parametrize("ends", [(1.2e-3, 1.65e-3), (1e-5, 3e-3), (5e-5, 2.3e-4)])
+def test_a_scale_has_round_lengths_however_little_it_spans(ends: tuple[float, float]) -> None:
+    area = ChartArea(low_m=ends[0], high_m=ends[1])
+    assert len(area.ticks()) >= 3
+    assert all(0.0 <= area.share(each) <= 1.0 for each in area.ticks())

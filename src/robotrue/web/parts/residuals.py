@@ -15,10 +15,15 @@ from robotrue.web.parts.curve import LEFT, STEPS
 BINS: Final = 24
 FLOOR: Final = 1e-7
 """m; lengths below are drawn as this one."""
+FINE_STEPS: Final = (1, 1.1, 1.2, 1.3, 1.4, 1.5, 1.6, 1.8, 2, 2.2, 2.5, 3, 3.5, 4, 5, 6, 7, 8, 9)
+"""Round lengths for a scale that spans less than those of ``STEPS``."""
+FEWEST_TICKS: Final = 3
 MOST_NUMBERS: Final = 6
 """Target numbers along the lower axis."""
-TALL: Final = 560
-"""Height of a chart beside two others."""
+TALL: Final = 700
+"""Height of a chart beside the 3-D view."""
+CHARTS: Final = ("pose", "sizes")
+"""Charts of a page: errors along the poses or targets, and how large they are."""
 BOTH: Final = ("before", "after")
 
 
@@ -52,10 +57,15 @@ class ChartArea:
         return math.log(inside / self.low_m) / math.log(self.high_m / self.low_m)
 
     def ticks(self) -> list[float]:
-        """Returns the round lengths in m between the ends."""
+        """Returns the round lengths in m between the ends: coarse ones, or finer ones if few."""
         powers = range(math.floor(math.log10(self.low_m)), math.ceil(math.log10(self.high_m)) + 1)
-        every = [step * 10.0**power for power in powers for step in STEPS]
-        return [each for each in every if self.low_m <= each <= self.high_m]
+        found: list[float] = []
+        for steps in (STEPS, FINE_STEPS):
+            every = [step * 10.0**power for power in powers for step in steps]
+            found = [each for each in every if self.low_m <= each <= self.high_m]
+            if len(found) >= FEWEST_TICKS:
+                break
+        return found
 
 
 def draw_residuals(context: PageContext, poses: Sequence[Mapping[str, float]]) -> Markup:
@@ -78,8 +88,10 @@ def draw_residuals(context: PageContext, poses: Sequence[Mapping[str, float]]) -
     return _draw(context, paper, rows, counts, words="residuals")
 
 
-def draw_along(context: PageContext, along: Mapping[str, Any], *, compared: bool) -> Markup:
-    """Returns the charts of a program: by target, by size, by the axis that moves most.
+def draw_along(
+    context: PageContext, along: Mapping[str, Any], *, compared: bool
+) -> dict[str, Markup]:
+    """Returns the charts of a program: ``pose`` by target, ``sizes`` by size and by moving axis.
 
     Args:
         context: Of the page: its unit of errors and its words.
@@ -90,18 +102,23 @@ def draw_along(context: PageContext, along: Mapping[str, Any], *, compared: bool
     counts = {name: along["counts"][name] for name in (BOTH if compared else ("before",))}
     step = max(1, -(-along["last"] // MOST_NUMBERS))
     numbers = [1, *range(step, along["last"] - step // 2, step), along["last"]]
-    return _draw(
-        context,
-        paper,
-        along["rows"],
-        counts,
-        words="along",
-        file_named=len({each["file"] for each in along["rows"]}) > 1,
-        thinned=along["thinned"],
-        last=along["last"],
-        numbers=list(dict.fromkeys(numbers)),
-        movers=along["movers"],
-    )
+    files = {each["file"] for each in along["rows"]}
+    return {
+        part: _draw(
+            context,
+            paper,
+            along["rows"],
+            counts,
+            words="along",
+            charts=(part,),
+            file_named=len(files) > 1,
+            thinned=along["thinned"],
+            last=along["last"],
+            numbers=list(dict.fromkeys(numbers)),
+            movers=along["movers"],
+        )
+        for part in CHARTS
+    }
 
 
 def _draw(
@@ -111,6 +128,7 @@ def _draw(
     counts: Mapping[str, Sequence[int]],
     *,
     words: str,
+    charts: Sequence[str] = CHARTS,
     file_named: bool = False,
     thinned: bool = False,
     last: int | None = None,
@@ -126,6 +144,7 @@ def _draw(
         counts=counts,
         most=max(max(each) for each in counts.values()),
         words=words,
+        charts=charts,
         file_named=file_named,
         thinned=thinned,
         last=len(rows) if last is None else last,
