@@ -44,9 +44,9 @@ class ComputedCall:
     Attributes:
         file: Name of the file.
         line: One-based.
-        before: The statement as it stands.
+        before: The statement as written.
         after: The statement with the call; empty where no call is known.
-        why: Why the call is not put in without being looked at; empty where it may be.
+        why: Why the call is not inserted without a check by the user; empty where it may be.
         place: Where the target begins and ends in the bytes of the file.
         call: The text of the call.
     """

@@ -29,11 +29,11 @@ class ControllerFile:
         name: File name.
         bases: Work frames (4, 4) in the robot base, by number.
         tools: Tools (4, 4) on the flange, by number.
-        notes: What it holds and cannot be used, one sentence each.
-        T_base_world: The controller's world frame (4, 4) in the robot base, where the file says it;
-            frames of other files of this controller stand in it.
+        notes: Contents that cannot be used, one sentence each.
+        T_base_world: The controller's world frame (4, 4) in the robot base, where the file states
+            it; frames of other files of this controller are in it.
         declarations: The file holds variables that programs name.
-        pulses_per_degree: (6,) signed, where the file says them.
+        pulses_per_degree: (6,) signed, where the file states them.
     """
 
     name: str

@@ -1,8 +1,9 @@
-"""The way of the tool through a program in the robot's base, and what a force along it must say.
+"""The path of the tool through a program in the robot's base, and checks of a force along it.
 
 Feed at a target is the direction in which the tool passes it: on a straight move that of arrival,
-where the next move goes on within 30 deg the tangent of the circle through the three points, on an
-arc the tangent of the arc. Targets are taken in file order, points that no motion uses left out.
+where the next move continues within 30 deg the tangent of the circle through the three points, on
+an arc the tangent of the arc. Targets are processed in file order; points that no motion uses are
+left out.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """KUKA A, B, C of a million targets: the conversions of core.rotations, compiled, row by row.
 
-Same formulas, same branches; what they mean is told in :mod:`robotrue.core.rotations`.
+Same formulas, same branches; their definition is in :mod:`robotrue.core.rotations`.
 """
 
 from __future__ import annotations

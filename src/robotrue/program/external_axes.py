@@ -1,9 +1,9 @@
 """External axes in the chain: a robot on a rail, a part on a turntable or a linear table.
 
 A program names a work frame once, and external values with every target. Where an axis carries the
-robot, every frame that stands on the floor moves the other way, seen from the robot; where it
-carries a frame, that frame moves along. Each distinct pose becomes a work frame of its own, so that
-whoever reads the program knows nothing of external axes.
+robot, every frame on the floor moves in the opposite direction, seen from the robot; where it
+carries a frame, that frame moves along. Each distinct pose becomes a separate work frame, so that
+later code needs no external axes.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ class ExternalAxis:
 
     Attributes:
         number: 1 to 6: E1.. of KUKA, eax_a.. of ABB, the order of the values elsewhere.
-        name: What the controller calls it, e.g. ABB's mechanical unit; empty if nothing asks.
-        direction: (3,) unit vector in base: the way it moves, or the axis it turns about by the
+        name: Its name in the controller, e.g. ABB's mechanical unit; empty if not needed.
+        direction: (3,) unit vector in base: its direction of motion, or its axis of rotation by the
             right-hand rule, as its value grows.
         point: (3,) m in base, on the axis of a turn; None of a linear axis.
-        at: m or rad, where it stood when the frames were given.
-        carries_robot: The robot stands on it. Linear axes only.
+        at: m or rad, its value when the frames were stated.
+        carries_robot: The robot is mounted on it. Linear axes only.
         frames: Work frames that it carries, by number or name; ``base`` is the default one.
         per_pulse: mm or deg per pulse, for jobs that print pulses; NaN is not known.
     """

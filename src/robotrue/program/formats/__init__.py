@@ -90,15 +90,15 @@ def read_job(
 ) -> tuple[Program, ...]:
     """Returns the programs of a job: the files named first, then companions that hold targets.
 
-    Tools and work frames in files of the controller beside them (``$config.dat``, ``TOOL.CND``,
-    ``UFRAME.CND``, ``SYSFRAME.VA``) are known, too; those of ``frames`` go before them.
+    Tools and work frames in files of the controller next to them (``$config.dat``, ``TOOL.CND``,
+    ``UFRAME.CND``, ``SYSFRAME.VA``) are read, too; those of ``frames`` override them.
 
     Args:
         path: A program file, a folder of one job, or several files of it; companions (KRL: the
             ``.dat`` of a ``.src``) lie beside them.
-        frames: What the program names but does not hold; base and flange if not given.
-        instead: Bytes to take for files of these names instead of what stands on the disk: a job
-            as it would read if they were written.
+        frames: Frames that the program names but does not hold; base and flange if not given.
+        instead: Bytes that replace the files of these names on the disk: the job as it would read
+            if they were written.
 
     Raises:
         FormatError: A file cannot be read, is not in a registered dialect, or in another than the
@@ -177,7 +177,7 @@ def read_program(path: str | Path, frames: FrameTable | None = None) -> Program:
     """Returns the program of a job that is one file.
 
     Raises:
-        FormatError: As :func:`read_job`; or the targets stand in more than one file.
+        FormatError: As :func:`read_job`; or the targets are in more than one file.
     """
     job = read_job(path, frames)
     if len(job) > 1:
@@ -190,7 +190,7 @@ def read_program(path: str | Path, frames: FrameTable | None = None) -> Program:
 
 
 def list_unfollowed(program: Program, replacement: Replacement) -> tuple[str, ...]:
-    """Returns what the written program cannot say of a replacement, one sentence each."""
+    """Returns what the written program cannot hold of a replacement, one sentence each."""
     return find_language(program.dialect).losses(program, replacement)
 
 

@@ -1,14 +1,14 @@
 """APT and CL data: the tool path of a CAM system before any post processor.
 
-Read: GOTO/ with three or six numbers (the tool axis is modal), GODLTA/, FROM/ (where the tool is;
-nobody drives there), UNITS/, MULTAX/, TLAXIS/, RAPID (the next move), FEDRAT/ per minute or per
+Read: GOTO/ with three or six numbers (the tool axis is modal), GODLTA/, FROM/ (the start position
+of the tool, not a move), UNITS/, MULTAX/, TLAXIS/, RAPID (the next move), FEDRAT/ per minute or per
 revolution, SPINDL/, CIRCLE/ and TLON,GOFWD/ as points, INTOL/ and OUTTOL/ for their chords, LOADTL/
-and TOOLNO/, names of operations. Words that move nothing are kept as remarks, those not known here
-are listed. Words that would move or bend the path in a way not read here (TRANS/, CUTCOM/, CYCLE/,
-loops, motions along surfaces, ...) are refused with their line: passed over, they would make a
-wrong program.
+and TOOLNO/, names of operations. Words that move nothing are saved as remarks; unknown ones are
+listed. Words that would move or bend the path in a way not read here (TRANS/, CUTCOM/, CYCLE/,
+loops, motions along surfaces, ...) are refused with their line: ignored, they would make a wrong
+program.
 
-Without UNITS/ a file is in millimetres, and says so in its notes.
+Without UNITS/ a file is in millimetres, which its notes state.
 """
 
 from __future__ import annotations
@@ -338,7 +338,7 @@ class _Reader:
         self._keep(statement, known=True)
 
     def _comment(self, statement: AptStatement) -> None:
-        """Reads operations and machining axis systems, which some systems put in comments."""
+        """Reads operations and machining axis systems, which some systems write in comments."""
         found = _OPERATION.search(statement.comment)
         if found:
             self._operation(found[1].strip())

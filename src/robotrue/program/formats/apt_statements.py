@@ -1,4 +1,4 @@
-"""APT and CL data as statements: lines joined, comments taken off, words and numbers told apart."""
+"""APT and CL data as statements: joins lines, strips comments, separates words and numbers."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ class AptStatement(NamedTuple):
 
     Attributes:
         line: One-based line it begins on.
-        head: What stands before the slash, in capitals: ``GOTO``, ``TLON,GOFWD``.
-        arguments: What stands behind it, split at commas, in capitals.
+        head: Text before the slash, in capitals: ``GOTO``, ``TLON,GOFWD``.
+        arguments: Text after it, split at commas, in capitals.
         text: The statement as written, blanks collapsed.
-        comment: What stands behind ``$$``; a line may be nothing else.
+        comment: Text after ``$$``; a line may be nothing else.
     """
 
     line: int

@@ -1,9 +1,9 @@
-"""Reaching definitions: what is in force at each place of a program, over every way it can take.
+"""Reaching definitions: the settings in force at each place of a program, over all its paths.
 
-A walk through the statements draws the control-flow graph: a node wherever ways divide or join and
-wherever a routine is called. Places are numbers that grow from statement to statement. What is set
-at a place has a *version*; each thing that is ever set has a data flow of its own, iterated to its
-fixed point, in which a routine is summed up as what it does to the version it finds.
+A walk through the statements builds the control-flow graph: a node wherever paths divide or join
+and wherever a routine is called. Places are numbers that grow from statement to statement. A
+setting at a place has a *version*; each variable has a separate data flow, iterated to its fixed
+point, in which a routine is summarised by its effect on the incoming version.
 """
 
 from __future__ import annotations
@@ -252,16 +252,16 @@ class ControlFlow:
     def version_within(
         self, name: Hashable, span: tuple[int, int], sets: Sequence[tuple[int, int]], place: int
     ) -> int:
-        """Returns the version of a variable in force at a place; ``DIFFERS`` where ways disagree.
+        """Returns the version of a variable in force at a place; ``DIFFERS`` where paths disagree.
 
         Args:
-            name: Of the variable; its data flow is kept under it.
-            span: From which place up to which it is followed, and nothing outside.
+            name: Of the variable; its data flow is stored under it.
+            span: First place and end between which it is followed.
             sets: (place, version) pairs.
-            place: Asked for.
+            place: Of the query.
 
         Raises:
-            NotConstantError: Too many statements have been looked at already.
+            NotConstantError: Too many statements were followed already.
         """
         self._finish()
         if name not in self._within:
@@ -300,7 +300,7 @@ class ControlFlow:
         flow.iterate()
         return Reaching(flow.absolute(), flow.middle, flow.effect, at, set_node, version)
 
-    # What a language may have of its own
+    # Hooks for languages
 
     def _enter(self, key: Hashable, node: int) -> list[int]:
         """Returns the routines of the program that a node may start."""
@@ -413,10 +413,10 @@ class _DataFlow:
         return middle
 
     def _light(self, node: int) -> int:
-        """Says what holds where no way leads, as if the program began there knowing nothing.
+        """Sets the state of an unreachable node, as if the program started there without settings.
 
-        Points are kept behind a GOTO to be taught; what their inline forms set holds for them. It
-        does not reach the rest of the program.
+        Points after a GOTO are stored for teaching; the settings of their inline forms apply to
+        them. They do not reach the rest of the program.
         """
         before = self.flow._come_from(self.key, node)
         known = [self.out[one] for one in before if one < node]

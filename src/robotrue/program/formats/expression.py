@@ -155,10 +155,10 @@ class ExpressionReader(ABC, Generic[Value]):
         return before
 
     def take(self, sign: str) -> None:
-        """Goes on behind a sign.
+        """Continues after a sign.
 
         Raises:
-            NotConstantError: Another token stands there.
+            NotConstantError: Another token is there.
         """
         if self.piece != sign:
             raise self.refuse(f": no {sign!r}")

@@ -1,9 +1,9 @@
-"""Puts targets into Fanuc LS programs: L, C and runs of A.
+"""Inserts targets into Fanuc LS programs: L, C and runs of A.
 
-New positions are numbered on from the last and stand behind it in ``/POS``; a copy of the move
-names each. The numbers of the lines behind and ``LINE_COUNT`` count on. ``FINE`` becomes ``CNT100``
-in the copies: at ``FINE`` the robot stops, at ``CNT100`` it keeps its speed, and where two parts of
-a line meet there is no corner to cut.
+New positions are numbered on from the last and follow it in ``/POS``; a copy of the move names
+each. The numbers of later lines and ``LINE_COUNT`` count on. ``FINE`` becomes ``CNT100`` in the
+copies: at ``FINE`` the robot stops, at ``CNT100`` it keeps its speed, and where two parts of a line
+meet there is no corner to cut.
 """
 
 from __future__ import annotations
@@ -143,7 +143,7 @@ class _Writer:
         if not len(self.insertion):
             return self.data
         edits: list[Stretch] = []
-        places: list[tuple[int, int]] = []  # where how many statements are put in
+        places: list[tuple[int, int]] = []  # place, number of inserted statements
         for group in groups(self.moves, self.insertion):
             copies = self._number_copies(self._copies(group), sum(n for _, n in places))
             edits.append((group.statement.begin, 0, b"".join(copies)))
@@ -158,7 +158,7 @@ class _Writer:
         return put_in([self.program], [edits])[0]
 
     def _copies(self, group: MoveGroup) -> list[bytes]:
-        """Returns the statements put in, numbered from where they stand."""
+        """Returns the inserted statements, numbered from their place."""
         s, data = group.statement, self.data
         names = [self._position(model, row) for model, row in group.models(self.moves)]
         match = STATEMENT.match(data, s.other) if s.other >= 0 else None
@@ -191,7 +191,7 @@ class _Writer:
         return b"P[%d]" % number
 
     def _renumber_lines(self, places: list[tuple[int, int]]) -> list[Stretch]:
-        """Returns the new numbers of the lines behind the first statement that is put in."""
+        """Returns the new numbers of the lines after the first inserted statement."""
         out, k, more = [], 0, 0
         for match in list_statements(self.data, *self.found.statements):
             while k < len(places) and places[k][0] <= match.start(2):

@@ -1,8 +1,8 @@
 """Use of positions by the statements of a Fanuc LS program.
 
 A statement is ``n: ... ;`` and may go over lines. J, L, C (via and end in one statement), A (one
-point of an arc per statement) and S (spline) move to ``P[n]``. Words after the target say what
-else counts: an offset or an increment makes it another pose than the one that stands there.
+point of an arc per statement) and S (spline) move to ``P[n]``. Words after the target modify it: an
+offset or an increment makes it another pose than the one in the record.
 """
 
 from __future__ import annotations
@@ -74,9 +74,9 @@ class FanucMoves:
         motion: How each row is moved to, by row.
         flags: Reasons found in statements, by row.
         arcs: Rows that make one arc, or one run of arcs.
-        offsets: What moves the targets of records whose moves all have it, by row.
-        written: Targets with rows of their own, behind those of the records.
-        current: What ``UFRAME_NUM`` and ``UTOOL_NUM`` are set to: distinct texts by side.
+        offsets: Offset of the targets of records whose moves all have it, by row.
+        written: Targets with separate rows, after those of the records.
+        current: Values of ``UFRAME_NUM`` and ``UTOOL_NUM``: distinct texts by side.
         changed: Line of the frames that the program computes, by side and number, ``?`` for any.
         calls: Programs called that may set the number of frame and tool.
         path: As ``Program.path``: byte, row or minus the line, motion.
@@ -174,7 +174,7 @@ class _Walk:
             self._set.update(self._row.values())
 
     def statement(self, place: int, text: bytes) -> None:
-        """Reads one; comments and remarked statements are passed over."""
+        """Reads one; comments and remarked statements are skipped."""
         plain = _PLAIN.match(text)
         if plain and not self._run and not self._shifted:
             letter, number, tail = plain.groups()
@@ -196,7 +196,7 @@ class _Walk:
             self._other(place, text)
 
     def finish(self) -> None:
-        """Ends what is open, and gives targets of several kinds rows of their own."""
+        """Ends open runs, and gives targets of several kinds separate rows."""
         self._close_run()
         path = np.array(self.out.path, np.int64).reshape(-1, 3)
         if self._uses or self._read:
@@ -237,7 +237,7 @@ class _Walk:
         """Returns the moves to a record whose target needs a separate row.
 
         The record serves the moves of one kind, if no other statement and no move that is not
-        understood uses it; then all the others get positions of their own.
+        understood uses it; then all the others get separate positions.
         """
         if row in self._set:
             return []
@@ -402,7 +402,7 @@ class _Walk:
                 self._flag(row, Reason.EXPRESSION)
                 self._tell("read", place, f"P[{int(plain)}] is used by a statement that is no "
                            "move; such positions are not compensated, moves to those that are only "
-                           "read get positions of their own")  # fmt: skip
+                           "read get separate positions")  # fmt: skip
             elif not found.strip().isdigit():
                 self._note_computed(place)
 

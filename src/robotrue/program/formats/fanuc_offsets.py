@@ -1,12 +1,12 @@
-"""Targets of Fanuc LS moves that are not, or not only, what a position record says.
+"""Targets of Fanuc LS moves that differ from their position record.
 
 ``Offset,PR[1]`` moves a target in its user frame, ``Tool_Offset,PR[1]`` in its tool. How the
-controller joins a turned offset is not documented where we could read it, so only offsets without
-a turn are followed. A register as a target stands in the frames in force.
+controller joins a turned offset is not documented where we could read it, so only offsets without a
+turn are followed. A register as a target is in the frames in force.
 
-A listing is written in the language of the pendant: ``KONFIG``, ``WKZ_NUM``, ``sek``. What moves a
-target elsewhere (INC, Offset, RTCP, COORD) has other names there, too, which we know only in
-English; so behind a target only words that are known to be harmless are let pass.
+A listing is written in the language of the pendant: ``KONFIG``, ``WKZ_NUM``, ``sek``. Words that
+move a target (INC, Offset, RTCP, COORD) have other names there, too, which we know only in English;
+so after a target only words that are known to be harmless are accepted.
 """
 
 from __future__ import annotations
@@ -84,11 +84,11 @@ class MoveTarget(NamedTuple):
 
 
 def read_offset(tail: bytes, state: State, frame: int) -> tuple[TargetOffset | None, bytes, str]:
-    """Returns the offset of a move, the other words behind its target, and why it is unknown.
+    """Returns the offset of a move, the other words after its target, and why it is unknown.
 
     Args:
-        tail: What stands behind the target.
-        state: What is known of registers there.
+        tail: Text after the target.
+        state: Known registers there.
         frame: Number of the user frame of the target.
     """
     found = list(_OFFSET.finditer(tail))

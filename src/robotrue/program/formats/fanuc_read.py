@@ -48,7 +48,7 @@ def read_fanuc(data: bytes, name: str, frames: FrameTable, effects: Effects) -> 
 
 
 class _Builder:
-    """Columns of one program: its records in file order, then targets with rows of their own."""
+    """Columns of one program: its records in file order, then targets with separate rows."""
 
     def __init__(self, found: FanucScan, walk: FanucMoves, name: str, given: FrameTable) -> None:
         self.scan, self.walk, self.name, self.given = found, walk, name, given
@@ -116,7 +116,7 @@ class _Builder:
     def _put_open_first(self, program: Program) -> Program:
         """Returns the program with those rows first, behind the records, that get a record.
 
-        So they stand in the order in which they are read again once they have one.
+        So they are in the order in which they are read again once they have one.
         """
         count, spans = len(self.scan.number), program.spans
         closed = ~np.isin(program.reason, (Reason.NONE, Reason.JOINT_TARGET))
@@ -221,7 +221,7 @@ class _Builder:
     def _external(self, reason: IntArray, base: IntArray) -> Carried:
         """Returns the work frames as external axes move them; flags positions where none is known.
 
-        External axes count as they stand in the record: E1.. of group 1, then other groups.
+        External axes count as in the record: E1.. of group 1, then other groups.
         """
         values = np.full((len(base), COUNT), np.nan)
         for row, axes in self.external.items():

@@ -1,7 +1,7 @@
-"""Initial registers of a Fanuc LS program: ``POSREG.VA`` beside it, and its own statements.
+"""Initial registers of a Fanuc LS program: ``POSREG.VA`` next to it, and its own statements.
 
 A register of the file counts as a taught position where no program given sets it and none calls a
-program that is not given; the file says what it held when it was saved.
+program that is not given; the file states its value when it was saved.
 """
 
 from __future__ import annotations
@@ -51,12 +51,12 @@ def read_position_registers(text: str) -> dict[int, RegisterPose]:
 def follow_registers(
     found: FanucScan, frames: FrameTable, effects: Effects
 ) -> tuple[dict[int, State], tuple[str, ...]]:
-    """Returns what is known of registers at the moves that ask, and what to say of it.
+    """Returns the known registers at the moves that use them, and notes.
 
     Args:
         found: The program.
-        frames: What the cell and the files beside the program say.
-        effects: What programs set, by name; ``*`` stands for all that are given.
+        frames: From the cell and the files next to the program.
+        effects: Settings of programs, by name; ``*`` for all given ones.
     """
     first, last = found.statements
     body = found.data[first:last]
@@ -89,7 +89,7 @@ def _start(frames: FrameTable, effects: Effects) -> tuple[State, tuple[str, ...]
     start: State = {f"PR{n}": pose for n, pose in held.items() if f"PR{n}" not in sets}
     said = (
         f"position registers that no program given sets are as {names[0]} has them; moves to them "
-        "get positions of their own and no longer follow the register."
+        "get separate positions and no longer follow the register."
     )
     return start, (said,) if start else ()
 

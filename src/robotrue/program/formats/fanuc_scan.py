@@ -75,7 +75,7 @@ class FanucScan:
         tool: (n,) its UT, likewise.
         is_axis: (n,) it holds J1 to J6.
         numbers: (n, 6) NaN where never taught.
-        config: (n, 2) first byte and length of what stands in the quotes of CONFIG, -1 without.
+        config: (n, 2) first byte and length of the text in the quotes of CONFIG, -1 without.
         external: Values of external axes (group, axis, value) by row.
         others: First byte of the records without a group 1, by number.
         statements: First byte and end of the part between ``/MN`` and ``/POS``.

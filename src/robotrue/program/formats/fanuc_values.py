@@ -32,7 +32,7 @@ class RegisterPose(NamedTuple):
 
     Attributes:
         values: X Y Z in mm, W P R in deg.
-        config: What stands in the quotes of CONFIG; empty where it is not known.
+        config: Text in the quotes of CONFIG; empty where it is not known.
     """
 
     values: tuple[float, ...]

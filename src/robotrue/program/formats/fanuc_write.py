@@ -1,7 +1,7 @@
 """Splices new numbers into the bytes of a Fanuc LS file; every other byte is copied.
 
-Numbers keep the style and, where the blanks before them allow, the column they stand in; they get
-at least three decimals. In CONFIG only the letters and turns that change are replaced.
+Numbers keep their style and, where the blanks before them allow, their column; they get at least
+three decimals. In CONFIG only the letters and turns that change are replaced.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class FanucSpans:
     Attributes:
         tokens: The six numbers of each position.
         scan: The records, the first rows of the program.
-        written: Targets of the rows behind, which get records of their own.
+        written: Targets of the rows after them, which get separate records.
     """
 
     tokens: TargetTokens
@@ -89,10 +89,10 @@ def write_fanuc(program: Program, replacement: Replacement) -> bytes:
 
 
 def config_edits(data: bytes, place: Sequence[int], words: Sequence[int]) -> list[Stretch]:
-    """Returns what makes CONFIG say new words; nothing where its text has not the known form.
+    """Returns the edits that write new words into CONFIG; none where its text is of unknown form.
 
     Args:
-        data: Bytes it stands in.
+        data: Bytes that contain it.
         place: First byte and length of its text, -1 where there is none.
         words: The six; ``NO_WORD`` stays.
     """
@@ -112,7 +112,7 @@ def config_edits(data: bytes, place: Sequence[int], words: Sequence[int]) -> lis
 def _write_out(
     program: Program, replacement: Replacement, spans: FanucSpans, words: IntArray
 ) -> list[Stretch]:
-    """Returns the edits of targets with rows of their own: their names, and new records.
+    """Returns the edits of targets with separate rows: their names, and new records.
 
     One that is left alone gets a record, too, where the record it names is changed for others.
     """

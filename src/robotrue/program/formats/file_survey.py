@@ -1,9 +1,9 @@
 """One pass over a long file: stretches, chunks, and the skeleton that represents it.
 
-A *stretch* is lines whose targets share all that statements decide; comments, and statements that
-no target depends on, may stand between. In the skeleton a line stands for each stretch, or its
+A *stretch* is lines whose targets share all settings of statements; comments, and statements that
+no target depends on, may be between them. In the skeleton a line represents each stretch, or its
 first and last one where it is stored points; all its other lines are empty there, so that line
-numbers stay. Chunks begin with a target that leaves nothing out.
+numbers stay. Chunks start with a target that leaves nothing out.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from robotrue.program.program_chunk import ChunkLines, ProgramChunk, Whole
 WINDOW: Final = 1 << 23
 """Bytes looked at at a time."""
 LEAD: Final = 256
-"""Targets before a chunk that say where the arm comes from."""
+"""Targets before a chunk that determine the arm's state at its start."""
 MOST_STRETCHES: Final = 50_000
 NO_KEY: Final = -1
 _LONGEST_LINE: Final = 1 << 26
-_LONGEST_CHUNK: Final = 4  # times the targets asked for
+_LONGEST_CHUNK: Final = 4  # times the requested targets
 
 
 class WindowLines(NamedTuple):
@@ -37,11 +37,11 @@ class WindowLines(NamedTuple):
         data: Its bytes.
         start: (l,) first byte of each line.
         end: (l,) byte after the last of its code.
-        targets: (l,) how many targets stand in it.
+        targets: (l,) number of its targets.
         opens: (l,) a chunk may begin with it.
         partial: (l,) no stretch may begin with it.
         event: (l,) it may matter to the targets after it: the skeleton has it, a stretch ends.
-        key: (l,) the same for all targets of a stretch, ``NO_KEY`` where none stands.
+        key: (l,) the same for all targets of a stretch, ``NO_KEY`` where there is none.
     """
 
     data: bytes
@@ -86,14 +86,14 @@ class Survey(ABC):
         self._written = 0
         self._cuts: list[tuple[int, int, int]] = [(0, 0, 0)]  # byte, line, targets before
         self._leads: list[tuple[int, int]] = [(0, 0)]
-        self._places = np.zeros((0, 3), np.int64)  # where a chunk might have begun, likewise
+        self._places = np.zeros((0, 3), np.int64)  # possible starts of chunks, likewise
 
     @abstractmethod
     def _sort_lines(self, data: bytes) -> WindowLines | Whole:
         """Returns the lines of a window, or why they cannot be cut."""
 
     def _stand_in(self, lines: WindowLines, line: int) -> tuple[bytes, int]:
-        """Returns the code that stands for a stretch that begins with a line, and its targets."""
+        """Returns the code that represents a stretch that starts with a line, and its targets."""
         return lines.code(line), int(lines.targets[line])
 
     def run(self, path: Path) -> Whole | None:
@@ -211,7 +211,7 @@ class Survey(ABC):
         return None
 
     def judge(self, skeleton: Program, others: Sequence[tuple[str, bytes]]) -> Whole | None:
-        """Returns why the targets of the skeleton cannot stand for the others, if so.
+        """Returns why the targets of the skeleton cannot represent the others, if so.
 
         Args:
             skeleton: As the ordinary reader reads it.

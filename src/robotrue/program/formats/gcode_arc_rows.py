@@ -48,8 +48,8 @@ class ArcRows:
         spread: Blocks as rows.
         ends: (a,) rows of the ends of all arcs, their middles right before them.
         starts: (a,) rows they begin at, -1 where that is not certain.
-        loose: (a,) the arc goes on saying what it does when its start moves.
-        bad: (m,) blocks whose arc cannot be told.
+        loose: (a,) the arc's words stay valid when its start moves.
+        bad: (m,) blocks whose arc is not determined.
         plane: Those with a centre or a radius that can be rewritten.
         through: (a,) rows of middles that are written, and their words.
         middle: Middles of the plane arcs (k, 3), as printed.
@@ -155,7 +155,7 @@ def arc_rows(rows: Rows, words: Words, base: IntArray, *, absolute: bool) -> Arc
     bad = np.zeros(m, np.bool_)
     bad[arc[~told]] = True
     chosen = arc[whole]
-    # A conversational arc takes no third axis: it cannot say where it always went.
+    # A conversational arc takes no third axis: it cannot state its previous end.
     loose = told & np.asarray(not absolute)
     return ArcRows(
         spread=spread, ends=place[arc], starts=starts, loose=loose, bad=bad, plane=plane,

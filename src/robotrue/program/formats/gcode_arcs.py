@@ -20,7 +20,7 @@ from robotrue.program.formats.number_table import Numbers
 ACROSS: Final = np.array([[0, 1, 2], [2, 0, 1], [1, 2, 0]])
 """For G17, G18, G19 the axes of the plane, right-handed about the third."""
 _SMALL_CHORD: Final = 0.01
-"""Chord over radius below which the middle of the arc tells where its centre lies."""
+"""Chord over radius below which the middle of the arc determines its centre."""
 
 
 class Centre(IntEnum):
@@ -74,8 +74,8 @@ def no_arcs() -> PlaneArcs:
 def middles(arcs: PlaneArcs, value: Array) -> tuple[Array, Array]:
     """Returns the middle (k, 3) of arcs and their miss (k,), in printed units.
 
-    The miss is how much the distances of start and end from the centre differ, infinite where there
-    is no circle.
+    The miss is the difference of the distances of start and end from the centre, infinite where
+    there is no circle.
 
     Args:
         arcs: The arcs.

@@ -35,18 +35,18 @@ class Findings:
 
     Attributes:
         groups: States that programs of the control can set.
-        shifts: Ways in which coordinates are moved just now.
+        shifts: Coordinate shifts in force.
         words: (block, column, first byte, bytes, value); NaN and -1 for one that is computed.
         state: Settings by (block, group).
-        lost: Columns not known any more when a block ends, by block.
-        changes: Blocks that put the chosen tool in.
+        lost: Columns that are unknown when a block ends, by block.
+        changes: Blocks that load the chosen tool.
         flags: Why the point of a block cannot be compensated.
-        silent: Blocks whose coordinates are no point to go to.
+        silent: Blocks whose coordinates are not a target.
         frames: (block, name, matrix or None) of work frames the program sets; None is not known.
         local: (block, name, x y z as printed) of local zeros (G52) that are constants; the name is
-            a work frame of its own.
+            a separate work frame.
         names: Names of frames and tools, whose numbers are states.
-        told: (first byte, sentence about what stands there).
+        told: (first byte, sentence about the text there).
         remarks: (first byte, sentence) that leaves nothing out.
         inch: Unit the head of the program states: None where it does not.
     """
@@ -84,7 +84,7 @@ class Findings:
         self.lost[block] = (*ALL, *range(WordColumn.J1, WordColumn.J6 + 1))
 
     def shift(self, block: int, kind: str, on: bool) -> None:
-        """Says that coordinates are moved, turned or scaled in one way, or no longer."""
+        """Records that coordinates are moved, turned or scaled in one way, or no longer."""
         self.shifts[kind] = on
         self.set(block, Modal.SHIFTED, int(any(self.shifts.values())))
 

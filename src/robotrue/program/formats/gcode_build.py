@@ -109,7 +109,7 @@ class _Builder:
     def _turns(
         self, words: Words, block: IntArray, own: IntArray
     ) -> tuple[IntArray, Numbers, Array]:
-        """Returns how each row tells its orientation, its three words and what they come to."""
+        """Returns the form of each row's orientation, its three words and their values."""
         angles, by_angle = words.numbers((3, 4, 5))
         vector, by_vector = words.numbers((6, 7, 8))
         if self.vocabulary.names[Turn.VECTOR][3] == b"I":
@@ -206,13 +206,13 @@ class _Builder:
     def _keep_inherited(self, reason: IntArray, place: IntArray) -> None:
         """Leaves alone, in place, the last point before one that would inherit its correction.
 
-        A point left alone gets the words it left out as they were, so that it goes where it always
-        went. Where none can be inserted, or what they were is not known, the point they come from
-        must not move. A relative point goes on from where the one before was commanded.
+        A point left alone gets its omitted words with their old values, so that it stays unchanged.
+        Where none can be inserted, or their values are not known, the point they come from must not
+        move. A relative point continues from the command before it.
 
         Args:
             reason: (n,) of all rows.
-            place: (m,) row of every block that goes somewhere.
+            place: (m,) row of every block with a move.
         """
         rows, own = self.rows, reason[place]
         left = ~np.isin(own, (Reason.NONE, Reason.JOINT_TARGET))
@@ -239,7 +239,7 @@ class _Builder:
         )
 
     def _remark(self) -> None:
-        """Says what was taken for granted."""
+        """Reports the assumptions."""
         found, told = self.blocks.findings, set()
         for place, what in found.remarks:
             if what not in told:
@@ -320,7 +320,7 @@ class _Builder:
         return words, marks
 
     def _reasons(self, base: IntArray, tool: IntArray, arcs: ArcRows) -> IntArray:
-        """Returns why the rows (m,) cannot be compensated, and tells."""
+        """Returns why the rows (m,) cannot be compensated, and adds notes."""
         rows, force = self.rows, self.rows.force
         reason = np.where(rows.turn == Turn.AXES, int(Reason.JOINT_TARGET), int(Reason.NONE))
         axes = rows.turn == Turn.AXES

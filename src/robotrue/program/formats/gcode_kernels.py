@@ -56,8 +56,8 @@ def read_blocks(
         first: (l,) first byte of each block.
         last: (l,) end of it, line end included or not.
         column: (26, INDICES) column of each address, -1 for one that makes a block odd, -2 for one
-            that is passed over.
-        group: (2, CODES) group that a G or M code sets, -1 odd, -2 passed over.
+            that is ignored.
+        group: (2, CODES) group that a G or M code sets, -1 odd, -2 ignored.
         setting: (2, CODES) what it sets it to.
         signs: (4,) bytes that end a block, that open and close a comment (0: none), and 1 if a
             block may begin with a bare number and ``L`` or ``LN`` (conversational programs).

@@ -1,7 +1,7 @@
 """The slow reader of blocks of G-code that hold more than addresses with numbers.
 
-Keywords, assignments, comments in the middle, codes with an effect of their own. What is not known
-here may be a call of anything: behind it nothing is certain until the program says it again.
+Keywords, assignments, comments in the middle, codes with a separate effect. An unknown word may be
+any call: after it no setting is certain until the program states it again.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ _ENDING: Final = {
     "G50.1": "mirror",
     "G15": "polar",
 }
-"""Codes that end one of these ways when no coordinate stands with them."""
+"""Codes that end one of these shifts when they have no coordinate."""
 _CALLS: Final = ("G65", "G66", "G66.1", "M98", "M198", "M99")
 _QUIET_CODES: Final = ("G4", "G5", "G5.1", "G7.1", "G11", "G13")
 """Codes whose further words are no coordinates."""

@@ -1,8 +1,7 @@
 """Words of G-code as tables: one vocabulary per control.
 
-A code that only sets a state stands in a group; a code that does something of its own is *odd* and
-goes to the slow reader (:mod:`.gcode_odd`). What stands in neither is odd, too: nobody here knows
-what it does.
+A code that only sets a state is in a group; a code with a separate effect is *odd* and goes to the
+slow reader (:mod:`.gcode_odd`). A code in neither is odd, too: its effect is unknown.
 """
 
 from __future__ import annotations

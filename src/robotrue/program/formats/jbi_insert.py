@@ -1,9 +1,9 @@
-"""Puts targets into Yaskawa jobs: MOVL and the arcs of MOVC runs.
+"""Inserts targets into Yaskawa jobs: MOVL and the arcs of MOVC runs.
 
-New C points are numbered on from the last and stand behind it in ``//POS``; the modal headers
-they need stand before them, and those that held before stand again behind them. ``///NPOS`` counts
-them. A copy of the move names each, with its speed and position level; ``PL=0`` becomes ``PL=1`` in
-the copies: at level 0 the robot stops. Without a level the controller's own approximation holds.
+New C points are numbered on from the last and follow it in ``//POS``; the modal headers they need
+precede them, and those in force before are repeated after them. ``///NPOS`` counts them. A copy of
+the move names each, with its speed and position level; ``PL=0`` becomes ``PL=1`` in the copies: at
+level 0 the robot stops. Without a level the controller's own approximation applies.
 """
 
 from __future__ import annotations

@@ -52,7 +52,7 @@ class JbiMoves:
     Attributes:
         motion: How each row is moved to, by row.
         flags: Reasons found in instructions, by row.
-        partners: External points that stand in the same move, by row.
+        partners: External points in the same move, by row.
         runs: Rows of each run of ``MOVC``, in order.
         frames: User frames that the job computes (number, line).
         tools: Tools likewise.

@@ -194,7 +194,7 @@ class _Builder:
         return reason
 
     def _hint_at_axes(self, reason: IntArray, motion: IntArray) -> None:
-        """Says how points in pulses or degrees on a path are compensated, too."""
+        """Notes how points in pulses or degrees on a path can be compensated, too."""
         path = (reason == Reason.JOINT_TARGET) & ~np.isin(motion, (Motion.PTP, Motion.UNUSED))
         if path.any():
             line = self.scan.line[np.flatnonzero(path)[0]]
@@ -291,11 +291,11 @@ def _words(found: JbiScan, rconf: IntArray) -> IntArray:
 
 
 def propose_ratios(frames: FrameTable) -> tuple[str, list[float]] | None:
-    """Returns the file beside the job and pulses per degree of six axes; None without any.
+    """Returns the file next to the job and pulses per degree of six axes; None without any.
 
     The group ``RC1G`` of ``ALL.PRM`` or ``RC.PRM`` holds the gear ratios of the first robot, ten
     parameters a line. They are only a proposal, to be compared with one position on the pendant:
-    which way an axis counts, and the pulses of a turn of its motor, do not stand there.
+    the sense of an axis, and the pulses of a turn of its motor, are not in the file.
     """
     for name, data in frames.declarations:
         match = _GROUP.search(data)

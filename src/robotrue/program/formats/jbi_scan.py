@@ -1,8 +1,8 @@
 """One pass over a Yaskawa JBI job: its points, the modal headers over them, its moves.
 
 In ``//POS`` the lines ``///USER``, ``///TOOL``, ``///POSTYPE``, ``///PULSE``, ``///RECTAN``,
-``///ANGLE`` and ``///RCONF`` hold for the points that follow, until they are said again. Robot
-points are C and P; BC and BP are those of a base axis, EC and EX of a station.
+``///ANGLE`` and ``///RCONF`` apply to the points that follow, until they are repeated. Robot points
+are C and P; BC and BP are those of a base axis, EC and EX of a station.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class Header(NamedTuple):
     """Header state for the points that follow.
 
     Attributes:
-        user: Number of the user frame, empty if none was said.
+        user: Number of the user frame, empty if none was stated.
         tool: Number of the tool, likewise.
         postype: ``BASE``, ``ROBOT``, ``USER``, ``TOOL``, ``MTOOL``, ``PULSE``, ``ANGLE`` or empty.
         unit: One of ``UNITS``; points without a type are pulses.
@@ -66,12 +66,12 @@ class JbiScan:
         line: (n,) one-based line.
         header: (n,) index into ``headers``.
         configuration: (n,) index into ``rconf``, -1 before the first.
-        count: (n,) how many numbers stand there.
+        count: (n,) number of its values.
         numbers: (n, 6) none for a point of another count.
         headers: Distinct states of the modal headers.
         rconf: The fields of every ``///RCONF`` line.
-        counts: What ``///NPOS`` says, empty without it.
-        found: How many of C, BC, EC, P, BP, EX there are.
+        counts: Values of ``///NPOS``, empty without it.
+        found: Numbers of C, BC, EC, P, BP, EX.
         external: Values of BC, BP, EC and EX points by name.
         pulses: Those of them that are printed in pulses: under ``///PULSE``, or as whole numbers.
         body: Instruction lines (one-based line, text), headers and comments left out.
@@ -96,7 +96,7 @@ class JbiScan:
 
 
 P_POINTS: Final = 10**6
-"""Added to the number of a P point, so that C00001 and P00001 have names of their own."""
+"""Added to the number of a P point, so that C00001 and P00001 have different names."""
 
 
 def scan(data: bytes, *, name: str) -> JbiScan:

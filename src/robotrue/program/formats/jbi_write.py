@@ -1,8 +1,8 @@
 """Splices new numbers into the bytes of a JBI job; every other byte is copied.
 
-Numbers keep the style they stand in; millimetres and degrees get at least three decimals, pulses
-none. RCONF is modal: a point whose configuration changes gets an ``///RCONF`` line of its own
-before it, and the next point one that says what held before. These are the only bytes added.
+Numbers keep their style; millimetres and degrees get at least three decimals, pulses none. RCONF is
+modal: a point whose configuration changes gets a separate ``///RCONF`` line before it, and the next
+point one with the previous value. These are the only bytes added.
 """
 
 from __future__ import annotations

@@ -72,7 +72,7 @@ def _files_below(folder: Path) -> list[Path]:
     """Returns the files in the folders of a folder, at any depth.
 
     Those with a dot are left out, and programs compensated before: a job may be compensated into a
-    folder of its own, and again.
+    subfolder, and again.
     """
     out = []
     for each in sorted(folder.rglob("*")):
@@ -131,8 +131,8 @@ def gather_files(
 
     Args:
         paths: The files named by the user.
-        language: Theirs.
-        instead: Bytes to take for files of these names; what stands on the disk is not read.
+        language: Of the files.
+        instead: Bytes that replace the files of these names, which are not read from the disk.
         root: The folder the job is, if it is one.
 
     Raises:
@@ -151,7 +151,7 @@ def gather_files(
 
     for path in paths:
         if not path.is_file():
-            read_bytes(path)  # says what is wrong
+            read_bytes(path)  # raises with the cause
         take(path)
     first = len(files)
     for path in paths:

@@ -104,7 +104,7 @@ class Builder:
 
     def _state(self, line: IntArray | int) -> IntArray:
         place = 2 * np.asarray(line) + 1
-        if place.size > 1:  # nearly always all the same: no row of its own each
+        if place.size > 1:  # nearly always equal: no separate row for each
             ends = np.searchsorted(self._places, (place.min(), place.max()), side="right") - 1
             if ends[0] == ends[1]:
                 return np.broadcast_to(self._states[ends[0]], (len(place), self._states.shape[1]))
@@ -254,7 +254,7 @@ class Builder:
         return np.asarray(on_robot & ~is_axis)
 
     def _note_shared(self, file: int, name: str, agg: IntArray, reason: IntArray) -> list[str]:
-        """Tells of GLOBAL points that are compensated: programs outside of the job may use them."""
+        """Notes compensated GLOBAL points: programs outside of the job may use them."""
         shared = self.story.shared
         own = [d for d in self.story.definitions if d.file == file and d.variable in shared]
         if not own:
@@ -437,7 +437,7 @@ class Builder:
         ]
 
     def _foreign(self, state: IntArray, axis: BoolArray, reason: IntArray) -> list[str]:
-        """Flags, in place, targets behind a call that may have changed their frames; tells why."""
+        """Flags, in place, targets after a call that may have changed their frames; notes why."""
         calls = np.where(state[:, 3] > 0, state[:, 3], state[:, 4])
         after = ((state[:, 3] > 0) & ~axis | (state[:, 4] > 0)) & (reason != Reason.UNKNOWN_FRAME)
         found: dict[tuple[str, ...], list[int]] = {}

@@ -182,7 +182,7 @@ class PointSurvey(KrlSurvey):
         )
 
     def judge(self, skeleton: Program, others: Sequence[tuple[str, bytes]]) -> Whole | None:
-        """Returns why the first and last point of every stretch cannot stand for it, if so."""
+        """Returns why the first and last point of every stretch cannot represent it, if so."""
         lines, spans = self.skeleton.split(b"\n"), defaultdict(list)
         for _, ends in groupby(self.shown, key=itemgetter(1)):
             elements = [_ELEMENT.search(lines[line]) for line, _ in ends]
@@ -211,7 +211,7 @@ class Shape(NamedTuple):
 
 
 def with_clauses(found: Scan) -> Scan:
-    """Returns the scan with motions that have an angle or speeds of their own as plain ones."""
+    """Returns the scan with motions that state an angle or speeds as plain ones."""
     stated = found.line_kind[found.agg_line] == STATEMENT
     lines, count = np.unique(found.agg_line[stated], return_counts=True)
     if not len(lines):

@@ -118,7 +118,7 @@ class KrlFlow(ControlFlow):
     # Routines followed once for every call
 
     def rename(self, frames: Mapping[tuple[int, int], int]) -> None:
-        """Gives frames their indices: from key and index that stood for one."""
+        """Gives frames their indices: from key and placeholder index."""
         for key in (BASE, TOOL):
             self._sets[key] = [(at, frames.get((key, one), one)) for at, one in self._sets[key]]
             for (of, _), versions in self._copied.items():

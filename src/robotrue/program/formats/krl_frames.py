@@ -49,7 +49,7 @@ class DeferredFrame(NamedTuple):
 
     Attributes:
         side: ``base`` or ``tool``.
-        place: Index that stands for it.
+        place: Its placeholder index.
         line: Zero-based, of the main text.
         text: The expression.
         numbered: It is the number of the frame.
@@ -179,8 +179,8 @@ class Frames:
     def number(self, side: str, line: int, number: str | None, *, coupled: bool = False) -> int:
         """Returns the index of a numbered frame: set in the program, in the table, or 0.
 
-        ``coupled`` says that a base on an external axis would be followed; a plain ``BASE_DATA``
-        is then the frame on that axis, taken as if it stood in the world.
+        ``coupled``: a base on an external axis would be followed; a plain ``BASE_DATA`` is then the
+        frame on that axis, used as if it were fixed in the world.
         """
         if number is None or not number.isdecimal():
             return self.unknown(
@@ -248,7 +248,7 @@ class Frames:
         return len(self.matrices[side]) - 1
 
     def rename(self, index: Mapping[tuple[str, int], int]) -> None:
-        """Gives numbered frames their indices: from side and index that stood for one."""
+        """Gives numbered frames their indices: from side and placeholder index."""
         for (side, number), one in self._data.items():
             self._data[side, number] = index.get((side, one), one)
 
@@ -279,8 +279,8 @@ class Frames:
     def carried_number(self, line: int, number: str | None) -> int:
         """Returns the index of a numbered work frame that an external axis carries.
 
-        What the program or the controller keeps under this number is the frame on that axis, not
-        in the robot base; only the cell can say where it stands.
+        The frame of the program or the controller under this number is relative to that axis, not
+        to the robot base; only the cell defines its position.
         """
         if number is not None and number.isdecimal():
             matrix = _lookup(self.table.bases, number)

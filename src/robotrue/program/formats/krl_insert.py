@@ -1,9 +1,10 @@
-"""Puts targets into KRL programs: LIN and CIRC with points in braces or stored beside.
+"""Inserts targets into KRL programs: LIN and CIRC with points in braces or stored ones.
 
-What is put in is a line of its own before the move, a copy of it with the numbers of the new target
-in braces, also where the move names a stored point: names, declarations in the ``.dat`` and array
+An insertion is a separate line before the move, a copy of it with the numbers of the new target in
+braces, also where the move names a stored point: names, declarations in the ``.dat`` and array
 bounds stay as they are. Without an approximation word the copies get ``C_DIS``: a KUKA stops
-exactly at a point without one. How near it then passes is ``$APO.CDIS``, at most half of the way.
+exactly at a point without one. The approximation distance is ``$APO.CDIS``, at most half of the
+move.
 """
 
 from __future__ import annotations
@@ -79,7 +80,7 @@ def _read_job(trail: Trail, job: Sequence[Program]) -> None:
 
 
 def _copy_move(copy: MoveCopy) -> list[Stretch]:
-    """The lines put in before a move, and its own target with the numbers that it left out."""
+    """Returns the lines inserted before a move, and its target with its omitted numbers."""
     data, insertion = copy.data, copy.insertion
     s = _whole(data, copy.statement)
     texts = []
@@ -90,7 +91,7 @@ def _copy_move(copy: MoveCopy) -> list[Stretch]:
     lines = [_smooth(each) + line_end(data) for each in repeat_statement(data, s, texts)]
     edits = [(s.begin, 0, b"".join(lines))]
     literal = data[s.target : s.target_end]
-    if literal[:1] == b"{":  # what it left out it would inherit from the target put in
+    if literal[:1] == b"{":  # omitted numbers would be inherited from the inserted target
         program, row = copy.own_end
         whole = _complete(literal, program.position[row], program.rotation[row])
         if whole != literal:
@@ -239,7 +240,7 @@ class _Reader:
         known = self.stored.get(_name(operand), [])
         own = [
             row for row in known if any(row in each for each in self.own)
-        ]  # a name is first that of its own program
+        ]  # a name refers first to the same program
         known = own or known
         return known[0] if len(known) == 1 else UNKNOWN
 
@@ -280,7 +281,7 @@ def _find_literal(program: Program, row: int) -> bytes:
 
 
 def _aggregate(literal: bytes, position: Array, rotation: Array, *, bare: bool) -> bytes:
-    """Returns braces with the six numbers of a pose; ``bare``: angles only where they stood."""
+    """Returns braces with the six numbers of a pose; ``bare``: angles only where printed before."""
     printed = {name.upper(): value for name, value in _COMPONENT.findall(literal)}
     near = None
     if all(name in printed for name in _POSE[3:]):

@@ -53,7 +53,7 @@ def inherit_external(values: Array, path: Visits) -> None:
     once = np.bincount(path.row[moved], minlength=len(values))[path.row] == 1
     for column in np.flatnonzero(np.isnan(values).any(axis=0) & ~np.isnan(values).all(axis=0)):
         said = np.where(moved, values[path.row, column], np.nan)
-        told = ~moved | ~np.isnan(said)  # what moved the robot there is not known, or it is said
+        told = ~moved | ~np.isnan(said)  # the last move there is unknown, or the value is stated
         last = np.maximum.accumulate(np.where(told, np.arange(len(told)), 0))
         fill = moved & once & np.isnan(said)
         values[path.row[fill], column] = said[last[fill]]

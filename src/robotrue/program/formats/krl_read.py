@@ -190,7 +190,8 @@ class _Text:
         """Returns the text of files in order.
 
         Raises:
-            FormatError: A file without a DEF: it cannot be told from the end of the one before.
+            FormatError: A file without a DEF: it cannot be separated from the end of the one
+                before.
         """
         parts, place, line = [], [0], [0]
         for name, data in files:

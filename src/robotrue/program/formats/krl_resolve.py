@@ -1,9 +1,9 @@
-"""Settles what a KRL job computes: frames first, then the targets of its motions.
+"""Evaluates the computed values of a KRL job: frames first, then the targets of its motions.
 
-A frame number or frame with one value is that frame; where it hangs on the arguments of a call, the
-routine is followed once for every call. A target that is computed, or stands in no data list of
-the job, and has one value is *written out*: it becomes a target of its own, at its place in the
-motion, and the points it is computed from keep their numbers. What has no single value is left
+A frame number or frame with one value is that frame; where it depends on the arguments of a call,
+the routine is followed once for every call. A target that is computed, or is in no data list of the
+job, and has one value is *written out*: it becomes a separate target, at its place in the motion,
+and the points it is computed from keep their numbers. A target without a single value is left
 alone, and so is every point it reads.
 """
 
@@ -282,7 +282,7 @@ class _Resolver:
     def _leave(
         self, motion: MotionStatement, operand: Operand, why: NotConstantError
     ) -> list[tuple[int, int]]:
-        """Leaves a target alone that has no single value, tells why, and what it reads with it."""
+        """Leaves a target without a single value alone, with the points it reads; notes why."""
         walk, line, file = self.walk, motion.line, motion.file
         cure = f" Try: {why.cure}" if why.cure else ""
         if not operand.constant:

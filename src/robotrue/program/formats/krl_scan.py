@@ -1,9 +1,9 @@
 """One pass over the bytes of a KRL file: lines, aggregates, and the place of each number.
 
-The scanner knows only what bytes tell: comments (``;``), strings, ``&`` headers, braces, and the
+The scanner detects only lexical elements: comments (``;``), strings, ``&`` headers, braces, and the
 aggregates ``{[TYPE:] X 1.0,Y 2.0,...}`` whose members are position, axis, status or turn
-components. Everything it finds is a column; nothing is an object per number. What a line means is
-read in ``krl_walk``.
+components. Results are columns, without an object per number. The meaning of a line is read in
+``krl_walk``.
 """
 
 from __future__ import annotations

@@ -173,7 +173,7 @@ class KrlValues:
         Args:
             text: The expression.
             line: Zero-based.
-            arguments: Parameters of the routine the line stands in, within one call.
+            arguments: Parameters of the routine that contains the line, within one call.
             depth: Of definitions followed already.
 
         Raises:

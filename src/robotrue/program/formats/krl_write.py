@@ -3,9 +3,8 @@
 The rule for one number, in the unit it is printed in: with ``d`` the decimals it was printed with
 (4 if it had fewer than 3, so that a correction of a hundredth of a millimetre is not rounded away;
 6 if it had an exponent), it is rewritten only when the new value is further than half of the last
-of those digits from the number that stands there. A ``+`` and a bare ``.5`` stay in style, and a
-number standing after two or more blanks keeps its column. S and T keep their base (decimal,
-``'B..'``, ``'H..'``).
+of those digits from the printed number. A ``+`` and a bare ``.5`` keep their style, and a number
+after two or more blanks keeps its column. S and T keep their base (decimal, ``'B..'``, ``'H..'``).
 """
 
 from __future__ import annotations
@@ -69,9 +68,9 @@ def column_of(component: int) -> int:
 def write_krl(program: Program, replacement: Replacement) -> bytes:
     """Returns the file with the numbers of the changed rows replaced and nothing else touched.
 
-    A component a target leaves out is inserted behind its last one when the target, or the one it
-    inherits from, moved; this is the only case in which bytes are added that stood nowhere. The
-    auxiliary point of an arc gets no orientation it did not have: controllers ignore it.
+    A component that a target leaves out is inserted after its last one when the target, or the one
+    it inherits from, moved; this is the only case in which bytes are added. The auxiliary point of
+    an arc gets no orientation if it had none: controllers ignore it.
 
     Raises:
         ShapeError: A changed row has a value that is not finite, or beyond 1e9 mm or deg.
@@ -114,9 +113,9 @@ def _insert_owed(
 
 
 def _find_owed(spans: KrlSpans, values: Array) -> list[tuple[int, int]]:
-    """Returns (row, column) of what must be written where nothing stood."""
+    """Returns (row, column) of the numbers that must be inserted."""
     owed: list[tuple[int, int]] = []
-    # What the controller will have, where that is not what the row is to say.
+    # The controller's value, where it differs from the row's.
     reached: dict[tuple[int, int], float] = {}
     for row, donor, lacking in zip(spans.partial.tolist(), spans.donor, spans.owed, strict=True):
         for c in np.flatnonzero(lacking).tolist():

@@ -1,4 +1,4 @@
-"""KRL targets that are written out: aggregates put in where a motion names a computed target."""
+"""KRL targets that are written out: aggregates inserted where a motion names a computed target."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ class Written(NamedTuple):
     """A target that is written out.
 
     Attributes:
-        file: In which it stands.
+        file: That contains it.
         line: Zero-based.
-        start: First byte of the text it takes the place of.
+        start: First byte of the text it replaces.
         end: Byte after it.
         value: Its components as printed.
-        agg: Number that stands for it until it has one.
+        agg: Its placeholder number until it has one.
         names: Variables it is computed from.
     """
 

@@ -1,9 +1,9 @@
-"""The trail of moves through the text of a program, for dialects that put targets into it.
+"""The trail of moves through the text of a program, for dialects that insert targets.
 
-A dialect goes over its statements in the order of the text and says what it meets: a target moved
-to, a line or arc with the bytes of its statement, a place where it is not certain where the robot
-is, a loop. Where two moves follow each other with nothing uncertain between, the second begins
-where the first ends.
+A dialect reads its statements in the order of the text and reports them: a target moved to, a line
+or arc with the bytes of its statement, a place where the robot's position is uncertain, a loop.
+Where two moves follow each other without uncertainty between, the second starts where the first
+ends.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class TrailStatement(NamedTuple):
     """The bytes of a move.
 
     Attributes:
-        file: Program of the job it stands in.
+        file: Program of the job that contains it.
         begin: First byte of the statement.
         via: First byte and end of the auxiliary target, -1 where there is none.
         via_end: See there.
@@ -123,7 +123,7 @@ class Trail:
             rows: Job rows of the targets.
             line: One-based line of the first.
             file: Program of the job.
-            begins: First byte of each statement; where its target stands is left open (-1).
+            begins: First byte of each statement; the place of its target is not stated (-1).
         """
         row = np.arange(rows.start, rows.stop)
         table = np.full((len(row), 5), Obstacle.LOOP if self._depth else Obstacle.NONE)
@@ -206,7 +206,7 @@ def repeat_statement(
         data: The file.
         statement: Of the move.
         texts: New targets.
-        tail: What stands behind the target; as in the statement if not given.
+        tail: Text after the target; as in the statement if not given.
     """
     s = statement
     tail = data[s.target_end : s.end] if tail is None else tail

@@ -58,9 +58,9 @@ class NumberTable:
     """Collects literals, whose numbers are read in one compiled pass at the end.
 
     Args:
-        data: The bytes the literals stand in.
+        data: The bytes that contain the literals.
         layouts: For each kind of literal the column each of its numbers goes to.
-        comment: Sign behind which the rest of a line is no number.
+        comment: Sign after which the remainder of a line is no number.
     """
 
     def __init__(self, data: bytes, layouts: Sequence[Sequence[int]], comment: bytes) -> None:

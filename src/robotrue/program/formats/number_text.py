@@ -1,7 +1,7 @@
-"""Numbers rewritten in the style of what stood there, and spliced into the bytes of a program.
+"""Numbers rewritten in the style of the original ones, and spliced into the bytes of a program.
 
 The style of ``-0.50`` is two decimals, of ``+5.`` a plus and a bare point, of ``.5`` no digit
-before the point, of ``1.5e-03`` an exponent of two digits. A number that says the value already
+before the point, of ``1.5e-03`` an exponent of two digits. A number that equals the value already
 keeps its bytes, so that ``-0.000`` stays ``-0.000``.
 """
 
@@ -28,9 +28,9 @@ Stretch: TypeAlias = tuple[int, int, bytes]
 
 
 def restyle(token: bytes, value: float, *, least: int = 0) -> bytes:
-    """Returns ``value`` in the style of ``token``; the token itself where it says that already.
+    """Returns ``value`` in the style of ``token``; the token itself where they agree.
 
-    It says so when the value is within half of the last digit that would be printed.
+    They agree when the value is within half of the last digit that would be printed.
 
     Args:
         token: One number, as :data:`NUMBER`.
@@ -110,7 +110,7 @@ def splice_texts(data: bytes, stretches: Iterable[Stretch]) -> bytes:
 
 
 def respell_word(token: bytes, word: int) -> bytes:
-    """Returns a whole number in the base, and with at least the digits, of what stood there.
+    """Returns a whole number in the base, and with at least the digits, of the original one.
 
     KRL and Sinumerik write ``'B0110'`` and ``'H1F'``.
     """

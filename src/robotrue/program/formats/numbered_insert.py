@@ -65,7 +65,7 @@ class Run:
         self.steps, self.there = last, bool(last)
 
     def add(self, step: Step) -> None:
-        """Goes on with the run."""
+        """Continues the run."""
         self.steps.append(step)
 
     def close(self) -> None:
@@ -156,10 +156,10 @@ class OneFileInserter:
     def insert(
         self, job: Sequence[Program], moves: Moves, insertion: Insertion
     ) -> tuple[bytes, ...]:
-        """Returns the bytes of the job with the targets put in.
+        """Returns the bytes of the job with the targets inserted.
 
         Raises:
-            ShapeError: Several files, or what ``written`` cannot do.
+            ShapeError: Several files, or a limit of ``written``.
         """
         return (self.written(self._only(job), moves, insertion),)
 
