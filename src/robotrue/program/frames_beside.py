@@ -1,6 +1,6 @@
-"""Frames and tools from the files of a controller that lie beside a program.
+"""Frames and tools from the files of a controller next to a program.
 
-Each language says which files its controllers save and how they are read; binary files (Fanuc's
+Each language defines the files that its controllers save and their reader; binary files (Fanuc's
 ``.SV`` and ``.VR``) and the pulse ratios in Yaskawa's ``ALL.PRM`` are not read.
 """
 
@@ -34,7 +34,7 @@ def frame_file_names() -> frozenset[str]:
 
 
 def read_controller_file(name: str, data: bytes) -> ControllerFile | None:
-    """Returns the frames of a file, told by its content; None if it is none that is known.
+    """Returns the frames of a file, recognised by its content; None if it is unknown.
 
     Raises:
         FormatError: A frame of which not all six numbers can be read, with its line.

@@ -1,8 +1,8 @@
-"""Which model a program was made with: a small file beside it, so that its own bytes stay.
+"""The model a program was made with: a small separate file, so that the program is unchanged.
 
 ``job.src`` has ``job.src.identity.json``: the SHA-256 of the program, the identity of the model,
 whether its targets are compensated already, and the part frame it was written for. A program edited
-afterwards no longer has the hash: what stands beside it then says nothing.
+afterwards no longer has the hash: the file then does not apply.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ SUFFIX: Final = ".identity.json"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProgramIdentity:
-    """What a program belongs to.
+    """Origin of a program.
 
     Attributes:
         model: The model it was made with, or whose registration its frame is.
-        compensated: Its targets are what that model says to command, not where the tool should be.
-        part: Name of the part frame it is written for; empty: it has frames of its own.
+        compensated: Its targets are commands by that model, not the intended tool poses.
+        part: Name of the part frame it is written for; empty: it contains its frames.
         made_from: File name of the program or tool path it came from.
         made_from_sha256: Of that file.
         provenance: Of the model, and of the part frame.
@@ -151,12 +151,12 @@ def require_compensable(
     *,
     copies: str | Path | None = None,
 ) -> bool:
-    """Passes if a program may be compensated by a model; returns whether anything speaks of it.
+    """Passes if a program may be compensated by a model; returns whether its identity is known.
 
     Args:
         program: The program file.
         data: Its bytes, or their SHA-256 in hexadecimal.
-        model: Whoever is to compensate it.
+        model: The model that is to compensate it.
         copies: Another folder in which a compensated program of the same bytes may lie.
 
     Raises:

@@ -1,9 +1,9 @@
-"""The moves of a job, and the targets to be put into them.
+"""The moves of a job, and the targets to insert into them.
 
-A program is columns of targets in file order; a move is the way to a target from the one before it.
-Which target that is, and whether more of them may stand in between, only the dialect can tell: it
-reads the statements. Rows here are *job rows*: those of the first program of a job, then those of
-the second, and so on.
+A program is columns of targets in file order; a move is the path to a target from the one before
+it. Only the dialect, which reads the statements, determines the target before, and whether more of
+them may be inserted between. Rows here are *job rows*: those of the first program of a job, then
+those of the second, and so on.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ class Insertion(Columns):
     words: Annotated[IntArray, Column("n w")]
 
     def _check_rules(self) -> None:
-        """The order of the text, and motions that can be put in."""
+        """Checks the order of the text, and that the motions can be inserted."""
         if (np.diff(self.move) < 0).any():
             raise ShapeError("the moves of an insertion fall, expected the order of the text.")
         known = (Motion.LIN, Motion.ARC_VIA, Motion.ARC_END)
@@ -114,16 +114,16 @@ class Inserter(Protocol):
     """What a dialect offers that can put targets into a program: a leaf file beside its writer."""
 
     def moves(self, job: Sequence[Program]) -> Moves:
-        """Returns the moves of a job as its statements tell them."""
+        """Returns the moves of a job from its statements."""
         ...
 
     def insert(
         self, job: Sequence[Program], moves: Moves, insertion: Insertion
     ) -> tuple[bytes, ...]:
-        """Returns the bytes of every program of the job with the targets put in.
+        """Returns the bytes of every program of the job with the targets inserted.
 
-        What the move says besides its target is repeated for each; where the move has no word for
-        continuous motion, those put in get one.
+        The words of the move besides its target are repeated for each; where the move has no word
+        for continuous motion, inserted ones get one.
 
         Raises:
             ShapeError: A move with an obstacle, or a value that cannot be written.

@@ -1,7 +1,7 @@
 """Contract of a program language: one frozen object, made in one leaf file.
 
-:mod:`robotrue.program.lang` registers the leaf files. Whoever needs something of a language asks
-its object; no other file of the product lists languages.
+:mod:`robotrue.program.lang` registers the leaf files. All other code uses the object of a language;
+no other file of the product lists languages.
 """
 
 from __future__ import annotations
@@ -78,9 +78,9 @@ class FrameForm:
     """Format of a frame or tool that is typed in or pasted.
 
     Attributes:
-        name: By which a user asks for it.
-        system: Who reads it; ``{}`` stands for the number in the table.
-        order: How its three or four rotation numbers make the matrix.
+        name: Name in the user's request.
+        system: The system that reads it; ``{}`` is replaced by the number in the table.
+        order: Convention of its three or four rotation numbers.
         frame: Of its table of work frames.
         tool: Of its table of tools; None where it takes none.
         counted_from: Added to the number in ``system``.
@@ -111,29 +111,29 @@ class Language:
     """One program language.
 
     Attributes:
-        name: Registered name; what :attr:`Program.dialect` says.
+        name: Registered name; that of :attr:`Program.dialect`.
         suffixes: Of its files, in lower case.
-        score: Returns 0..1: how surely the first ``looked_at`` bytes of a file are in it.
+        score: Returns 0..1: score of the first ``looked_at`` bytes of a file.
         reader: Returns one program per file of a job, read together; raises FormatError with file
             and line.
         writer: Returns the source bytes with the changed numbers, and only those, replaced.
-        looked_at: Bytes that decide.
-        called: What one of its programs is called in messages of other languages.
+        looked_at: Number of bytes scored.
+        called: Noun of one of its programs in messages of other languages.
         sign: Found in its programs and in none of another language.
         name_companions: Names of files that belong to a file of this name, if they exist.
-        name_files: Names of files beside a program that its text names; None where it names none.
-        inserter: Returns what puts targets into its programs; None where nothing does.
-        cutter: Returns what reads its long files in chunks; None where they are read whole.
+        name_files: Names of files next to a program that its text names; None where it names none.
+        inserter: Returns the inserter of targets into its programs; None without one.
+        cutter: Returns the reader of its long files in chunks; None where they are read whole.
         feeds: Returns the feed (n,) m/s as the text states it, infinite for rapids, NaN where it is
             not known.
         frame_files: Files of its controllers that hold frames.
-        frame_form: How its controllers take a frame.
-        losses: Returns what a written file cannot say of the new targets, one sentence each.
+        frame_form: Format of a frame in its controllers.
+        losses: Returns what a written file cannot hold of the new targets, one sentence each.
         print_move: Returns one straight move to a pose (4, 4), tool in base, that stops there.
         prints_attitude: Its targets print the rotation about the tool axis in full.
-        steps_from_command: Its relative targets start from where the one before was commanded.
+        steps_from_command: Its relative targets start from the command before.
         one_text: The files of a job are one text of statements.
-        family: Name shared with languages that go by each other's suffixes.
+        family: Name shared with languages that use each other's suffixes.
         table_suffixes: Further suffixes its programs are written to.
     """
 

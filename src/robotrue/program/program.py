@@ -64,7 +64,7 @@ class Program(Columns):
         reason: (n,) :class:`Reason`.
         words: (n, w) configuration words as written, columns of :mod:`robotrue.core.arm_words`;
             ``NO_WORD`` where one is absent.
-        words_of: Whose words they are.
+        words_of: Maker of the controller whose words they are.
         line: (n,) one-based line of the target.
         frame: (n,) index into ``T_base_frame``: the work frame the target is written in.
         tool: (n,) index into ``T_flange_tool``.
@@ -72,13 +72,13 @@ class Program(Columns):
         T_flange_tool: (t, 4, 4) tools.
         external: (n, 6) m or rad, external axes that the cell describes, where they carry the robot
             or the frame of the target; NaN elsewhere. None: none is described.
-        held: (n,) the robot carries the part and the tool stands in the cell; nowhere if not
-            stated. Such a target says where the *part* is to be: ``frame`` is the tool in the cell,
+        held: (n,) the robot carries the part and the tool is fixed in the cell; nowhere if not
+            stated. Such a target states the pose of the *part*: ``frame`` is the tool in the cell,
             ``tool`` the part frame on the flange, and position and rotation are the part frame in
             that tool, which is the inverse of what is printed.
         start: (dof,) rad, the controller's axis values before the first target, where another file
-            of the job says them; empty if not known.
-        notes: What the reader wants the user to know, one sentence each, with line numbers.
+            of the job states them; empty if not known.
+        notes: Notes of the reader for the user, one sentence each, with line numbers.
         spans: Dialect's own table of byte positions; opaque to everyone else.
         path: (k, 3) the moves in the order of the text: a place that grows from move to move (in
             the files of one KRL job the same), the row moved to, or the line of a target that is
@@ -145,27 +145,27 @@ class FrameTable:
         T_base_frame: Default work frame (4, 4) when the program sets none.
         T_flange_tool: Default tool (4, 4) when the program sets none.
         T_base_world: World frame of the controller (4, 4) in the robot base: KUKA's bases are
-            written in it ($ROBROOT says where the robot stands).
+            written in it ($ROBROOT is the robot's pose).
         declarations: Name and bytes of data files of the controller that are read for names alone
             (KUKA's ``$config.dat``).
         bases: Work frames by the controller's number or name.
         tools: Tools by the controller's number or name.
         external: Axes that carry the robot or work frames, in the order from the floor up.
-        external_axes_at_rest: The external axes that are not described, or that a program gives no
-            value, stand still in the whole program, and every frame here is given with them where
-            they stand; only then are targets with such an axis away from zero compensated.
-        fixed_tool: What a KUKA target says while the robot carries the part (``#TCP``): the tool
+        external_axes_at_rest: The external axes that are not described, or without a value in the
+            program, are at rest in the whole program, and every frame here is stated for their
+            position; only then are targets with such an axis away from zero compensated.
+        fixed_tool: Meaning of a KUKA target while the robot carries the part (``#TCP``): the tool
             ``tool_in_part`` or the ``part_in_tool``. Empty: not stated, and such targets are not
             compensated.
         pulses_per_degree: (6,) drive pulses per degree of axes 1 to 6 (Yaskawa ALL.PRM), signed;
             without them axis targets written in pulses are not compensated.
-        orientation: What angles and tool axes of G-code, APT and CSV say of the tool frame.
-        start: (6,) rad, the controller's axis values where a program begins, which tell how the arm
-            stands at a first target that does not say it; empty if not stated.
-        harmless_routines: Routines in no given file that change neither frames nor points, in
-            lower case; behind others that are called, targets are left alone.
-        units_without_point: What ``X10`` without a point is to a Fanuc control: ``mm``, the unit in
-            force, or an ``increment``. Only where it is the unit in force such points are
+        orientation: Convention of angles and tool axes of G-code, APT and CSV for the tool frame.
+        start: (6,) rad, the controller's axis values where a program starts, which determine the
+            arm's configuration at a first target that does not state it; empty if not stated.
+        harmless_routines: Routines in no given file that change neither frames nor points, in lower
+            case; after calls of others, targets are left alone.
+        units_without_point: Meaning of ``X10`` without a point in a Fanuc control: ``mm``, the unit
+            in force, or an ``increment``. Only where it is the unit in force such points are
             compensated; empty: not stated.
     """
 

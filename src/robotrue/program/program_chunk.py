@@ -33,13 +33,13 @@ class ChunkLines(NamedTuple):
 
 
 class ProgramChunk(NamedTuple):
-    """Lines to be compensated, and the lines before them that say where the arm comes from.
+    """Lines to be compensated, and the lines before them that determine the arm's state.
 
     Attributes:
         lines: The lines.
         lead: The lines before.
-        first: How many targets stand before them.
-        targets: How many stand in them.
+        first: Number of targets before them.
+        targets: Number of targets in them.
     """
 
     lines: ChunkLines
@@ -50,12 +50,12 @@ class ProgramChunk(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Skeleton:
-    """All that reading a chunk takes besides its bytes; small, the same for every chunk.
+    """Input for reading a chunk besides its bytes; small, the same for every chunk.
 
     Attributes:
         program: The skeleton of the file as the ordinary reader reads it, without its bytes. Its
-            targets stand in the file; the last one not after another says what holds there.
-        stored: The targets are stored points: the program says how they are moved to.
+            targets are in the file; the last one not after another has the settings there.
+        stored: The targets are stored points: the program states their motions.
         external_axes_at_rest: As in :class:`~robotrue.program.program.FrameTable`.
     """
 
@@ -65,12 +65,12 @@ class Skeleton:
 
 
 class ReadChunk(NamedTuple):
-    """The targets of a chunk, and what was put around its bytes to make a program of them.
+    """The targets of a chunk, and the bytes added around it to form a program.
 
     Attributes:
         program: Its data are the bytes between head and foot.
-        head: How many bytes stand before the chunk.
-        foot: How many stand behind it.
+        head: Number of bytes before the chunk.
+        foot: Number of bytes after it.
     """
 
     program: Program

@@ -2,10 +2,10 @@
 
 A file is one chunk, the :class:`Program` that the ordinary reader makes of it, unless it is long
 and its dialect can cut it. Then one quick pass over the file finds where the frames may change and
-where a target depends on the one before; the ordinary reader judges a *skeleton* of the file, in
-which every stretch of plain motions is represented by a few of them. What it says of those holds
-for the whole stretch. A chunk is whole lines with a given number of targets, so the chunks depend
-on the file alone.
+where a target depends on the one before; the ordinary reader reads a *skeleton* of the file, in
+which every stretch of plain motions is represented by a few of them. Its result for those applies
+to the whole stretch. A chunk is whole lines with a given number of targets, so the chunks depend on
+the file alone.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ class ProgramFile:
     held: Program | None = field(init=False)
 
     def __post_init__(self) -> None:
-        """Says whether the program is held."""
+        """Sets ``held`` to a program that is held whole."""
         held = self.content if isinstance(self.content, Program) else None
         object.__setattr__(self, "held", held)
 
@@ -121,10 +121,11 @@ def open_job(
 
     Args:
         paths: As for :func:`~robotrue.program.formats.read_job`.
-        frames: What they name but do not hold.
-        several: Workers are asked for, so that even a short program is cut.
-        why_whole: Returns what asks for whole programs; empty if nothing does. Asked of long ones.
-        note: Told why a long program is held whole.
+        frames: Frames that they name but do not hold.
+        several: Workers are requested, so that even a short program is cut.
+        why_whole: Returns the option that needs whole programs; empty without one. Called for long
+            ones.
+        note: Called with why a long program is held whole.
 
     Raises:
         ConfigurationError: It must be held whole, and this machine has not the memory.
@@ -244,7 +245,7 @@ def outline_job(
 def read_chunk(data: bytes, lines: ChunkLines, content: Program | Skeleton) -> ReadChunk:
     """Returns the targets of some lines, as in the program of the whole file.
 
-    Statements are not read again: the skeleton says what they bring about.
+    Statements are not read again: the skeleton contains their effect.
 
     Args:
         data: The bytes of the lines; those of a program that is held are not needed.

@@ -1,8 +1,8 @@
 """Poses of a program's targets in the robot base, also of a part that the robot holds.
 
-The target of a part that the robot carries to a tool that stands in the cell is printed as the tool
-in the part frame; the robot moves the part. Inside, it is the part frame in that tool: the frame
-the robot moves, in one that stands. Nothing between reader and writer needs to know.
+The target of a part that the robot carries to a tool fixed in the cell is printed as the tool in
+the part frame; the robot moves the part. Internally it is the part frame in that tool: the moving
+frame in a fixed one. Code between reader and writer needs no special case.
 """
 
 from __future__ import annotations

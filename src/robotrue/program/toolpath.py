@@ -1,8 +1,8 @@
-"""A tool path as CAM systems write it: where the tool tip goes on the part, before any robot.
+"""A tool path as CAM systems write it: the tool tip on the part, independent of a robot.
 
 Positions and tool axes are in the part frame (the frame the CAM system printed them in). A tool
-axis has five degrees of freedom with its point; how the robot spins about it is nobody's business
-yet (:mod:`robotrue.planning.tool_axis` decides).
+axis has five degrees of freedom with its point; the robot's spin about it is chosen later
+(:mod:`robotrue.planning.tool_axis`).
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ FASTEST: Final = 3.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Remark:
-    """A statement of the file that moves nothing: spindle, coolant, a word nobody here knows.
+    """A statement of the file that moves nothing: spindle, coolant, an unknown word.
 
     Attributes:
-        before: Index of the point it stands in front of.
+        before: Index of the point after it.
         line: One-based line.
         text: As written, blanks collapsed.
-        known: What it means is known and taken care of; the rest is for the user to read.
+        known: Its meaning is known and handled; others are for the user to read.
     """
 
     before: int

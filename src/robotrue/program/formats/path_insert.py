@@ -1,13 +1,13 @@
-"""Puts points into paths of words: G-code of Sinumerik and Fanuc, APT and CL data, CSV.
+"""Inserts points into paths of words: G-code of Sinumerik and Fanuc, APT and CL data, CSV.
 
-What is put in is a block, statement or row of its own before the move. An arc of a plane (G2, G3)
+An insertion is a separate block, statement or row before the move. An arc of a plane (G2, G3)
 cannot follow a correction that leaves the plane; it becomes lines, its own block, too, and the next
-block of an arc that did not say so says its G2 or G3. In G-code a new block holds the G0 or G1 and
-the feed of the move, if they stand there, and all words of the point; the block of the move then
-says all words of its own point, so that none is inherited from the point put in. A block with
-anything else (M, S, T, another G) is left whole: the copies would run before what it switches.
-Whether the control stops between blocks is said by G64, G61.1 or its like before them, for the new
-blocks as for the old.
+block of an arc without its own G2 or G3 gets one. In G-code a new block holds the G0 or G1 and the
+feed of the move, if the move has them, and all words of the point; the block of the move then
+states all words of its point, so that none is inherited from the inserted point. A block with
+any other word (M, S, T, another G) is not split: the copies would run before its switching. Whether
+the control stops between blocks is set by G64, G61.1 and similar before them, for new and old
+blocks.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ class PathInserter:
     def insert(
         self, job: Sequence[Program], moves: Moves, insertion: Insertion
     ) -> tuple[bytes, ...]:
-        """Returns the bytes of every program with the points put in.
+        """Returns the bytes of every program with the points inserted.
 
         Raises:
             ShapeError: A move with an obstacle, or a value that cannot be written.
@@ -122,7 +122,7 @@ def _arcs_of(moves: Moves, insertion: Insertion, first: IntArray, file: int) -> 
 
 
 class _Reader:
-    """Tells the moves of one program: each row is reached from the one before it."""
+    """Lists the moves of one program: each row is reached from the one before it."""
 
     def __init__(self, file: int, program: Program, first: int) -> None:
         self.file, self.program, self.first, self.data = file, program, first, program.data
@@ -145,7 +145,7 @@ class _Reader:
         lost = np.zeros(n, dtype=np.bool_)
         if program.dialect in _GCODE:
             lost[self._behind(_BETWEEN)] = True
-        # The via of an arc stands in its block, so that what lies before it is lost for both.
+        # The via of an arc is in its block, so that a loss before it applies to both.
         lost[arc] |= lost[row[arc] - 1]
         sure = (before >= 0) & good[before] & good & ~lost
         start = np.where(sure, before, UNKNOWN)

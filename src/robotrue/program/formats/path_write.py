@@ -1,9 +1,9 @@
-"""Puts new points into the bytes of a path of words; every other byte is copied.
+"""Writes new points into the bytes of a path of words; every other byte is copied.
 
 A number is rewritten in its own style, only when it differs by more than half of its last digit. A
-word that was left out because it stayed the same is inserted where it does no longer: behind the
-last word of its block, in the style of the last one of its kind. What a path of words cannot say
-(arcs out of their plane, unprinted turns) is listed by :func:`path_losses`.
+word that was left out because it stayed the same is inserted where it changes: after the last word
+of its block, in the style of the last one of its kind. Limits of a path of words (arcs out of their
+plane, unprinted turns) are listed by :func:`path_losses`.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _INCHES: Final = (4, 5)
 _VECTOR: Final = (5, 7)
 """Decimals that can hold a correction, and those printed where there are fewer."""
 _UNSEEN: Final = b"0.0000"
-"""Style of a word that stood nowhere before."""
+"""Style of a word that was not printed before."""
 _ARC_NAMES: Final = (b"I", b"J", b"K")
 _SLIGHT: Final = 0.5 * UM
 _SLIGHT_TURN: Final = 1e-4 * DEG

@@ -160,7 +160,7 @@ class _Builder:
         return state
 
     def _foreign(self) -> None:
-        """Flags the targets behind routines in no file that may have moved them, and tells why."""
+        """Flags the targets after routines in no file that may have moved them, and notes why."""
         if not self.outside or not len(self.place):
             return
         course = self.walk.course

@@ -23,7 +23,7 @@ LAYOUTS: Final = (tuple(range(17)), (*range(6), *range(11, 17)))
 POSE: Final = 0
 AXIS: Final = 1
 NOTHING: Final = 2
-"""Kinds of points: the third stands for a motion to what is no literal."""
+"""Third kind of points: the target of a motion that is not a literal."""
 LITERAL: Final = {"robtarget": (scan.ROBTARGET, POSE), "jointtarget": (scan.JOINTTARGET, AXIS)}
 _DECLARED: Final = re.compile(
     rb"(?:(?:LOCAL|TASK|GLOBAL)\b" + scan.GAP + rb")?(?:CONST|PERS|VAR)\b" + scan.GAP

@@ -1,7 +1,7 @@
-"""Tools and work objects of a RAPID module: what they are at each statement, as matrices.
+"""Tools and work objects of a RAPID module at each statement, as matrices.
 
 ``tooldata`` is ``[robhold, tframe, load]``, ``wobjdata`` is ``[robhold, ufprog, "ufmec", uframe,
-oframe]``; a target in a work object stands in world * uframe * oframe. They are read and never
+oframe]``; a target in a work object is in world * uframe * oframe. They are read and never
 rewritten.
 """
 
@@ -168,7 +168,7 @@ class RapidFrames:
     ) -> tuple[IntArray, BoolArray]:
         """Returns the index of the matrix at each place, and where part and tool are swapped.
 
-        A swapped tool stands in the world: its index is one of the work frames. A swapped work
+        A swapped tool is fixed in the world: its index is one of the work frames. A swapped work
         object is held by the robot: its index is one of the tools.
 
         Args:

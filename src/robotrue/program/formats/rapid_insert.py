@@ -1,9 +1,9 @@
-"""Puts targets into RAPID modules: MoveL and MoveC with targets in brackets, in data or in arrays.
+"""Inserts targets into RAPID modules: MoveL and MoveC with targets in brackets, data or arrays.
 
-What is put in is a statement of its own before the move, a copy of it with the new target in
-brackets, also where the move names a target: names, declarations and array bounds stay as they are.
-``fine`` becomes ``z0`` in the copies: at ``fine`` the robot stops; at ``z0`` it passes within
-0.3 mm. Zones larger than half a part are made smaller by the controller.
+An insertion is a separate statement before the move, a copy of it with the new target in brackets,
+also where the move names a target: names, declarations and array bounds stay as they are. ``fine``
+becomes ``z0`` in the copies: at ``fine`` the robot stops; at ``z0`` it passes within 0.3 mm. Zones
+larger than half a part are made smaller by the controller.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ _ROUTINES: Final = frozenset(
 _SEARCHES: Final = re.compile(r"search|moveextj|startmove|restopath|capl|arc[\w\x80-\xff]|spot")
 _DECLARES: Final = frozenset("local task global const pers var".split())
 _TAILS: Final = 4096
-"""Ways a motion goes on behind its literal that are remembered."""
+"""Largest number of cached texts of a motion after its literal."""
 _FORM: Final = ("inpos", "id")
 _ZONE: Final = {"movel": 2, "movec": 3}
 """Place of the zone among the arguments."""
@@ -81,7 +81,7 @@ def _read_job(trail: Trail, job: Sequence[Program]) -> None:
 
 
 def _copy_move(copy: MoveCopy) -> list[Stretch]:
-    """The statements put in before a move, copies of it with the target in brackets."""
+    """Returns the statements inserted before a move, copies of it with the target in brackets."""
     s, data = copy.statement, copy.data
     texts = [
         _retarget(_literal(program, own), copy.insertion, row) for program, own, row in copy.models

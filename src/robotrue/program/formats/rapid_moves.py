@@ -31,7 +31,7 @@ class Tail(NamedTuple):
     Attributes:
         tool: Name in lower case, or the text that is no name.
         work: Work object, likewise; empty if none is named.
-        places: Byte stretches of the targets that stand in it.
+        places: Byte stretches of the targets in it.
     """
 
     tool: str

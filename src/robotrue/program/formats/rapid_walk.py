@@ -27,7 +27,7 @@ from robotrue.program.formats.text_lines import line_at
 from robotrue.program.program import Motion, Reason
 
 _TAILS: Final = 4096
-"""Kept ways a motion goes on behind its literal; nearly all of a post's are the same few."""
+"""Largest number of cached texts of a motion after its literal; a post writes only a few."""
 SHIFTED: Final = "displacement"
 AXES_SHIFTED: Final = "offset of external axes"
 _SHIFTS: Final = {
@@ -118,10 +118,10 @@ class RapidWalk(Data):
             )
 
     def outside(self, harmless: Container[str]) -> list[tuple[str, int]]:
-        """Returns name and first byte of the calls of routines called that stand in no file here.
+        """Returns name and first byte of the calls of routines that are in no given file.
 
-        The course knows from then on which of displacement, tools and work objects each may have
-        changed: ``FOREIGN`` keys hold one more than its number here.
+        From then on the control flow holds which of displacement, tools and work objects each may
+        have changed: ``FOREIGN`` keys hold one more than its number here.
 
         Args:
             harmless: Routines that change none of them.
@@ -431,7 +431,7 @@ class RapidWalk(Data):
         kind: str,
         stored: tuple[list[int], list[str]] | None,
     ) -> bool:
-        """Returns whether a target is not one literal that stands in this module."""
+        """Returns whether a target is not one literal of this module."""
         if named is None:
             return True
         variable = self.variables.find(self.scope, named[1].lower())

@@ -1,8 +1,8 @@
-"""How fast the tool moves to each target, as far as the text of a program says it plainly.
+"""Speed of the tool to each target, as far as the text of a program states it directly.
 
-Modal feeds (``$VEL.CP``, F, FEDRAT/) hold in the order of the text: what a jump or a call changes
-is not followed. A feed that stands with a move in another place than the target (a variable, a
-point of another file) is not known, nor is one that is computed or per revolution.
+Modal feeds (``$VEL.CP``, F, FEDRAT/) apply in the order of the text: changes by a jump or a call
+are not followed. A feed at another place than the target (a variable, a point of another file) is
+not known, nor is one that is computed or per revolution.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ class MoveCopy:
         job: The programs.
         first: First job row of each of them.
         moves: Of the job.
-        insertion: What is put in.
+        insertion: Of the job.
         group: The move and its rows of the insertion.
     """
 
@@ -39,7 +39,7 @@ class MoveCopy:
 
     @property
     def program(self) -> Program:
-        """The program that the move stands in."""
+        """The program that contains the move."""
         return self.job[self.statement.file]
 
     @property
@@ -100,10 +100,10 @@ class StatementInserter:
     def insert(
         self, job: Sequence[Program], moves: Moves, insertion: Insertion
     ) -> tuple[bytes, ...]:
-        """Returns the bytes of every program with the targets put in.
+        """Returns the bytes of every program with the targets inserted.
 
         Raises:
-            ShapeError: A move with an obstacle, or what ``copy`` cannot do.
+            ShapeError: A move with an obstacle, or a limit of ``copy``.
         """
         first = job_rows(job)
         edits: list[list[Stretch]] = [[] for _ in job]

@@ -51,7 +51,7 @@ class TargetNotes:
             self.say(f"{self._name}:{shown}{more}: {what}.")
 
     def each(self, found: list[tuple[int, str]], starts: IntArray) -> None:
-        """Adds what is said of (byte, what), the same words once; ``starts`` begin the lines."""
+        """Adds notes on (byte, what), each text once; ``starts`` are the first bytes of lines."""
         told: dict[str, list[int]] = {}
         for offset, what in found:
             told.setdefault(what, []).append(int(np.searchsorted(starts, offset, side="right")))

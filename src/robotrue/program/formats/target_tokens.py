@@ -1,8 +1,8 @@
-"""Six printed numbers per target: where they stand, what they say, and what they shall say.
+"""Six printed numbers per target: their places, their values, and their new values.
 
-For languages that print X, Y, Z in mm and the turns about X, Y and Z in deg, rotation
-Rz Ry Rx (Yaskawa's Rx Ry Rz, Fanuc's W P R) or Rx Ry Rz (VAL3), or six axis values. A number is
-rewritten in the style it stands in, only when it differs by more than half of its last digit.
+For languages that print X, Y, Z in mm and the turns about X, Y and Z in deg, rotation Rz Ry Rx
+(Yaskawa's Rx Ry Rz, Fanuc's W P R) or Rx Ry Rz (VAL3), or six axis values. A number is rewritten in
+its style, only when it differs by more than half of its last digit.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from robotrue.program.program import Program, Replacement
 LEAST_DECIMALS: Final = 3
 """Of a millimetre or degree that is rewritten: a correction of 0.02 mm would be lost in ``5.0``."""
 POSE: Final = 0
-"""Kind of a target whose numbers are a pose; kinds above are axis values in units of their own."""
+"""Kind of a target whose numbers are a pose; kinds above are axis values, each in another unit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

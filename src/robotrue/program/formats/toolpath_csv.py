@@ -2,7 +2,7 @@
 
 ``i,j,k`` (tool axis, tip to spindle; all three or none: 0, 0, 1), ``feed_mm_per_min`` (blank: as
 before), ``rapid`` (1 or 0; blank: 0), ``operation``, ``tool``. Any order, any case. A column with
-another name is an error: a misspelt ``rapid`` passed over would cut where it should fly.
+another name is an error: ignoring a misspelt ``rapid`` would cut where it should move rapidly.
 """
 
 from __future__ import annotations
@@ -228,7 +228,7 @@ class ToolpathTable:
     def words(
         self, name: str, default: str
     ) -> tuple[np.ndarray[tuple[int], np.dtype[np.int64]], tuple[str, ...]]:
-        """Returns (n,) indices and the words they stand for; a blank keeps the one before."""
+        """Returns (n,) indices and their words; a blank keeps the one before."""
         if name not in self.names:
             return np.zeros(len(self.lines), np.int64), (default,)
         known: dict[str, int] = {}

@@ -14,7 +14,7 @@ _LOOKED_AT = 1 << 18
 
 
 def read_toolpath(path: str | Path) -> Toolpath:
-    """Returns the tool path of an APT or CL file or of a CSV table, told apart by their content.
+    """Returns the tool path of an APT or CL file or of a CSV table, recognised by their content.
 
     Raises:
         FormatError: The file cannot be read, is neither, or has a fault (with its line).

@@ -134,7 +134,7 @@ class _Builder:
         return state
 
     def _foreign(self) -> None:
-        """Flags the targets behind routines in no script that may have set the tool; tells why."""
+        """Flags the targets after routines in no script that may have set the tool; notes why."""
         outside = self.walk.story.outside
         after = self.walk.course.versions(FOREIGN, self.place)
         left = np.zeros(self.count, np.bool_)

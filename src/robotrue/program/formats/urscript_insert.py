@@ -1,9 +1,9 @@
-"""Puts targets into UR scripts: movel, movep and movec with poses written out or kept in variables.
+"""Inserts targets into UR scripts: movel, movep and movec with literal poses or variables.
 
-What is put in is a line of its own before the move, a copy of it with the new pose written out.
-The robot stops at a move without a blend radius, so that the copies get one: that of the move, at
-most 0.4 of the shorter part beside it, 1 mm where the move has none or 0. A move whose own blend
-would reach beyond half of its last part is refused: the controller would skip a blend.
+An insertion is a separate line before the move, a copy of it with the new pose written out. The
+robot stops at a move without a blend radius, so that the copies get one: that of the move, at most
+0.4 of the shorter adjacent part, 1 mm where the move has none or 0. A move whose own blend would
+reach beyond half of its last part is refused: the controller would skip a blend.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def _read_job(trail: Trail, job: Sequence[Program]) -> None:
 
 
 def _copy_move(copy: MoveCopy) -> list[Stretch]:
-    """The lines put in before a move; a blend that reaches beyond half of a part is refused."""
+    """Returns the lines inserted before a move; refuses a blend beyond half of a part."""
     s, data, insertion = copy.statement, copy.data, copy.insertion
     texts = [
         _retarget(_literal(program, own), *pose_in(insertion, row))
@@ -206,10 +206,10 @@ def _zero(text: bytes) -> bool:
 
 
 def _blend(data: bytes, s: TrailStatement, part: float, name: str, line: int) -> bytes:
-    """Returns what stands behind the target of a copy: the same, with a blend that fits."""
+    """Returns the text after the target of a copy: the original, with a blend that fits."""
     tail = data[s.target_end : s.end]
     code = blank_comments(tail)
-    # The target may stand inside further brackets; what closes them comes first.
+    # The target may be inside further brackets; their closing comes first.
     depth, at = code.count(b")") - code.count(b"(") - 1, 0
     for _ in range(depth):
         at = code.index(b")", at) + 1

@@ -1,8 +1,8 @@
 """Reads the bytes of a UR script as routines of statements.
 
-A statement is a line, longer where a bracket is open. Routines may stand inside each other; each is
-a list of its own statements. Comments and strings are blanked out first, byte for byte, so that
-every offset stays true.
+A statement is a line, longer where a bracket is open. Routines may be nested; each is a separate
+list of statements. Comments and strings are blanked out first, byte for byte, so that every offset
+stays true.
 """
 
 from __future__ import annotations
@@ -139,7 +139,7 @@ def arguments(code: bytes, start: int, end: int, most: int = 99) -> list[tuple[i
         code: Quieted bytes.
         start: First byte inside the brackets.
         end: The closing bracket.
-        most: How many are asked for.
+        most: Largest number returned.
     """
     out, depth, begun = [], 0, start
     for match in _SIGNS.finditer(code, start, end):

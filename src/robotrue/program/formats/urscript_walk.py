@@ -194,7 +194,7 @@ class ScriptWalk:
                 self.story.flags[point] = Reason.EXPRESSION
 
     def _outside(self, start: int, end: int) -> None:
-        """Notes calls of what stands in no script given: it may set the tool."""
+        """Notes calls of routines that are in no given script: they may set the tool."""
         for match in _ASKED.finditer(self.code, start, end):
             name = match[1].decode()
             if name in self._own or name in _OTHERS or _BUILT_IN.fullmatch(name):
@@ -318,7 +318,7 @@ class ScriptWalk:
         self.story.uses.add(point, self._at, motion, number)
 
     def _operand(self, start: int, end: int, depth: int = 0) -> tuple[int, int]:
-        """Returns the point an argument means and the frame it stands in."""
+        """Returns the point of an argument and its frame."""
         named = _NAMED.match(self.code, start, end)
         start = named.end() if named else start
         for pattern, kind, _ in LITERALS:

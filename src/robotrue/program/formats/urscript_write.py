@@ -40,7 +40,7 @@ def nearest_rotation_vector(rotation: Array, near: Array) -> Array:
     length = np.linalg.norm(vector, axis=1, keepdims=True)
     near_length = np.linalg.norm(near, axis=1, keepdims=True)
     tiny = 1e-12
-    # No turn at all is a full turn about any axis: the one that stood there.
+    # No turn at all is a full turn about any axis: the printed one.
     axis = np.where(
         length > 1e-7, vector / np.maximum(length, tiny), near / np.maximum(near_length, tiny)
     )

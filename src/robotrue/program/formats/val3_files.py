@@ -66,7 +66,7 @@ class PointValues:
         is_axis: Axis values, not a pose.
         name: Of the variable.
         key: Of the element: a number, or the word of a collection.
-        father: Frame it stands in, as written; the root without one.
+        father: Its reference frame, as written; the root without one.
         start: First byte of its tag.
         line: One-based.
     """

@@ -70,7 +70,7 @@ def _find_attributes(
     length: IntArray,
     plain: BoolArray,
 ) -> None:
-    """Fills in where the values of coordinates or axes stand in tags (n,), without blanks around.
+    """Writes the places of the values of coordinates or axes in tags (n,), without blanks around.
 
     ``first`` (n + 1,) are the first bytes of the tags, and the end of the file; ``plain`` becomes
     false where a value is no number.

@@ -205,7 +205,7 @@ class _Application:
 
 
 class _Frames:
-    """Work frames, or tools, with what they stand on multiplied out.
+    """Work frames, or tools, multiplied with their parent frames.
 
     Attributes:
         matrices: (4, 4) by index; NaN is not known. The first is the robot's root, or the flange.
@@ -233,7 +233,7 @@ class _Frames:
         self._lost: dict[int, str] = {}
 
     def parent(self, father: str) -> int:
-        """Returns the index of what a point stands on."""
+        """Returns the index of the parent frame of a point."""
         return self._find(_split_father(father))
 
     def index(self, reference: Reference | None) -> int:

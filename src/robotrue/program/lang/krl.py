@@ -1,9 +1,9 @@
-"""KUKA KRL: ``.src`` programs and the ``.dat`` files beside them.
+"""KUKA KRL: ``.src`` programs and their ``.dat`` files.
 
 What is read: inline, stored, array and structure points; PTP, LIN, CIRC and their S and SPL forms;
 base and tool as the program sets them. Nothing but the numbers of targets is ever rewritten,
-``$BASE``, ``$TOOL``, ``BASE_DATA``, ``TOOL_DATA`` and ``LOAD_DATA`` least of all. How numbers are
-written is told in :mod:`robotrue.program.formats.krl_write`.
+``$BASE``, ``$TOOL``, ``BASE_DATA``, ``TOOL_DATA`` and ``LOAD_DATA`` least of all.
+:mod:`robotrue.program.formats.krl_write` defines how numbers are written.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ def _score(data: bytes) -> float:
 
 
 def _name_companions(name: str) -> tuple[str, ...]:
-    """The ``.dat`` of a ``.src`` and the other way round, in either case."""
+    """The ``.dat`` of a ``.src`` and the ``.src`` of a ``.dat``, in either case."""
     path = PurePath(name)
     other = "src" if path.suffix.lower() == ".dat" else "dat"
     return tuple(f"{path.stem}.{form}" for form in (other, other.upper(), other.capitalize()))
@@ -140,9 +140,9 @@ def _feeds(program: Program) -> Array:
 
 
 def _read_config(name: str, text: str) -> ControllerFile:
-    """The frames of a ``$config.dat``; not bases that stand on another machine than the robot.
+    """Reads the frames of a ``$config.dat``, without bases on another machine than the robot.
 
-    Of a ``$machine.dat`` where the robot stands in the world.
+    Reads the robot's position in the world of a ``$machine.dat``.
     """
     if not _CONFIG.search(text):
         return _read_machine(name, text)

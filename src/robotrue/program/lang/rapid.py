@@ -2,8 +2,8 @@
 
 What is read: robtargets and jointtargets in motions and in declarations, arrays too; MoveL, MoveJ,
 MoveC, MoveAbsJ and their forms with signals and triggers; tools and work objects as the module sets
-them. Nothing but the numbers of targets is ever rewritten, tooldata and wobjdata least of all. How
-numbers are written is told in :mod:`robotrue.program.formats.rapid_write`.
+them. Nothing but the numbers of targets is ever rewritten, tooldata and wobjdata least of all.
+:mod:`robotrue.program.formats.rapid_write` defines how numbers are written.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _CARTESIAN: Final = re.compile(rb"\b(?:Move|Trigg)[LJC]", re.IGNORECASE)
 _TIMED: Final = re.compile(
     rb"\\(?:T|V[ \t]*:=[ \t]*" + PLAIN + rb")(?=[ \t]*[:,\\])", re.IGNORECASE
 )
-"""A time or a speed that stands beside the speed data and goes before it."""
+"""A time or a speed in addition to the speed data, which it overrides."""
 _SPEED: Final = re.compile(rb",\s*v(\d+)\b", re.IGNORECASE)
 
 

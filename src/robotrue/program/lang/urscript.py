@@ -3,7 +3,7 @@
 What is read: movel, movej, movep and movec to literal poses ``p[...]``, to literal axes ``[...]``,
 and to variables that hold one; ``pose_trans`` with a literal frame, ``get_inverse_kin`` of a pose;
 the tool of ``set_tcp``. Nothing but the numbers of targets is ever rewritten, tools and frames
-least of all. How numbers are written is told in :mod:`robotrue.program.formats.urscript_write`.
+least of all. :mod:`robotrue.program.formats.urscript_write` defines how numbers are written.
 """
 
 from __future__ import annotations

@@ -61,7 +61,7 @@ def write_words(program: Program, replacement: Replacement) -> bytes:
 
 
 def list_losses(program: Program, replacement: Replacement) -> tuple[str, ...]:
-    """Returns what the written file cannot say of the new points, one sentence each."""
+    """Returns what the written file cannot hold of the new points, one sentence each."""
     from robotrue.program.formats.path_write import path_losses
 
     return path_losses(program, replacement)

@@ -1,7 +1,7 @@
-"""Posts: how programs that machine are written, one TOML file for each language.
+"""Posts: formats of written machining programs, one TOML file for each language.
 
 A package outside adds posts by an entry point of the group ``robotrue.posts`` that names the folder
-of its files, a :class:`pathlib.Path`; a user names a file of their own with ``--post``.
+of its files, a :class:`pathlib.Path`; a user names another file with ``--post``.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def choose_post(output: Path, *, name: str | None = None, file: Path | None = No
             hint=f"name it {output.with_suffix(next(iter(allowed))).name}.",
         )
     own = [post for post in fitting if post.source.parent == FOLDER]
-    if len(own) == 1:  # a package outside does not take a suffix over; it is asked for by name
+    if len(own) == 1:  # a package outside does not take a suffix; it is requested by name
         return own[0]
     if len(fitting) > 1:
         names = [post.stated.name for post in fitting]

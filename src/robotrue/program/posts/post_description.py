@@ -126,7 +126,7 @@ class FileText:
 
     Attributes:
         name: Of the file; None is the file of ``--output``.
-        lines: The name of a block for its lines, or a line of its own.
+        lines: The name of a block for its lines, or a literal line.
     """
 
     name: LineTemplate | None
@@ -138,11 +138,11 @@ class Post:
     """Format of machining programs in one language.
 
     Attributes:
-        stated: The description as it stands in its file.
+        stated: The description as written in its file.
         source: The file.
         blocks: By name.
         files: The file of ``--output`` first.
-        at_controller: What is to be set at the controller, one sentence each.
+        at_controller: Required settings of the controller, one sentence each.
         names: All fields that are used.
     """
 

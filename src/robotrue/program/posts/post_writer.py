@@ -1,7 +1,7 @@
 """Writes the moves of a job in the language of a post description.
 
-Joint moves are exact stops. Points that cut are passed with the post's ``blended`` line as long as
-cutting goes on, with exact stops at its ends; rapid points are straight moves at the rapid speed,
+Joint moves are exact stops. Points that cut are passed with the post's ``blended`` line while
+cutting continues, with exact stops at its ends; rapid points are straight moves at the rapid speed,
 since the CAM system drew them straight. Statements of the tool path that move nothing are comments
 at their place; ``STOP``, ``DELAY/``, ``SPINDL/``, ``COOLNT/`` and ``LOADTL/`` are also the post's
 own lines for them, where it has some.
@@ -290,7 +290,7 @@ class _JobWriter:
         return texts, feeds, self._render_words(stream, values, rows)
 
     def _check_feeds(self, block: Block, path: Toolpath, feed: Array) -> None:
-        """Refuses feeds that the digits of the post cannot say."""
+        """Refuses feeds that the digits of the post cannot represent."""
         values = feed_values(feed)
         for template in block.events.values():
             for each in template.fields:
