@@ -5,8 +5,7 @@
 M comes from the links' masses, centres and inertias, J is the tool's Jacobian, both in the
 coordinates of the drives: with a parallel rod joint 2 moves the links beyond it without turning
 them, as in ``joint_map`` of the robot model. K is the stiffness of the joints. Damping is given
-mode by mode: no model of joints predicts it. M is computed in machine code: 20 microseconds, where
-array operations take a millisecond, and a stream recomputes its modes ten to fifty times a second.
+mode by mode: no model of joints predicts it.
 """
 
 from __future__ import annotations
@@ -18,11 +17,10 @@ import numpy as np
 
 from robotrue.core.arrays import Array, Records
 from robotrue.core.columns import EMPTY, Column, Columns
-from robotrue.core.compiled import EXACT, compile_kernel
 from robotrue.dynamics.oscillators import Oscillators, real_modes
 from robotrue.errors import ModelMismatchError, ReachError, ShapeError
 from robotrue.robot.chain import ORIGIN, Z, chain_dtype, link_frames, links_of
-from robotrue.robot.chain_kernels import add_first_moment, walk, write_jacobian
+from robotrue.robot.chain_kernels import walk, write_jacobian
 from robotrue.robot.model import RobotModel
 
 LIMIT_SLACK: Final = 1e-6
@@ -54,7 +52,7 @@ class FlexibleArm(Columns):
     _bodies: tuple[Array, Array, Array] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        """Checks signs, packs the bodies for the kernel."""
+        """Checks signs, packs the bodies."""
         self._check_columns(n=self.robot.dof)
         if not (self.stiffness > 0.0).all():
             raise ShapeError(f"stiffness {self.stiffness} N m/rad, expected above zero.")
@@ -74,12 +72,21 @@ class FlexibleArm(Columns):
         Args:
             joints: (n,) rad.
         """
-        robot, n = self.robot, self.robot.dof
-        mass, chain = np.empty((n, n)), np.zeros(1, chain_dtype(n))
-        chain["theta"][0] = robot.joint_map @ joints + robot.theta
-        write_mass_matrix(self._links, chain, *self._bodies, mass)
-        drives = robot.joint_map
-        return drives.T @ mass @ drives, chain["jacobian"][0] @ drives
+        n, drives = self.robot.dof, self.robot.joint_map
+        chain = np.zeros(1, chain_dtype(n))[0]
+        chain["theta"] = drives @ joints + self.robot.theta
+        walk(self._links[0], chain)
+        write_jacobian(chain)
+        centre, weight, inertia = self._bodies
+        frame = chain["frame"][:n]
+        axis, origin = frame[:, :, Z], frame[:, :, ORIGIN]
+        place = (frame @ centre[:, :, None])[:, :, 0]
+        carried = np.tri(n)[:, :, None]  # a joint moves the bodies from its own link on
+        linear = np.cross(axis, place[:, None] - origin) * carried
+        angular = (axis @ frame[:, :, : Z + 1]) * carried  # in the axes of each body
+        mass = weight[:, None, None] * (linear @ np.swapaxes(linear, 1, 2))
+        mass = np.sum(mass + angular @ inertia @ np.swapaxes(angular, 1, 2), axis=0)
+        return drives.T @ mass @ drives, chain["jacobian"] @ drives
 
 
 def _bodies_of(arm: FlexibleArm) -> tuple[Array, Array, Array]:
@@ -181,58 +188,3 @@ def pose_modes(arm: FlexibleArm, joints: Array) -> PoseModes:
         jacobian=jacobian,
         stiffness=arm.stiffness,
     )
-
-
-@compile_kernel(EXACT)
-def write_mass_matrix(
-    links: Records, chains: Records, centre: Array, weight: Array, inertia: Array, mass: Array
-) -> None:
-    """Walks a chain and writes its Jacobian, and its mass matrix (n, n) kg m^2 about the joints.
-
-    Args:
-        links: (1,) of :func:`robotrue.robot.chain.links_dtype`.
-        chains: (1,) of :func:`robotrue.robot.chain.chain_dtype`, with its angles.
-        centre: (n, 4) m of each body in the frame turned by its joint; then 1.
-        weight: (n,) kg.
-        inertia: (n, 3, 3) kg m^2 about the centre, in that frame.
-        mass: Written.
-    """
-    chain = chains[0]
-    walk(links[0], chain)
-    write_jacobian(chain)
-    n, frame = len(chain.theta), chain.frame
-    linear, turned, place = np.empty((n, 3)), np.empty((n, 3)), np.empty(3)
-    mass[:] = 0.0
-    for i in range(n):
-        if weight[i] <= 0.0:
-            continue
-        place[:] = 0.0
-        add_first_moment(frame[i], centre[i], place)
-        for j in range(i + 1):
-            for r in range(3):
-                u, v = (r + 1) % 3, (r + 2) % 3
-                linear[j, r] = frame[j, u, Z] * (place[v] - frame[j, v, ORIGIN])
-                linear[j, r] -= frame[j, v, Z] * (place[u] - frame[j, u, ORIGIN])
-            _write_turned(frame[i], inertia[i], frame[j], turned[j])
-        for j in range(i + 1):
-            for k in range(j + 1):
-                for r in range(3):
-                    mass[j, k] += weight[i] * linear[j, r] * linear[k, r]
-                    mass[j, k] += frame[j, r, Z] * turned[k, r]
-    for j in range(n):
-        for k in range(j):
-            mass[k, j] = mass[j, k]
-
-
-@compile_kernel(EXACT)
-def _write_turned(body: Array, inertia: Array, joint: Array, out: Array) -> None:
-    """Writes R I R^T z (3,): the body's angular momentum per speed of a joint, in base."""
-    local, momentum = np.zeros(3), np.zeros(3)
-    for a in range(3):
-        for r in range(3):
-            local[a] += body[r, a] * joint[r, Z]
-    for a in range(3):
-        for b in range(3):
-            momentum[a] += inertia[a, b] * local[b]
-    for r in range(3):
-        out[r] = body[r, 0] * momentum[0] + body[r, 1] * momentum[1] + body[r, 2] * momentum[2]

@@ -10,7 +10,6 @@ import numpy as np
 
 from robotrue.core.arm_words import NO_WORD
 from robotrue.core.arrays import Array, BoolArray
-from robotrue.core.compiled import PLAIN, compile_kernel
 from robotrue.errors import ShapeError
 from robotrue.program.program import Program, Replacement
 
@@ -124,19 +123,8 @@ def find_moved(
     with np.errstate(invalid="ignore"):
         place = ~(np.abs(replacement.position[rows] - program.position[rows]) <= _SAME_POSITION)
         axes = ~(np.abs(replacement.axes[rows] - program.axes[rows]) <= SAME_ROTATION)
-    turned = np.asarray(replacement.rotation[rows], dtype=np.float64)
-    return place, _find_turned(turned, program.rotation[rows]), axes
-
-
-@compile_kernel(PLAIN)
-def _find_turned(new: Array, old: Array) -> BoolArray:
-    """Returns which of two stacks of matrices (n, 3, 3) are not the same."""
-    out = np.zeros(len(new), np.bool_)
-    for row in range(len(new)):
-        for i in range(3):
-            for j in range(3):
-                out[row] |= not abs(new[row, i, j] - old[row, i, j]) <= SAME_ROTATION
-    return out
+        turned = ~(np.abs(replacement.rotation[rows] - program.rotation[rows]) <= SAME_ROTATION)
+    return place, turned.any(axis=(1, 2)), axes
 
 
 def require_printable(
