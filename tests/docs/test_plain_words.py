@@ -1,9 +1,12 @@
-"""README, guides, pages, notebooks, help and catalogues use plain technical English."""
+"""README, guides, pages, notebooks, help, catalogues and source use plain technical English."""
 
 from __future__ import annotations
 
+import ast
+import io
 import json
 import re
+import tokenize
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
@@ -59,6 +62,15 @@ INSTEAD: Final = {
     r"\b(unless stated|gives? way|all the same|left whole|on paper)\b": "by default; compliant",
 }
 """A phrase that is not plain technical English, and what to write instead."""
+ROOMS: Final = sorted(
+    folder
+    for package in ("robotrue", "robotrue_reproductions")
+    for folder in (ROOT / "src" / package, *(ROOT / "src" / package).iterdir())
+    if folder.is_dir() and any(folder.glob("*.py"))
+)
+"""Packages below ``src``, and the folder of each with its own files."""
+NAMES: Final = re.compile(r"`[^`\n]*`|^\s+\**\w+: ", re.MULTILINE)
+"""Code in a docstring: names in backticks, and the names of arguments and attributes."""
 FENCE: Final = re.compile(r"^ *```.*?^ *```$|`[^`\n]*`|^ {4}.*$", re.DOTALL | re.MULTILINE)
 
 
@@ -104,6 +116,50 @@ def test_the_texts_of_pages_and_reports_use_plain_words(catalogue: Path) -> None
     texts = re.findall(r'^[\w."\s]+ = "(.*)"$', catalogue.read_text(encoding="utf-8"), re.MULTILINE)
     assert texts
     assert not find_phrases("\n\n".join(texts))
+
+
+def texts_of(source: str) -> Iterator[tuple[int, str]]:
+    """Yields line and text of each comment, docstring and literal of more than one word."""
+    parts: set[int] = set()
+    for node in ast.walk(ast.parse(source)):  # a formatted string comes before its parts
+        if isinstance(node, ast.JoinedStr):
+            parts.update(id(each) for each in node.values)
+            words = [each.value for each in node.values if isinstance(each, ast.Constant)]
+            yield node.lineno, "0".join(map(str, words))
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            if id(node) not in parts and " " in node.value.strip():
+                yield node.lineno, node.value
+    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+        if token.type == tokenize.COMMENT:
+            yield token.start[0], token.string
+
+
+@pytest.mark.parametrize(
+    "room", ROOMS, ids=lambda room: room.relative_to(ROOT / "src").as_posix().replace("/", "-")
+)
+def test_docstrings_comments_and_messages_use_plain_words(room: Path) -> None:
+    top = room.parent == ROOT / "src"
+    found = [
+        f"{path.relative_to(ROOT)}:{line}: {phrase}"
+        for path in sorted(room.glob("*.py") if top else room.rglob("*.py"))
+        for line, text in texts_of(path.read_text(encoding="utf-8"))
+        for phrase in find_phrases(NAMES.sub("", text))
+    ]
+    assert not found, "\n".join(found)
+
+
+def test_texts_are_taken_from_source_and_names_are_not() -> None:
+    source = """x = "told"  # nobody
+def f(told: str) -> str:
+    \"""Is told.
+
+    Args:
+        told: Nobody, as ``told``.
+    \"""
+    return f"{told} taken in"
+"""
+    found = [find_phrases(NAMES.sub("", text)) for _, text in texts_of(source)]
+    assert [len(phrases) for phrases in found] == [3, 1, 1]
 
 
 def test_a_phrase_of_the_list_is_found_in_text_and_not_in_code() -> None:

@@ -1,11 +1,11 @@
-"""Rotary table beside a calibrated arm: a block of its own in the posterior of the model.
+"""Rotary table next to a calibrated arm: a separate block in the posterior of the model.
 
     y = (1 + motion(e; v)) M(e) p + noise        v ~ prior,   p: where each point is on the table
 
 Rows are taken to base through the tracker frames that the model has. Errors of the arm are stated
-in that same base, so what is not known of those frames moves arm and table together, and the two
-blocks are independent. Scales of the harmonics and noise are those of greatest evidence; a factor
-on the covariance comes from readings at angles that were left out.
+in that same base, so the uncertainty of those frames moves arm and table together, and the two
+blocks are independent. Scales of the harmonics and noise maximise the evidence; a factor on the
+covariance comes from readings at held-out angles.
 """
 
 from __future__ import annotations

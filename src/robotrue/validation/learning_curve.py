@@ -108,8 +108,8 @@ def learning_curve(
         counts: Numbers of target poses.
         repeats: Random nested subsets.
         payload: Used where a row does not state its own.
-        floor: m, the error nothing can beat, if it is known.
-        progress: Told before every fit.
+        floor: m, lower bound of the error, if it is known.
+        progress: Called before every fit.
 
     Raises:
         ShapeError: No candidates, no repeats, or too few target rows for any count.

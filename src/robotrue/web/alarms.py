@@ -13,7 +13,7 @@ AXES: Final = ("x", "y", "z")
 QUIET: Final = 2.0
 """s within the limit after which an alarm is over; until then it is the same one."""
 SIGMAS: Final = 2.0
-"""Of the band that is told, 95 %."""
+"""Of the reported band, 95 %."""
 Limits: TypeAlias = tuple[float, float, float]
 """um along x, y and z of the base; 0 is none."""
 
@@ -83,11 +83,11 @@ class AlarmWatch:
         return tuple(each for each, _, _ in self._open.values())
 
     def take(self, bins: Sequence[LiveBin], at: datetime) -> list[Alarm]:
-        """Returns the alarms that begin or end in some bins of a stream.
+        """Returns the alarms that start or end in some bins of a stream.
 
         Args:
-            bins: As :mod:`robotrue.online.live_page` tells them, in the order of time.
-            at: When the last of them came.
+            bins: As from :mod:`robotrue.online.live_page`, in the order of time.
+            at: Arrival of the last of them.
         """
         out: list[Alarm] = []
         last = float(bins[-1]["t_s"]) if bins else 0.0

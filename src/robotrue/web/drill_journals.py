@@ -83,11 +83,11 @@ def journal_path(workspace: Workspace, name: str) -> Path:
 
 
 def entries_after(path: Path, after: int, *, name: str) -> Entries:
-    """Returns entries of a journal from a byte on; of a file shorter than that, all anew.
+    """Returns entries of a journal from a byte on; of a shorter file, all entries.
 
     Raises:
         ConfigurationError: The byte is not the beginning of a line.
-        FormatError: A line that is none of a journal.
+        FormatError: A line that is not of a journal.
     """
     with path.open("rb") as file:
         size = file.seek(0, 2)

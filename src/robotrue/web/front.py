@@ -84,7 +84,7 @@ class FrontProtocol(HttpToolsProtocol):
         self._admission.admit(self)
 
     def data_received(self, data: bytes) -> None:
-        """Parses; refuses a head, or a trailer of a body, that goes on beyond the limit."""
+        """Parses; refuses a head, or a trailer of a body, beyond the limit."""
         if self._deadline is None and (self.cycle is None or self.cycle.response_complete):
             self._start_deadline()
         self._unparsed += len(data)

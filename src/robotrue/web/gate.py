@@ -73,7 +73,7 @@ class Gate:
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
             return
-        # Reflected by the page template; nobody stands in front of this server.
+        # Reflected by the page template; there is no proxy in front of this server.
         scope["headers"] = [h for h in scope["headers"] if h[0] != b"x-forwarded-prefix"]
         refusal = self._refusal(scope, Headers(scope=scope))
         if refusal is None and scope["type"] == "websocket":
@@ -205,7 +205,7 @@ class Gate:
             nonlocal begun, refusal
             if not begun and refusal is None and self._is_logged_out(scope):
                 refusal = _ask_who(scope)
-            if refusal is None or begun:  # else the application only tells of our own refusal
+            if refusal is None or begun:  # else the application only reports our own refusal
                 begun = True
                 await send(message)
 

@@ -1,7 +1,7 @@
 """The process that runs the workspace's jobs while the server runs, each in a child process.
 
-It is there only while there is something to do: started when a job waits, gone when none does. If
-it dies, its job is queued again by whoever works next; if the server dies, it ends with it.
+It exists only while jobs wait. If it dies, the next worker queues its job again; if the server
+dies, it ends with it.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ SLOTS: Final = min(4, max(2, os.cpu_count() or 1))
 
 
 class JobProcess:
-    """Sees to it that somebody works while jobs wait."""
+    """Keeps a worker running while jobs wait."""
 
     def __init__(self, workspace: Workspace, kinds: Mapping[str, str]) -> None:
         """Makes it; :meth:`watch` is what runs.

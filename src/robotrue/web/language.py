@@ -36,10 +36,10 @@ class Wording:
         self._words = words(language)
 
     def __call__(self, key: str, **values: object) -> str:
-        """Returns the text of a key with its values put in.
+        """Returns the text of a key with its values inserted.
 
         Raises:
-            ConfigurationError: No such text; a test looks for all that are used.
+            ConfigurationError: No such text; a test checks all that are used.
         """
         try:
             text = self._words[key]

@@ -1,9 +1,9 @@
-"""Live frames passed on: one connection to a sensing service, any number of people who look.
+"""Relay of live frames: one connection to a sensing service, any number of viewers.
 
-What comes is passed on as it is; it is read beside that for alarms, also while nobody looks. Each
-viewer has a queue of its own: one that is slow or asleep loses its oldest frames and holds up
-nobody. A viewer says every few frames how many it has had, so that nothing waits unseen in buffers
-between here and there and is shown late.
+Frames are forwarded unchanged and checked for alarms, also without viewers. Each viewer has its own
+queue: one that is slow or asleep loses its oldest frames and does not delay others. A viewer
+reports its number of received frames every few frames, so that none waits in buffers and is shown
+late.
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ class Relay:
             viewer.waiting.close()
 
     def change(self, source: LiveSource) -> None:
-        """Goes on with other limits or another name."""
+        """Continues with other limits or another name."""
         if source.limits != self.source.limits:
             self._record_alarms(self._watch.end())
             self._watch.limits = source.limits

@@ -63,7 +63,7 @@ def source(workspace: Workspace, id: str) -> LiveSource:
 def is_allowed(address: str, named: Collection[str]) -> bool:
     """Returns whether the server connects to an address: one of this computer, or one named.
 
-    Whoever may add a source could otherwise have the server try any port of any machine.
+    Otherwise a user could make the server try any port of any machine.
     """
     return address in named or net_address(address, default_port=SENSE_PORT).loopback
 
@@ -120,7 +120,7 @@ def record_alarm(workspace: Workspace, id: str, alarm: Alarm) -> None:
 def alarms(workspace: Workspace, id: str, *, limit: int) -> list[dict[str, object]]:
     """Returns the latest alarms of a source, the newest first.
 
-    One whose end was never written, because the server was ended in it, is told as it began.
+    An alarm without an end, because the server stopped during it, is reported as started.
     """
     out: dict[str, dict[str, object]] = {}
     for entry in journal.entries(workspace, item=id, limit=2 * limit).items:

@@ -41,7 +41,7 @@ def login_router(settings: ServeSettings, sessions: Sessions, tries: Tries) -> A
         tries.count(address)
         fields = parse_qs(body.decode("utf-8", errors="replace"))
         given = fields.get("secret", [""])[0]
-        # Both are compared, so that the time does not tell which of them exists.
+        # Both are compared, so that the time does not reveal which of them exists.
         right = [same_secret(given, wanted) for wanted in (settings.password, settings.token)]
         if not any(right):
             return _page(request, say("login.wrong"), status=403)

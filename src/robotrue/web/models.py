@@ -1,6 +1,6 @@
 """Model shown by the pages: of the address, else the one chosen for all, else the first.
 
-The model in use changes when somebody chooses another one, never because another one was made.
+The model in use changes when a user chooses another one, never because another one was made.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ async def shown_model(workspace: Workspace, asked: str | None) -> ShownModel:
 
 
 def choose(workspace: Workspace, id: str) -> DocumentRecord:
-    """Returns the document that says which model all pages show from now on.
+    """Returns the document that sets the model shown by all pages from now on.
 
     Raises:
         ConfigurationError: There is no such model, or it is deleted.
@@ -78,7 +78,7 @@ def _find_models(workspace: Workspace, asked: str | None) -> ShownModel:
     if asked:
         try:
             model = items.get(workspace, MODEL, asked)
-        except ConfigurationError:  # an old link: another is shown, and its name stands on the page
+        except ConfigurationError:  # an old link: another is shown, with its name on the page
             pass
     return ShownModel(model=model, in_use=in_use.id if in_use else "", offered=offered)
 

@@ -43,11 +43,11 @@ class ServerContext:
     """State that all pages and the HTTP interface share while the server runs.
 
     Attributes:
-        settings: What was asked for at the start.
+        settings: Of the start.
         workspace: Open.
-        workers: Processes for what takes longer than a blink.
-        answers: Of those processes, kept for a while.
-        job_process: The process that does jobs.
+        workers: Processes for slow queries.
+        answers: Of those processes, cached for a while.
+        job_process: The process that runs jobs.
         relays: Of live data.
     """
 
@@ -180,10 +180,10 @@ class Screen:
     Attributes:
         name: Also of its file, and the key of its texts and of its icon.
         path: Address.
-        styles: Addresses of its own style sheets.
-        below: Further address; what it names in braces is in the query.
+        styles: Addresses of its additional style sheets.
+        below: Further address; names in braces are in the query.
         stage: Of the project it belongs to; empty: none, or all.
-        operations: That it has forms of its own for.
+        operations: Operations with special forms.
     """
 
     name: str
@@ -203,8 +203,8 @@ class Screen:
 def shown_jobs(workspace: Workspace, kind: str) -> list[jobs.Job]:
     """Returns the jobs of a kind that are not over, and the newest one if it has failed.
 
-    One that is done within the moment the page takes to come again is among them: its card leads
-    who asked for it to the result, and shows itself to nobody else.
+    A job that finished just before the page reloads is among them: its card leads the user who
+    queued it to the result, and is hidden from others.
     """
     found = jobs.search(workspace, kind=kind, limit=20).items
     newest = [each for each in found[:1] if each.state in (jobs.FAILED, jobs.CANCELLED)]

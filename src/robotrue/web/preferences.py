@@ -1,7 +1,7 @@
 """Preferences of one user: language, theme, angles, unit of errors. Saved by the browser.
 
-The choice travels in a cookie of its own, which says nothing about who somebody is; anything in it
-that is not one of the known choices counts as not chosen.
+The choice is in a separate cookie, which does not identify the user; unknown values count as not
+chosen.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Refusals: as JSON (RFC 9457), and as cards on a page in the reader's language.
 
-What exactly was wrong is said where it was found, below the web room, in English. Around it a card
-says what a reader of another language needs: which kind of fault that is, and what always helps.
-``bench.fault`` of ``static/bench.js`` says the same of the answers of the HTTP interface.
+The error itself is worded where it is detected, below the web room, in English. A card adds the
+text for a reader of another language: the kind of fault, and its general remedy. ``bench.fault`` of
+``static/bench.js`` does the same for answers of the HTTP interface.
 """
 
 from __future__ import annotations
@@ -154,12 +154,12 @@ def answer_with_problems(app: FastAPI) -> None:
 
 
 def refusal(say: Wording, error: RobotrueError, *, title: str = "") -> Markup:
-    """Returns a card that says what was refused, why, and what to try.
+    """Returns a card with the refused request, the cause, and what to try.
 
     Args:
         say: The words of the reader.
-        error: As it was raised.
-        title: In the place of the kind of error; empty: the kind.
+        error: The raised error.
+        title: Replaces the kind of error; empty: the kind.
     """
     place, file = "", source_name(error)
     if file is not None:

@@ -50,8 +50,8 @@ def serve(settings: ServeSettings, *, ready: Callable[[str], None]) -> None:
     """Serves a workspace until the process is stopped.
 
     Args:
-        settings: Where and to whom.
-        ready: Told the address once the port is taken.
+        settings: Addresses and access.
+        ready: Called with the address once the port is bound.
 
     Raises:
         ConfigurationError: The port is taken or not allowed, or the workspace cannot be opened.
@@ -75,7 +75,7 @@ def serve(settings: ServeSettings, *, ready: Callable[[str], None]) -> None:
             ws_max_size=4 * 1024 * 1024,
             timeout_graceful_shutdown=3,
         )
-        gc.freeze()  # all of it stays: nobody need go through it again
+        gc.freeze()  # all of it stays: no need to scan it again
         gc.enable()
         shown = f"[{settings.host}]" if ":" in settings.host else settings.host
         ready(f"{'https' if settings.secure else 'http'}://{shown}:{port}/")
@@ -117,7 +117,7 @@ def listening(settings: ServeSettings) -> socket.socket:
     try:
         bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         bound.bind((settings.host, settings.port))
-        bound.listen(128)  # whoever comes before the pages stand waits, and is not refused
+        bound.listen(128)  # an early client waits, and is not refused
     except OSError as cause:
         bound.close()
         raise ConfigurationError(
@@ -128,7 +128,7 @@ def listening(settings: ServeSettings) -> socket.socket:
 
 
 class Application(FastAPI):
-    """The workbench; its HTTP interface is made when somebody first asks for it.
+    """The workbench; its HTTP interface is made on its first request.
 
     The first page would otherwise wait for the models of all requests and answers.
     """

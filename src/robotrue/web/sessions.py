@@ -115,5 +115,5 @@ def client_group(host: str) -> str:
 
 
 def same_secret(given: str, wanted: str) -> bool:
-    """Returns whether two secrets are equal, in a time that tells nothing; empty ones are not."""
+    """Returns whether two secrets are equal, in constant time; empty ones are not."""
     return bool(wanted) and hmac.compare_digest(given.encode(), wanted.encode())

@@ -45,7 +45,7 @@ ICONS: Final = {
 
 
 def render(template: str, **values: object) -> Markup:
-    """Returns a template of the folder ``templates`` with its values put in."""
+    """Returns a template of the folder ``templates`` with its values inserted."""
     return Markup(TEMPLATES.get_template(template).render(values))  # noqa: S704  escaped there
 
 

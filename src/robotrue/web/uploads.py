@@ -22,7 +22,7 @@ from robotrue.web.problems import MissingError
 FOLDER: Final = "incoming"
 LONGEST_NAME: Final = 120
 KEPT: Final = 24 * 3600.0
-"""s that a file nobody made anything of is kept."""
+"""s after which an unused file is removed."""
 FLAT: Final = 64 * 1024
 """Bytes that count for an upload besides its content: many empty ones fill a disk, too."""
 UNPACKED: Final = 1_000_000_000
@@ -152,10 +152,10 @@ def forget(workspace: Workspace, key: str) -> None:
 
 
 def forget_old(workspace: Workspace) -> None:
-    """Removes uploads that nobody made anything of for a day."""
+    """Removes uploads that were not used for a day."""
     place = workspace.folder / FOLDER
     for each in place.iterdir() if place.is_dir() else ():
-        with contextlib.suppress(OSError):  # somebody else has just removed it
+        with contextlib.suppress(OSError):  # another request has just removed it
             if each.stat().st_mtime < time.time() - KEPT:
                 shutil.rmtree(each, ignore_errors=True)
 

@@ -1,9 +1,9 @@
-"""Processes beside the server for what is quick but heavy: reading a file, drawing a scene.
+"""Processes next to the server for quick but heavy queries: reading a file, drawing a scene.
 
-Numeric libraries take hundreds of megabytes; here they are loaded by the first question that needs
-them, in a process of its own, and the server stays small and answers meanwhile. What takes longer
-than a few seconds is no question but a job of the store. A file can be slow to read all the same:
-then the next question gets a process of its own.
+Numeric libraries take hundreds of megabytes; here they are loaded by the first query that needs
+them, in a separate process, and the server stays small and answers meanwhile. Work of more than a
+few seconds is not a query but a job of the store. A file can still be slow to read: then the next
+query gets another process.
 
 Children are forked from a process that has loaded the libraries already: loading them takes seconds
 of a core, and a query, a worker and each of its jobs need the same ones. The server itself has
@@ -97,7 +97,7 @@ class QueryWorkers:
                 raise Unanswered(
                     f"no answer within {PATIENCE:g} s.", hint="do it on the command line."
                 ) from None
-            except BaseException:  # nobody waits for the answer any more
+            except BaseException:  # the answer is not needed any more
                 self._end(process)
                 raise
             else:

@@ -35,7 +35,7 @@ CSV: Final[dict[int | str, dict[str, Any]]] = {
 
 
 SHUT: Final = "sandbox; default-src 'none'; style-src 'unsafe-inline'; img-src data:"
-"""A report holds what users named things; whatever stands in it, it can only be read."""
+"""A report contains names from users; this makes it read-only, whatever it contains."""
 ROLES: Final = frozenset({"report", "file"})
 
 
@@ -136,7 +136,7 @@ def _offer_changes(routes: APIRouter, workspace: Workspace) -> None:
 
     @routes.delete("/items/{noun}/{id}")
     def delete_item(noun: NounName, id: Id) -> dict[str, object]:
-        """The version that says that the item is deleted; nothing of it is lost."""
+        """Returns the version that marks the item as deleted; nothing of it is lost."""
         get_item(workspace, noun, id)
         return record_document(items.delete(workspace, _noun(noun), id), noun)
 
@@ -169,7 +169,7 @@ def _offer_changes(routes: APIRouter, workspace: Workspace) -> None:
 
     @routes.put("/chosen-model")
     def choose_model(asked: ChosenModel) -> dict[str, object]:
-        """The document that says which model all pages show from now on."""
+        """Returns the document that sets the model shown by all pages from now on."""
         get_item(workspace, MODEL.name, asked.model)
         return record_document(models.choose(workspace, asked.model), "document")
 

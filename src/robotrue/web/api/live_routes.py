@@ -19,7 +19,7 @@ from robotrue.web.problems import missing_if_unknown
 
 Limit = Annotated[float, Field(ge=0.0, le=1e6, allow_inf_nan=False)]
 MOST: Final = 5000
-"""Alarms told at once."""
+"""Largest number of alarms in one answer."""
 
 
 class NewSource(BaseModel, extra="forbid"):

@@ -50,10 +50,10 @@ def router(server: ServerContext) -> APIRouter:
     ) -> Response:
         """Predicted errors of a program's targets, and GO or NO-GO against a tolerance.
 
-        A compensated program is compared with the one it was made from, and judged by the model it
-        was compensated with; a program as the CAM made it is judged as it stands. Without a
-        tolerance there are the predicted errors and no verdict. Axis targets state no place and are
-        counted apart, unless the judgement is to be strict.
+        A compensated program is compared with the one it was made from, and checked with the model
+        it was compensated with; a program from CAM is checked as it is. Without a tolerance there
+        are predicted errors and no verdict. Axis targets have no Cartesian position and are counted
+        separately, unless the check is strict.
         """
         judge = await asyncio.to_thread(get_item, server.workspace, MODEL.name, model)
         stated = (model, judge.version, tolerance_mm, strict)

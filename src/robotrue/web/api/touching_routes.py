@@ -25,19 +25,19 @@ Length = Annotated[float, Field(ge=0.0, le=1000.0, allow_inf_nan=False)]
 
 
 class Begin(BaseModel):
-    """A session that is wanted; lengths in mm as ``robotrue register`` takes them.
+    """A requested session; lengths in mm as in ``robotrue register``.
 
     Attributes:
         uploads: One table: features, touched points, or a plan of ``robotrue probe-plan``.
-        cell: Id of the cell the part stands in.
+        cell: Id of the cell of the part.
         model: Id of the model of the arm; None: the nominal arm.
         name: In the workspace; empty: that of the file.
-        reads: What a reading is.
-        axes: How joints are counted where a reading does not say.
-        frame: ``X, Y, Z, A, B, C`` in mm and deg, roughly where the part stands; empty: as planned,
-            or as the cell has it.
+        reads: Kind of readings.
+        axes: Convention of joints where a reading does not state it.
+        frame: ``X, Y, Z, A, B, C`` in mm and deg, the rough frame of the part; empty: as planned,
+            or from the cell.
         tip_axis: The way from the flange to the tip, in the tool frame.
-        lean_deg: By which the tool may be leaned where postures are chosen.
+        lean_deg: Largest lean of the tool where postures are chosen.
         fit: auto, frame or joint.
     """
 
@@ -122,7 +122,7 @@ def router(server: ServerContext) -> APIRouter:
 
     @routes.get("/touching/{id}/version")
     async def look_for_news(id: Id) -> Latest:
-        """At which version the session is: whether somebody has entered something."""
+        """Returns the version of the session, which shows new entries."""
         record = await _read_session(server, id)
         return Latest(version=record.version)
 

@@ -94,7 +94,7 @@ async def _show_learned(context: PageContext) -> str:
 
 @dataclass(frozen=True, slots=True)
 class _Warnings:
-    """Sentences on what the data cannot tell, and the combinations they name."""
+    """Sentences on undetermined parameters, and the combinations they name."""
 
     warnings: list[str]
     unseen: list[dict[str, str]]
@@ -103,7 +103,7 @@ class _Warnings:
 def _warnings(context: PageContext, stated: _Warnings) -> list[Markup]:
     """Warnings about undetermined combinations, in the reader's language.
 
-    The combination of parameters is the same in every language; it stands out.
+    The combination of parameters is the same in every language, and is highlighted.
     """
     words = ReportTexts(lang="zh" if context.say.language == "zh" else "en")
     names = {each["name"] for each in stated.unseen}

@@ -85,9 +85,9 @@ async def _preview(context: PageContext) -> str:
 
 
 async def _columns(context: PageContext) -> str:
-    """The columns of an upload, how they are read, what is wrong with that.
+    """Renders the columns of an upload, their mapping, and its faults.
 
-    What was chosen stands in the address.
+    The chosen mapping is in the address.
     """
     say, keys = context.say, _keys(context)
     paths = [find_upload(context.workspace, key) for key in keys]

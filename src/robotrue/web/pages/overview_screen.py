@@ -1,4 +1,4 @@
-"""The project: the way from the cell to the monitored robot, how far it is, and the next step."""
+"""The project: the stages from the cell to the monitored robot, its progress, and the next step."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from robotrue.store.workspace import Workspace
 from robotrue.web.page_context import PageContext
 
 CELL_WORDS: Final = frozenset({"cell", "new"})
-"""What an address says that was once the address of a cell."""
+"""Words in old addresses of a cell."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -152,7 +152,7 @@ def _strict(context: PageContext) -> bool:
 
 
 def _tolerance(context: PageContext) -> float | None:
-    """The tolerance in the address, mm; None: nobody has stated one, and there is no verdict."""
+    """Returns the tolerance in the address, mm; None: not stated, so there is no verdict."""
     return context.number("tolerance_mm", None, most=1000.0)
 
 

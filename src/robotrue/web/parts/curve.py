@@ -27,11 +27,11 @@ class Line:
     """One curve; all sequences have one number per count.
 
     Attributes:
-        label: What it is.
+        label: Name of the curve.
         values: Above zero.
         low: Lower edge of its band; empty: no band.
         high: Upper edge.
-        look: ``ours`` stands out, ``other`` stands back.
+        look: ``ours`` is emphasised, ``other`` is muted.
     """
 
     label: str

@@ -1,6 +1,6 @@
 """The form of any operation, made from its request alone.
 
-Labels are the names of fields and hints their help, where the languages have no words of their own:
+Labels are the names of fields and hints their help, where the languages have no texts for them:
 ``tools.field_<name>``.
 """
 
@@ -39,10 +39,10 @@ class GeneratedForm(RequestForm):
     """The form of an operation for one reader.
 
     Attributes:
-        operation: That a job is to do.
-        files: Items that have files to choose from, by the heading they stand under.
-        chosen: Id of the item that is chosen at first, by noun.
-        stated: Parameters of an earlier job, which stand in the fields at first.
+        operation: Of the job.
+        files: Items that have files to choose from, by their heading.
+        chosen: Id of the initially chosen item, by noun.
+        stated: Parameters of an earlier job, the initial values of the fields.
     """
 
     operation: AnyOperation

@@ -46,11 +46,11 @@ async def find_reports(
 
     Args:
         context: Of the page.
-        about: What they are reports of.
+        about: The item of the reports.
         subject: The parameter of the job that names it.
         names: Of fields of the form.
         sets: Measurements to choose from.
-        values: What stands in a field at first.
+        values: Initial values of fields.
     """
     form = RequestForm(
         context=context,

@@ -31,7 +31,7 @@ class RequestForm:
         records: Items to choose from, by noun.
         marks: ``data-testid`` of fields, by field; ``name`` for the name of the result.
         without: Fields that the page builds itself.
-        values: What stands in a field at first in place of its default; it cannot be emptied.
+        values: Initial value of a field instead of its default; it cannot be cleared.
     """
 
     context: PageContext
