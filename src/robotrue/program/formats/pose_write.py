@@ -124,7 +124,7 @@ def find_moved(
         place = ~(np.abs(replacement.position[rows] - program.position[rows]) <= _SAME_POSITION)
         axes = ~(np.abs(replacement.axes[rows] - program.axes[rows]) <= SAME_ROTATION)
         turned = ~(np.abs(replacement.rotation[rows] - program.rotation[rows]) <= SAME_ROTATION)
-    return place, turned.any(axis=(1, 2)), axes
+    return place, np.asarray(turned.any(axis=(1, 2))), axes
 
 
 def require_printable(
