@@ -69,7 +69,7 @@ ROOMS: Final = sorted(
     if folder.is_dir() and any(folder.glob("*.py"))
 )
 """Packages below ``src``, and the folder of each with its own files."""
-NAMES: Final = re.compile(r"`[^`\n]*`|^\s+\**\w+: ", re.MULTILINE)
+NAMES: Final = re.compile(r"`+[^`\n]*`+|^\s+\**\w+: ", re.MULTILINE)
 """Code in a docstring: names in backticks, and the names of arguments and attributes."""
 FENCE: Final = re.compile(r"^ *```.*?^ *```$|`[^`\n]*`|^ {4}.*$", re.DOTALL | re.MULTILINE)
 

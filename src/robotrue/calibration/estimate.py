@@ -33,7 +33,7 @@ class FitVerdict:
         status: ``"determined"``: every direction a prediction depends on was seen by the data.
             ``"conditional"``: some rest on the prior; ``doubts`` names each with its cure.
         doubts: Sentences, also for screened rows. Unseen combinations that no position of the
-            measured point depends on are no doubts; ``identifiability`` lists them.
+            measured point depends on are no warnings; ``identifiability`` lists them.
     """
 
     status: Status
