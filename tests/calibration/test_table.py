@@ -9,11 +9,14 @@ import numpy as np
 import pytest
 
 from robotrue.calibration.archive import open_model
-from robotrue.calibration.arm import prepare_arm
+from robotrue.calibration.arm import LinearArm, prepare_arm
 from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.model import Query
+from robotrue.calibration.settings import FitSettings
+from robotrue.calibration.table_axes import same_axis
 from robotrue.calibration.table_fit import calibrate_table
-from robotrue.calibration.terms.rotary_table import SIZE, RotaryTable, same_axis
+from robotrue.calibration.terms.rotary_table import SIZE, RotaryTable
+from robotrue.calibration.update import update_model
 from robotrue.core.archive import archive_bytes
 from robotrue.core.arrays import Array
 from robotrue.core.conditions import no_conditions
@@ -30,9 +33,9 @@ from robotrue.program.external_axes import ExternalAxis, move_frames
 from robotrue.robot.forward import forward
 from robotrue.robot.presets import preset
 from robotrue.robot.statics import NO_LOAD
-from robotrue.simulation.rail_practice import T_TRACKER_BASE
+from robotrue.simulation.rail_practice import T_TRACKER_BASE, draw_rail, measure_rail
 from robotrue.simulation.table_practice import AXIS, TableAsBuilt, draw_table, measure_table
-from robotrue.simulation.warm_shift import joints_of
+from robotrue.simulation.warm_shift import LOAD, joints_of
 
 NOMINAL: Final = preset("KR160")
 TILTING: Final = ExternalAxis(
@@ -89,19 +92,16 @@ def test_columns_are_the_derivative_of_the_error() -> None:
     external[0, 0] = np.nan
     conditions = replace(no_conditions(5), external=external)
 
-    def error(values: Array) -> Array:
+    def linear(values: Array) -> LinearArm:
         prepared = prepare_arm(NOMINAL, terms=(term,), values=values)
-        return prepared.linearise(joints, NO_LOAD, conditions=conditions).error
+        return prepared.linearise_at(prepared.postures(joints, NO_LOAD, conditions=conditions))
 
     values = 1e-9 * rng.standard_normal(term.size)
-    at = prepare_arm(NOMINAL, terms=(term,), values=values).linearise(
-        joints, NO_LOAD, conditions=conditions
-    )
-    columns = at.columns[:, :, len(NOMINAL.errors) :]
+    columns = linear(values).columns[:, :, len(NOMINAL.errors) :]
     assert columns.shape == (5, 3, 2 * SIZE)
     assert not columns[0, :, :SIZE].any()
     for k, step in enumerate(1e-6 * np.eye(term.size)):
-        slope = (error(values + step) - error(values - step)) / 2e-6
+        slope = (linear(values + step).error - linear(values - step).error) / 2e-6
         np.testing.assert_allclose(columns[:, :, k], slope, atol=2e-7)
 
 
@@ -235,6 +235,14 @@ def test_a_second_calibration_takes_the_place_of_the_first(
     again = calibrate_table(fitted, measure_table(built, np.random.default_rng(5)), [AXIS])
     assert len(again.terms) == len(fitted.terms)
     np.testing.assert_allclose(again.values, fitted.values, atol=1e-12)
+
+
+def test_new_rows_of_the_arm_leave_it(fitted: CalibratedModel) -> None:
+    rng = np.random.default_rng(6)
+    rows, _ = measure_rail(NOMINAL, draw_rail(NOMINAL, rng), 12, rng, still=True)
+    model = update_model(fitted, rows, settings=FitSettings(payload=LOAD))
+    assert isinstance(model.terms[-1], RotaryTable)
+    np.testing.assert_array_equal(model.values[-SIZE:], fitted.values[-SIZE:])
 
 
 def test_the_tables_of_the_arm_hold_beside_the_table_alone(fitted: CalibratedModel) -> None:

@@ -25,7 +25,8 @@ from test_external_chain import (
 
 from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.model import Query
-from robotrue.calibration.terms.rotary_table import SIZE, RotaryTable, require_table_axes
+from robotrue.calibration.table_axes import require_table_axes
+from robotrue.calibration.terms.rotary_table import SIZE, RotaryTable
 from robotrue.compensation import CompensationSettings, Status, compensate
 from robotrue.core.conditions import no_conditions
 from robotrue.core.poses import inverse

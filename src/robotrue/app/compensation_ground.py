@@ -19,7 +19,7 @@ from robotrue.app.stated_conditions import model_under
 from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.model import ErrorModel, identity_of
 from robotrue.calibration.nominal import NominalModel
-from robotrue.calibration.terms.rotary_table import require_table_axes
+from robotrue.calibration.table_axes import require_table_axes
 from robotrue.cell.cell import Cell, frame_table
 from robotrue.cell.part import PartFrame
 from robotrue.compensation.between_targets import SplitOptions

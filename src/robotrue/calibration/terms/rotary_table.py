@@ -31,9 +31,9 @@ from robotrue.core.conditions import ArmConditions
 from robotrue.core.document_decoder import decode
 from robotrue.core.rotations import skew
 from robotrue.core.units import DEG, UM
-from robotrue.errors import ArchiveError, ConfigurationError
+from robotrue.errors import ArchiveError
 from robotrue.measurement.measurement_set import MeasurementSet
-from robotrue.program.external_axes import ExternalAxis, move_frames, plain_key
+from robotrue.program.external_axes import ExternalAxis, move_frames
 from robotrue.robot.forward import Sensitivity
 from robotrue.robot.model import RobotModel, parameter_slice
 
@@ -232,50 +232,6 @@ class RotaryTable(Term):
             )
         )
         return cls(axes=axes, low=arrays["low"], high=arrays["high"], scatter=scatter), values
-
-
-def same_axis(one: ExternalAxis, other: ExternalAxis) -> bool:
-    """Returns whether two descriptions mean the same rotation of what the axis carries."""
-    if one.number != other.number or one.point is None or other.point is None:
-        return False
-    off = np.cross(one.direction, other.point - one.point)
-    return (
-        bool(np.allclose(one.direction, other.direction, rtol=0.0, atol=1e-9))
-        and float(np.linalg.norm(off)) < 1e-8
-        and abs(one.at - other.at) < 1e-9
-    )
-
-
-def find_axes_beside(axes: Sequence[ExternalAxis], used: Sequence[ExternalAxis]) -> tuple[int, ...]:
-    """Returns the numbers of further rotary or linear axes that carry a frame of the used ones."""
-    frames = {plain_key(name) for axis in used for name in axis.frames}
-    numbers = {axis.number for axis in used}
-    return tuple(
-        axis.number
-        for axis in axes
-        if axis.number not in numbers and frames & {plain_key(name) for name in axis.frames}
-    )
-
-
-def require_table_axes(terms: Sequence[Term], axes: Sequence[ExternalAxis]) -> None:
-    """Refuses a cell that states the rotary axes of a model otherwise than it was calibrated.
-
-    Raises:
-        ConfigurationError: An axis is stated elsewhere, or another one carries the same frames.
-    """
-    for term in terms:
-        numbers = {axis.number for axis in term.axes} if isinstance(term, RotaryTable) else set()
-        stated = [axis for axis in axes if axis.number in numbers]
-        same = isinstance(term, RotaryTable) and all(
-            any(same_axis(axis, known) for known in term.axes) for axis in stated
-        )
-        if stated and not (same and not find_axes_beside(axes, stated)):
-            raise ConfigurationError(
-                f"the model has a rotary table E{stated[0].number}, and the cell states its axes "
-                "otherwise.",
-                hint="use the cell it was calibrated with, whose about, through_mm, at_deg and "
-                "carries its errors count from, or calibrate with --table again.",
-            )
 
 
 def _point(axis: ExternalAxis) -> Array:
