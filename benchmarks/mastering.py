@@ -15,6 +15,7 @@ import argparse
 
 import numpy as np
 
+from robotrue.app.operations.mastering_checks import LISTED
 from robotrue.calibration.methods import fit
 from robotrue.calibration.model import ErrorModel
 from robotrue.calibration.nominal import NominalModel
@@ -35,8 +36,9 @@ from robotrue.simulation.mastering_practice import (
 )
 from robotrue.validation.mastering import check_mastering
 
-OUTCOMES = ("right", "undecided", "missed", "misnamed", "refused")
-"""Exactly the lost axes named; all explanations listed with odds; fewer axes; others; no answer."""
+OUTCOMES = ("right", "listed", "undecided", "missed", "misnamed", "refused")
+"""Exactly the lost axes named; no axis named, the truth among the explanations printed; no axis
+named, the truth not among them; fewer axes named; others; no answer."""
 KINDS = {"one axis": 1, "two axes": 2, "no axis": 0, "A1, point unknown": 1}
 
 
@@ -78,7 +80,10 @@ def run_arm(seed: int, level: float, *, nominal: bool) -> tuple[str, str, list[f
     off = np.abs(found.lost.offset - offset[named])
     over = off / np.sqrt(np.diagonal(found.lost.covariance))
     outcome = "right" if named == wanted else found.verdict
-    if outcome not in ("right", "undecided"):
+    if outcome == "undecided":
+        printed = [list(each.joints) for each in found.hypotheses[:LISTED]]
+        outcome = "listed" if wanted in printed else "undecided"
+    elif outcome != "right":
         outcome = "missed" if set(named) < set(wanted) else "misnamed"
     return kind, outcome, np.round(off / DEG, 4).tolist(), np.round(over, 2).tolist()
 
@@ -108,6 +113,12 @@ def main() -> None:
             near, inside = 100.0 * np.mean(rest <= 0.01), 100.0 * np.mean(over < 1.96)
             tail = f"{middle:.4f} | {most:.4f} | {near:.0f} % | {inside:.1f} % of {len(rest)}"
         print(f"{kind}, {len(mine)} | {counts} | {tail}")
+    lost = [row for row in rows if row[0] in ("one axis", "two axes")]
+    right = sum(row[1] == "right" for row in lost)
+    print(f"lost axes named, no more and no fewer: {right} of {len(lost)}")
+    arms = [row for row in rows if row[2]]
+    near, inside = sum(max(row[2]) <= 0.01 for row in arms), sum(max(row[3]) < 1.96 for row in arms)
+    print(f"arms: <= .01 deg left {near} of {len(arms)}, all in the 95 % band {inside}")
 
 
 if __name__ == "__main__":

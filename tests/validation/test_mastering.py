@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from robotrue.calibration.methods import fit
+from robotrue.calibration.model import with_summary
 from robotrue.calibration.nominal import NominalModel
 from robotrue.calibration.probing_estimate import ProbingSettings
 from robotrue.calibration.settings import FitSettings
@@ -15,6 +17,7 @@ from robotrue.core.arrays import Array
 from robotrue.core.poses import pose
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ImplausibleDataError, ObservabilityError
+from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.robot.forward import forward
 from robotrue.robot.inverse import inverse_branches
@@ -106,6 +109,26 @@ def test_a_lost_zero_is_known_no_better_than_the_zero_the_arm_had() -> None:
     sd = np.sqrt(found.lost.covariance[0, 0])
     assert 1e-4 < sd < 1.2e-4
     assert abs(found.lost.offset[0] - offset[1]) < 2.0 * sd
+
+
+def test_touches_beyond_the_calibrated_range_widen_the_interval_not_the_odds() -> None:
+    rng = np.random.default_rng(3)
+    joints = np.array([0.1, -0.7, 1.4, 0.2, -1.0, 0.3]) + 0.5 * rng.uniform(-1.0, 1.0, (40, 6))
+    rows = MeasurementSet(
+        joints=joints,
+        position=forward(ROBOT, joints)[:, :3, 3] + 2e-5 * rng.standard_normal((40, 3)),
+        covariance=np.broadcast_to(2e-5**2 * np.eye(3), (40, 3, 3)),
+        frame="base",
+    )
+    beyond = fit(ROBOT, rows, method="geometric")
+    everywhere = [[-4.0] * 6, [4.0] * 6]
+    within = with_summary(beyond, {"joint_range_rad": everywhere})
+    touches = touch(ROBOT, np.array([0.0, 0.0, 0.1, 0.0, 0.0, 0.0]) * DEG, 5)
+    found, narrow = (check_mastering(arm, touches, SETTINGS) for arm in (beyond, within))
+    assert found.lost.joints == narrow.lost.joints == (2,)
+    assert found.lost.covariance > 1.1 * narrow.lost.covariance
+    np.testing.assert_array_equal(found.lost.offset, narrow.lost.offset)
+    np.testing.assert_array_equal(found.probability, narrow.probability)
 
 
 def test_touches_of_two_points_are_refused_and_a_slipped_one_is_named() -> None:

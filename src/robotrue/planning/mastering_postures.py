@@ -2,7 +2,7 @@
 
 The tool comes from above, leaned by up to a stated angle to any side, turned about itself, with the
 arm in every configuration that reaches. Of these the touches are chosen one by one: each the one
-that takes the most from the variances of the zeros, relative to what is left of them.
+that takes the most from the sum of the variances of the zeros.
 """
 
 from __future__ import annotations
@@ -128,19 +128,17 @@ def _choose(
 ) -> IntArray:
     """Returns the rows (count,) that determine the zeros best, greedily."""
     columns, covariance, theta = _linearise(arm, joints, point, settings)
+    gain = columns @ covariance  # (m, 3, p)
     left = np.ones(len(joints), dtype=bool)
     chosen = []
     for _ in range(count):
-        gain = columns @ covariance  # (m, 3, p)
         spread = gain @ np.swapaxes(columns, 1, 2) + np.eye(3)
-        told = np.einsum(
-            "mit,mij,mjt->mt", gain[:, :, theta], np.linalg.inv(spread), gain[:, :, theta]
-        )
-        worth = (told / np.diagonal(covariance)[theta]).sum(axis=1)
-        best = int(np.argmax(np.where(left, worth, -np.inf)))
+        zeros = gain[:, :, theta]
+        told = np.einsum("mit,mij,mjt->m", zeros, np.linalg.inv(spread), zeros)
+        best = int(np.argmax(np.where(left, told, -np.inf)))
         chosen.append(best)
         left[best] = False
-        covariance = covariance - gain[best].T @ np.linalg.solve(spread[best], gain[best])
+        gain = gain - (columns @ gain[best].T) @ np.linalg.solve(spread[best], gain[best])
     return np.array(chosen)
 
 

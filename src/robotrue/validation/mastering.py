@@ -13,7 +13,7 @@ off the axis and known in the flange.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Annotated, Final, Literal, TypeAlias
@@ -37,10 +37,11 @@ from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ImplausibleDataError, ObservabilityError
 from robotrue.measurement.probing_set import ProbingSet
 from robotrue.validation.mastering_evidence import (
+    OffsetEvidence,
     SolvedTouches,
     loosen_zeros,
-    solve_beside,
     solve_touches,
+    weigh_offsets,
 )
 from robotrue.validation.touch_checks import file_of, list_names
 from robotrue.validation.validation_defaults import POINT_SIGMA_MM
@@ -60,6 +61,9 @@ FEWEST: Final = 8
 """Fewest touches; the point needs three numbers, and two axes must differ from wrong touches."""
 ONE_PLACE: Final = 1e-6
 """m; nominal points closer together are one place."""
+BEYOND: Final = 1.75
+"""Factor on the sd of a calibrated arm at touches outside the joint range of its calibration, where
+loads have another sign; the intervals of offsets of simulated arms then hold about 95 %."""
 MISFIT: Final = 3.0
 """Touches this many times further off than even the best hypothesis lets expect."""
 Verdict: TypeAlias = Literal["holds", "lost", "undecided"]
@@ -153,7 +157,8 @@ def check_mastering(
     robot = before.robot
     single = [solve_touches(before, (j,), TRIED, rows, keep, loose) for j in range(robot.dof)]
     solved: dict[tuple[int, ...], SolvedTouches] = {(j,): each for j, each in enumerate(single)}
-    sd = np.sqrt([each.covariance[0, 0] for each in single])
+    stated = np.ones(len(touches))
+    sd = np.sqrt([weigh_offsets(each, TRIED, stated).covariance[0, 0] for each in single])
     seen = np.flatnonzero(sd < SEEN * TRIED)
     if not len(seen):
         raise ObservabilityError(
@@ -162,7 +167,8 @@ def check_mastering(
             source=file_of(touches),
             hint="touch the point with the elbow and the wrist as different as they can be.",
         )
-    found = _weigh(before, rows, keep, loose, seen.tolist(), solved)
+    stretch = _find_stretch(arm, touches)
+    found = _weigh(before, rows, keep, loose, seen.tolist(), solved, stretch)
     best = found[0]
     nothing, after = solved[()], solved[best.joints]
     _check_explained(after, best, touches)
@@ -183,6 +189,15 @@ def check_mastering(
         outliers=tuple(label for label, good in zip(touches.labels, keep, strict=True) if not good),
         noise_factor=factor,
     )
+
+
+def _find_stretch(arm: ErrorModel, touches: ProbingSet) -> Array:
+    """Factor (n,) on the sd of the arm at each touch: how far its own covariance is trusted."""
+    joint_range = arm.training_summary().joint_range if arm.calibrated else None
+    if joint_range is None:
+        return np.ones(len(touches))
+    low, high = joint_range
+    return np.where(((touches.joints < low) | (touches.joints > high)).any(axis=1), BEYOND, 1.0)
 
 
 def _as_socket(touches: ProbingSet) -> ProbingSet:
@@ -221,7 +236,7 @@ def _find_noise(
     keep, factor = everyone, 1.0
     for _ in range(2):
         solved = solve_touches(before, every, SIZES[-1], rows, keep, loose)
-        stack = stack_rows(solved.rows.pieces(solved.after))  # of all, believed or not
+        stack = stack_rows(solved.rows.pieces(solved.at))  # of all, believed or not
         keep = find_agreeing_touches(stack, prior, prior.noise, len(touches))
         if 2 * int(keep.sum()) <= len(touches):
             wrong = [name for name, good in zip(touches.labels, keep, strict=True) if not good]
@@ -262,42 +277,43 @@ def _weigh(
     loose: float,
     seen: list[int],
     solved: dict[tuple[int, ...], SolvedTouches],
+    stretch: Array,
 ) -> tuple[LostZeros, ...]:
-    """All hypotheses after the touches, the most probable first; adds to what is solved."""
-    logs: dict[tuple[int, ...], list[float]] = {}
-    parts: dict[tuple[int, ...], list[tuple[Array, Array]]] = {}
+    """All hypotheses after the touches, the most probable first; adds to what is solved.
+
+    The odds are by the covariance that the arm states of itself: errors of the arm beyond it are
+    alike under all hypotheses.
+    """
+    tried: dict[tuple[int, ...], list[OffsetEvidence]] = {}
+    logs: dict[tuple[int, ...], Array] = {}
     for joints, chance in _list_hypotheses(seen):
         sizes = SIZES if joints else SIZES[:1]
         if joints not in solved:
             solved[joints] = solve_touches(before, joints, TRIED, rows, keep, loose)
         first = solved[joints]
-        tried = [solve_beside(before, joints, size, first, loose) for size in sizes]
-        logs[joints] = [each.evidence + chance - float(np.log(len(sizes))) for each in tried]
-        parts[joints] = [(each.offset, each.covariance) for each in tried]
+        tried[joints] = [weigh_offsets(first, size, stretch) for size in sizes]
+        logs[joints] = np.array([each.log for each in tried[joints]]) + chance - np.log(len(sizes))
     total = float(logsumexp(np.concatenate(list(logs.values()))))
-    return tuple(sorted(_mix(logs, parts, total), key=lambda h: -h.probability))
+    found = [_mix_sizes(joints, tried[joints], log, total) for joints, log in logs.items()]
+    return tuple(sorted(found, key=lambda h: -h.probability))
 
 
-def _mix(
-    logs: Mapping[tuple[int, ...], list[float]],
-    parts: Mapping[tuple[int, ...], list[tuple[Array, Array]]],
-    total: float,
-) -> Iterator[LostZeros]:
-    """Averages each hypothesis over its sizes; their spread is in the covariance."""
-    for joints, log in logs.items():
-        mine = float(logsumexp(log))
-        weight = np.exp(np.array(log) - mine)
-        means = np.stack([mean for mean, _ in parts[joints]])
-        offset = weight @ means
-        apart = means - offset
-        covariance = np.einsum("s,sij->ij", weight, np.stack([c for _, c in parts[joints]]))
-        covariance = covariance + np.einsum("s,si,sj->ij", weight, apart, apart)
-        yield LostZeros(
-            joints=joints,
-            probability=float(np.exp(mine - total)),
-            offset=offset,
-            covariance=covariance,
-        )
+def _mix_sizes(
+    joints: tuple[int, ...], tried: Sequence[OffsetEvidence], log: Array, total: float
+) -> LostZeros:
+    """Averages a hypothesis over its sizes; their spread is in the covariance."""
+    mine = float(logsumexp(log))
+    weight = np.exp(log - mine)
+    means = np.stack([each.offset for each in tried])
+    offset = weight @ means
+    apart = means - offset
+    covariance = np.einsum("s,sij->ij", weight, np.stack([each.covariance for each in tried]))
+    return LostZeros(
+        joints=joints,
+        probability=float(np.exp(mine - total)),
+        offset=offset,
+        covariance=covariance + np.einsum("s,si,sj->ij", weight, apart, apart),
+    )
 
 
 def _check_explained(solved: SolvedTouches, best: LostZeros, touches: ProbingSet) -> None:
@@ -306,10 +322,11 @@ def _check_explained(solved: SolvedTouches, best: LostZeros, touches: ProbingSet
     Raises:
         ImplausibleDataError: They lie far from what one or two lost zeros can do.
     """
-    if solved.surprise <= MISFIT:
+    surprise = weigh_offsets(solved, TRIED, np.ones(len(touches))).surprise
+    if surprise <= MISFIT:
         return
     raise ImplausibleDataError(
-        f"the residuals of the touches are {solved.surprise:.3g} times larger than the best of all "
+        f"the residuals of the touches are {surprise:.3g} times larger than the best of all "
         f"explanations ({'joint ' if best.joints else 'no lost zero'}"
         f"{', '.join(str(j + 1) for j in best.joints)}) allows, at most {MISFIT:g}.",
         source=file_of(touches),

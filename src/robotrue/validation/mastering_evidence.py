@@ -8,11 +8,10 @@ from typing import Final
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from robotrue.calibration.belief import Belief, condition, with_nuisances
-from robotrue.calibration.drift_scales import stack_rows
-from robotrue.calibration.new_rows import NewRows, whiten
-from robotrue.calibration.observations import LinearRows
-from robotrue.core.arrays import Array, BoolArray
+from robotrue.calibration.belief import Belief, with_nuisances
+from robotrue.calibration.drift_scales import Stack, stack_rows
+from robotrue.calibration.new_rows import NewRows
+from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.robot.model import RobotModel, parameter_slice
 
 STEPS: Final = 5
@@ -21,30 +20,46 @@ STILL: Final = 1e-7
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SolvedTouches:
-    """A belief after the touches.
+class OffsetEvidence:
+    """Offsets of a hypothesis, and how well it explains the touches.
 
     Attributes:
-        after: The posterior.
-        rows: Linearised at the posterior.
-        pieces: The rows in use, linearised there.
-        moved: (3,) m, shift of the point from its prior.
-        evidence: Log marginal likelihood, up to a constant of the touches.
+        log: Log marginal likelihood, up to a constant of the touches.
         surprise: Touches over their expectation.
-        residuals: (n, 3) m.
         offset: (k,) rad, shift of the zeros of the hypothesis.
-        covariance: (k, k) rad^2 of it.
+        covariance: (k, k) rad^2 of it, with the arm stretched.
     """
 
-    after: Belief
-    rows: NewRows
-    pieces: list[LinearRows]
-    moved: Array
-    evidence: float
+    log: float
     surprise: float
-    residuals: Array
     offset: Array
     covariance: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SolvedTouches:
+    """The mean after the touches, and the m believed numbers linearised there.
+
+    Attributes:
+        at: The prior at the mean of the posterior.
+        rows: Where they stand then.
+        residuals: (n, 3) m, of the believed touches.
+        off: (m,) m, distance of the touches from what was expected before them.
+        half: (m, r) root of their covariance: the arm, the point, then a column per zero of the
+            hypothesis, m/rad.
+        noise: (m, m) m^2, the rest of it.
+        row: (m,) touch of each number.
+        zeros: How many zeros are unknown.
+    """
+
+    at: Belief
+    rows: NewRows
+    residuals: Array
+    off: Array
+    half: Array
+    noise: Array
+    row: IntArray
+    zeros: int
 
 
 def offset_columns(robot: RobotModel) -> Array:
@@ -74,24 +89,73 @@ def solve_touches(
     """
     prior = loosen_zeros(belief, joints, size, rows.nuisances, loose)
     at, moved = prior, np.zeros(rows.nuisances)
-    pieces = rows.pieces(at, keep)
+    stack = stack_rows(rows.pieces(at, keep))
     for _ in range(STEPS):
-        last, at = at.mean, _condition(prior, pieces, moved)
+        last, at = at.mean, _estimate(prior, stack, moved)[0]
         step = at.mean[at.end :]
         rows, moved = rows.move(step), moved + step
         at = replace(at, mean=np.concatenate([at.mean[: at.end], np.zeros(rows.nuisances)]))
-        pieces = rows.pieces(at, keep)
+        stack = stack_rows(rows.pieces(at, keep))
         if max(np.abs(at.mean - last).max(), np.abs(step).max()) < STILL:
             break
-    return _judge(prior, (joints, size), rows, pieces, moved)
+    at, off, half, noise = _estimate(prior, stack, moved)
+    half[:, half.shape[1] - len(joints) :] /= size
+    return SolvedTouches(
+        at=at,
+        rows=rows,
+        residuals=(stack.values - stack.columns @ at.mean).reshape(-1, 3),
+        off=off,
+        half=half,
+        noise=noise,
+        row=stack.row,
+        zeros=len(joints),
+    )
 
 
-def solve_beside(
-    belief: Belief, joints: tuple[int, ...], size: float, solved: SolvedTouches, loose: float
-) -> SolvedTouches:
-    """Returns the same touches under another hypothesis, linearised where they are already."""
-    prior = loosen_zeros(belief, joints, size, solved.rows.nuisances, loose)
-    return _judge(prior, (joints, size), solved.rows, solved.pieces, solved.moved)
+def _estimate(prior: Belief, stack: Stack, moved: Array) -> tuple[Belief, Array, Array, Array]:
+    """The prior at the mean after the touches; their distance from it, root and noise.
+
+    Of the point, which was moved, its old place is no longer known.
+    """
+    mean = np.concatenate([prior.mean[: prior.end], -moved])
+    off = stack.values - stack.columns @ mean
+    half = stack.columns @ prior.root.T
+    noise = stack.known + np.diag(prior.noise[0] * stack.white)
+    pull = cho_solve(cho_factor(half @ half.T + noise, lower=True), off)
+    return replace(prior, mean=mean + prior.root.T @ (half.T @ pull)), off, half, noise
+
+
+def weigh_offsets(solved: SolvedTouches, size: float, stretch: Array) -> OffsetEvidence:
+    """Returns offsets and evidence of a hypothesis, for zeros lost by about ``size`` rad.
+
+    The offsets weigh the touches by what the arm states of itself; only their covariance contains
+    what it does not know.
+
+    Args:
+        solved: The touches with the zeros of the hypothesis unknown.
+        size: rad, standard deviation of a lost zero.
+        stretch: (n,) factor on the standard deviation of the arm at each touch.
+    """
+    arm = solved.half.shape[1] - solved.zeros - solved.rows.nuisances
+    half = solved.half.copy()
+    lost = half[:, half.shape[1] - solved.zeros :]
+    lost *= size
+    factor = cho_factor(half @ half.T + solved.noise, lower=True)
+    square = float(solved.off @ cho_solve(factor, solved.off))
+    # What a zero lost is not where it stands now: the arm's own zero was never known exactly.
+    gain = size * cho_solve(factor, lost)
+    half[:, :arm] *= stretch[solved.row, None]
+    apart = half.T @ gain
+    shared = size * gain.T @ lost
+    return OffsetEvidence(
+        log=-0.5 * square - float(np.log(np.diagonal(factor[0])).sum()),
+        surprise=float(np.sqrt(square / max(len(solved.off) - solved.rows.nuisances, 1))),
+        offset=gain.T @ solved.off,
+        covariance=size**2 * np.eye(solved.zeros)
+        - (shared + shared.T)
+        + apart.T @ apart
+        + gain.T @ solved.noise @ gain,
+    )
 
 
 def loosen_zeros(
@@ -102,44 +166,3 @@ def loosen_zeros(
     extra = np.zeros((len(joints), len(prior.mean)))
     extra[:, : len(belief.errors)] = size * offset_columns(belief.robot)[:, list(joints)].T
     return replace(prior, root=np.vstack([prior.root, extra]))
-
-
-def _shift(prior: Belief, moved: Array) -> Belief:
-    """Returns the prior about a point that was moved: knowledge of its old place is dropped."""
-    return replace(prior, mean=np.concatenate([prior.mean[: prior.end], -moved]))
-
-
-def _condition(prior: Belief, pieces: list[LinearRows], moved: Array) -> Belief:
-    count = 1 + max(int(piece.rows.max()) for piece in pieces)
-    return condition(_shift(prior, moved), *whiten(pieces, prior.noise, np.ones(count)))
-
-
-def _judge(
-    prior: Belief,
-    hypothesis: tuple[tuple[int, ...], float],
-    rows: NewRows,
-    pieces: list[LinearRows],
-    moved: Array,
-) -> SolvedTouches:
-    """Posterior and marginal likelihood of rows that are linearised where they end."""
-    at, stack = _condition(prior, pieces, moved), stack_rows(pieces)
-    off = stack.values - stack.columns @ _shift(prior, moved).mean
-    half = stack.columns @ prior.root.T
-    total = half @ half.T + stack.known + np.diag(prior.noise[0] * stack.white)
-    factor = cho_factor(total, lower=True)
-    square = float(off @ cho_solve(factor, off))
-    freedom = max(len(off) - rows.nuisances, 1)
-    joints, size = hypothesis
-    # What a zero lost is not where it stands now: the arm's own zero was never known exactly.
-    lost = size * half[:, half.shape[1] - len(joints) :]
-    return SolvedTouches(
-        after=at,
-        rows=rows,
-        pieces=pieces,
-        moved=moved,
-        evidence=-0.5 * square - float(np.log(np.diagonal(factor[0])).sum()),
-        surprise=float(np.sqrt(square / freedom)),
-        residuals=(stack.values - stack.columns @ at.mean).reshape(-1, 3),
-        offset=lost.T @ cho_solve(factor, off),
-        covariance=size**2 * np.eye(len(joints)) - lost.T @ cho_solve(factor, lost),
-    )
