@@ -196,7 +196,7 @@ def report_job(files: Sequence[FileResult]) -> JobReport | None:
 
 
 def common_notes(notes: Iterable[tuple[str, str]]) -> list[str]:
-    """Returns notes of programs, those that say the same once, with how many say it.
+    """Returns notes of programs, equal ones once, with their number.
 
     Args:
         notes: File and note.

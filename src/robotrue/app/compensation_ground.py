@@ -260,7 +260,7 @@ def job_outputs(
 
 
 def _require_language(output: Path, source: str, language: str) -> None:
-    """Refuses a name that says another language than that of the program, or no program at all."""
+    """Refuses a name with the suffix of another language than the program's, or of no program."""
     own = find_language(language)
     kin = [each for each in languages().values() if own.family and each.family == own.family]
     suffixes = [suffix for each in kin or [own] for suffix in each.suffixes]

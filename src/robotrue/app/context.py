@@ -39,7 +39,7 @@ class Context(ABC):
     """Inputs and outputs of one run; references are paths, or items of a workspace.
 
     Attributes:
-        shell: Who runs it.
+        shell: The shell that runs it.
     """
 
     shell: Shell

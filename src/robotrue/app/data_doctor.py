@@ -34,7 +34,7 @@ from robotrue.validation.doctor import (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExaminedRows:
-    """Rows for a fit, with what the data doctor says of them.
+    """Rows for a fit, with the findings of the data doctor.
 
     Attributes:
         rows: To be fitted.

@@ -198,7 +198,7 @@ async def serve_desk(desk: Desk, address: str, seconds: float | None, *, begin: 
         desk: Takes values and gives answers.
         address: ``udp://HOST:PORT``, where the machine's values come in.
         seconds: s, then it ends; None for until Ctrl-C.
-        begin: A line said once it listens; empty for none.
+        begin: A line reported once it listens; empty for none.
 
     Raises:
         ConfigurationError: Another kind of address.

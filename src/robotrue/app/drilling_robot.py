@@ -1,4 +1,4 @@
-"""A robot that carries the foot: its model, and joints as its controller says them."""
+"""A robot that carries the foot: its model, and joints from its controller."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ from robotrue.online.link import StreamSource
 from robotrue.robot.statics import Load
 
 OLDEST: Final = 0.5
-"""s; joints that are older say nothing of where the robot stands."""
+"""s; older joints do not determine the robot's pose."""
 STILL: Final = 5e-3 * DEG
-"""rad a joint may move by while the robot is to stand."""
+"""rad, largest motion of a joint while the robot is at rest."""
 
 
 class DrillingRobot:
-    """A calibrated robot and what its controller last said.
+    """A calibrated robot and the latest joints of its controller.
 
     Args:
         model: The calibrated robot, its tool at the drill's tip.
-        load: What hangs on it.
+        load: Its payload.
         order: Axis order of the tilts.
         R_tool_foot: (3, 3) foot in tool.
         source: Of joints.
@@ -61,7 +61,7 @@ class DrillingRobot:
         self.source = source
 
     async def follow(self) -> None:
-        """Takes what the controller says, until the source ends."""
+        """Receives the joints of the controller, until the source ends."""
         async for block in self.source.blocks():
             self.take(block)
 

@@ -342,7 +342,7 @@ def document_blocks(
     Args:
         name: Of the file.
         document: JSON values.
-        words: Facts by key, where the values alone do not say enough.
+        words: Facts by key, where the values alone are not enough.
     """
     told = Facts(
         title=f"{name}: {document['holds']}",

@@ -1,4 +1,4 @@
-"""Operations on files: references are paths, outputs go where the user says."""
+"""Operations on files: references are paths, outputs go to the user's paths."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ class FilesContext(Context):
     """The :class:`robotrue.app.context.Context` of the command line and of scripts.
 
     Attributes:
-        reporter: Who listens.
-        shell: Who runs the operation.
+        reporter: Receiver of messages.
+        shell: The shell that runs the operation.
     """
 
     def __init__(self, reporter: Reporter, shell: Shell | None = None) -> None:
@@ -96,7 +96,7 @@ class FilesContext(Context):
         return tuple(_path(each) for each in references)
 
     def document_files(self, reference: Reference, kind: str) -> tuple[Path, ...]:
-        """Returns the path of the one file; its reader says if it is of another kind."""
+        """Returns the path of the one file; its reader reports another kind."""
         return (_path(reference),)
 
     def output(self, path: Path) -> Path:

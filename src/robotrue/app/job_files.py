@@ -121,7 +121,7 @@ def require_result_name(name: str, request: type[Request], field: RequestField) 
     """Returns the name of a result.
 
     Raises:
-        ConfigurationError: It is empty, too long, a path, or says another format than is written.
+        ConfigurationError: It is empty, too long, a path, or has the suffix of another format.
     """
     entry, usual = field.entry, result_name(request, field)
     if len(name) > LONGEST or name.strip(". ") == "" or name.startswith(".") or _BAD.search(name):

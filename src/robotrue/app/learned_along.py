@@ -91,7 +91,7 @@ def learned_along(
     joints: Path,
     spindle: float,
 ) -> LearnedAlong:
-    """Returns what a deviation says of a force record.
+    """Returns the estimate of a deviation for a force record.
 
     Args:
         model: As fitted.

@@ -124,7 +124,7 @@ def read_rows(
 ) -> MeasurementSet:
     """Returns the rows of one file in the cell's frame, before any check.
 
-    A layout that is in the tracker's own frame stays in it, whatever the cell says.
+    A layout that is in the tracker's own frame stays in it, regardless of the cell.
 
     Raises:
         FormatError: A file that cannot be read.
@@ -137,7 +137,7 @@ def read_rows(
         reporter.report(
             note(f"positions of {path.name} are in the frame of its tracker, not in the base")
         )
-        # The cell's tracker position is one in the base and says nothing here: the origin is.
+        # The cell's tracker position is in the base and does not apply here: the origin does.
         instrument = partial(point_covariance, cell.tracker, tracker=np.zeros(3))
     run = read_run(
         sheet,

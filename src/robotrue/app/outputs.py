@@ -42,7 +42,7 @@ FORMATS: Final[Mapping[str, str]] = MappingProxyType(
 
 
 def require_suffix(output: Path, what: str, suffixes: Sequence[str], *, only: bool = False) -> None:
-    """Refuses a name that says another format than is written; other endings say none.
+    """Refuses a name with the suffix of another format; other endings say none.
 
     Args:
         output: File to write.

@@ -51,7 +51,7 @@ class Note:
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """Lines to paste elsewhere, as they stand."""
+    """Lines to paste elsewhere, unchanged."""
 
     text: str
 

@@ -1,4 +1,4 @@
-"""Report commands: the options all of them have, and what they say they wrote."""
+"""Report commands: their common options, and their written files."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class ReportDraft:
     """A report before it is written.
 
     Attributes:
-        content: What it says.
+        content: Its content.
         numbers: Of it, for ``--json``.
         provenance: Of what it rests on.
         xml: Makes its Digital Calibration Certificate; None for what has none.

@@ -1,6 +1,6 @@
 """Requests of operations; each field has a default, limits and one line of help.
 
-A field is a value, an input or an output, which its annotation says::
+A field is a value, an input or an output, by its annotation::
 
     cell: Annotated[Reference, Item(noun="cell", argument="CELL", help="cell.toml")]
     poses: Annotated[int, Option(names=("--poses", "-n"), help="How many, at most.")] = 30

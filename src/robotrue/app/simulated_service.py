@@ -151,7 +151,7 @@ def controller_faults(stated: Sequence[str]) -> tuple[Fault, ...]:
 
 
 def free_port() -> int:
-    """Returns a UDP port that is free here: who listens for the controller can have it."""
+    """Returns a UDP port that is free here: a receiver for the controller can bind it."""
     import socket
 
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as trial:

@@ -138,7 +138,7 @@ def choose_frames(
 
 
 def note_frames(cell: Cell, frames: Sequence[PartFrame | None]) -> list[str]:
-    """Returns what is to be said of the part frames, one sentence each."""
+    """Returns notes on the part frames, one sentence each."""
     if cell.part is None:
         return ["the cell is not registered; its [base] is used as the part frame."]
     doubtful = {f.name: f.verdict for f in frames if f is not None and f.verdict != "GO"}

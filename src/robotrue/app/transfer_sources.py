@@ -29,7 +29,7 @@ MODEL: Final = "model"
 
 
 UPDATE: Final[Relation] = "campaign"
-"""How a model stands to poses that bring it up to date: the same arm, another time."""
+"""Relation of a model to poses that update it: the same arm, another time."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -146,7 +146,7 @@ def parse_source(text: str) -> KnownSource:
 def read_source(
     cell: Cell, stated: KnownSource, mapping: Path | None, context: Context
 ) -> TransferSource:
-    """Returns what a source says: a model, or its rows."""
+    """Returns the content of a source: a model, or its rows."""
     name, relation = stated.name, stated.relation
     if stated.is_model:
         model = context.model(stated.reference).model

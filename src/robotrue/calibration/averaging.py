@@ -92,7 +92,7 @@ def average_models(models: Sequence[CalibratedModel], weights: Array) -> Calibra
     members = _align_members(models, share, factors)
     shifts = {k: _station_shifts(models, k) for k in sorted(first.T_tracker_base)}
     means = _share_moments(members, share)
-    if shifts:  # the base is where the first station says
+    if shifts:  # the first station defines the base
         base = parameter_slice(first.robot.dof, "base")
         off = next(iter(shifts.values()))
         means[:, base] += off - share @ off
@@ -254,7 +254,7 @@ def _small_pose(step: Array) -> Array:
 def _add_places(model: CalibratedModel, root: Array) -> tuple[Array, dict[int, Array]]:
     """A root of the arm with the places of the further reflectors beside it.
 
-    Where a model keeps covariances alone, a place is what the arm's other errors say of it, and an
+    Where a model keeps covariances alone, a place is predicted from the arm's other errors, plus an
     independent remainder.
     """
     places: dict[int, Array] = {}

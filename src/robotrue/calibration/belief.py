@@ -91,7 +91,7 @@ class Belief(StandardTerms):
     reflectors: Mapping[int, tuple[Array, Array]] = field(default_factory=dict)
 
     def place(self, name: str) -> slice:
-        """Returns where the parameters of a term stand; an empty slice where it has none."""
+        """Returns the place of the parameters of a term; an empty slice where it has none."""
         start = len(self.robot.errors)
         for term in self.terms:
             if term.name == name:
@@ -288,7 +288,7 @@ def root_of_covariance(covariance: Array) -> Array:
 
 
 def compress_root(root: Array) -> Array:
-    """Returns a root with no more rows than columns that say anything, where that saves much."""
+    """Returns a root with no more rows than non-zero columns, where that saves much."""
     used = np.flatnonzero(root.any(axis=0))
     if len(root) <= WIDE * len(used):
         return root

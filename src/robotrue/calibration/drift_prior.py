@@ -4,13 +4,13 @@ The source's posterior N(m, S) becomes the target's prior
 
     w = D m + e,    e ~ N(0, k^2 D S D + sum_g s_g^2 diag(unit_g^2) + (I - D^2) P)
 
-Groups g are physical: where base and reflector stand, joint zeros, link lengths and angles, gears,
-compliance. D carries learned shapes (ripple with backlash, smooth residual) over with a correlation
-rho between the two campaigns, P is their prior variance: rho = cos(f), tan(f) is the relative
-drift. k is the trust in S itself. Every scale has a default from physics for each relation; the
-target rows move it by marginal likelihood, held by a log-normal of sd ``LOG_SD`` about the default.
-With few rows a scale is uncertain; what the mean would do if it were different is added to the
-covariance (Kass and Steffey 1989, eq. 3.5, with the delta method for the mean's derivative).
+Groups g are physical: base and reflector, joint zeros, link lengths and angles, gears, compliance.
+D carries learned shapes (ripple with backlash, smooth residual) over with a correlation rho between
+the two campaigns, P is their prior variance: rho = cos(f), tan(f) is the relative drift. k is the
+trust in S itself. Every scale has a default from physics for each relation; the target rows move it
+by marginal likelihood, held by a log-normal of sd ``LOG_SD`` about the default. With few rows a
+scale is uncertain; what the mean would do if it were different is added to the covariance (Kass and
+Steffey 1989, eq. 3.5, with the delta method for the mean's derivative).
 """
 
 from __future__ import annotations
@@ -174,7 +174,7 @@ class SourceDrift:
         rest: Natural logarithm of the defaults of trust, noise, ripple, smooth, field, then of
             every group.
         log_sd: Of the log-normals about them.
-        log_scale: Where they stand.
+        log_scale: Base and reflector.
         log_cov: Covariance of ``log_scale``.
         waves: (p,) prior variance of ripple and backlash.
         smooths: (p,) prior variance of the source's smooth residual.

@@ -9,11 +9,11 @@ that the data determine,
 
     s_g^2 = (PULL r_g^2 + |w_g|^2) / (PULL + gamma_g)      tau_c = |y - F w|_c^2 / (n_c - gamma_c)
 
-``r_g`` is the scale at rest: where a group has nothing to say it goes there instead of to zero.
+``r_g`` is the scale at rest: a group without information goes there instead of to zero.
 
-With few rows that is too sure of itself: a group that happens to say little is silenced. Groups
-that are *held* have a log-normal prior about their scale at rest and one factor in common, learned
-with them; with many rows the fixed point is MacKay's again.
+With few rows that is too sure of itself: a group with little information by chance is set to zero.
+Groups that are *held* have a log-normal prior about their scale at rest and one factor in common,
+learned with them; with many rows the fixed point is MacKay's again.
 
 Few rows are kept as they are: with K = 1 + B B', B the whitened columns times their prior scales,
 every step costs r^2 p for r numbers instead of p^3 (same posterior, Woodbury).

@@ -60,7 +60,7 @@ QUANTILE_ROWS: Final = 300
 MANY: Final = 200
 """Rows from which their 95 % point may make a region smaller: ten of them make that point."""
 LEAST_FREEDOM: Final = 8.0
-"""Degrees below which Student's law says nothing sensible of three numbers."""
+"""Degrees below which Student's law is not meaningful for three numbers."""
 LARGEST: Final = 100.0
 """Largest factor on a covariance: ten times the standard deviation."""
 SMALLEST: Final = 1.0 / 16.0
@@ -167,7 +167,7 @@ def predict_held_out(
 
 
 def average_held_out(members: Sequence[HeldOutRows], share: Array) -> HeldOutRows:
-    """Returns what the average of models says of the rows they were all held out of.
+    """Returns the average's prediction of the rows that all models were held out of.
 
     Args:
         members: Of the same rows.
@@ -332,7 +332,7 @@ def compare_left_out(
         amplitude: m, largest amplitude that is tried.
 
     Returns:
-        None where that cannot be said: too many rows, or a block that nothing else determines.
+        None where it is not available: too many rows, or a block that nothing else determines.
     """
     counted = design.weights > 0.0
     rows = _collect_rows(design, weights, counted)

@@ -73,7 +73,7 @@ def assemble_model(
         at: Design, sums and posterior weights.
         held_out: Held-out blocks and the factor on the covariance.
         settings: Repeatability and the shift between days.
-        notes: What the summary says besides.
+        notes: Further keys of the summary.
     """
     belief = _belief_of_fit(at, settings, held_out.inflation)
     classes = physical.identifiability.classes
@@ -196,7 +196,7 @@ def warn_of_width(held_out: HeldOutRows) -> list[str]:
 
 
 def describe_width(held_out: HeldOutRows) -> dict[str, object]:
-    """Returns what a summary says of the rows held out and of the factor on the covariance."""
+    """Returns the summary of the rows held out and of the factor on the covariance."""
     return {
         "held_out_blocks_mean_m": held_out.mean,
         "held_out_blocks_coverage_before": replace(held_out, inflation=1.0).coverage,
@@ -219,7 +219,7 @@ class WholeFit:
         at: Design, sums and posterior weights.
         held_out: Every row predicted from the other blocks, with a factor of one.
         settings: Of the fit.
-        notes: What the summary says besides.
+        notes: Further keys of the summary.
         base: The fit it was built on by adding a smooth residual; None if it was not.
     """
 

@@ -210,7 +210,7 @@ def require_belief(model: ErrorModel) -> Belief:
 
 
 RANGES: Final = ("joint_range_rad", "position_range_m")
-"""What a summary says of the region its rows cover."""
+"""Keys of the region of the rows in a summary."""
 _HASHES: Final[dict[int, str]] = {}
 """By the identity of models that exist."""
 
@@ -249,7 +249,7 @@ def widen_region(summary: Mapping[str, object], measurements: MeasurementSet) ->
     """Returns the ranges of a summary, widened to the rows that a model was given later.
 
     Without stated ranges there is nothing to widen, and empty ranges come back. Positions of rows
-    in another frame than the base's say nothing of the region.
+    in another frame than the base do not define the region.
     """
     ranges: dict[str, object] = {}
     joint_range, position_range = RANGES

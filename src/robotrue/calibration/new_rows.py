@@ -48,8 +48,8 @@ class NewRows:
         robot: Nominal arm.
         observations: In base (known set-ups) and in new tracker frames.
         layout: Of robot errors and nuisances.
-        T_tracker_base: New set-ups, where they stand now.
-        T_flange_target: Further reflectors, where they stand now.
+        T_tracker_base: New set-ups, their present frames.
+        T_flange_target: Further reflectors, their present positions.
         count: n.
     """
 

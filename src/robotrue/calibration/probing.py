@@ -64,7 +64,7 @@ STEPS: Final = 30
 IMPLAUSIBLE: Final = 10.0
 """Touches this many times further off than expected are not touches of this part by this arm."""
 FEWEST_LEARNING: Final = 24
-"""Numbers beyond those of the frames from which they say something of scales."""
+"""Numbers beyond those of the frames from which they determine scales."""
 CROWD: Final = 0.15
 FEW: Final = 0.05
 NOISIER: Final = (2.0, 4.0)

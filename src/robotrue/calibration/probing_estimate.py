@@ -89,7 +89,7 @@ class ProbingEstimate:
         touches: As given.
         residuals: (n, 3) m in base, touched minus where the estimate has it; along the normal
             alone where a touch fixes only that.
-        outliers: Labels of the touches that were not believed.
+        outliers: Labels of the rejected touches.
         sigma: m per axis, noise of one touch: stated, repeatability and learned white noise.
         misfit: Residuals over ``sigma``, about 1 where it explains them: root mean square over the
             degrees of freedom that the estimate leaves.
@@ -187,10 +187,10 @@ def probing_summary(
         before: Prior of the arm.
         after: Posterior.
         touches: All of them.
-        outliers: Labels of those not believed.
+        outliers: Labels of the rejected ones.
         parents: The model it began with; none for a nominal arm.
         settings: What decided the result besides the data.
-        rms: m, of the believed residuals.
+        rms: m, of the accepted residuals.
         scatter: Noise of the touches as learned, over that stated.
     """
     step = _probing_step(touches, outliers, parents, settings)

@@ -1,8 +1,8 @@
 """Rough frames of the parts: one for each from the touches alone, or the reason against it.
 
-Nominal points go to the tips that the believed arm puts there, by a rigid fit that survives wrong
-touches. Everything that would end in a wrong frame without a word is refused here: too few or
-collinear points, a surface pattern that leaves a motion free, another unit, a mirrored part.
+Nominal points go to the tips predicted by the arm, by a rigid fit that is robust to wrong touches.
+Everything that would end in a wrong frame without a word is refused here: too few or collinear
+points, a surface pattern that leaves a motion free, another unit, a mirrored part.
 """
 
 from __future__ import annotations

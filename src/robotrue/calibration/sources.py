@@ -212,7 +212,7 @@ def _shared_columns(lead: Belief, other: Belief, relation: Relation) -> IntArray
 
 
 FEWEST_ARMS: Final = 5
-"""Arms from which their scatter says more than the tolerances of manufacture."""
+"""Arms from which their scatter is more reliable than the tolerances of manufacture."""
 PRIOR_ARMS: Final = 4.0
 """Arms that the shrinkage of the scatter counts for."""
 DRIFT: Final = replace(NO_DRIFT, theta=1e-4, length=5e-5, angle=5e-5, gear=2e-6, compliance=0.02)

@@ -208,7 +208,7 @@ def _require_shown(rows: TableSet, readings: _Rows) -> None:
 
 
 def _solve(rows: _Rows) -> _Fit:
-    """Returns the posterior of greatest evidence, and what readings left out say of it."""
+    """Returns the posterior of greatest evidence, and its check by held-out readings."""
     kept = np.ones(len(rows.point), dtype=np.bool_)
     place, size = rows.places(kept), rows.term.size
     seen = np.flatnonzero(np.isfinite(place[:, 0]))

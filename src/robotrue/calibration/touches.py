@@ -1,11 +1,11 @@
 """Touches of a part as observations: the part is a station, its nominal points what is measured.
 
-A touched feature point says ``T_part_base tip(q) = p_part``: a tracker point whose set-up is the
+A touched feature point gives ``T_part_base tip(q) = p_part``: a tracker point whose set-up is the
 part. On a surface a touch fixes only the distance along the normal there, and a gauge fixes the
-distance between the origins of two parts. All linearise over the same parameters and can stand
-beside tracker rows in one Gauss-Newton.
+distance between the origins of two parts. All linearise over the same parameters and can be
+combined with tracker rows in one Gauss-Newton.
 
-Touch i is compared with what all others say of it
+Touch i is compared with its prediction from all others
 (:func:`robotrue.calibration.new_rows.left_out_lengths`). The bound then needs no guess of the arm's
 error: that is in the covariance of all numbers, larger for a nominal arm, smaller for a calibrated
 one and for touches of one neighbourhood.
@@ -242,7 +242,7 @@ def _surface(touches: ProbingSet, row: int) -> Surface:
 FALSE_ALARM: Final = 0.01
 """Chance that a set without a wrong touch loses one."""
 FAINT: Final = 1e-6
-"""Weight of a touch that is not believed: its own number then says nothing."""
+"""Weight of a rejected touch, whose number then has no effect."""
 
 
 def surprise(stack: Stack, belief: Belief, noise: Array) -> float:

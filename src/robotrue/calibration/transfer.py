@@ -92,7 +92,7 @@ class _Landing:
 
     Attributes:
         belief: Posterior, nuisances at its end.
-        rows: The rows where they stand now.
+        rows: The rows at the present state.
         drift: With the scales learned.
         weights: (n,) robust weights.
     """
@@ -271,7 +271,7 @@ def _weights(
 
 
 def _without_base(belief: Belief) -> Belief:
-    """The belief without the source's stand: a new tracker frame takes its place."""
+    """Returns the belief without the source's base: a new tracker frame replaces it."""
     root = belief.root.copy()
     root[:, parameter_slice(belief.robot.dof, "base")] = 0.0
     return replace(belief, root=root)
@@ -304,7 +304,7 @@ def student(rows: int, relation: Relation) -> float:
 
 
 def _with_gauge(belief: Belief, rows: NewRows, relation: Relation) -> Belief:
-    """The belief of the arm, its base where the target's first set-up says."""
+    """Returns the belief of the arm, its base defined by the target's first set-up."""
     out = without_nuisances(belief, rows)
     state = State(robot=belief.robot, T_tracker_base=rows.T_tracker_base)
     gauge = station_as_base(rows.layout, state)

@@ -47,8 +47,8 @@ class Cell(Columns):
             Default: ``base``.
         tracker_position: (3,) m, the instrument in that frame; None is "not known". Default: the
             origin for ``tracker``, not known for ``base``.
-        tracker_place: (3,) m, roughly where the instrument will stand, in the robot base; only
-            planning asks. Default: ``tracker_position`` where that is in base, else not known.
+        tracker_place: (3,) m, rough position of the instrument, in the robot base; only planning
+            asks. Default: ``tracker_position`` where that is in base, else not known.
         tracker: Bounds of the instrument. Default: 15 um + 5 um/m, read as two sigma.
         target_axis: (3,) unit vector in the flange frame, the way the reflector looks; only
             planning asks. Default: not known.
@@ -60,7 +60,7 @@ class Cell(Columns):
         repeatability: m, ISO 9283 RP of the arm as its data sheet prints it (mean plus three
             standard deviations of the distance from the middle; 3.6158 times the standard
             deviation per axis). Default: 0.06 mm.
-        payload: What hangs on the flange, one row, no wrench. Default: nothing.
+        payload: Payload on the flange, one row, no wrench. Default: nothing.
         T_base_frame: (4, 4) work frame of programs that set none. Default: the robot base; in a
             registered cell with one part frame, that frame.
         part: Where touching found the part, and the model it was touched with. Default: not
@@ -68,7 +68,7 @@ class Cell(Columns):
         compliance_prior: (dof,) rad/(N m), one over the stated joint stiffness; NaN where nothing
             is stated. Default: NaN.
         controller: Frames, tools, external axes and pulses that programs name and the controller
-            holds; the defaults in it say nothing here. Default: none.
+            holds; its defaults do not apply here. Default: none.
         tables: Names of the tables its file states; empty if made in code.
         source: File it was read from; empty if made in code.
         digest: SHA-256 of that file.

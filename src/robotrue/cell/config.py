@@ -55,7 +55,7 @@ def parse_cell(data: bytes, path: str | Path, *, files: Mapping[str, bytes] | No
 
     Args:
         data: Content of the cell.toml.
-        path: Where it stands, or will.
+        path: Its present or planned position.
         files: Content of the files it names (URDF, frames), by the names it gives them; None:
             they are read from the disk, relative to the path.
 

@@ -180,7 +180,7 @@ def _read_axis(table: ExternalTable, number: int) -> ExternalAxis:
 
 
 def controller_table(stated: FrameTable) -> dict[str, object]:
-    """Returns the table that says the same, every frame by one number or name, without files."""
+    """Returns the equivalent table, every frame by one number or name, without files."""
     table: dict[str, object] = {}
     if stated.pulses_per_degree is not None:
         table["pulses_per_degree"] = round_digits(stated.pulses_per_degree)

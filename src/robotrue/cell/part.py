@@ -26,8 +26,8 @@ class PartFrame(Columns):
         covariance: (6, 6) of the displacement of the part's origin (m) and its left rotation
             vector (rad), both in base axes.
         touches: How many there were.
-        outliers: Names of those not believed.
-        rms: m, of the believed ones about the frame.
+        outliers: Names of the rejected ones.
+        rms: m, of the accepted ones about the frame.
         verdict: ``GO`` or ``NO-GO``.
     """
 

@@ -112,7 +112,7 @@ def _parameter(field: RequestField) -> Parameter:
 
 
 def _check_names(entry: Output) -> Callable[[Names], Names]:
-    """The callback that refuses names of files to write that say another format."""
+    """Returns the callback that refuses output names with the suffix of another format."""
     from robotrue.app.outputs import require_suffix
 
     def check(given: Names) -> Names:
@@ -133,7 +133,7 @@ def register_operations(app: typer.Typer, order: Sequence[str]) -> None:
 
     Args:
         app: The application, with the groups and commands that are not made here.
-        order: Names of commands that stand first in the help, with their group before them.
+        order: Names of commands that come first in the help, with their group before them.
     """
     for name, text in GROUPS.items():
         app.add_typer(_make_group(name, text))

@@ -4,8 +4,8 @@ Commands of operations are made from their requests (``generate.py``); the signa
 are here and in the ``*_commands`` files, their work in the file of their name.
 
 Data go to stdout, everything else to stderr. Exit 0: done. Exit 1: understood, but refused or
-failed, with a message that says why (a file that is not there, too). Exit 2: the command line
-itself is wrong: an unknown option, a missing argument. Heavy imports happen inside the commands, so
+failed, with a message of the cause (also for a missing file). Exit 2: the command line itself is
+wrong: an unknown option, a missing argument. Heavy imports happen inside the commands, so
 ``robotrue --help`` answers at once.
 """
 

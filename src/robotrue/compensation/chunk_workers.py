@@ -1,4 +1,4 @@
-"""Chunks of a program file, from bytes to compensated bytes, and who does them."""
+"""Chunks of a program file, from bytes to compensated bytes, and their workers."""
 
 from __future__ import annotations
 
@@ -167,7 +167,7 @@ class ChunkWorkers(ABC):
     lost: ClassVar[tuple[type[Exception], ...]] = ()
     """What a lost worker raises."""
     once: ClassVar[str] = ""
-    """The note on a chunk that was lost ``{where}`` it stands, by ``{cause}``."""
+    """The note on a chunk lost at ``{where}``, by ``{cause}``."""
     twice: ClassVar[str] = ""
     """The error where it was lost again."""
     hint: ClassVar[str] = ""

@@ -48,7 +48,7 @@ def compensate(
 
     The result depends on the order of the targets only through the arm's configuration and, with
     backlash, through the direction each joint comes from. Targets that cannot be compensated keep
-    their values and say why in their status.
+    their values, with the cause in their status.
 
     Args:
         model: Error of the robot. Where it has :meth:`~ErrorModel.mean_tables` they are inverted
@@ -156,7 +156,7 @@ def load_about_part_origin(program: Program, load: Load) -> Load:
 
 
 def empty_outcome(program: Program, n: int, *, covariance: bool) -> Outcome:
-    """Returns the outcome before anything is solved: the n targets as they stand."""
+    """Returns the outcome before anything is solved: the n targets unchanged."""
     return Outcome(
         position=np.array(program.position),
         rotation=np.array(program.rotation).reshape(n, 9),

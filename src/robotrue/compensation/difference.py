@@ -1,8 +1,8 @@
 """Two programs target by target: what moved, by how much, and what the model expects of each.
 
 The second program is the first with other numbers, as compensation writes it. With a model of the
-arm every target also has its predicted error before (the first program, as it stands) and after
-(where the second one lands, against what the first one wants), with the covariance of the latter.
+arm every target also has its predicted error before (the first program, unchanged) and after (the
+second one, against the targets of the first), with the covariance of the latter.
 """
 
 from __future__ import annotations

@@ -98,7 +98,7 @@ def lay_out(
     route[by_words.rows] = Route.GIVEN
     known = np.where(np.isin(route, [Route.GIVEN, Route.PASS, Route.AXES]), 1, 0)
     known[by_words.changed] = -1
-    if not len(settings.home):  # where the user chose, words that say nothing do not unchoose
+    if not len(settings.home):  # empty words do not undo the user's choice
         known[by_words.astray] = -1
     return Plan(
         route=route.astype(np.int64),

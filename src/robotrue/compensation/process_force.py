@@ -96,7 +96,7 @@ class ForceRule(Columns):
         return np.asarray(claimed & (path.feed >= low) & (path.feed <= high))
 
     def values(self, path: CutPath, rows: IntArray) -> Array:
-        """Returns (k, 6) N, N m: the same everywhere, or what the model says."""
+        """Returns (k, 6) N, N m: constant, or from the model."""
         if self.model is not None:
             return np.asarray(self.model.wrench(path)[rows])
         return np.tile(self.wrench, (len(rows), 1))
@@ -330,7 +330,7 @@ def in_base(wrench: Array, axes: Axes, path: CutPath, rows: IntArray) -> Array:
 
 
 def require_one_file(force: DescribedForce, paths: Sequence[CutPath]) -> None:
-    """Checks that parts which name lines or targets say of which file, where a job has several.
+    """Checks that parts which name lines or targets state the file, where a job has several.
 
     Raises:
         ConfigurationError: One does not, or names a file that is not in the job.

@@ -154,7 +154,7 @@ def compensation_setup(
     Args:
         model: Error of the robot.
         T_flange_tool: (t, 4, 4) tools of the program.
-        start: Axis values (6,) the program says it starts from, controller's sense; or empty.
+        start: Axis values (6,) at which the program states its start, controller's sense; or empty.
         settings: Guards and tolerances.
         external: (n, 6) m or rad, external axes of the targets; None: none is described.
 

@@ -119,7 +119,7 @@ def solve_targets(
         plan: Their treatment.
         load: One row or one per target.
         state: Where the arm is before the first target, changed in place.
-        outcome: The targets as they stand; written.
+        outcome: The unchanged targets; written.
 
     Returns:
         Nominal joints (n, 6) rad, NaN where there are none, and whether the model knows the

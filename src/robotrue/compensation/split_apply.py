@@ -205,7 +205,7 @@ def _require_planned(
     if len(new):
         wanted[new], turned[new] = along(job.shapes(rows), which, share[new])
         vias = new[origin[new] >= 0]
-        turned[vias] = poses.rotation[vias]  # a controller may ignore it; it may stand nowhere
+        turned[vias] = poses.rotation[vias]  # a controller may ignore it; it may be nowhere
     off = np.linalg.norm(poses.position - wanted, axis=1)
     spun = np.abs(poses.rotation - turned).max(axis=(1, 2), initial=0.0)
     bad = np.flatnonzero((off > _PRINTED) | (spun > _TURNED))

@@ -85,7 +85,7 @@ def row_note(
 
 
 def merge_notes(notes: Iterable[RowNote]) -> tuple[RowNote, ...]:
-    """Returns notes that say the same as one each, by rank, from parts of a program in order."""
+    """Returns equal notes merged into one each, by rank, from parts of a program in order."""
     merged: dict[tuple[int, str], RowNote] = {}
     for note in notes:
         key = (note.rank, note.text)
@@ -197,7 +197,7 @@ def count_by_kind(counts: Mapping[str, int]) -> dict[tuple[str, str], int]:
 
 
 def _notes_by_line(program: Program) -> dict[int, str]:
-    """Returns what the reader says of lines that it names."""
+    """Returns the reader's notes on lines that it names."""
     out: dict[int, str] = {}
     for note in program.notes:
         match = _HEAD.match(note.removeprefix(f"{program.name}:"))

@@ -276,7 +276,7 @@ def _finite(text: str) -> float:
 
 
 def _array(data: bytes) -> Array:
-    """The array of a NumPy file whose header says no more than its bytes hold."""
+    """Returns the array of a NumPy file whose header claims no more than its bytes hold."""
     size = _PREFIX + int.from_bytes(data[_PREFIX - 2 : _PREFIX], "little")
     header = _HEADER.fullmatch(data[:size])
     if header is None:

@@ -51,7 +51,7 @@ def unpack_table(
         kind: Of the table.
         archive: Holds its arrays; none of them is empty.
         stated: JSON values of its other fields.
-        key: Under which they stand, for messages; empty for a whole document.
+        key: Key of the values, for messages; empty for a whole document.
         prefix: Of the names of its arrays.
         later: Fields that archives written before do not have; they get their default.
         given: Fields that are stored in another way.

@@ -1,4 +1,4 @@
-"""Configuration words: what a controller's target says of the arm besides the pose of its tool.
+"""Configuration words: data on the arm in a controller's target, besides the pose of its tool.
 
 Every maker has its own words; here they are columns of integers in the order they are written:
 

@@ -1,7 +1,7 @@
 """Frozen tables of columns: shapes declared beside the fields, checked once, cut by rows.
 
-A noun of the product that holds arrays inherits from :class:`Columns` and says of each array its
-shape, in sizes shared by all fields of one object, and its unit::
+A noun of the product that holds arrays inherits from :class:`Columns` and declares for each array
+its shape, in sizes shared by all fields of one object, and its unit::
 
     @dataclass(frozen=True, slots=True, kw_only=True)
     class Touches(Columns):

@@ -79,7 +79,7 @@ class _KernelFiles(CompileResultCacheImpl):
 class _KernelCache(FunctionCache):
     """A cache stamped with a hash of the kernel's sources.
 
-    Numba's own stamp is the kernel's file, which says nothing of what other files put into it. The
+    Numba's own stamp is the kernel's file, which does not cover its parts from other files. The
     stamp is taken from what is loaded, not from the files, for these may be newer; and when the
     kernel is first called, for only then is every module complete.
     """

@@ -76,7 +76,7 @@ def join_conditions(
 
     Args:
         temperature: (n,) K of the arm; NaN where not measured.
-        joint_temperature: (n, dof) K; where NaN that of the arm stands.
+        joint_temperature: (n, dof) K; that of the arm applies where NaN.
         time: (n,) s.
         external: (n, 6) m or rad.
     """

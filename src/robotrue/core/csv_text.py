@@ -35,7 +35,7 @@ def csv_remark(text: str) -> str:
 
 
 def as_written(cell: str) -> str:
-    """Returns what a cell read from a file says, without the apostrophe of :func:`csv_text`."""
+    """Returns the text of a cell read from a file, without the apostrophe of :func:`csv_text`."""
     return cell[1:] if cell[:1] == "'" and _FORMULA.match(cell, 1) else cell
 
 

@@ -1,4 +1,4 @@
-"""Codes of arrays that say in one clause what they mean."""
+"""Codes of arrays with their meaning in one clause."""
 
 from __future__ import annotations
 

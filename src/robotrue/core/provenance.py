@@ -65,7 +65,7 @@ class Provenance:
 
 
 MEASURED: Final = Provenance()
-"""Of data that say nothing of themselves: measured, by an instrument that is not known."""
+"""Of data without a statement: measured, by an unknown instrument."""
 
 
 def merge(parts: Iterable[Provenance]) -> Provenance:
@@ -121,7 +121,7 @@ def simulation_mark(provenance: Provenance | bool | None, word: str = MARK) -> s
 
 
 def mark_sentence(provenance: Provenance | bool | None) -> str:
-    """Returns the line that says beside a result that it is simulated, or ""."""
+    """Returns the line that marks a result as simulated, or ""."""
     return simulation_mark(provenance, f"{MARK}: no real robot was measured for this result")
 
 

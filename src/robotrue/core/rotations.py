@@ -1,7 +1,7 @@
 """Rotation matrices from and to what controllers and trackers print. All vectorised.
 
-Every function takes and returns arrays with any leading shape. Angles in rad. The tables of who
-uses what are in CONVENTIONS.md.
+Every function takes and returns arrays with any leading shape. Angles in rad. The tables of users
+of each convention are in CONVENTIONS.md.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A campaign: clamps at known tilts, forces and heights, and what the sensors said."""
+"""A campaign: clamps at known tilts, forces and heights, with the readings of the sensors."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ ENDS: Final = 5
 CLEAR: Final = 0.75
 """Share of the squared residuals a step must explain; by chance .35 of 30 clamps (simulated)."""
 FEWEST: Final = 8
-"""Clamps below which nothing can be said of a sensor."""
+"""Clamps below which a sensor cannot be checked."""
 STUCK: Final = 0.1
 """Share of the travel it should make, below which a sensor is stuck."""
 BETTER: Final = 0.5
@@ -257,7 +257,7 @@ def _check_order(foot: Foot, campaign: Campaign, measured: Array, expected: Arra
 
 
 def _best_order(measured: Array, expected: Array) -> tuple[float, str, str]:
-    """Error (m) left by the best order of the sensors, what it says, and what to try."""
+    """Returns the residual (m) of the best order of the sensors, a finding, and a remedy."""
     trials = sensor_orders(measured.shape[1])
     left, best = min(
         ((_offset_free_rms(measured[:, list(p)], expected), p) for p in trials),

@@ -224,7 +224,7 @@ def setup_of(model: NormalModel, path: Path, foot: Path | None) -> FootSetup:
         foot: Foot file; None for readings less their zero.
 
     Raises:
-        ConfigurationError: A foot whose sensors stand elsewhere.
+        ConfigurationError: A foot whose sensors are elsewhere.
     """
     if foot is None:
         return FootSetup(foot=model.foot, head=model.head, count=None, zero=None, source=str(path))

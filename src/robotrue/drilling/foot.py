@@ -205,7 +205,7 @@ def readings(foot: Foot, normal: Array, height: Array) -> Array:
 
 
 def sensor_orders(count: int) -> Iterator[tuple[int, ...]]:
-    """Yields the orders in which sensors may stand, as stated first; none of many sensors."""
+    """Yields the possible orders of sensors, the stated one first; none of many sensors."""
     yield from permutations(range(count)) if count <= SHUFFLED else ()
 
 

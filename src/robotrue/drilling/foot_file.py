@@ -123,7 +123,7 @@ class FootSetup:
 
 
 def read_foot(path: str | Path) -> FootSetup:
-    """Returns what a foot file says.
+    """Returns the content of a foot file.
 
     Raises:
         ConfigurationError: Not TOML, an unknown key, a value that cannot be; with file and line.

@@ -45,7 +45,7 @@ class FootZero(Columns):
             each seat, because a tool that sits askew moves all sensors together.
         counts: Whether the file states counts.
         rows: How many were averaged.
-        seats: How often the tool was put on; 0 where the file does not say.
+        seats: How often the tool was put on; 0 where the file does not state it.
         provenance: Of the file.
     """
 
@@ -196,7 +196,7 @@ def with_zero(text: str, found: FootZero, setup: FootSetup) -> str:
     Args:
         text: Of the foot file.
         found: The zero.
-        setup: What the file says.
+        setup: Content of the file.
     """
     document = tomlkit.parse(text)
     foot = document["foot"]

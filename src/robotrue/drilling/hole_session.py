@@ -116,7 +116,7 @@ class HoleSession:
         return self._reference
 
     def mark_simulated(self) -> None:
-        """Takes note that the machine says it is simulated; it stays so."""
+        """Records that the machine is marked as simulated; it stays so."""
         self._machine = SIMULATED
 
     def push(self, sample: FootSample, *, hole: str = "") -> HoleAnswer | None:

@@ -1,8 +1,8 @@
 """The same adjustment on a six-axis robot: turn about the tip, through the calibrated model.
 
-The sensors sit on the spindle as it really stands, so the turn is made from the actual pose, and
-the joints to command are those at which the *actual* axis lies on the normal and the *actual* tip
-is where it was.
+The sensors are on the actual spindle, so the turn starts from the actual pose, and the joints to
+command are those at which the *actual* axis lies on the normal and the *actual* tip is where it
+was.
 """
 
 from __future__ import annotations

@@ -117,8 +117,8 @@ def identify_coefficients(cutter: EndMill, tests: Sequence[CuttingTest]) -> Iden
 def check_axes_agree(measured: Array, expected: Array, source: str) -> None:
     """Returns nothing; raises where a mean force fits the model only with other axes.
 
-    For a recorded cut: the better of the eight ways to swap and flip x and y must be the one as
-    it stands, unless none is clearly better.
+    For a recorded cut: the best of the eight ways to swap and flip x and y must be the unchanged
+    one, unless none is clearly better.
 
     Args:
         measured: (3,) N mean force in the axes of the feed.

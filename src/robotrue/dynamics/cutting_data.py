@@ -110,7 +110,7 @@ def read_slots(path: Path, cut: CutterEngagement) -> list[CuttingTest]:
 
     Args:
         path: One row per test.
-        cut: What the table does not say: mode and spindle, depth and width where it has none.
+        cut: Data missing from the table: mode and spindle, depth and width where it has none.
 
     Raises:
         FormatError: A column that is missing or not known.

@@ -5,10 +5,11 @@
 x_i is the bending of joint i under the mean force, with the stiffness the data sheet states;
 alpha_i is near one. g takes back the static part that e_w has from a single pose: it is the static
 row of the frequency response, where that is given, see :class:`StaticCompliance`. b and c are
-offset and gain of e_w. The factors have Gaussian priors and are solved in closed form,
-``(X^T C^-1 X + S^-1)^-1 (X^T C^-1 y + S^-1 m)``, with the covariance C of
+offset and gain of e_w. The factors have Gaussian priors and are solved in closed form, ``(X^T C^-1
+X + S^-1)^-1 (X^T C^-1 y + S^-1 m)``, with the covariance C of
 :mod:`robotrue.dynamics.deviation_kernel`, whose sizes are learned by evidence. Where a pose or
-force is unlike all those learned from, the residual process is left out and physics stand alone.
+force is unlike all training windows, the residual process is left out and only the physical model
+is used.
 """
 
 from __future__ import annotations

@@ -83,7 +83,7 @@ def part_of_pass(place: Array, member: IntArray, known: WindowRows | None) -> Ar
         member: (n,) number of the pass.
         known: Windows learned from; a window of their passes has the part of the nearest of them.
 
-    A window that stands alone may be anywhere on its pass: it is taken for the last.
+    A single window may be anywhere on its pass: it counts as the last.
     """
     out = np.ones(len(place))
     for which in np.unique(member):

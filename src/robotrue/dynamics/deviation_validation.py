@@ -3,9 +3,8 @@
 Windows of one pass are neighbours in everything. Split at random, each one held out lies between
 two learned from, and any regression looks good; that row is printed because the paper printed it.
 
-Of a hundred windows whose errors are alike, a 95 % band holds all or none. What the share inside it
-says is that of a binomial of so many windows as are independent: its variance, p (1 - p) / n, gives
-n.
+Of a hundred windows whose errors are alike, a 95 % band holds all or none. The share inside it is
+that of a binomial of the independent windows: its variance, p (1 - p) / n, gives n.
 """
 
 from __future__ import annotations

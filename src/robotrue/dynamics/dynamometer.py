@@ -1,8 +1,8 @@
 """From what a dynamometer reads to the force on the tool in base axes.
 
-Three turns stand between them: how the sensor's axes lie on what carries it; with a rotating one
-(Kistler 9123C) the angle of the spindle, Rz(angle); and with any that moves with the tool the
-attitude of the arm. One under the part reads the reaction.
+Three rotations relate them: the sensor's axes on its carrier; with a rotating one (Kistler 9123C)
+the angle of the spindle, Rz(angle); and with any that moves with the tool the attitude of the arm.
+One under the part reads the reaction.
 """
 
 from __future__ import annotations

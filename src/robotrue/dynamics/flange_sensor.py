@@ -30,7 +30,7 @@ from robotrue.errors import ArchiveError, ImplausibleDataError, ObservabilityErr
 WORST_CONDITION: Final = 5.0
 """Six wrist poses +-90 deg have 2.2, twelve within 15 deg 10.6, with five times the deviation."""
 _WEIGHED: Final = 0.2
-"""kg below which nothing hangs on the sensor that a centre could be found for."""
+"""kg below which the centre of the load on the sensor is not determined."""
 _HEAVIEST: Final = 2000.0
 """kg; no robot carries more."""
 KIND: Final = "held-tool"
@@ -106,8 +106,8 @@ def identify_held_tool(R_base_sensor: Array, readings: Array) -> HeldTool:
 
     Raises:
         ObservabilityError: Fewer than four poses, or poses too much alike (condition above 5).
-        ImplausibleDataError: Nothing hangs on it; moments that no centre explains (millinewtons,
-            inches, a frame of another hand).
+        ImplausibleDataError: No load on it; moments that no centre explains (millinewtons, inches,
+            a frame of another hand).
         ShapeError: Other shapes.
 
     Fails when: the arm still moves, or a hose pulls differently in every pose.
@@ -183,7 +183,7 @@ def process_wrench(
     """Returns the wrench of the cut on the tool (n, 6) N, N m, at the tool point in tool axes.
 
     Args:
-        tool: What hangs on the sensor.
+        tool: Load on the sensor.
         R_base_sensor: (n, 3, 3).
         readings: (n, 6) N, N m in the sensor frame.
         acceleration: (n, 3) m/s^2 of the centre of mass, in base axes (an accelerometer without

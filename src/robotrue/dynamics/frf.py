@@ -126,8 +126,8 @@ def in_form(response: ComplexArray, frequency: Array, have: str, want: str) -> C
         want: Form wanted.
 
     Raises:
-        ConfigurationError: Not a form, or a line at 0 Hz on the way down: the static deflection
-            cannot be had from a velocity or an acceleration.
+        ConfigurationError: Not a form, or a line at 0 Hz on the way down: a velocity or an
+            acceleration does not contain the static deflection.
     """
     for form in (have, want):
         if form not in FORMS:

@@ -156,7 +156,7 @@ def combine_axes(results: Sequence[HammerResult]) -> FrequencyResponse:
         ImplausibleDataError: Numbers that cannot be (``frf_checks.check_response``).
         ObservabilityError: No band in common.
     """
-    first = results[0]  # a hit says nothing about the line at 0 Hz
+    first = results[0]  # a hit does not determine the line at 0 Hz
     response: dict[str, ComplexArray] = {}
     coherence: dict[str, Array] = {}
     for one in results:

@@ -1,9 +1,9 @@
 """The receptance at any frequency: between the lines, below the band, above it.
 
-Between the lines a complex cubic, or the modes where they say it better. Below the band nothing
-was measured: there the value runs from the static deflection (of a load test, else of the modes or
-the lowest lines) to the first line of the band, Re with f^2 and Im with f, as that of a grounded
-structure does. Above the band it is what the modes say, or zero without modes: a curve that ends
+Between the lines a complex cubic, or the modes where they fit better. Below the band nothing was
+measured: there the value runs from the static deflection (of a load test, else of the modes or the
+lowest lines) to the first line of the band, Re with f^2 and Im with f, as that of a grounded
+structure does. Above the band it is that of the modes, or zero without modes: a curve that ends
 abruptly rings before its cause, and modes end gently.
 """
 

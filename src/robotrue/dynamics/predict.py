@@ -1,9 +1,9 @@
 """The dynamic error of a recorded force: e = F^-1[G F], the whole record at once.
 
-Source: Jin, Sun, Tang, Li 2022, eq. 1. Printed as it stands, the product is circular: the end of
-the record deflects its beginning, and a static deflection is present from the first sample. Here
-the record is followed by zeros for longer than the tool rings, which cures the first; the error
-without them is computed as well.
+Source: Jin, Sun, Tang, Li 2022, eq. 1. As printed, the product is circular: the end of the record
+deflects its beginning, and a static deflection is present from the first sample. Here the record is
+followed by zeros for longer than the tool rings, which cures the first; the error without them is
+computed as well.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _BEGINS: Final = 0.05
 """Part of the largest force from which a record starts in the cut."""
 _ABOVE: Final = 0.02
 _MOST_ABOVE: Final = 0.5
-"""Part of the force's mean square above the band beyond which a prediction says nothing."""
+"""Part of the force's mean square above the band beyond which a prediction is not valid."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

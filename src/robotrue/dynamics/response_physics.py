@@ -38,7 +38,7 @@ _LIGHTEST: Final = 1e-3
 _MASS_FROM: Final = 20.0
 """Hz; below it a soft arm may look as light as that."""
 _NEAR_REST: Final = 6.0
-"""Hz below which an arm stands nearly as it does at rest: its lowest mode is above 7 Hz."""
+"""Hz below which an arm deflects nearly statically, as its lowest mode is above 7 Hz."""
 _LIKE_REST: Final = 10.0
 
 

@@ -33,7 +33,7 @@ _SHIFT: Final = 0.2
 """Part of the reach by which the base frame or the reflector may be off."""
 _TURN: Final = 10.0 * DEG
 _BETTER: Final = 0.3
-"""Another reading of the data must leave less than this part of the misfit to be believed."""
+"""Another reading of the data must leave less than this part of the misfit to be accepted."""
 _FLOOR: Final = 5.0 * MM
 """Below this misfit nothing is wrong that a calibration would not find."""
 

@@ -82,11 +82,11 @@ class ProbingSession:
     Attributes:
         features: That can be touched.
         parts: Names of the parts.
-        rough: Where each part stands, roughly: T_base_part, (4, 4) nested, m.
+        rough: Rough frame of each part, T_base_part, (4, 4) nested, m.
         reads: What a reading is.
         settings: Of the registration and of reading, JSON values in mm and deg.
         readings: In the order they came.
-        simulated: Whether the readings come from a simulation, as its files say.
+        simulated: Whether the readings come from a simulation, by the marks of its files.
     """
 
     features: tuple[TouchFeature, ...]

@@ -122,7 +122,7 @@ def point_covariance(
     Args:
         specification: The instrument.
         points: (n, 3) m.
-        tracker: (3,) m, where the instrument stands, in the frame of the points; None is the
+        tracker: (3,) m, position of the instrument, in the frame of the points; None is the
             isotropic fallback at ``DEFAULT_RANGE``, with the larger of the two sigmas.
 
     Fails when: a point lies on the tracker itself; the line of sight is then arbitrary and x is
@@ -146,7 +146,7 @@ def point_covariance(
 
 
 def default_instrument(points: Array) -> Array:
-    """Returns the covariance (n, 3, 3) m^2 used where neither file nor cell says anything.
+    """Returns the covariance (n, 3, 3) m^2 used where neither file nor cell states one.
 
     A tracker of 15 um + 5 um/m, bound read as two sigma, at ``DEFAULT_RANGE``: 15 um per axis.
     """

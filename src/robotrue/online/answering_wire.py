@@ -122,9 +122,9 @@ class AnsweringReport:
     """Report of the answering process: brief with each answer, in full from time to time.
 
     Attributes:
-        guard: How its guard stands.
+        guard: State of its guard.
         watch: The count of the controller's packets, in brief.
-        peer: Who sends them, in brief.
+        peer: Their sender, abbreviated.
         link: In full, likewise the rest.
         health: Counters of the link.
         force: Counters of the measured force.

@@ -101,7 +101,7 @@ class StreamClock:
         return self._rising(time), doubt
 
     def fix(self) -> ClockFix:
-        """Returns how the clocks stand."""
+        """Returns the state of the clocks."""
         start, offset, drift, at, offset_sd, drift_sd, _ = self._fit.tolist()
         kept = int(self._number[7])
         if not kept:

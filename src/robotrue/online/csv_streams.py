@@ -177,7 +177,7 @@ class CsvSink:
             file.close()
 
     def health(self) -> Health:
-        """Returns the counters as they stand."""
+        """Returns the present counters."""
         return replace(self._health, connected=self._file is not None)
 
 

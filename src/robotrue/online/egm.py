@@ -114,7 +114,7 @@ class EgmRobot:
         converged: Whether the robot is where it was last sent, or None.
         rapid: Whether the program runs, or None.
         force_sent: Whether the message holds a measured force at all.
-        force_active: RobotWare 7: whether force control is active; None where it is not said.
+        force_active: RobotWare 7: whether force control is active; None where it is not stated.
         force: Fx Fy Fz N, Tx Ty Tz N m; empty where it is not there.
     """
 
@@ -134,7 +134,7 @@ class EgmRobot:
 
 
 SeenMessage = tuple[EgmRobot, float, Flag]
-"""A message, s on the host's clock when it came, and what its number says."""
+"""A message, s on the host's clock when it came, and the flags of its number."""
 
 
 def egm_sequence() -> SequenceState:
@@ -370,7 +370,7 @@ def _read_joints(message: WireMessage) -> tuple[float, ...]:
 
 
 def _read_numbers(message: WireMessage, number: int, size: int) -> tuple[float, ...] | None:
-    """A message of required doubles 1..size, or None where it does not stand."""
+    """A message of required doubles 1..size, or None where it is absent."""
     if not message.values(number):
         return None
     inner = message.message(number, message.what)

@@ -38,7 +38,7 @@ class Doubt(enum.IntFlag):
     CLOCK = 32
     """The offset of the streams' clocks is not known well enough, or one has jumped."""
     EXTRAPOLATED = 64
-    """Physics alone: the learned part has nothing to say here. Valid, with the wider band."""
+    """Physics alone: the learned part is not valid here. Valid, with the wider band."""
 
     INVALID = NO_JOINTS | BAD_JOINTS | BAD_FORCE | OUTSIDE | SETTLING | CLOCK
 
@@ -78,7 +78,7 @@ class EstimateBlock(Columns):
 
     @property
     def valid(self) -> BoolArray:
-        """(n,), whether to believe each."""
+        """(n,), whether each is valid."""
         return np.asarray((self.doubt & int(Doubt.INVALID)) == 0)
 
 

@@ -73,7 +73,7 @@ class StreamSource(Protocol[B_co]):
         """Closes the connection; the robot is left without correction."""
 
     def health(self) -> Health:
-        """Returns the counters as they stand."""
+        """Returns the present counters."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,7 +124,7 @@ class RobotLinkSettings:
         """Returns the link, which listens and answers from now on.
 
         Raises:
-            ConfigurationError: The address cannot be had, or corrections cannot be sent safely.
+            ConfigurationError: The address is not available, or corrections cannot be sent safely.
         """
         raise NotImplementedError
 
@@ -199,7 +199,7 @@ class Sink(Protocol):
         """Sends the queued blocks and closes the connection."""
 
     def health(self) -> Health:
-        """Returns the counters as they stand."""
+        """Returns the present counters."""
 
 
 HealthDocument = dict[str, str | bool | int | float | None]

@@ -178,7 +178,7 @@ async def import_models(server: Server, folder: Path) -> None:
         FormatError: A file cannot be imported.
     """
     for path in nodeset_files(folder):
-        try:  # not strict: a newer file may hang nodes on ones the library does not know yet
+        try:  # not strict: a newer file may attach nodes to ones the library does not know yet
             await server.import_xml(str(path), strict_mode=False)
         except Exception as cause:  # whatever its parsing meets
             raise FormatError(

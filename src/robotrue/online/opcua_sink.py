@@ -83,7 +83,7 @@ class OpcUaSink(DisplaySink):
         server = None
         try:
             with socket.create_server((self._address.host, self._address.port)):
-                pass  # said now, not after the seconds that the tree takes
+                pass  # reported now, not after the seconds that the tree takes
             server = await self._build_server()
             await server.start()
         except OSError as cause:
@@ -256,7 +256,7 @@ class OpcUaSink(DisplaySink):
 
 
 class _Users:
-    """Lets one user in, who may read."""
+    """Accepts one user, with read access."""
 
     def __init__(self, user: str, password: str) -> None:
         self._user, self._password = user.encode(), password.encode()

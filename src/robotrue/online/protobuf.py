@@ -50,7 +50,7 @@ class WireMessage:
         return self._fields.get(number, [])
 
     def message(self, number: int, what: str) -> WireMessage:
-        """Returns the message within; without fields where it does not stand.
+        """Returns the message within; without fields where it is absent.
 
         Raises:
             FormatError: Of another wire type, twice, or damaged.
@@ -59,7 +59,7 @@ class WireMessage:
         return WireMessage(value if isinstance(value, bytes) else b"", what)
 
     def varint(self, number: int) -> int | None:
-        """Returns a whole number, enumeration or bool, or None where it does not stand.
+        """Returns a whole number, enumeration or bool, or None where it is absent.
 
         Raises:
             FormatError: Of another wire type, or twice.
@@ -68,7 +68,7 @@ class WireMessage:
         return value if isinstance(value, int) else None
 
     def double(self, number: int) -> float | None:
-        """Returns a double, or None where it does not stand.
+        """Returns a double, or None where it is absent.
 
         Raises:
             FormatError: Of another wire type, or twice.
@@ -77,7 +77,7 @@ class WireMessage:
         return float(_DOUBLE.unpack(value)[0]) if isinstance(value, bytes) else None
 
     def doubles(self, number: int) -> tuple[float, ...]:
-        """Returns a list of doubles, packed or one by one; empty where it does not stand.
+        """Returns a list of doubles, packed or one by one; empty where it is absent.
 
         Raises:
             FormatError: Of another wire type, or packed in no multiple of eight bytes.

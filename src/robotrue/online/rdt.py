@@ -64,7 +64,7 @@ class RdtCommand(enum.IntEnum):
     START_BUFFERED = 0x0003
     RESET_LATCH = 0x0041
     BIAS = 0x0042
-    """Takes the present load as zero: it also hides what hangs on the sensor."""
+    """Takes the present load as zero: it also hides the load on the sensor."""
 
 
 class RdtDevice(enum.Enum):
@@ -247,7 +247,7 @@ def rdt_block(
         records: (n,), as received.
         scale: Of this sensor.
         host_time: (n,) s.
-        flags: (n,), what the sequence says.
+        flags: (n,), of the sequence.
         device: Family of the sensor.
         rate: Records per second as configured.
         frame: Of the axes, where the sensor itself turns them.
@@ -282,8 +282,8 @@ def rdt_block(
 def arrival_times(rdt: IntArray, now: float, earliest: float, rate: float) -> Array:
     """Returns when records (n,) that were read together came, s on the host's clock.
 
-    The last came just now, those before it as much earlier as the sensor's count says, but none
-    before ``earliest``, when the socket was last found empty.
+    The last came just now, those before it earlier by the sensor's count, but none before
+    ``earliest``, when the socket was last found empty.
     """
     age = (int(rdt[-1]) - rdt) / rate
     times = np.clip(now - np.maximum(age, 0.0), earliest, now)

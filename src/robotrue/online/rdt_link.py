@@ -134,7 +134,7 @@ class RdtSource:
         self._health = Health(name=settings.name, connected=False)
 
     def health(self) -> Health:
-        """Returns the counters as they stand."""
+        """Returns the present counters."""
         return replace(
             self._health,
             lost=self._health.lost + self._watch.lost,

@@ -6,9 +6,9 @@ A frame is a head of 24 bytes and a payload, all little-endian::
 
 The CRC covers the head before it and the payload. Payload of a block: ``I`` rows, ``H`` joints,
 ``H`` bits of the columns that follow, ``16s`` frame name, then the columns, each raw float64 or
-int64. A column that says nothing is left out: floats that are all NaN, integers that are all
-zero, a host time that is the controller's. Clock fixes and health are JSON; a checkpoint is a
-list of named arrays.
+int64. A column without information is left out: floats that are all NaN, integers that are all
+zero, a host time that is the controller's. Clock fixes and health are JSON; a checkpoint is a list
+of named arrays.
 """
 
 from __future__ import annotations

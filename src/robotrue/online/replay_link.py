@@ -67,7 +67,7 @@ class _Replay(Generic[B]):
         self._health = Health(name=settings.name, connected=False)
 
     def health(self) -> Health:
-        """Returns the counters as they stand; those of losses are of the record."""
+        """Returns the present counters; those of losses are of the record."""
         return replace(self._health)
 
     async def close(self) -> None:

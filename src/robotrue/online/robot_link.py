@@ -96,7 +96,7 @@ class RobotLink(Generic[S]):
         return self._endpoint.preferred
 
     async def _wait_for_release(self, corrector: CorrectionGuard) -> None:
-        """Waits for a robot without correction that has had the time to say otherwise."""
+        """Waits until the robot is without correction and has had time to report otherwise."""
         until = time.monotonic() + _RELEASE
         since = None
         while self._there() and not corrector.frozen and time.monotonic() < until:
@@ -109,7 +109,7 @@ class RobotLink(Generic[S]):
             await asyncio.sleep(self._cycle)
 
     def health(self) -> Health:
-        """Returns the counters as they stand."""
+        """Returns the present counters."""
         watch = self._watch
         return replace(
             self._health,
@@ -124,7 +124,7 @@ class RobotLink(Generic[S]):
 
     @property
     def seen(self) -> tuple[SequenceState, Address | None]:
-        """The count of its packets, and who sends them."""
+        """The count of its packets, and their sender."""
         return self._watch, self._peer
 
     def state(self) -> LinkState:

@@ -49,7 +49,7 @@ class RobPacket:
 
     Attributes:
         ipoc: ms on the controller's clock; what the answer must carry.
-        late: Answers the controller has counted as late, or None where it does not say.
+        late: Answers the controller has counted as late, or None where it is not stated.
         joints_deg: A1..A6 as measured (AIPos), or None where they are not sent.
         pose_mm_deg: X, Y, Z, A, B, C as measured (RIst), or None where they are not sent.
         signals: Everything else with a number, ``Tag`` or ``Tag.Attribute``.
@@ -63,7 +63,7 @@ class RobPacket:
 
 
 SeenPacket = tuple[RobPacket, float, Flag]
-"""A packet with joints, s on the host's clock when it came, and what its count says."""
+"""A packet with joints, s on the host's clock when it came, and the flags of its count."""
 
 
 def rsi_sequence(cycle_ms: int) -> SequenceState:
@@ -140,7 +140,7 @@ def read_rob(data: bytes, config: RsiConfig | None = None) -> RobPacket:
 
     Args:
         data: One datagram.
-        config: Given, everything it says is sent must be there.
+        config: If given, everything it declares as sent must be present.
 
     Raises:
         FormatError: Not a ``<Rob>`` of XML, no IPOC or two, an element twice, a value that is no

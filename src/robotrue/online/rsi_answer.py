@@ -37,7 +37,7 @@ class SenWriter:
 
     Args:
         config: Which elements the controller takes.
-        mode: What RSI_ON of the running program says.
+        mode: Mode of RSI_ON in the running program.
 
     Raises:
         ConfigurationError: The link takes no answers.
@@ -233,7 +233,7 @@ class RsiBooking:
             certain = same and not odd and self._is_new_session(cycles, late, gap)
             self._first = SILENCE if certain else self._first
             if resumed and not certain:
-                # the process before may have moved the robot after it last said where it is
+                # the previous process may have moved the robot after its last report
                 self._corrector.add_unreported(SILENCE)
             self._corrector.note_restart(certain=certain)
             self._corrector.book(taken=False)

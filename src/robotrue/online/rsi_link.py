@@ -1,4 +1,4 @@
-"""The link to a KUKA controller: answers each packet at once, then reads what it says.
+"""The link to a KUKA controller: answers each packet at once, then reads it.
 
 A packet that cannot be read is not answered, and one that has been answered is not answered again:
 with RSI_ON(#RELATIVE) a second answer could move the robot a second time.

@@ -77,7 +77,7 @@ class _RtdeLink(Generic[B]):
         self._health = Health(name=settings.name, connected=False)
 
     def health(self) -> Health:
-        """Returns the counters as they stand."""
+        """Returns the present counters."""
         watch = self._watch
         return replace(
             self._health,
@@ -147,7 +147,7 @@ class _RtdeLink(Generic[B]):
     async def _next(self, talk: _Talk) -> list[rtde.RtdePacket] | None:
         """The data packets that have come; None when closed.
 
-        What the controller says in words is kept as the latest fault.
+        Text messages of the controller are saved as the latest fault.
         """
         until = time.monotonic() + self._settings.silence
         while not talk.packets:
@@ -178,9 +178,9 @@ class _RtdeLink(Generic[B]):
         raise NotImplementedError
 
     def _watch_clock(self, block: B) -> B:
-        """The block with what its clock says; the first sample after a return is another clock's.
+        """Returns the block with the flags of its clock; samples without a time do not change it.
 
-        Samples without a time leave the clock where it was.
+        The first sample after a reconnection is of another clock.
         """
         timed = np.flatnonzero((block.flags & int(Flag.CLOCK_JUMP)) == 0)
         if not len(timed):
@@ -195,7 +195,7 @@ class _RtdeLink(Generic[B]):
         return replace(block, flags=flags)
 
     def _return(self, tick: int, host_time: float) -> Flag:
-        """Takes the first packet after a return; returns what its clock says."""
+        """Takes the first packet after a return; returns the flags of its clock."""
         self._health.reconnects += 1
         watch, window, flags = self._watch, self._watch.window, Flag.NONE
         if watch.last is not None and tick <= watch.last:

@@ -88,7 +88,7 @@ class Sensing:
         return float(self._parameters["memory"][0]) / self.models.rate
 
     def joints(self, block: JointBlock) -> None:
-        """Takes joint samples: those of before a force have to be given before the force.
+        """Takes joint samples: those before a force must be passed before the force.
 
         Raises:
             ModelMismatchError: Joints of another arm.

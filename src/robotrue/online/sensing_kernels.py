@@ -44,7 +44,7 @@ _FORGIVEN, _MOST_DEBT = 0.99, 10.0
 """Missing samples are forgotten in a hundred; more than so many at once: another rate."""
 _LEVER_FORCE: Final = 5.0
 _LEVER_FLOOR: Final = 0.5
-"""N and N m; below them a lever says nothing."""
+"""N and N m; below them a lever is not meaningful."""
 _LIMIT_SLACK: Final = 1e-3
 _MOVED: Final = 1e-4
 """rad, turn of a joint after which the numbers of the pose are computed again."""

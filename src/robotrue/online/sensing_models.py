@@ -6,8 +6,8 @@ compliance since then, with J the Jacobian of the tool point and C the complianc
 
     e = G * f + [J C J^T (q) - J C J^T (q0)] F
 
-G * f is the response in time, F the slow force. A learned deviation says by itself what changes
-along the direction it was learned in; the bracket is then left out along it.
+G * f is the response in time, F the slow force. A learned deviation contains the changes along the
+direction it was learned in; the bracket is then left out along it.
 """
 
 from __future__ import annotations
@@ -145,7 +145,7 @@ class SensingModels(Columns):
         rate: Force samples per second.
         compliance: Of the joints, or None: then the response is all there is.
         response: Of the tool, or None: then only the static part is estimated.
-        held: What hangs on the sensor, or None: then gravity and offset stay in the force.
+        held: Load on the sensor, or None: then gravity and offset stay in the force.
         T_flange_sensor: (4, 4) m, where the sensor sits.
         learned: Deviation, or None.
     """

@@ -1,4 +1,4 @@
-"""The learned deviation online: what the last whole window says about the samples after it.
+"""The learned deviation online: correction by the last whole window for the samples after it.
 
 The physics of the deviation follow the slow force of every sample. What goes beyond them (residual
 process, gain on the prediction) and the standard deviation are those of the last window, a second

@@ -95,7 +95,7 @@ class Snapshot:
         running: s since it was started.
         rows: Samples taken by stream, those of a record that is gone on with included.
         given: Estimates made.
-        invalid: Of these, not to be believed; since this start.
+        invalid: Of these, not valid; since this start.
         latest: The latest estimate, a block of one.
         sources, sinks: Their counters.
         record: Likewise, if there is one.
@@ -305,7 +305,7 @@ class _Service:
             served.queue.close()
         await asyncio.gather(*serving, return_exceptions=True)
         await self._close_sinks()
-        with contextlib.suppress(RobotrueError):  # a record that is broken has said so
+        with contextlib.suppress(RobotrueError):  # a broken record has reported it
             self._checkpoint()
 
     async def _read(self, stream: Stream) -> None:

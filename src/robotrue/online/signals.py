@@ -189,7 +189,7 @@ class UdpSignals:
         self._inbox.close()
 
     def health(self, now: float) -> Health:
-        """Returns the counters as they stand.
+        """Returns the present counters.
 
         Args:
             now: s on the monotonic clock.

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from robotrue.store.workspace import Transaction
 
 COUNTS: Final = ("targets", "compensated", "unchanged", "simulated")
-"""What the result of a job says of its program."""
+"""Keys of a program in the result of a job."""
 GONE: Final = ("output", "identity")
 """Paths in the folder of a job, which is gone when it is over."""
 

@@ -31,7 +31,7 @@ class DynamicsSensorRequest(Request):
 
 
 def run(request: DynamicsSensorRequest, context: Context) -> PlainResult:
-    """Identifies what hangs there, and writes it."""
+    """Identifies the load on the sensor, and writes it."""
     from robotrue.core.archive import write_archive
     from robotrue.core.provenance import read_provenance
     from robotrue.dynamics.flange_sensor import held_tool_remarks, identify_held_tool

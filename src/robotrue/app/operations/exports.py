@@ -1,4 +1,4 @@
-"""Exports of the calibrated robot, and what they say they miss."""
+"""Exports of the calibrated robot, and their stated losses."""
 
 from __future__ import annotations
 

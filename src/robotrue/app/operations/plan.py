@@ -124,7 +124,7 @@ def run(request: PlanRequest, context: Context) -> Planned | PlannedHierarchy:
 def _choose_poses(
     request: PlanRequest, context: Context, cell: Cell, model: ErrorModel | None
 ) -> PosePlan:
-    """The poses, chosen by what the request says."""
+    """The poses, chosen by the request."""
     from robotrue.core.units import UM
     from robotrue.planning.pose_plan import PlanSettings, plan_poses
     from robotrue.planning.work_area import parse_region, program_postures

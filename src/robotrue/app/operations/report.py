@@ -97,7 +97,7 @@ class ItemReport:
     """The report of an item.
 
     Attributes:
-        content: What it says.
+        content: Its content.
         subject: One of :data:`SUBJECTS`.
         about: What it is a report of.
         links: What else it rests on.

@@ -333,7 +333,7 @@ def _cell_tables(
 
 
 def _find_field(message: str) -> str:
-    """The field a refusal of the cell speaks of."""
+    """The field named by a refusal of the cell."""
     for word, field in (
         ("preset", "robot"),
         ("mass", "mass_kg"),

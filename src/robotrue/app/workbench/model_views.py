@@ -92,7 +92,7 @@ def _contest(model: ErrorModel) -> dict[str, object] | None:
 
 
 def from_simulation(model: ErrorModel | None, rows: Iterable[MeasurementSet] = ()) -> bool:
-    """Returns whether anything this rests on was simulated, as the data themselves say."""
+    """Returns whether any of its data are marked as simulated."""
     origins = [] if model is None else [provenance_of(model)]
     return merge([*origins, *(each.provenance for each in rows)]).simulated
 
@@ -188,7 +188,7 @@ def list_rows(
 
 
 def _robot_of(workspace: Workspace, record: MeasurementRecord) -> RobotModel | None:
-    """The arm of the cell a set was measured in; None where the set does not say."""
+    """The arm of the cell a set was measured in; None where the set does not state it."""
     for to in record.refs("cell"):
         return cell_of(workspace, items.get(workspace, CELL, to.id, version=to.version)).robot
     return None

@@ -76,7 +76,7 @@ class Opened:
     Attributes:
         record: The version that was opened.
         session: In it.
-        cell: Where the part stands.
+        cell: The frame of the part.
         cell_record: Its record.
         model: Of the arm; None: the nominal one.
         model_record: Its record.
@@ -225,7 +225,7 @@ def places(at: Opened, rows: Sequence[tuple[int, int]]) -> ProbingSet:
 
 
 def register_readings(at: Opened, readings: Sequence[TouchReading]) -> RegisteredPart:
-    """Returns what ``robotrue register`` says of the readings.
+    """Returns the result of ``robotrue register`` for the readings.
 
     Raises:
         RobotrueError: What it refuses them for.
@@ -253,7 +253,7 @@ def fit_readings(
 def select_trusted(
     at: Opened, readings: Sequence[TouchReading], found: RegisteredPart | None
 ) -> tuple[TouchReading, ...]:
-    """Returns the readings that the registration believes; all where there is none yet."""
+    """Returns the readings accepted by the registration; all where there is none yet."""
     if found is None:
         return tuple(readings)
     wrong = {(frame.name, name) for frame in found.frames for name in frame.registration.outliers}

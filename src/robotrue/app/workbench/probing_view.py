@@ -1,4 +1,4 @@
-"""A session at the part on the screen: what to touch next, what it should read, where we stand."""
+"""A session at the part on the screen: the next feature, its expected reading, the progress."""
 
 from __future__ import annotations
 

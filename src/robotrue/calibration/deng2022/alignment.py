@@ -154,7 +154,7 @@ def weighted_columns(D: Array, Y: Array, ridge: float, weights: Array, centre: A
 
 
 def turned_labels(angle: float, inputs: AlignmentInputs) -> Array:
-    """Returns the H that says "the error turns with the pose", (7, 3) or (10, 3)."""
+    """Returns the H of "the error turns with the pose", (7, 3) or (10, 3)."""
     c, s = np.cos(angle), np.sin(angle)
     count = 3 if inputs == "positions" else 6
     turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
@@ -228,7 +228,7 @@ def align(
 def moved_features(
     features: Array, transform: Array, angle: float, readings: DengReadings
 ) -> Array:
-    """Returns source features (n, 6) in a sub-space: X T_j, and the attitude as the switch says."""
+    """Returns source features (n, 6) in a sub-space: X T_j, and the attitude by the switch."""
     out = turned_features(features, angle, readings.attitude)
     out[:, :3] = (_homogeneous(features[:, :3]) @ transform)[:, :3]
     return out

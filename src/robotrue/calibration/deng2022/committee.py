@@ -186,7 +186,7 @@ def _hold_kernel(inputs: Array, errors: Array, readings: DengReadings) -> Gaussi
     """The base learner with hyper-parameters learned on evenly spaced rows, and held.
 
     The transferred copies of the source repeat each other: all rows would take twenty times as long
-    and say no more.
+    without further information.
     """
     if len(inputs) <= readings.kernel_rows:
         return learner(readings)

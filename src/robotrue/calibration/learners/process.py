@@ -238,7 +238,7 @@ def log_evidence(data: TrainingRows, theta: Array) -> tuple[float, Array]:
 
 
 def weigh_evidence(data: TrainingRows, theta: Array, solved: Solved) -> float:
-    """Returns log p(outputs | theta); with ``repeats``, of every row as often as its weight says.
+    """Returns log p(outputs | theta); with ``repeats``, of every row as often as its weight.
 
     N(y; f, s^2)^w = N(y; f, s^2 / w) (2 pi s^2)^((1 - w) / 2) w^(-1 / 2).
     """

@@ -97,7 +97,7 @@ def deviation_axes(
         theta: (p,) its best value.
         unit: (p,) in which the curvature is bounded.
         step: Of the differences.
-        least: Curvature in that unit that counts at least: a saddle says nothing.
+        least: Least curvature used, in that unit; a saddle has less.
     """
     steps = step * np.eye(len(theta))
     curvature = np.array([slope(theta - axis) - slope(theta + axis) for axis in steps])

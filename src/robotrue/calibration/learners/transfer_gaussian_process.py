@@ -21,7 +21,7 @@ from robotrue.core.arrays import Array
 from robotrue.errors import ShapeError
 
 _JUDGED = 3
-"""Target rows below which nothing can be said against the source."""
+"""Target rows below which the source cannot be rejected."""
 
 
 class TransferGaussianProcess(ProcessRegressor):

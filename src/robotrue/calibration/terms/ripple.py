@@ -146,8 +146,8 @@ class Ripple(Term):
     def groups(self, *, few: bool) -> Sequence[PriorGroup]:
         """Returns one group for each joint and band.
 
-        Where the rows are too few to say the scale of each, all are held to the law :data:`LAW` / N
-        times one common factor.
+        Where the rows are too few for the scale of each, all follow the law :data:`LAW` / N times
+        one common factor.
         """
         out = []
         for joint, low, high, columns in self._bands():

@@ -7,7 +7,7 @@ compliance) and any number of terms with parameters v:
     x       = chain(q_drive) + sum of tip_shift(v)
 
 Fits, updates, registration, transfer and prediction use a term through its columns: the derivative
-of whatever is observed by v. A term that is not linear in v linearises where v stands.
+of whatever is observed by v. A term that is not linear in v linearises at v.
 
 :class:`MeanTables` is the mean of all terms as flat arrays, which a scalar kernel evaluates in a
 microsecond:
@@ -185,7 +185,7 @@ class Term(ABC):
             robot: The arm with the errors it is linearised at.
             at: Postures and conditions.
             by: How the observed numbers answer to drives, tool point and error vector.
-            values: (k,) where the parameters stand.
+            values: (k,) indices of the parameters.
         """
 
     @abstractmethod
@@ -197,7 +197,7 @@ class Term(ABC):
         """Returns the prior: groups of parameters that share a learned scale, columns from 0.
 
         Args:
-            few: The rows are too few to say the scale of each group.
+            few: The rows are too few for the scale of each group.
         """
 
     def uncarried_covariance(self, at: ArmPostures, other: ArmPostures) -> Array | None:

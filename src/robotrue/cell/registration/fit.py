@@ -79,10 +79,10 @@ class Registration(Columns):
         names: Name of each touch.
         residuals: (n, 3) m in base, touched minus where the frame puts it; along the surface
             normal alone where a touch fixes only that.
-        outliers: Names the fit did not believe; their residuals are listed but not fitted.
+        outliers: Names rejected by the fit; their residuals are listed but not fitted.
         sigma: m per axis (per touch of a surface), the noise the covariance was scaled with.
         sigma_source: ``stated``, or ``residuals`` where nothing was stated.
-        degrees_of_freedom: Equations of the believed touches less six.
+        degrees_of_freedom: Equations of the accepted touches less six.
         least_squares: m^2, sum of squared residuals that least squares leave of the same touches;
             not given where the fit is least squares.
     """

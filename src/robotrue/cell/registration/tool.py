@@ -1,7 +1,7 @@
 """Tool point and tool axis from touches: orientations about a fixed point, on a plane.
 
-A touch with the tip gives three equations and says nothing about the turn of the tool about itself;
-how that turn is chosen is therefore an argument.
+A touch with the tip gives three equations and does not determine the turn of the tool about itself;
+the choice of that turn is therefore an argument.
 """
 
 from __future__ import annotations

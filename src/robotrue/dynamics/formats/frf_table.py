@@ -56,7 +56,7 @@ def read_frf(path: str | Path) -> FrequencyResponse:
         FormatError: Unreadable, of an unknown suffix, a column or variable that is not known or
             without its unit, half of a complex pair, a cell that is no finite number, lines out of
             order; with its line where there are lines.
-        ImplausibleDataError: Numbers that cannot be the form their name says (see
+        ImplausibleDataError: Numbers that contradict the form in their name (see
             ``frf_checks.check_response``).
         MissingExtraError: UFF58 without pyuff.
     """

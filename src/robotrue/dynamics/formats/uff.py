@@ -141,7 +141,7 @@ def units_of_file(sets: Sequence[UffSet]) -> tuple[float | None, float | None]:
 
 
 def sets_origin(path: str | Path, sets: Sequence[UffSet]) -> Provenance:
-    """Returns where a file comes from: what its fifth identification lines say of it."""
+    """Returns where a file comes from: from its fifth identification lines."""
     stated = provenance_of_lines(f"# {one.get('id5', '')}" for one in sets)
     return merge([read_provenance(path), stated])
 
@@ -162,7 +162,7 @@ def read_uff(path: str | Path) -> FrequencyResponse:
     Raises:
         FormatError: Unreadable, no response in it, no unit, directions that are rotations,
             different lines, a pair twice.
-        ImplausibleDataError: Numbers that cannot be what the file says they are.
+        ImplausibleDataError: Numbers that contradict their stated form.
         MissingExtraError: pyuff is not installed.
     """
     sets = read_sets(path)

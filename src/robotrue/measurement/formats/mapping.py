@@ -266,7 +266,7 @@ class ColumnMapping:
         return 4 if group == "rotation" and self.rotation_form in ("wxyz", "xyzw") else 3
 
     def columns(self, *, required_only: bool = False) -> tuple[str, ...]:
-        """Returns the names of the columns the mapping speaks of, without the constant ones."""
+        """Returns the names of the columns in the mapping, without the constant ones."""
         return tuple(
             name
             for group in GROUPS

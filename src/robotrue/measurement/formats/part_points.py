@@ -52,7 +52,7 @@ TOUCHES_EXAMPLE: Final = (
     "name,px_mm,py_mm,pz_mm,x_mm,y_mm,z_mm"
 )
 PLANNED: Final = "# planned joints, nothing was touched yet"
-"""First line of a file of touches that were planned; who has touched takes it out."""
+"""First line of a file of touches that were planned; the operator removes it after probing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -34,7 +34,7 @@ class ReadingLine:
 
     Attributes:
         values: Joints in deg, or x, y, z in mm.
-        counting: Whose joints; ``stated`` where the line does not say.
+        counting: Whose joints; ``stated`` where the line does not state it.
     """
 
     values: tuple[float, ...]

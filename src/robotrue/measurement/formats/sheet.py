@@ -113,7 +113,7 @@ class Sheet:
 
         Args:
             names: Of the columns.
-            named_by: Column that says in a message which row it is.
+            named_by: Column that identifies a row in messages.
 
         Raises:
             FormatError: A column that is missing, a cell that is blank or no finite number.
