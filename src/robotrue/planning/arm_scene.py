@@ -2,8 +2,8 @@
 
 A tube runs straight from one joint of the DH table to the next, from the flange to the tool and
 from the flange to the reflector; cabinets, cables and bent links are not in it. Radii come from the
-cell or, without them, are a share of the reach. The first tube is the foot, which stands where it
-stands: it is looked at for collisions with the arm alone.
+cell or, without them, are a share of the reach. The first tube is the fixed foot: it is checked for
+collisions with the arm alone.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ OPEN: Final = 0.8
 """Share of its distance to the reflector that a tube on the flange may fill: the reflector is
 mounted to be seen."""
 INSTRUMENT: Final = 0.25
-"""m, radius of the ball in which the instrument and its tripod head stand."""
+"""m, radius of the ball around the instrument and its tripod head."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -142,7 +142,7 @@ def scene_of(cell: Cell, *, clearance: float) -> Scene:
     overlap in every posture.
 
     Raises:
-        ConfigurationError: The tracker stands inside the robot's foot or inside an obstacle.
+        ConfigurationError: The tracker is inside the robot's foot or inside an obstacle.
     """
     robot = cell.measured_robot.nominal()
     dof = robot.dof

@@ -42,7 +42,7 @@ class DiscriminatingPoses:
 def draw_drift_candidates(model: ErrorModel, cell: Cell, *, seed: int) -> Array:
     """Returns postures (n, dof) rad that can be measured, within the trained ranges if known.
 
-    They can be taken, are free of collisions and seen by the instrument as far as the cell says.
+    They are reachable, free of collisions and visible to the instrument as far as the cell states.
 
     Raises:
         ReachError: Nothing can be measured.

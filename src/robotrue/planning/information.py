@@ -118,11 +118,12 @@ class LinearModel(Columns):
     """The linear model of a calibration that has not been made, or not been finished.
 
     Attributes:
-        robot: The arm, with the measured reflector as its tool and the errors believed now.
+        robot: The arm, with the measured reflector as its tool and the present estimate of its
+            errors.
         cell: What measures it; gives the instrument's covariance.
         settings: Noise and default load of the fit.
         unmodelled: Sizes of what the linear model leaves out.
-        root: (p, k) R; R R' is the covariance now believed of [robot errors, ripple, backlash].
+        root: (p, k) R; R R' is the present covariance of [robot errors, ripple, backlash].
     """
 
     robot: RobotModel
@@ -200,7 +201,7 @@ class LinearModel(Columns):
 
 
 def settings_of(cell: Cell) -> FitSettings:
-    """Returns what a cell says about noise, load, reflector and stiffness."""
+    """Returns the cell's noise, load, reflector and stiffness."""
     stiffness = None
     if np.isfinite(cell.compliance_prior).all():
         stiffness = StiffnessPrior(
@@ -222,7 +223,7 @@ def before_measuring(
     Args:
         cell: Robot, reflector and instrument. With an unknown tracker frame the base is as good as
             free: the station takes its place.
-        settings: Priors and noise of the fit; what the cell says if not given.
+        settings: Priors and noise of the fit; the cell's if not given.
         unmodelled: Sizes of what is left out.
     """
     settings = settings_of(cell) if settings is None else settings

@@ -150,7 +150,7 @@ HOMES: Final = (
 )
 """rad, axes of a KUKA arm where it is usually parked; the first that is clear is taken.
 
-Arms of other makers stand alike, if their wrist is spherical."""
+Arms of other makers have the same posture, if their wrist is spherical."""
 PARALLEL_HOMES: Final = (
     np.array(
         [
@@ -161,7 +161,7 @@ PARALLEL_HOMES: Final = (
     )
     * DEG
 )
-"""rad, axes of an arm of Universal Robots that stands upright, tool down; the same use."""
+"""rad, axes of an upright arm of Universal Robots, tool down; the same use."""
 LOOKED_AT: Final = 2000
 """Points of a side looked at for collisions while cutting, evenly over it."""
 
@@ -256,7 +256,7 @@ def job_moves(
     words_of: Maker = "",
     remarks: Sequence[str] = (),
 ) -> MachiningMoves:
-    """Returns what the program of a job says, for :func:`robotrue.program.posts.post_writer`.
+    """Returns the program content of a job, for :func:`robotrue.program.posts.post_writer`.
 
     Args:
         job: Of this arm.

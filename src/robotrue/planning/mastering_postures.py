@@ -145,7 +145,7 @@ def _choose(
 def _linearise(
     arm: ErrorModel, joints: Array, point: Array, settings: ProbingSettings
 ) -> tuple[Array, Array, slice]:
-    """Whitened columns (m, 3, p), prior covariance (p, p), and where the zeros stand."""
+    """Returns whitened columns (m, 3, p), prior covariance (p, p), and the place of the zeros."""
     belief: Belief = before_touching(arm, settings)
     n = len(joints)
     touches = ProbingSet(

@@ -29,7 +29,7 @@ STOCK_MM: Final = 1.0
 
 PlanMethod: TypeAlias = Literal["information", "hierarchical"]
 INFORMATION: Final[PlanMethod] = "information"
-"""Poses that say most."""
+"""Number of most informative poses."""
 HIERARCHICAL: Final[PlanMethod] = "hierarchical"
 """Samples a source completely and its images in sub-spaces."""
 SUB_SPACES: Final = 5

@@ -63,7 +63,7 @@ class PlanSettings:
         enough: m; the plan stops when the next pose lowers the expected rms error by less.
         loads: States of payload and wrench that can be measured; empty is the cell's payload.
         seed: Of the candidates and of the random plans shown beside.
-        fit: Priors and noise of the fit that will follow; what the cell says if not given.
+        fit: Priors and noise of the fit that will follow; the cell's if not given.
         unmodelled: Sizes of what the linear model leaves out.
     """
 

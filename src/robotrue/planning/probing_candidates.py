@@ -48,7 +48,7 @@ MOST_ATTITUDES: Final = 12
 MOST: Final = 4000
 """Touches that are handed on, evenly over features and attitudes."""
 TRACKER: Final = "tracker"
-"""The body a scene puts where the tracker stands; touching needs none."""
+"""The body of the tracker in a scene; touching needs none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

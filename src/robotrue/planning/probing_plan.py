@@ -198,7 +198,8 @@ class TouchPosterior(Columns, ABC):
     def _sort_by_benefit(self, chosen: IntArray, weight: Array) -> IntArray:
         """Sorts points by benefit: the least useful of those left goes to the end, repeatedly.
 
-        Better at its start than choosing forwards: alone, no two touches say much, three do.
+        Better at its start than choosing forwards: two touches alone have little information, three
+        have enough.
         """
         kept, last = list(chosen), []
         while len(kept) > 1:

@@ -149,7 +149,7 @@ class Posed(Columns):
 
     Attributes:
         path: The tool path.
-        T_base_part: (4, 4) where the part stands.
+        T_base_part: (4, 4) frame of the part.
         rotation: (n, 3, 3) of the tool frame in the part.
         joints: (n, 6) rad, model sense, continuous.
         spin: (n,) rad about the tool axis, from a frame carried along the path.
@@ -184,7 +184,7 @@ def resolve_spin(
 
     Args:
         robot: The nominal arm with the tool that cuts.
-        T_base_part: (4, 4) where the part stands.
+        T_base_part: (4, 4) frame of the part.
         path: One side, in the part frame.
         settings: Cutter axis, grid, margins.
         near: (6,) rad, where the arm comes from; its shoulder and elbow are kept if they can be.

@@ -56,7 +56,7 @@ def find_collisions(
     Args:
         scene: Arm and obstacles.
         box: Around the part, in the part frame.
-        T_base_part: (4, 4) where the part stands.
+        T_base_part: (4, 4) frame of the part.
         joints: (n, 6) rad.
     """
     out = collisions(scene, joints)
@@ -78,7 +78,7 @@ def transit(
     Args:
         scene: Arm and obstacles.
         box: Around the part, in the part frame.
-        T_base_part: (4, 4) where the part stands.
+        T_base_part: (4, 4) frame of the part.
         start: (6,) rad.
         end: (6,) rad.
         home: (6,) rad.

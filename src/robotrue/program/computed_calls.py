@@ -1,7 +1,7 @@
 """Moves of KRL and RAPID to targets that the program computes, as calls of a correcting function.
 
-Only the text of the target is put into a call, and only where that is certain to be right; what
-stands around it, and every other byte, stays.
+Only the text of the target is put into a call, and only where that is certain to be right; the text
+around it, and every other byte, stays.
 """
 
 from __future__ import annotations
@@ -215,7 +215,7 @@ def _rapid_moves(text: str, name: str) -> Iterator[_Move]:
 
 
 def _split(arguments: str) -> Iterator[str]:
-    """Yields what stands between the commas outside of brackets."""
+    """Yields the texts between the commas outside of brackets."""
     depth, start = 0, 0
     for at, letter in enumerate(arguments):
         depth += (letter in "([{") - (letter in ")]}")
@@ -226,7 +226,7 @@ def _split(arguments: str) -> Iterator[str]:
 
 
 def _top_level(text: str, sign: str) -> bool:
-    """Whether a sign stands outside of brackets."""
+    """Whether a sign is outside of brackets."""
     depth = 0
     for letter in text:
         depth += (letter in "([{") - (letter in ")]}")

@@ -1,7 +1,7 @@
 """A found frame or tool as controllers take it: text to paste or to type in, Euler order named.
 
-Numbers are printed to 1e-4 mm and 1e-6 deg (0.02 um over a metre). A controller's user frame stands
-in its world frame; where that is not the robot's root ($ROBROOT, a shifted ABB base frame, Fanuc's
+Numbers are printed to 1e-4 mm and 1e-6 deg (0.02 um over a metre). A controller's user frame is in
+its world frame; where that is not the robot's root ($ROBROOT, a shifted ABB base frame, Fanuc's
 world at the height of axis 2) the difference has to be added there.
 """
 
@@ -27,7 +27,7 @@ class ControllerFrame:
     """A frame in a controller's own words.
 
     Attributes:
-        system: Who reads it.
+        system: The system that reads it.
         order: How its three or four rotation numbers make the matrix.
         text: The lines.
     """

@@ -104,7 +104,7 @@ class Carried:
     Attributes:
         frame: (n,) index into ``T_base_frame``.
         T_base_frame: (f, 4, 4), those given first.
-        unknown: (n,) the place depends on an axis whose value the target does not say.
+        unknown: (n,) the place depends on an axis whose value the target does not state.
         external: (n, 6) m or rad, where the described axes are that carry the robot or the frame of
             the target; NaN elsewhere. None: no axis is described.
     """
@@ -134,7 +134,7 @@ def carry_frames(
         values: (n, 6) external values as printed, mm or deg; NaN where none is.
         riders: (f, a) which frames each of the ``axes`` carries.
         on_robot: (f,) frames that move with the robot, its own root above all.
-        rest: An axis that no target gives a value stands where the frames were given.
+        rest: An axis without a value in any target is where the frames were stated.
     """
     if not axes:
         return Carried(frame=frame, T_base_frame=T_base_frame, unknown=np.zeros(len(frame), bool))

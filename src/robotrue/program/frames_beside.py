@@ -48,14 +48,14 @@ def read_controller_file(name: str, data: bytes) -> ControllerFile | None:
 def with_files_beside(
     path: Path, dialect: str, given: FrameTable, *, root: Path | None = None
 ) -> tuple[FrameTable, list[str]]:
-    """Returns the table with what files beside a program hold, and what to say of it.
+    """Returns the table with the frames of files next to a program, and notes on it.
 
-    What the cell says goes before what a file says.
+    The cell overrides a file.
 
     Args:
         path: A file of the job.
         dialect: Its language.
-        given: What the cell says.
+        given: Frames of the cell.
         root: Folder of the whole job, searched with all below it; only that of the file, and the
             controller's own folders near it, if not given.
 

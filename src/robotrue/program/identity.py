@@ -44,7 +44,7 @@ class ProgramIdentity:
 
 
 def identity_path(program: str | Path) -> Path:
-    """Returns where the identity of a program stands."""
+    """Returns the path of the identity of a program."""
     path = Path(program)
     return path.with_name(path.name + SUFFIX)
 
@@ -81,7 +81,7 @@ def _digest(data: bytes | str) -> str:
 
 
 def read_identity(program: str | Path, data: bytes | str) -> ProgramIdentity | None:
-    """Returns the identity of a program of these bytes; None if nothing beside it speaks of them.
+    """Returns the identity of a program of these bytes; None without an identity file for them.
 
     Args:
         program: The program file.

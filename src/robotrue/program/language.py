@@ -63,7 +63,7 @@ class TableForm:
 
     Attributes:
         first: First number of the table.
-        last: Last number; ``ANY`` where entries have names and the number says nothing.
+        last: Last number; ``ANY`` where entries have names and the number is not used.
         print: Returns the lines, from position (3,) mm, rotation (3, 3), the name of a variable and
             the number in the table.
     """

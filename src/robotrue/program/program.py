@@ -1,7 +1,7 @@
 """A machining program as columns of targets, tied to the bytes it came from.
 
 A program of a million targets is a handful of arrays, not a million objects. The source bytes stay
-as they are; a dialect remembers where each number stands and rewrites only what changed.
+as they are; a dialect stores the place of each number and rewrites only changed ones.
 """
 
 from __future__ import annotations

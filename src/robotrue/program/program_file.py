@@ -160,7 +160,7 @@ def _require_memory(path: Path, size: int, why: Whole) -> str:
 
 
 def _memory() -> int:
-    """Returns the memory of this machine in bytes; without bound where it does not say."""
+    """Returns the memory of this machine in bytes; without bound where it states none."""
     try:
         return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     except (AttributeError, ValueError, OSError):

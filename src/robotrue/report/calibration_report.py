@@ -263,7 +263,7 @@ def contest_section(
     title: str = "Selection of the method",
     heading: str = "Methods on held-out poses",
 ) -> Section:
-    """Returns the chapter that says who won on held-out poses, by how much, and the rule."""
+    """Returns the chapter with the best method on held-out poses, its margin, and the rule."""
     rows: list[tuple[Cell, ...]] = []
     kinds = list(dict.fromkeys(k for s in selection.table for k in s.mean_by_kind))
     kinds = kinds if len(kinds) > 1 else []  # a single kind equals the mean

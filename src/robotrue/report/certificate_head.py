@@ -158,7 +158,7 @@ def read_logo(head: CertificateHead) -> str:
     """Returns the logo as a ``data:`` address; empty without.
 
     Raises:
-        ConfigurationError: Neither PNG nor SVG, or not what its name says.
+        ConfigurationError: Neither PNG nor SVG, or another format than its suffix.
         FormatError: The file cannot be read.
     """
     if head.logo is None:

@@ -174,7 +174,7 @@ class Plot(Columns, ABC):
 
     @abstractmethod
     def make_drawing(self, words: ReportTexts) -> Drawing:
-        """Returns the picture; ``words`` are for what it says itself."""
+        """Returns the picture; ``words`` are for its own texts."""
 
     def svg(self, key: str, words: ReportTexts) -> str:
         """Returns the picture as an SVG element whose ids begin with ``key``."""

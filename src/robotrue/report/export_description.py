@@ -62,7 +62,7 @@ class UrdfExport:
 def export_urdf(found: ExportableModel, *, lossy: Sequence[str] = ()) -> UrdfExport:
     """Returns the URDF and its side-file.
 
-    The side-file holds all that was left out, so that who reads both has the whole mean.
+    The side-file holds all omitted parts, so that both files contain the whole mean.
 
     Args:
         found: From :func:`robotrue.report.export_losses.prepare_export`.

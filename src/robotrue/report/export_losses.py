@@ -1,7 +1,7 @@
 """Parts of a calibrated robot that a format cannot express, and their size.
 
-The size of a loss is measured on poses spread over the training range, with the cell's payload:
-the distance between where the model says the tool point is with that part and without it.
+The size of a loss is measured on poses spread over the training range, with the cell's payload: the
+distance between the model's tool points with and without that part.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class ExportableModel(Columns):
         tables: Its mean.
         digest: SHA-256 of the model.
         joints: (n, dof) rad, sample poses.
-        position: (n, 3) m in base, where the model says the tool point is there.
+        position: (n, 3) m in base, the model's tool point there.
         turn: (n, 3) rad, left rotation vector of the tool against the nominal one; NaN where the
             model does not know it.
         load: The payload.

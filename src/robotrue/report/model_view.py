@@ -67,7 +67,7 @@ def stiffness(model: ErrorModel) -> dict[str, StiffnessRow]:
     """Returns stiffness and standard deviation per joint, N m/rad; None where none is known.
 
     The estimate is of the compliance c; stiffness is 1/c with standard deviation sd(c)/c^2, which
-    says nothing where sd(c) is not well below c.
+    is meaningless where sd(c) is not well below c.
     """
     out: dict[str, StiffnessRow] = {}
     for name, row in _read_estimates(model).items():

@@ -1,4 +1,4 @@
-"""The report of a registered cell: where its parts stand, and how well that is known."""
+"""The report of a registered cell: the frames of its parts, and their uncertainty."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ _TURNS: Final[dict[str, dict[int, int]]] = {
     "fanuc": {3: 3, 4: 4, 5: 5},
     "yaskawa": {3: 3, 5: 4, 0: 5},
 }
-"""Axis (from 0) and the column that speaks of its turn."""
+"""Axis (from 0) and the column of its turn."""
 _LIMIT_SLACK: Final = 1e-9
 
 
@@ -207,8 +207,8 @@ def on_turn(
 def renew_words(maker: Maker, written: IntArray, before: IntArray, after: IntArray) -> IntArray:
     """Returns the words (n, w) to write, ``NO_WORD`` where what is written stays.
 
-    A word is renewed only where the correction changes it: where a controller counts otherwise
-    than this module says, the program's own words stand.
+    A word is renewed only where the correction changes it: where a controller counts differently
+    from this module, the program's own words stay.
 
     Args:
         maker: Whose words.

@@ -9,7 +9,7 @@ Branch numbers are ``4 * wrist_flip + 2 * shoulder + elbow``:
 * ``shoulder`` 0: the wrist point is ahead of axis 1 (a1 counted forward), 1: the arm reaches over
   or behind.
 * ``elbow`` 0: the forearm is folded in the positive sense of theta_opw 3 (towards the front when
-  the arm stands upright), 1: the other way.
+    the arm is upright), 1: the other way.
 * ``wrist_flip`` 0: theta_opw 5 >= 0, 1: theta_opw 5 < 0.
 
 For an arm with parallel axes :mod:`robotrue.robot.parallel_arm` defines them.

@@ -1,9 +1,9 @@
 """Numeric inverse kinematics of any arm as it really is: errors, compliance, load, any wrist.
 
 Damped Newton on SE(3) for all poses at once (Levenberg-Marquardt with the damping of each pose
-adapted to its own progress). The residual is the tool twist from where the arm stands to the
-target, position in m, rotation vector in rad, in base; the step is
-J^T (J J^T + damping)^-1 residual.
+adapted to its own progress). The residual is the tool twist from the arm's present pose to the
+target, position in m, rotation vector in rad, in base; the step is J^T (J J^T + damping)^-1
+residual.
 
 Source: Levenberg 1944, Marquardt 1963; Sugihara 2011, "Solvability-unconcerned inverse kinematics
 by the Levenberg-Marquardt method", for the damping proportional to the squared residual.
@@ -73,7 +73,7 @@ def solve(
         max_iterations: Steps tried before a pose is given up.
 
     Fails when: the pose is out of reach or singular; ``converged`` is then False and the residual
-    says by how much.
+    is the remaining distance.
 
     Raises:
         ShapeError: Arrays that do not fit each other.

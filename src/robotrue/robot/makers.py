@@ -86,8 +86,8 @@ def apply_maker(
 def joints_of_posture(robot: RobotModel, kuka_axes: Array) -> Array:
     """Returns the joints q (6,) rad of the posture a KUKA arm displays as these axes (6,) rad.
 
-    An arm of another maker stands alike; one that is not ortho-parallel takes the values as its
-    own controller's.
+    An arm of another maker has the same posture; one that is not ortho-parallel takes the values as
+    its own controller's.
     """
     geometry = None if robot.maker == "kuka" else opw_geometry(robot)
     if geometry is None:

@@ -1,4 +1,4 @@
-"""The robot as data: nominal geometry, what the controller believes, and its errors.
+"""The robot as data: nominal geometry, as in the controller, and its errors.
 
 The *nominal* robot is what the controller computes with: rigid, error-free. The *actual* robot is
 the nominal one plus ``errors``, one flat vector with a fixed layout (:func:`parameter_names`).
@@ -84,7 +84,7 @@ def parameter_slice(dof: int, group: str) -> slice:
 
 
 def moment_slice(dof: int) -> slice:
-    """Returns where the groups :data:`MOMENTS` stand, one after the other."""
+    """Returns the place of the groups :data:`MOMENTS`, one after the other."""
     return slice(parameter_slice(dof, MOMENTS[0]).start, parameter_slice(dof, MOMENTS[-1]).stop)
 
 
@@ -135,11 +135,11 @@ class RobotModel(Columns):
         limits: (n, 2) rad, lower and upper limit of q.
         link_mass: (n,) kg; zeros where unknown.
         link_com: (n, 3) m, centre of mass in the link's own DH frame.
-        total_mass: kg of the whole arm with its foot, as its plate says; 0 where unknown.
+        total_mass: kg of the whole arm with its foot, as on its plate; 0 where unknown.
         T_flange_tool: (4, 4), the tool the controller uses (or the reflector).
         gravity: (3,) m/s^2 in the base frame.
         errors: (9 n + 12,) SI, layout of :func:`parameter_names`; zero is nominal.
-        controller: How the controller counts the axes; as q where nothing says it.
+        controller: How the controller counts the axes; as q where not stated.
         maker: Brand, chooses the configuration bits (``"kuka"``, ``"abb"``, ...).
         dof: Number of joints n.
     """
@@ -193,7 +193,7 @@ class RobotModel(Columns):
         return self.errors[moment_slice(self.dof)]
 
     def nominal(self) -> RobotModel:
-        """Returns the robot the controller believes in: all errors zero, rigid."""
+        """Returns the robot model of the controller: all errors zero, rigid."""
         if not self.errors.any():
             return self
         return replace(self, errors=np.zeros_like(self.errors))

@@ -10,10 +10,10 @@ with h the length of path between stations, ``limits`` = sum over joints of u^2 
 -1 at one limit to 1 at the other, ``singularities`` = sum of (w0 / w)^2 over the sine of the wrist,
 the sine of the elbow and the wrist point's distance from axis 1, ``extra`` what the caller adds.
 Turns of a joint follow from the station before (nearest), beginning in the middle of the limits or
-where the caller says; a way that would leave the limits
-or come too near a singularity does not exist. Where the arm comes from somewhere, ways with its
-shoulder and elbow go before all others (the wrist may flip). Equal costs go to the lower branch and
-the earlier spin, so that equal input gives equal output.
+at the caller's joints; a way that would leave the limits or come too near a singularity does not
+exist. Where the arm comes from somewhere, ways with its shoulder and elbow go before all others
+(the wrist may flip). Equal costs go to the lower branch and the earlier spin, so that equal input
+gives equal output.
 """
 
 from __future__ import annotations

@@ -55,7 +55,7 @@ class UrdfJoint:
         axis: (3,) unit axis in the joint frame.
         limits: (2,) rad; +-360 deg for a continuous joint.
         mimic: Whether it follows another joint.
-        line: Where it stands.
+        line: Its place.
     """
 
     name: str

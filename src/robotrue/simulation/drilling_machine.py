@@ -24,7 +24,7 @@ from robotrue.drilling.head import AXIS_ORDER, SENSE, AxisOrder, Head, normal_fr
 from robotrue.errors import ConfigurationError
 
 RECENTRED: Final = ""
-"""The foot hangs in its own rest position before every clamp."""
+"""The foot is in its rest position before every clamp."""
 AS_LEFT: Final = "as left"
 """The foot meets the skin as the clamp before left it."""
 
@@ -163,7 +163,7 @@ def clamp(
 
     Args:
         machine: Its truth.
-        tilt: (n, 2) rad, by which the machine's own axes stand off the skin's normal.
+        tilt: (n, 2) rad, angles of the machine's axes from the skin's normal.
         force: (n,) N.
         height: (n,) m.
         random: Of the readings' scatter.
@@ -230,8 +230,8 @@ def random_campaign(
         held_out: Forces and heights anywhere between, as production has them.
         approach: How the foot is brought down.
         largest: rad, tilt of each axis.
-        swing: rad, up to which A and B of the machine stand either way; 0: not recorded.
-        travel: m, up to which its X and Y stand either way; 0: not recorded.
+        swing: rad, largest A and B of the machine, in both directions; 0: not recorded.
+        travel: m, largest X and Y, in both directions; 0: not recorded.
     """
     tilt = random.uniform(-largest, largest, (count, 2))
     if held_out:

@@ -44,7 +44,7 @@ class EgmControllerSettings(CyclicSettings):
 
     Attributes:
         target: Address and port of the computer that listens, as UCDevice names them.
-        generation: Which egm.proto it speaks.
+        generation: Version of its egm.proto.
         force: Measured force at a time, s; None sends none.
         force_active: RobotWare 7: whether force control is on.
         lag: s, time constant with which a correction is followed.

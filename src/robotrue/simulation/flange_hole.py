@@ -91,8 +91,7 @@ SIDE: Final = EndMillPass(
 def mean_force(cut: EndMillPass) -> Array:
     """Returns the mean force on the tool (3,) N: along the feed, to its left, along the tool up.
 
-    Material stands to the right of the feed (climb milling) where the cut is narrower than the
-    tool.
+    Material is to the right of the feed (climb milling) where the cut is narrower than the tool.
     """
     tool = cutters.EndMill(kind="flat", diameter=cut.diameter, teeth=cut.teeth)
     climb = cutters.CutterEngagement(
@@ -187,7 +186,7 @@ def hole_program(hole: FlangeHole, robot: RobotModel) -> bytes:
         robot: The nominal arm with the end mill as its tool.
 
     Raises:
-        ReachError: The arm cannot stand over the hole.
+        ReachError: The arm cannot reach the hole.
     """
     axes = controller_axes(robot, _approach(hole, robot)) / DEG
     lines = [

@@ -63,7 +63,7 @@ def measure_good(cell: VirtualCell) -> MeasurementSet:
 
 
 def lose_zeros(cell: VirtualCell, offset: Array) -> VirtualRobot:
-    """Returns the arm whose joints truly stand ``offset`` (6,) rad beyond their readings."""
+    """Returns the arm whose true joints are ``offset`` (6,) rad beyond their readings."""
     robot = cell.robot.actual
     errors = np.array(robot.errors)
     errors[parameter_slice(robot.dof, "theta")] += robot.joint_map @ offset

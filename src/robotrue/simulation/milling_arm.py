@@ -85,7 +85,7 @@ class MillingArm:
 
     Attributes:
         arm: The truth, joints as they are without load.
-        stiffness_belief: (6,) N m/rad, what the user's data sheet says.
+        stiffness_belief: (6,) N m/rad, from the user's data sheet.
         tool: Modes of tool and spindle.
     """
 

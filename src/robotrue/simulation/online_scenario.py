@@ -51,13 +51,13 @@ RAMP: Final = 0.2
 """s in which the feed and the cut set in."""
 LIFT: Final = 20 * MM
 MASS: Final = 8.0
-"""kg that hangs on the sensor."""
+"""kg of the load on the sensor."""
 CENTRE: Final = np.array([0.12, 0.0, 0.06])
 """m in the sensor's axes, which are those of the flange."""
 WRIST_ATTITUDES: Final = matrix_from_abc(
     np.array([[0, 0, 0], [0, 0, 180], [0, 0, 90], [0, 0, -90], [0, 90, 0], [0, -90, 0]]) * DEG
 )
-"""The flange up, down and to four sides: attitudes in which what hangs on it is weighed."""
+"""The flange up, down and to four sides: attitudes in which the load on it is weighed."""
 _MOVES: Final = (
     *((begin, KNOCK_TIME, KNOCK * KNOCK_WAY) for begin in KNOCKS),
     *((begin + KNOCK_TIME, KNOCK_TIME, -KNOCK * KNOCK_WAY) for begin in KNOCKS),

@@ -52,7 +52,7 @@ class VirtualCell:
     """A simulated cell: its user's knowledge, and the truth.
 
     Attributes:
-        known: Robot, tool, reflector, payload and tracker as the user believes them.
+        known: Robot, tool, reflector, payload and tracker as stated by the user.
         robot: The truth.
         tracker: The instrument.
         T_flange_target: (4, 4) where the reflector really sits on the flange.

@@ -37,7 +37,7 @@ class RsiControllerSettings(CyclicSettings):
 
     Attributes:
         config: Its EthernetConfig.xml; packets go to its host and port.
-        mode: What RSI_ON of its program says.
+        mode: Mode of RSI_ON in its program.
         cycle_ms: 4 or 12.
         timeout_packets: Answers that may be late or faulty before RSI breaks off.
         limit: m, POSCORR: largest total correction along each axis; more breaks RSI off.
@@ -165,7 +165,7 @@ class RsiController(CyclicController[RsiControllerReport]):
         self._answer = answer
 
     def close_cycle(self, *, short: bool = False) -> None:
-        """Counts the answer of the cycle and moves by it, or by what HOLDON says.
+        """Counts the answer of the cycle and moves by it, or as set by HOLDON.
 
         Args:
             short: Whether the simulator gave it less time than a controller would.

@@ -235,7 +235,7 @@ def actual_pose(
 
 
 def nominal_pose(virtual: VirtualRobot, joints: Array, T_flange_tool: Array | None = None) -> Array:
-    """Returns where the controller believes the tool is, T_base_tool (n, 4, 4)."""
+    """Returns the controller's tool poses, T_base_tool (n, 4, 4)."""
     robot = virtual.nominal
     if T_flange_tool is not None:
         robot = robot.with_tool(T_flange_tool)

@@ -26,7 +26,7 @@ class VirtualTracker(Columns):
     """A tracker at its place.
 
     Attributes:
-        T_base_tracker: (4, 4) where it stands.
+        T_base_tracker: (4, 4) its pose.
         specification: Its bounds, and how they are read.
         frame: ``"base"``: registered to the robot, points come out in base; ``"tracker"``: points
             come out in its own frame.

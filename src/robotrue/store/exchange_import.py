@@ -98,7 +98,7 @@ def import_project(
 
     Raises:
         ArchiveError: Not an export, damaged, of a newer robotrue, or more than may be.
-        ModelMismatchError: The same version of an item says something else here.
+        ModelMismatchError: The same version of an item differs here.
         FormatError: The workspace cannot be written to.
     """
     source = source_of(path)
@@ -401,7 +401,7 @@ def member(bundle: zipfile.ZipFile, name: str, entry: Member, source: str) -> It
     """Gives a member to read.
 
     Raises:
-        ArchiveError: It is not what the manifest says.
+        ArchiveError: It differs from the manifest.
     """
     try:
         with bundle.open(name) as stream:

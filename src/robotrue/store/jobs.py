@@ -1,8 +1,8 @@
 """Jobs: requested here, executed by workers; requests, status, cancellation.
 
 States go ``queued`` -> ``running`` -> ``done``, ``failed`` or ``cancelled``. A job whose process
-died is queued again, until it died ``attempts_allowed`` times. Its results come to stand together
-with the state ``done``, or not at all.
+died is queued again, until it died ``attempts_allowed`` times. Its results are saved together with
+the state ``done``, or not at all.
 """
 
 from __future__ import annotations

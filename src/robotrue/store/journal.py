@@ -46,7 +46,7 @@ def record(
     version: int = 0,
     detail: Mapping[str, object] | None = None,
 ) -> None:
-    """Adds an entry, with the transaction that did what it says."""
+    """Adds an entry, in the transaction of its action."""
     into.session.add(
         JournalRow(
             entry=str(uuid.uuid4()),

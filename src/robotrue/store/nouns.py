@@ -149,7 +149,7 @@ class Noun(Generic[R_co]):
 
     Attributes:
         name: As commands and links call it.
-        table: Where its versions stand.
+        table: Table of its versions.
         record: What they are read as.
     """
 

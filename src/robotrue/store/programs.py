@@ -42,7 +42,7 @@ def add(
         note: Of the user.
         id: Of the program that gets this as its new version.
         stage: As the CAM made it, or compensated; :func:`add_after` adds those.
-        identities: Files that say with which model each was made.
+        identities: Files that identify the model of each.
         links: What it was made from.
         detail: Counts and predicted errors, JSON values.
 
@@ -103,7 +103,7 @@ def add_after(
         model: They were compensated with; None: the nominal arm.
         cell: Whose frames they use, where that is not the model's.
         registration: Whose part frame they run in.
-        identities: Files that say with which model each was made.
+        identities: Files that identify the model of each.
         name: In the workspace.
         note: Of the user.
         job: That made it.

@@ -112,7 +112,7 @@ class _SourcesDetail:
 
 
 def provenance_of_record(record: ItemRecord) -> Provenance:
-    """Returns the provenance in the detail of a record; measured, where it says nothing of it.
+    """Returns the provenance in the detail of a record; measured, where not stated.
 
     Raises:
         ArchiveError: The detail holds something else in its place.

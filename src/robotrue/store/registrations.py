@@ -101,7 +101,7 @@ def add_session(
         where: Workspace or transaction.
         session: Without readings, or with those of a file.
         name: In the workspace.
-        cell: Where the part stands.
+        cell: Frame of the part.
         model: Of the arm that touches; None: the nominal one.
         files: That the features came from.
 

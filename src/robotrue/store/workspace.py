@@ -53,8 +53,7 @@ class Workspace:
 
         Args:
             path: The folder.
-            url: ``postgresql+psycopg://...``; None: what ROBOTRUE_DB says, else SQLite in the
-                folder.
+            url: ``postgresql+psycopg://...``; None: that of ROBOTRUE_DB, else SQLite in the folder.
 
         Raises:
             ConfigurationError: The folder holds something already; the database does not answer.

@@ -264,7 +264,7 @@ def weigh(trials: Trials, selection: Selection, names: Sequence[str]) -> Selecti
 
 
 def stack_weights(scores: Sequence[Array]) -> Array:
-    """Returns the weight (k,) of each candidate by what it said of rows it had not seen; sum one.
+    """Returns the weight (k,) of each candidate by its density at held-out rows; sum one.
 
     The weights a maximise sum_i log sum_k a_k p_ik, p_ik the density that candidate k gave row i
     (Yao, Vehtari, Simpson and Gelman 2018): a candidate that is right where the others are wrong

@@ -34,7 +34,7 @@ def check_part(
     tolerance: float,
     settings: RegistrationSettings,
 ) -> tuple[DatumCheck, bool]:
-    """Returns whether datums lie where a part frame says, and whether the arm's share is in it.
+    """Returns whether datums agree with a part frame, and whether the arm's share is in it.
 
     Args:
         arm: The model the frame belongs to.

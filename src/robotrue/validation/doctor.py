@@ -60,7 +60,7 @@ class NamedCause:
     Attributes:
         hypothesis: What is wrong, where, and the rows put right.
         probability: Of the cause, against clean rows and all other causes.
-        before: m, mean error of each row predicted from the others, as the file stands.
+        before: m, mean error of each row predicted from the others, for the unchanged file.
         after: m, the same once it is put right; NaN where that is outside the rows.
     """
 
@@ -82,7 +82,7 @@ class Diagnosis:
     Attributes:
         findings: Named causes, those that need no statistics first.
         considered: Cause and log Bayes factor of every hypothesis that was compared.
-        error: m, mean error of each row predicted from the others, as the file stands.
+        error: m, mean error of each row predicted from the others, for the unchanged file.
         examined: Rows that were looked at.
         rows: Rows of the set.
     """
@@ -156,7 +156,7 @@ def _refit(hypothesis: Hypothesis, clean: Evidence) -> Hypothesis:
     evidence = learn(clean.case, hypothesis.columns, clean.scales)
     stated = max(clean.log_evidence, weigh_noise(clean.case, evidence.scales))
     odds = evidence.log_evidence - stated - hypothesis.price
-    # What the wrong rows made noise of before is their effect now.
+    # The effect of the wrong rows was noise before.
     revise = hypothesis.revise
     revised = hypothesis if revise is None else revise(evidence.coefficients())
     return replace(revised, log_odds=odds)

@@ -142,7 +142,7 @@ def learn(case: Case, extra: Array | None = None, start: Scales | None = None, *
 
 
 def fit_rows(case: Case) -> Evidence:
-    """Returns the rows as they stand; searched as long as every hypothesis about them is."""
+    """Returns the unchanged rows; searched as long as every hypothesis about them is."""
     return learn(case, start=learn(case).scales)
 
 

@@ -49,7 +49,7 @@ class WorkspaceMap(Columns):
         counts: Grid values along each coordinate.
         along: Coordinate that is divided into sectors, 0 to 2.
         sectors: How many.
-        attitude: How the tool stands.
+        attitude: Attitude of the tool.
         coordinates: (n, 3) of the region, last one fastest.
         point: (n, 3) m, base.
         joints: (n, dof) rad; NaN where the arm cannot take the pose.
@@ -135,7 +135,7 @@ def error_map(
         counts: Grid values along each coordinate; those along the sectors, the angle of a
             cylinder or y of a cube, a multiple of their number.
         tool_abc: (3,) rad, KUKA A, B, C of the tool in base; for ``turning`` at angle 0.
-        attitude: How the tool stands.
+        attitude: Attitude of the tool.
         sectors: How many.
         near: (dof,) rad, a posture of the branch wanted; the middle of the training range, or of
             the limits, if None. It is turned about joint 1 to each point.

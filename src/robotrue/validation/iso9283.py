@@ -180,7 +180,7 @@ class RepeatedPose:
         rows: Rows of the check.
         axes: (dof,) rad, commanded, as the controller displays them.
         characteristics: Of the visits, against the nominal arm.
-        compensated: m, distance of the mean from where the model said; NaN without predictions.
+        compensated: m, distance of the mean from the prediction; NaN without predictions.
     """
 
     rows: IntArray

@@ -1,7 +1,7 @@
 """Mastering check: the axis that lost its zero, from touches of one fixed point.
 
     tip(q; w, d) = p + noise,    w ~ belief in the arm,    p ~ nothing known (or touched before),
-    d_j ~ N(0, s^2) for the axes a hypothesis says have lost their zero, 0 for the others
+    d_j ~ N(0, s^2) for the axes that lost their zero by a hypothesis, 0 for the others
 
 The hypotheses are: no axis, each axis, each pair. Their odds are marginal likelihoods, averaged
 over the sizes s (MacKay 2003, "Information Theory, Inference, and Learning Algorithms", chapter
@@ -236,7 +236,7 @@ def _find_noise(
     keep, factor = everyone, 1.0
     for _ in range(2):
         solved = solve_touches(before, every, SIZES[-1], rows, keep, loose)
-        stack = stack_rows(solved.rows.pieces(solved.at))  # of all, believed or not
+        stack = stack_rows(solved.rows.pieces(solved.at))  # of all, accepted or not
         keep = find_agreeing_touches(stack, prior, prior.noise, len(touches))
         if 2 * int(keep.sum()) <= len(touches):
             wrong = [name for name, good in zip(touches.labels, keep, strict=True) if not good]

@@ -142,7 +142,7 @@ def weigh_offsets(solved: SolvedTouches, size: float, stretch: Array) -> OffsetE
     lost *= size
     factor = cho_factor(half @ half.T + solved.noise, lower=True)
     square = float(solved.off @ cho_solve(factor, solved.off))
-    # What a zero lost is not where it stands now: the arm's own zero was never known exactly.
+    # The loss of a zero is not its present value: the arm's own zero was never known exactly.
     gain = size * cho_solve(factor, lost)
     half[:, :arm] *= stretch[solved.row, None]
     apart = half.T @ gain

@@ -133,7 +133,7 @@ def tips(arm: ErrorModel, joints: Array, settings: RegistrationSettings) -> Arra
 
 
 def same_tool(robot: RobotModel, settings: RegistrationSettings) -> bool:
-    """Returns whether the tip that touches is the point the model speaks of."""
+    """Returns whether the touching tip is the tool point of the model."""
     tool = settings.T_flange_tool
     return tool is None or np.allclose(tool, robot.T_flange_tool, rtol=0.0, atol=1e-9)
 

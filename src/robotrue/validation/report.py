@@ -30,7 +30,7 @@ LEVEL: Final = 0.95
 BANDS: Final = 3
 """Bands of the radius, of equal row count."""
 FEWEST: Final = 5
-"""Rows of a part below which its share says nothing."""
+"""Rows of a part below which its share is not meaningful."""
 MIDDLE: Final = 0.7
 """Share of the half range of every joint up to which a pose is in the middle of the data."""
 ON_AXIS: Final = 1e-3

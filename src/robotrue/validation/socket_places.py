@@ -1,9 +1,9 @@
 """Accuracy of a model at sockets it never saw, without any instrument.
 
-The ball does not move while the arm takes attitude after attitude; where a model says it does, the
-model is wrong. The place of the socket is not known, so the tips are compared with their own mean,
-and an error that all attitudes of one socket share does not show. The distance of two sockets of
-one fixture shows a part of that.
+The ball does not move while the arm takes attitude after attitude; where a model predicts that it
+does, the model is wrong. The place of the socket is not known, so the tips are compared with their
+own mean, and an error that all attitudes of one socket share does not show. The distance of two
+sockets of one fixture shows a part of that.
 """
 
 from __future__ import annotations

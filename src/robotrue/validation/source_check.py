@@ -95,7 +95,7 @@ def check_rows(robot: RobotModel, rows: MeasurementSet) -> None:
 def fit_doubts(
     name: str, model: ErrorModel, rows: MeasurementSet, settings: FitSettings
 ) -> list[str]:
-    """Returns what the fit of a source says against the source or the prior."""
+    """Returns the objections of the fit of a source to the source or the prior."""
     summary = model.training_summary()
     found = _find_contamination(name, summary, rows)
     held = summary.held_out_mean

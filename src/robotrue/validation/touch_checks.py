@@ -34,11 +34,11 @@ UNITS: Final = {
     25.4: "the nominal points are in inches",
     1.0 / 25.4: "the touched points are in inches",
 }
-"""Touched over nominal distance as read in mm, and what that says."""
+"""Touched over nominal distance as read in mm, and its meaning."""
 MOST_NAMES: Final = 40
 """Points up to which every other order of the names is tried."""
 SWAPPED: Final = 8
-"""Touches not believed among which exchanged names are looked for."""
+"""Largest number of rejected touches among which exchanged names are searched."""
 
 
 def list_names(names: Sequence[str], most: int = 8) -> str:

@@ -1,4 +1,4 @@
-"""A calibration against poses: before, after, how honest, and when not to believe it."""
+"""A calibration against poses: before, after, coverage, and warnings."""
 
 from __future__ import annotations
 

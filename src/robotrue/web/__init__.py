@@ -1,6 +1,6 @@
 """The workbench in a browser: pages, their parts, and the HTTP interface beside them.
 
 Nothing here knows how to calibrate or to compensate: pages call functions of the lower rooms, long
-work is a job of the store. ``server.py`` starts it all, ``gate.py`` decides who comes in, every
-page is one file in ``pages/``, what several pages show is in ``parts/``.
+work is a job of the store. ``server.py`` starts it all, ``gate.py`` controls access, every page is
+one file in ``pages/``, what several pages show is in ``parts/``.
 """

@@ -17,7 +17,7 @@ from robotrue.web.problems import MissingError
 
 FOLDER: Final = "drilling"
 MOST: Final = 2 * 1024 * 1024
-"""Bytes read at once; who wants more asks again."""
+"""Bytes read at once; a further request returns more."""
 _NAME: Final = re.compile(r"[\w-][\w.-]{0,100}\.jsonl")
 
 

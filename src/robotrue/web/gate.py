@@ -1,8 +1,7 @@
 """The gate every request and every WebSocket passes before anything else sees it.
 
-In this order: the host it asks for, the page it comes from, who sends it, how large it is. What
-leaves gets headers that keep browsers from loading anything from, or lending anything to, another
-site.
+In this order: its host, its origin, its sender, its size. What leaves gets headers that keep
+browsers from loading anything from, or lending anything to, another site.
 
 A page of another site that makes its own name point at this machine (DNS rebinding) would be a
 page of the same origin to the browser; only the name in ``Host`` gives it away. An address in

@@ -27,7 +27,7 @@ FRAMES: Final = "/frames"
 KEPT: Final = 100
 """Frames kept for a viewer that does not take them."""
 UNSEEN: Final = 40
-"""Frames on their way that a viewer has not yet said it has had."""
+"""Frames in transit that a viewer has not acknowledged."""
 MOST_VIEWERS: Final = 64
 LOOK: Final = 5.0
 """s between two looks which sources there are."""
@@ -43,7 +43,7 @@ class HealthFrame(TypedDict):
 
 
 class Viewer:
-    """One who looks."""
+    """A viewer."""
 
     def __init__(self) -> None:
         self.waiting: LatestQueue[str] = LatestQueue(KEPT)

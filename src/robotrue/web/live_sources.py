@@ -20,7 +20,7 @@ KIND: Final = "live source"
 BEGUN: Final = "alarm"
 OVER: Final = "alarm over"
 MOST: Final = 20
-"""Sources; each is a connection that stands."""
+"""Sources; each is an open connection."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

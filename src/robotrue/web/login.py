@@ -1,4 +1,4 @@
-"""Pages for who is not there yet: a plain login form that needs no script, and the missing page."""
+"""Pages before login: a plain login form that needs no script, and the not-found page."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def login_router(settings: ServeSettings, sessions: Sessions, tries: Tries) -> A
         )
         body = await request.body()
         # Nothing is awaited from here to the comparison: requests whose bodies come at the same
-        # moment would all find the count of before.
+        # moment would all find the old count.
         wait = tries.wait(address)
         if wait > 0.0:
             fault = say("login.wait", seconds=int(wait) + 1)
@@ -68,7 +68,7 @@ def login_router(settings: ServeSettings, sessions: Sessions, tries: Tries) -> A
 
 
 def reader_words(request: Request) -> Wording:
-    """Returns the words of who asks, who may not have logged in."""
+    """Returns the texts of the client, who may not have logged in."""
     return Wording(_preferences(request).language)
 
 

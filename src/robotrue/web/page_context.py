@@ -68,7 +68,7 @@ class PageContext:
         screen: The one that is shown.
         view: How this person wants to see things.
         say: The words of their language.
-        query: What stands after ``?`` in the address.
+        query: The query of the address, after ``?``.
         model: The model shown; None if there is none.
         in_use: Id of the model of pages whose address names none; empty: there is none.
         models: To choose from, the newest first.
@@ -164,7 +164,7 @@ class PageContext:
         return json.loads(await self.server.answers.once(call, self.folder, *args, **kwargs))
 
     def render(self, template: str, **values: object) -> Markup:
-        """Returns a template with the person who looks, and their words, besides its values."""
+        """Returns a template with the user and their texts, besides its values."""
         own = {"context": self, "say": self.say, "view": self.view, "choices": CHOICES}
         about = {"screens": self.screens, "fault_words": fault_words(self.say)}
         return render(template, **own, **about, **values)

@@ -43,7 +43,7 @@ KINDS: Final = (
     "missing error", "unanswered", "invalid request", "too large", "no connection", "other",
 )  # fmt: skip
 OF_COMMANDS: Final = ("--", "robotrue workspace ")
-"""Beginnings of hints for who types commands; the page has buttons for what they say."""
+"""Beginnings of hints for the command line; the page has buttons instead."""
 
 
 class MissingError(ConfigurationError):
@@ -120,7 +120,7 @@ def of_error(error: RobotrueError) -> JSONResponse:
 
 
 def source_name(error: RobotrueError) -> str | None:
-    """Returns the name of the file an error speaks of, without the folders of the server."""
+    """Returns the name of the file of an error, without the folders of the server."""
     return None if error.source is None else error.source.replace("\\", "/").split("/")[-1]
 
 
@@ -186,7 +186,7 @@ def fault_card(
 
 
 def fault_words(say: Wording) -> dict[str, object]:
-    """Returns what ``bench.fault`` needs to say the same in the browser."""
+    """Returns the texts that ``bench.fault`` needs in the browser."""
     keys = {kind: f"fault.{kind.replace(' ', '_')}" for kind in KINDS}
     return {
         "kinds": {kind: {"title": say(key), "do": say(f"{key}_do")} for kind, key in keys.items()},

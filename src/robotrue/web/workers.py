@@ -175,7 +175,7 @@ def _begin() -> None:
 
 
 class Answers:
-    """Asks each question once; two who ask at the same time wait for one answer."""
+    """Asks each question once; two equal queries at the same time wait for one answer."""
 
     def __init__(self, workers: QueryWorkers) -> None:
         self._workers = workers

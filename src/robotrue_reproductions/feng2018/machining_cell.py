@@ -58,7 +58,7 @@ T_BASE_DRAWN: Final = pose(np.eye(3), np.array([800.0, -100.0, 400.0]) * MM)
 T_BASE_FLIPPED: Final = pose(np.diag([-1.0, -1.0, 1.0]), np.array([1200.0, 100.0, 400.0]) * MM)
 """Where the drawing has the block after half a turn about the vertical through its centre."""
 TOOL: Final = pose(np.eye(3), np.array([0.0, 0.0, 300.0]) * MM)
-"""Where the controller believes the tip, T_flange_tool."""
+"""The tip of the controller, T_flange_tool."""
 WRIST_MASS: Final = 200.0
 ELBOW_MASS: Final = 60.0
 FACES: Final[dict[Posture, tuple[int, float]]] = {
@@ -123,7 +123,7 @@ class FengCell(Columns):
 
     @property
     def nominal(self) -> RobotModel:
-        """What controller and user believe: geometry, masses, nominal tool, no errors."""
+        """Model of controller and user: geometry, masses, nominal tool, no errors."""
         return self.robot.nominal
 
 

@@ -153,7 +153,7 @@ def _touch_sides(cell: FengCell, rng: np.random.Generator) -> dict[Posture, Touc
 
 
 def tips(model: ErrorModel | RobotModel, joints: Array) -> Array:
-    """Returns where a model believes the tip (n, 3) m in base."""
+    """Returns the tip predicted by a model, (n, 3) m in base."""
     if isinstance(model, RobotModel):
         return np.asarray(forward(model, joints)[:, :3, 3])
     believed = forward(model.robot, joints)[:, :3, 3] + model.predict(Query(joints=joints)).error

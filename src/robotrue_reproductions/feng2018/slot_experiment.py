@@ -1,4 +1,4 @@
-"""Slots and a contour cut from two sides in the virtual cell, and what the truth says beside them.
+"""Slots and a contour cut from two sides in the virtual cell, compared with the truth.
 
 Slots: four, parallel, at block x = 80, 160, 240, 320 mm, y = 100 mm, read at nine heights z from 20
 to 380 mm; the step is along block x. Contour: the outline of a free-form body in the plane
@@ -51,7 +51,7 @@ class SlotSide(Columns):
         posture: Side the tool comes from.
         model: What the program's poses become joints with: a robot without errors runs as the
             controller does, an error model compensates.
-        T_base_part: (4, 4) where the user believes the block.
+        T_base_part: (4, 4) the block's frame known to the user.
     """
 
     cell: FengCell
@@ -77,7 +77,7 @@ class SlotResult:
 
     Attributes:
         measured: The steps, as a gauge would read them.
-        evaluation: What they say.
+        evaluation: Their result.
         error: (2, 48, 3) m, where the tip truly goes less where it should, at :data:`CHECKED`,
             part axes, first and second side; repeatability aside.
     """

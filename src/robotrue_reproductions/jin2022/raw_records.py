@@ -55,7 +55,7 @@ ORIGIN: Final = Provenance(simulated=True, instrument="virtual milling experimen
 
 
 def write_cell(path: Path, arm: MillingArm) -> None:
-    """Writes the cell of an arm, stiffnesses as its user believes them."""
+    """Writes the cell of an arm, with the stiffnesses stated by its user."""
     stiffness = ", ".join(f"{k:.0f}" for k in arm.stiffness_belief)
     path.write_text(CELL.format(stiffness), encoding="utf-8")
 

@@ -8,7 +8,7 @@ A program on a controller is often more than one file: the motions in a ``.src``
         replacement = ...
         write_atomic(folder / program.name, write_program(program, replacement))
 
-Which languages there are says :mod:`robotrue.program.lang`.
+:mod:`robotrue.program.lang` lists the languages.
 """
 
 from __future__ import annotations

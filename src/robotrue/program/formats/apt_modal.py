@@ -1,8 +1,8 @@
 """Modal state of APT and CL data: machining axis systems, feed and spindle.
 
-Three systems say in three ways in which frame the points stand: ``$$*CATIA0`` with a name and three
-rows in comments, ``MSYS/``, and ``$$-> CSYS /`` with twelve numbers. The points are left in that
-frame; what matters is that it is one for the whole file, and that the user learns of it.
+Three systems state the frame of the points in three ways: ``$$*CATIA0`` with a name and three rows
+in comments, ``MSYS/``, and ``$$-> CSYS /`` with twelve numbers. The points are left in that frame;
+what matters is that it is one for the whole file, and that the user learns of it.
 """
 
 from __future__ import annotations
@@ -161,7 +161,7 @@ class AptSpeeds:
         self._feed = values[0] * scale[0]
 
     def _spindle(self, values: list[float], words: list[str]) -> None:
-        """A surface speed (SFM, SMM) or a bare ON says nothing about turns; OFF stops them."""
+        """A surface speed (SFM, SMM) or a bare ON does not state revolutions; OFF stops them."""
         if "OFF" in words:
             self.turns = np.nan
         elif values and not {"SFM", "SMM", "MAXRPM", "RANGE"} & set(words):

@@ -254,7 +254,7 @@ class _Reader:
         self.by_axis = bool(spoken[-1])
 
     def _state(self) -> tuple[Reason, str]:
-        """Why points here cannot be compensated, and what to say of each."""
+        """Why points here cannot be compensated, and the text of each note."""
         if self.relative:
             return Reason.RELATIVE, "MODE/INCR makes coordinates add up"
         if self.modes:

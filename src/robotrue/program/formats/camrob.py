@@ -1,8 +1,9 @@
 """CAMRob: the ``n;X;Y;Z;C;B;A;..`` file that a KRL program hands to ``CR_PROCESS_FILE``.
 
-The seventh number is A: the turns stand about X, Y and Z in that order. Behind them are the line of
-the tool path, feed, spindle, coolant and tool, and from the fifteenth column on the external axes.
-Only X to A are ever rewritten. Base and tool are those in force where the program calls.
+The seventh number is A: the rotations are printed about X, Y and Z in that order. Behind them are
+the line of the tool path, feed, spindle, coolant and tool, and from the fifteenth column on the
+external axes. Only X to A are ever rewritten. Base and tool are those in force where the program
+calls.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ _BOM: Final = b"\xef\xbb\xbf"
 
 
 def scan_targets(data: bytes, name: str) -> tuple[TargetTokens, Array, IntArray]:
-    """Returns where the numbers stand, external values (n, 6) as printed, and lines (n,) from one.
+    """Returns places of the numbers, external values (n, 6) as printed, and lines (n,) from one.
 
     Raises:
         FormatError: A line that is not of this form.
@@ -75,7 +76,7 @@ def scan_targets(data: bytes, name: str) -> tuple[TargetTokens, Array, IntArray]
 
 
 def _behind(rest: bytes | None, data: bytes, at: int, name: str) -> list[float]:
-    """Returns the external values of a line, NaN where none stand."""
+    """Returns the external values of a line, NaN where absent."""
     fields = rest.split(b";")[_EXTERNAL : _EXTERNAL + _COUNT] if rest else []
     try:
         values = [float(field) for field in fields if field.strip()]

@@ -1,7 +1,7 @@
 """Evaluates an expression of constants of a program, in any language.
 
 An expression is evaluated only if every name in it has one value. A language derives its reader
-with the tokens, values and functions it has; what a name says is asked of the caller.
+with the tokens, values and functions it has; the caller provides the values of names.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _DEEPEST: Final = 40
 
 
 class NotConstantError(Exception):
-    """An expression has no single value; the text says why.
+    """An expression has no single value; with the cause.
 
     Attributes:
         cure: What the user can do about it.

@@ -218,7 +218,7 @@ class _Walk:
                     self.out.motion[known[-1]] = Motion.ARC_END
 
     def _give_rows(self, path: IntArray) -> None:
-        """Writes into the path the rows of targets that are not what one record says."""
+        """Writes the rows of targets that differ from a record into the path."""
         count = len(self._scan.number)
         rows = {use.row for use in self._uses.values()} | self._read
         moved = {row: np.flatnonzero(path[:, 1] == row).tolist() for row in rows if row >= 0}

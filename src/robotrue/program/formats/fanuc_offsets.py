@@ -183,7 +183,7 @@ def in_another_language(data: bytes, statements: tuple[int, int]) -> bool:
 def words_behind(tail: bytes) -> bytes:
     """Returns the words behind a target, in capitals, without the names in brackets.
 
-    What is called at a time before or after the end of the move stands last, and is left out.
+    Calls at a time before or after the end of the move come last, and are left out.
     """
     words = tail.upper()
     closed = words.rfind(b"]") + 1  # brackets behind it are not closed

@@ -1,4 +1,4 @@
-"""One pass over a Fanuc LS program: the records of ``/POS`` and where their numbers stand.
+"""One pass over a Fanuc LS program: the records of ``/POS`` and the places of their numbers.
 
 A record is ``P[n:"name"]{ GP1: UF : 1, UT : 1, CONFIG : '..', X = .. mm, .. R = .. deg };``, or
 with ``J1= .. deg`` to ``J6``. What follows the sixth number in group 1, and everything in the
@@ -152,7 +152,7 @@ class _Reader:
         self.table = NumberTable(self.data, [range(6)], b";")
 
     def sections(self) -> tuple[tuple[int, int], tuple[int, int]]:
-        """Returns where the statements and where the records stand."""
+        """Returns the places of the statements and of the records."""
         found: dict[str, re.Match[bytes]] = {}
         for match in _SECTION.finditer(self.data):
             key = match[1].decode()

@@ -104,7 +104,7 @@ def middles(arcs: PlaneArcs, value: Array) -> tuple[Array, Array]:
 
 
 def moved_words(arcs: PlaneArcs, old: Array, new: Array) -> Array:
-    """Returns what I, J, K or the radius (k, 3) shall say when points (n, 3) become others.
+    """Returns the new I, J, K or radius (k, 3) when points (n, 3) change.
 
     Args:
         arcs: The arcs.
@@ -168,7 +168,7 @@ def _flat(arcs: PlaneArcs, points: Array) -> Array:
 
 
 def _centres(arcs: PlaneArcs, start: Array, end: Array) -> Array:
-    """Centre (k, 3), printed units; of a radius the one on the side its sign says."""
+    """Centre (k, 3), printed units; of a radius the one on the side of its sign."""
     centre = arcs.value + np.where((arcs.kind == Centre.FROM_START)[:, None], start, 0.0)
     by_radius = np.flatnonzero(arcs.kind == Centre.RADIUS)
     if not len(by_radius):

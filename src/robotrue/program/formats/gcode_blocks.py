@@ -105,7 +105,7 @@ class Blocks:
         data: The bytes.
         first: (l,) first byte of every block.
         end: (l,) its end without comment and line end.
-        state: (l, groups) as set by each block, ``NO_STATE`` where it says nothing.
+        state: (l, groups) as set by each block, ``NO_STATE`` where it does not set one.
         block: (t,) block of every word, rising.
         column: (t,) :class:`WordColumn`.
         start: (t,) first byte of its number, -1 of one that is computed.
@@ -148,7 +148,7 @@ def with_findings(
 def scan_blocks(
     data: bytes, name: str, vocabulary: Vocabulary, reader: Callable[[Vocabulary, Findings], Take]
 ) -> Blocks:
-    """Returns what all blocks say.
+    """Returns the content of all blocks.
 
     Args:
         data: The bytes.

@@ -272,7 +272,7 @@ class _Builder:
         mine, place = mine[place >= 0], place[place >= 0]
         out = np.full(len(self.rows.block), -1)
         np.maximum.at(out, place, self.blocks.start[mine] + self.blocks.length[mine])
-        for row in np.flatnonzero(out < 0).tolist():  # all it says is computed
+        for row in np.flatnonzero(out < 0).tolist():  # all its words are computed
             block = self.rows.block[row]
             first, end = int(self.blocks.first[block]), int(self.blocks.end[block])
             out[row] = first + len(self.blocks.data[first:end].rstrip())
@@ -308,7 +308,7 @@ class _Builder:
         return not len(self.rows.block)
 
     def _status(self, count: int, place: IntArray) -> tuple[IntArray, IntArray]:
-        """Returns STAT and TU (n, 2) and where they stand (n, 2, 2); no columns without any."""
+        """Returns STAT and TU (n, 2) and their places (n, 2, 2); no columns without any."""
         numbers, given = self.words.numbers((WordColumn.STAT, WordColumn.TU))
         if not given.any():
             return np.empty((count, 0), np.int64), np.empty((count, 0, 2), np.int64)

@@ -17,7 +17,7 @@ from robotrue.program.program import FrameTable
 
 
 class GcodeFrames(NumberedFrames):
-    """Indices of frames and tools for rows, and what to say of those that are not known."""
+    """Indices of frames and tools for rows, and notes on unknown ones."""
 
     def __init__(
         self, table: FrameTable, name: str, blocks: Blocks, vocabulary: Vocabulary

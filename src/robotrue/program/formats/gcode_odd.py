@@ -65,7 +65,7 @@ _QUIET: Final = frozenset(
     b"WORKPIECE GROUP_BEGIN GROUP_END GETD GET RELEASE AND OR LIMS DELAYFSTON "
     b"DELAYFSTOF PRIO".split()
 )
-"""Keywords that say nothing of places."""
+"""Keywords that do not concern positions."""
 _SHIFTS: Final = {
     **dict.fromkeys(
         b"TRANS ATRANS ROT AROT ROTS AROTS CROTS RPL SCALE ASCALE MIRROR AMIRROR".split(), "program"
@@ -79,7 +79,7 @@ _CANCELS: Final = {
     **dict.fromkeys(b"TRANS ROT ROTS SCALE MIRROR".split(), "program"),
     b"CYCLE800": "swivel", b"TOROTOF": "tool frame", b"PAROTOF": "part", b"DIAMOF": "diameter",
 }  # fmt: skip
-"""Keywords that end one of these ways when they stand alone."""
+"""Keywords that end one of these shifts when they are alone."""
 _DRIVES: Final = {
     b"CIP": Drive.THROUGH,
     **dict.fromkeys((b"CT", b"INVCW", b"INVCCW", b"POLY", b"ASPLINE", b"BSPLINE", b"CSPLINE"),

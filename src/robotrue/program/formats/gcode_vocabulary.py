@@ -37,7 +37,7 @@ class Modal(IntEnum):
     SIDEWAYS = 6  # 1 while the radius of the tool is compensated
     SHIFTED = 7  # 1 while the program moves, turns or scales the coordinates
     AXIS_WISE = 8  # 1 while points are driven to axis by axis
-    ANGLES = 9  # 0 as the cell says, 1 RPY, 2 another order
+    ANGLES = 9  # 0 as in the cell, 1 RPY, 2 another order
     CENTRE = 10  # 0 from the start of the arc, 1 absolute
     TOOL = 11  # number of a name
 
@@ -88,8 +88,9 @@ class Vocabulary:
 
     Attributes:
         name: Of the dialect.
-        columns: Address (``X``, ``A3``, ``NX``) to column; -2 for one that says nothing of places.
-        codes: ``G0``, ``G43.4``, ``M128`` to (group, value); group -2 says nothing of places.
+        columns: Address (``X``, ``A3``, ``NX``) to column; -2 for one that does not concern
+            positions.
+        codes: ``G0``, ``G43.4``, ``M128`` to (group, value); group -2 does not concern positions.
         signs: See :func:`.gcode_kernels.read_blocks`.
         names: Addresses of the columns as they are inserted, by :class:`.path_words.Turn`.
         frames: Names of the zero offsets by their value in ``Modal.FRAME``; the first is none.

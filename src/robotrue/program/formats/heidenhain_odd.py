@@ -1,7 +1,7 @@
 """The slow reader of conversational blocks: arcs, cycles, calls, and lines with parameters.
 
 Straight lines with plain numbers are read compiled; all else comes here. ``CC`` and ``C`` make one
-arc of two blocks; cycles that move the coordinates are followed as far as they say "zero".
+arc of two blocks; cycles that move the coordinates are followed only where they set zero.
 """
 
 from __future__ import annotations

@@ -226,7 +226,7 @@ class Builder:
         )
 
     def _collect_written(self, file: int, agg: IntArray) -> WrittenOut:
-        """Returns the targets that are written out, and which hang on others that are moved to."""
+        """Returns the targets that are written out, and which depend on other moved ones."""
         mine = sorted((a, *what) for (f, a), what in self.story.written.items() if f == file)
         if not mine:
             return NONE_WRITTEN

@@ -1,6 +1,6 @@
 """Long KRL files: the surveys of a ``.src`` with its motions inline and of points in a ``.dat``.
 
-A stretch of motions is what stands between two statements that may change frames, move the robot or
+A stretch of motions is the text between two statements that may change frames, move the robot or
 branch, poses or axis targets. A stretch of points is assignments to elements of one array,
 ``name[k]={X ..}`` with nothing left out, by growing ``k``; whatever the program does with an
 element it chose by a computed number it does with all of them. An array with an element that a file
@@ -245,7 +245,7 @@ def _motions(found: Scan) -> tuple[IntArray, IntArray, BoolArray]:
 
 
 def as_motions(found: Scan) -> Scan:
-    """Returns a scan in which points of stretches stand as plain motions, and nothing else does."""
+    """Returns a scan in which only points of stretches are plain motions."""
     plain, _, _ = _point_lines(found, None)
     line_kind = np.where(plain, INLINE_LIN, EMPTY).astype(np.uint8)
     return replace(found, line_kind=line_kind)

@@ -15,7 +15,7 @@ from robotrue.program.formats.number_table import Numbers
 
 
 def target_numbers(found: Scan, agg: IntArray) -> tuple[Numbers, BoolArray, BoolArray]:
-    """Returns where the numbers of targets stand, as :class:`KrlSpans` has them, in mm and deg.
+    """Returns the places of the numbers of targets, as in :class:`KrlSpans`, in mm and deg.
 
     Beside them is pose (n,) and is axis (n,): which of both kinds a target has.
     """

@@ -1,7 +1,7 @@
 """Evaluates a KRL expression of constants: numbers, points and frames, ``:``, calls of functions.
 
-An expression is evaluated only if every name in it has one value; what a name says is asked of the
-caller. ``P:Q`` is the pose Q in the frame P; as on the controller its data type, status, turn and
+An expression is evaluated only if every name in it has one value; the caller provides the values of
+names. ``P:Q`` is the pose Q in the frame P; as on the controller its data type, status, turn and
 external axes are those of the right operand.
 """
 

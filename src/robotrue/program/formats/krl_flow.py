@@ -1,6 +1,6 @@
 """Frames in force at each place of a KRL program, over all control-flow paths.
 
-Places are twice the line: there calls, branches and loops stand; what a line sets is one behind.
+Places are twice the line: there are calls, branches and loops; what a line sets is one behind.
 Behind a call of a routine in no given file base and tool are not known until they are set again.
 """
 
@@ -61,7 +61,7 @@ class KrlFlow(ControlFlow):
     """The ways through the main text; variables and frames are followed on the same graph.
 
     Args:
-        harmless: Routines, in lower case, that leave frames alone wherever they stand.
+        harmless: Routines, in lower case, that leave frames alone wherever they are.
     """
 
     def __init__(self, harmless: Iterable[str] = ()) -> None:
@@ -76,7 +76,7 @@ class KrlFlow(ControlFlow):
         self._pending: list[tuple[int, int, int]] = [(0, 0, 0)]
 
     def put(self, at: int, key: int, version: int) -> None:
-        """Puts a frame, or who holds the part, in force."""
+        """Sets a frame, or the holder of the part."""
         self.set(at, key, version)
         if key <= TOOL:
             self.set(at, FOREIGN_BASE + key, 0)

@@ -65,7 +65,7 @@ class DeferredFrame(NamedTuple):
 
 
 UNSURE: Final = 2
-"""Of who holds the part: not known."""
+"""Holder of the part: not known."""
 
 
 class Setting(NamedTuple):

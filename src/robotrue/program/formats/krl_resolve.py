@@ -165,7 +165,7 @@ class _Resolver:
                 self._copy(node, call, None, 0)
 
     def _copy(self, node: int, call: KrlCall, within: Arguments | None, depth: int) -> None:
-        """Leads a call to a copy of its routine, where that sets frames that hang on arguments."""
+        """Leads a call to a copy of its routine, where its frames depend on arguments."""
         routine = self.values.routines.get(call.name)
         if routine is None or not routine.parameters or depth > _DEEPEST:
             return

@@ -242,7 +242,7 @@ def _scan(
             if found >= 0 and k < end and buf[k] == 123:
                 motion = motion_kinds[found]
                 j = k
-        # ``wanted`` counts the aggregates a plain motion still needs; -1 says it is not plain.
+        # ``wanted`` counts the aggregates a plain motion still needs; -1: not plain.
         wanted = 0 if motion == 0 else (2 if motion == 5 else 1)
         depth, string = 0, False
         while kind == 1 and j < end:

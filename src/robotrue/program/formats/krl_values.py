@@ -1,9 +1,9 @@
 """The value of every KRL variable at every statement: reaching definitions over the whole job.
 
-A variable that no statement of the job changes has the value of its declaration. Of one that is
-changed the declaration says nothing, because data lists keep the last value; its value is then
-that of the one assignment that reaches a statement on every way to it. Parameters have a value
-where every call hands over the same one, or within one call.
+A variable that no statement of the job changes has the value of its declaration. The declaration of
+a changed variable does not count, because data lists keep the last value; its value is then that of
+the one assignment that reaches a statement on every way to it. Parameters have a value where every
+call hands over the same one, or within one call.
 """
 
 from __future__ import annotations

@@ -55,7 +55,7 @@ def _with_aggregates(scan: Scan, written: Sequence[Written]) -> tuple[Scan, IntA
     counts = np.concatenate([np.diff(scan.agg_token), [len(each.value) for each in written]])
     old = len(scan.agg_open)
     opened = np.concatenate([scan.agg_open, [each.start for each in written]])
-    # What stands inside of an expression opens later, or at the same byte: it comes behind.
+    # A text inside an expression opens later, or at the same byte: it comes after.
     rank = np.concatenate([np.ones(old, np.int64), np.zeros(len(written), np.int64)])
     order = np.lexsort((rank, opened))
     place = np.empty(len(order), np.int64)

@@ -34,8 +34,8 @@ class LineCutter:
         plain: Matches one with its line end. The groups whose names begin with ``key`` are its key;
             the group ``via`` is there if it has two targets.
         idle: Matches lines without effect.
-        around: From the keys of plain lines to what stands before and behind them to make a program
-            of them, and frames under the names they have; any will do.
+        around: From the keys of plain lines to the text before and after them that makes a program
+            of them, and frames by name; any will do.
         moved_frames: External axes in the chain are in frames of the program, not in a target.
     """
 

@@ -123,9 +123,9 @@ def respell(
     """Copies ``buf`` to ``out`` with tokens rewritten; returns the bytes written.
 
     ``index`` (t,) are the tokens in the order of the bytes, places in the tables behind it. A plain
-    token keeps its decimals, or gets ``least`` where it has fewer than ``enough``; it stays
-    where it says the value already. Of others ``texts[slow[t] : slow[t + 1]]`` is what to write.
-    When ``aligned``, a token keeps its column where the blanks before it allow.
+    token keeps its decimals, or gets ``least`` where it has fewer than ``enough``; it stays where
+    it equals the value already. Of others ``texts[slow[t] : slow[t + 1]]`` is what to write. When
+    ``aligned``, a token keeps its column where the blanks before it allow.
     """
     scratch, cursor, k = np.empty(64 + texts.size, np.uint8), 0, 0
     for t in range(index.size):
@@ -184,7 +184,7 @@ def pick_tokens(
         start: First byte of each; below 0 where there is none.
         length: Bytes of each.
         touched: Those to list.
-        value: What each shall say.
+        value: New value of each.
         picked: (t,) place of each in the tables.
         odd: (t,) 1 where it is not plain, or not below 1e8.
         joined: (t,) a digit in the place of its first byte would belong to the name before it.
@@ -243,7 +243,7 @@ def literal_numbers(
 
 @compile_kernel(PLAIN)
 def token_values(buf: Bytes, start: IntArray, length: IntArray) -> Array:
-    """Returns the values of numbers (n, w), NaN where none stands.
+    """Returns the values of numbers (n, w), NaN where absent.
 
     NaN as well where one has more than fifteen digits or a large exponent: only a slow way reads
     it to the last bit.

@@ -141,9 +141,9 @@ def respell_tokens(
 
     Args:
         data: The bytes.
-        numbers: Where the numbers stand.
+        numbers: Places of the numbers.
         values: (n, w) in the unit they are printed in.
-        touched: (n, w) those to rewrite; a number that says its value already stays.
+        touched: (n, w) those to rewrite; a number that equals its value already stays.
         enough: (n, w) decimals that can hold a correction.
         least: (n, w) decimals to print where a number has fewer than that.
         aligned: A number after two or more blanks keeps its column where they allow it.

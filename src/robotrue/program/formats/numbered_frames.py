@@ -19,7 +19,7 @@ class NumberedFrames:
 
     Attributes:
         matrices: ``base`` and ``tool`` matrices by index; NaN is not known.
-        lost: For each index that is not known, the sentence that says why and what to do.
+        lost: For each unknown index, the sentence with cause and remedy.
     """
 
     def __init__(

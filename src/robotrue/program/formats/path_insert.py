@@ -220,7 +220,7 @@ def _width(words: PathWords, row: int) -> int:
 
 
 def _values(program: Program, row: int, position: Array, rotation: Array) -> list[float]:
-    """Returns what the words of a point say, in the units of a row."""
+    """Returns the values of the words of a point, in the units of a row."""
     words: PathWords = program.spans
     out: list[float] = (position / words.unit[row]).tolist()
     if words.turn[row] == Turn.ANGLES:

@@ -12,7 +12,7 @@ from robotrue.core.compiled import PLAIN, compile_kernel
 def find_cell_numbers(
     buf: Bytes, begin: IntArray, mark: int, column: IntArray, start: IntArray, length: IntArray
 ) -> None:
-    """Fills in where the numbers of rows of cells stand; -1 where one is not plainly written.
+    """Writes the places of the numbers of rows of cells; -1 where one is not plainly written.
 
     Args:
         buf: The table.
@@ -83,13 +83,13 @@ def owed_words(
 ) -> None:  # fmt: skip
     """Marks the words (n, 6) that have to be inserted, and the row whose style each takes.
 
-    A left-out word is owed when what the row inherits is further than half of its last digit from
-    what it shall say. Of a tool axis that is left out whole, all three are owed or none.
+    A left-out word is owed when the inherited value differs from the new one by more than half of
+    its last digit. Of a tool axis that is left out whole, all three are owed or none.
 
     Args:
         written: (n, 6) the row has the word.
         said: (n, 6) its value when it is written.
-        wanted: (n, 6) what the row shall say, NaN where that is not known.
+        wanted: (n, 6) new values of the row, NaN where not known.
         kept: (n, 6) what is inherited when nothing moves.
         decimals: (n, 6) of written words.
         turn: (n,) way of telling the orientation.

@@ -46,7 +46,7 @@ class PathWords:
         barred: (n, 6) words that this kind of block does not take.
         names: For each :class:`Turn` the address of every column, as an inserted word has it.
         blank: Words are separated by blanks.
-        rule: What angles and axes say of the tool frame.
+        rule: Convention of angles and axes for the tool frame.
         arcs: Arcs with a centre or a radius.
         marks: (n, 2) first byte and bytes of configuration words (w of them: (n, w, 2)).
     """
@@ -72,7 +72,7 @@ def poses(value: Array, unit: Array, turn: IntArray, rule: OrientationRule) -> t
         value: (n, 6) as printed, in the order of motion.
         unit: (n,) m per printed length.
         turn: (n,) :class:`Turn`.
-        rule: What angles and axes say.
+        rule: Convention of angles and axes.
     """
     is_axes = (turn == Turn.AXES)[:, None]
     position = np.where(is_axes, np.nan, value[:, :3] * unit[:, None])

@@ -97,7 +97,7 @@ def _spell_edits(
 def _compute_wanted(
     program: Program, replacement: Replacement, words: PathWords, changed: BoolArray
 ) -> tuple[Array, BoolArray]:
-    """Returns what every word shall say (n, 6), as printed, and which of them move."""
+    """Returns the new value of every word (n, 6), as printed, and which of them change."""
     values = np.array(words.value)
     touched = np.zeros(values.shape, dtype=np.bool_)
     place, turn, axes = find_moved(program, replacement)
@@ -141,7 +141,7 @@ def _decimals(words: PathWords) -> tuple[IntArray, IntArray]:
 def _arcs(
     program: Program, words: PathWords, values: Array, touched: BoolArray
 ) -> tuple[Array, BoolArray]:
-    """Returns what centres and radii (k, 3) shall say, and which of them move."""
+    """Returns the new centres and radii (k, 3), and which of them change."""
     arcs = words.arcs
     if not len(arcs):
         return np.empty((0, 3)), np.empty((0, 3), np.bool_)

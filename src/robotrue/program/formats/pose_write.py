@@ -27,7 +27,7 @@ class PrintedForm:
 
     Attributes:
         length: m per unit of a coordinate.
-        turns: How many numbers say the orientation.
+        turns: Count of the numbers of the orientation.
         turn: Returns those of rotations (k, 3, 3) nearest to (k, turns) as printed.
         axis: rad per unit of an axis value, for all or (n, 6).
         unit: Of the numbers, for messages.
@@ -41,7 +41,7 @@ class PrintedForm:
 
 
 def spans_of(program: Program, kind: type[Spans], dialect: str) -> Spans:
-    """Returns where the numbers of a program stand, in the table of its dialect.
+    """Returns the places of the numbers of a program, in the table of its dialect.
 
     Raises:
         ShapeError: It was read by another one.
@@ -78,7 +78,7 @@ def new_values(
     form: PrintedForm,
     rows: slice = slice(None),
 ) -> tuple[Array, BoolArray]:
-    """Returns what the numbers of n rows shall say, as printed, and which of them may differ.
+    """Returns the new numbers of n rows, as printed, and which of them may differ.
 
     Args:
         program: As it was read.

@@ -106,7 +106,7 @@ class _Builder:
         return replace(numbers, value=value)
 
     def _spans(self) -> TableSpans:
-        """Returns where the numbers stand, rows in file order."""
+        """Returns the places of the numbers, rows in file order."""
         order = self.order
         numbers, is_axis = self.numbers.rows(order), self.is_axis[order]
         return TableSpans(numbers=numbers, is_axis=is_axis, written=self._find_written_out())
@@ -277,7 +277,7 @@ class _Builder:
         )
 
     def _flag_points(self) -> None:
-        """Flags what the text says of single points."""
+        """Sets the flags of single points from the text."""
         story = self.walk.story
         uncertain, based, flagged = (np.zeros(self.count, np.bool_) for _ in range(3))
         uncertain[list(self.walk.variables.uncertain())] = True

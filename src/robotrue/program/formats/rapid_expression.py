@@ -1,7 +1,7 @@
 """Evaluates a RAPID expression of constants: numbers, positions, poses and targets.
 
-An expression is evaluated only if every name in it has one value; what a name says is asked of the
-caller. Structures are tuples as RAPID writes them in brackets; mm and deg as printed.
+An expression is evaluated only if every name in it has one value; the caller provides the values of
+names. Structures are tuples as RAPID writes them in brackets; mm and deg as printed.
 """
 
 from __future__ import annotations

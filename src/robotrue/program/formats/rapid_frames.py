@@ -33,7 +33,7 @@ _MEMBERS: Final = {
     WORK: ("uframe", "oframe", "robhold", "ufprog", "ufmec"),
 }
 _OTHER: Final = ("tload",)
-"""Members that say nothing of where the target is, given the others."""
+"""Members that do not affect the position of the target, given the others."""
 _PATH: Final = re.compile(r"\s*\.\s*([\w\x80-\xff]+)\s*(.*)$", re.DOTALL)
 
 

@@ -1,4 +1,4 @@
-"""RAPID's instructions: which of them move, where their arguments stand, which change nothing."""
+"""RAPID's instructions: which of them move, the places of their arguments, which change nothing."""
 
 from __future__ import annotations
 

@@ -2,8 +2,8 @@
 
 Data that nothing in the task changes have the value of their declaration. What the module itself
 changes has the value of the one assignment that reaches a statement on every way to it; its
-declaration then says nothing, because modules keep their values from run to run. Variables of a
-routine begin with what their declaration says.
+declaration then does not count, because modules keep their values from run to run. Variables of a
+routine start with their declared value.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _NAME: Final = re.compile(r"[A-Za-z_\x80-\xff][\w\x80-\xff]*")
 
 
 class RapidModule(NamedTuple):
-    """What the text of a module says of data.
+    """Data in the text of a module.
 
     Attributes:
         name: Of the file.

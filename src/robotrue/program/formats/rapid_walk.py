@@ -167,7 +167,7 @@ class RapidWalk(Data):
         self.mention(statement.body, statement.end, word)
 
     def _displacement(self, statement: scan.RapidStatement, word: str) -> str:
-        """Returns the expression of a displacement, empty if it hangs on where the robot is."""
+        """Returns the expression of a displacement, empty if it depends on the robot's position."""
         if word == "pdispset":
             return self._text(statement)
         match = _BETWEEN.match(self._text(statement)) if word == "pdispon" else None

@@ -126,7 +126,7 @@ class ParsedPoints:
         uses: What is moved to.
         flags: Reasons of points, found in the text.
         arcs: Pairs of points: via and end.
-        notes: (byte, what to say).
+        notes: (byte, text of the note).
     """
 
     offset: list[int] = field(default_factory=list)

@@ -1,4 +1,4 @@
-"""What a reader wants to say of targets, in sentences with line numbers."""
+"""Notes of a reader on targets, in sentences with line numbers."""
 
 from __future__ import annotations
 

@@ -29,12 +29,12 @@ POSE: Final = 0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TargetTokens:
-    """Where the numbers of n targets stand.
+    """Places of the numbers of n targets.
 
     Attributes:
         start: (n, 6) first byte of each number.
         length: (n, 6) its bytes.
-        value: (n, 6) as printed; NaN where no number stands.
+        value: (n, 6) as printed; NaN where there is no number.
         kind: (n,) ``POSE``, or the row of ``unit``.
         unit: (k, 6) rad per printed unit of axis values; row 0 is not used. NaN is not known.
         whole: (k,) axis values are printed without decimals.
@@ -76,7 +76,7 @@ def rewritten(
     Args:
         program: As it was read.
         replacement: What its targets shall be.
-        tokens: Where its numbers stand.
+        tokens: Places of its numbers.
         others: Other stretches, clear of the numbers.
         aligned: A number after two or more blanks keeps its column where they allow it.
 

@@ -171,7 +171,7 @@ class _Builder:
         return out
 
     def _flag_points(self) -> None:
-        """Flags what the text says of single points, and gives the points of an arc one fate."""
+        """Sets the flags of single points from the text, equal ones for the points of an arc."""
         story = self.walk.story
         self._put(self.uncertain & self.used, Reason.EXPRESSION, "uncertain")
         self._put(self._flags(tools_and_frames=True) & self.used, Reason.EXPRESSION, "frame")

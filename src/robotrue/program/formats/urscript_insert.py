@@ -193,7 +193,7 @@ class _Reader:
             known = self.given.get(text, [])
             return (known[0] if len(known) == 1 else UNKNOWN), (begin, end)
         spans = [each.span() for each in POSE.finditer(self.code, begin, end)]
-        for span in reversed(spans):  # the frame of pose_trans stands before the pose
+        for span in reversed(spans):  # the frame of pose_trans comes before the pose
             row = self.literals.row(self.file, *span)
             if row >= 0:
                 return row, span

@@ -37,7 +37,7 @@ AXES: Final = _six(b"")
 
 @dataclass(slots=True)
 class Routine:
-    """One routine; the first is what stands outside of all.
+    """One routine; the first is the code outside of all.
 
     Attributes:
         name: As written.

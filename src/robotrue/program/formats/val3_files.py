@@ -1,6 +1,6 @@
 """The XML files of a VAL3 application: points, frames and tools of a ``.dtx``, code of a ``.pgx``.
 
-Parsed with the standard library's expat, which says at which byte an element begins; a document
+Parsed with the standard library's expat, which reports the first byte of an element; a document
 type declaration is refused before anything is expanded. Of the code it is read how motions use the
 data, and which of them other statements may change.
 """

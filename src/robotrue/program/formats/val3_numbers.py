@@ -1,4 +1,4 @@
-"""Numbers in the tags of VAL3 points: where they stand and what they say."""
+"""Numbers in the tags of VAL3 points: their places and values."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _TAG: Final = len(b"<Value")
 
 
 def find_point_numbers(data: bytes, points: PointValues, name: str) -> TargetTokens:
-    """Returns where the six numbers of every point stand; NaN where one is left out.
+    """Returns the places of the six numbers of every point; NaN where one is left out.
 
     Args:
         data: A file that was parsed as XML without an error.

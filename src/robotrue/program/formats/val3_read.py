@@ -88,7 +88,7 @@ class _Application:
             known[key] = file, row
 
     def _follow(self, place: int, move: Val3Move) -> None:
-        """Notes what a motion says of the points it moves to."""
+        """Records a motion to its points."""
         ends = [(move.target, move.motion)]
         if move.motion == Motion.ARC_END:
             ends.insert(0, (move.via, Motion.ARC_VIA))

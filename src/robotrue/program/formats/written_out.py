@@ -1,6 +1,6 @@
-"""Targets in a table of numbers, rewritten where they stand or written out where none stands.
+"""Targets in a table of numbers, rewritten in place or written out where there are none.
 
-A target that a motion computes, and that has one value, stands nowhere as numbers: it is *written
+A target that a motion computes, and that has one value, is not printed as numbers: it is *written
 out* in the place of the text that computes it, once it or what it is computed from moves.
 """
 
@@ -26,7 +26,7 @@ from robotrue.program.program import Program, Replacement
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WrittenOut:
-    """Targets of a program that stand nowhere as numbers, but have one value.
+    """Targets of a program that are not printed as numbers, but have one value.
 
     Attributes:
         row: (w,) rows of the program, in file order.
@@ -61,12 +61,12 @@ NONE_WRITTEN: Final = WrittenOut(row=_NONE, start=_NONE, end=_NONE, bound=_NONE.
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TableSpans:
-    """Where the numbers of n targets stand.
+    """Places of the numbers of n targets.
 
     Attributes:
-        numbers: (n, w) as the language says; poses and axis values come first.
+        numbers: (n, w) as in the language; poses and axis values come first.
         is_axis: (n,) the target is one of axis values.
-        written: Rows that are written out; no number of theirs stands anywhere.
+        written: Rows that are written out; none of their numbers is printed.
     """
 
     numbers: Numbers
@@ -124,7 +124,7 @@ def write_table(
     Args:
         program: As it was read.
         replacement: What its targets shall be.
-        spans: Where its numbers stand.
+        spans: Places of its numbers.
         form: Of the language.
         value: (n, w) what the controller has for the numbers, if not what is printed.
         put_in: Returns bytes put into, and the new starts of all numbers, from the bytes, the

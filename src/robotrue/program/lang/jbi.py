@@ -79,7 +79,7 @@ def _recognise_frames(text: str) -> bool:
 def _read_frames(name: str, text: str) -> ControllerFile:
     """The first six numbers behind ``//TOOL n``, or ``////BUSER`` behind ``//UFRAME n``.
 
-    User frames are in the base frame unless ``///BASICFRM`` says otherwise.
+    User frames are in the base frame unless ``///BASICFRM`` states another.
     """
     if _RATIOS.search(text):
         return ControllerFile(name=name, declarations=True)

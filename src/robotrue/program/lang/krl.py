@@ -52,7 +52,7 @@ _MOTION: Final = re.compile(
 _QUOTED: Final = re.compile(rb'"(?=([^"\r\n]+)")')
 _CAMROB: Final = re.compile(rb"CR_PROCESS_FILE\s*\(\s*\Z", re.IGNORECASE)
 _BEFORE: Final = 128
-"""Bytes in which a call and the blanks behind it stand before the name it hands over."""
+"""Bytes for a call and its blanks before the name it passes."""
 _KUKA: Final = re.compile(
     r"^[ \t]*(?:DECL[ \t]+)?(?:FRAME[ \t]+)?(BASE|TOOL)_DATA[ \t]*"
     r"\[[ \t]*(\d{1,9})[ \t]*\][ \t]*=[ \t]*"

@@ -26,7 +26,7 @@ _FILE: Final = re.compile(rb"\bfile\s*+=\s*+\"([^\"\r\n/\\:]+)\"")
 
 
 def _score(data: bytes) -> float:
-    """1 for the schema of VAL3, less for one of before version 7."""
+    """1 for the schema of VAL3, less for one before version 7."""
     return 1.0 if _SCHEMA.search(data) else 0.6 * bool(_OLD.search(data))
 
 

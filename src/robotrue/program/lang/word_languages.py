@@ -98,7 +98,7 @@ def toolpath_feeds(program: Program, reader: Callable[..., Toolpath]) -> Array:
     """Returns the feed (n,) m/s of the lines of a tool path; NaN where it cannot be read as one."""
     try:
         path = reader(program.data, source=program.name)
-    except RobotrueError:  # a program may say less than a tool path has to
+    except RobotrueError:  # a program may state less than a tool path must
         return np.full(len(program), np.nan)
     feed = dict(zip(path.line.tolist(), np.where(path.rapid, RAPID, path.feed), strict=True))
     return np.array([feed.get(line, np.nan) for line in program.line.tolist()])

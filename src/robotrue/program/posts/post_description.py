@@ -1,8 +1,8 @@
 """A post description: how programs that machine are written in one language, as a TOML file.
 
-A file has blocks of lines (``[moves]``, ``[points]``, ``[joints]``, ``[frames]``). Each block says
-what it has for an event of the program: its begin, a straight move, a comment. The files of the
-program (``[[files]]``) are made of blocks. ``krl.toml`` is the shortest example.
+A file has blocks of lines (``[moves]``, ``[points]``, ``[joints]``, ``[frames]``). Each block has a
+text for an event of the program: its begin, a straight move, a comment. The files of the program
+(``[[files]]``) are made of blocks. ``krl.toml`` is the shortest example.
 """
 
 from __future__ import annotations

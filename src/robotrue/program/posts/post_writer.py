@@ -85,7 +85,7 @@ def write_machining(post: Post, job: MachiningMoves, output: str = "") -> Writte
 
     Args:
         post: How it is written.
-        job: What it says.
+        job: Its content.
         output: Name of the first file; that of the program with the post's suffix if empty.
 
     Raises:

@@ -1,9 +1,9 @@
 """Robots by name, one TOML file each: the keys of ``[robot]`` in cell.toml, and a few more.
 
 Further keys of a preset: ``name``; ``order`` in lists; ``rated_payload_kg`` where the name of the
-type says it; ``joint_map`` of a parallelogram; and instead of ``limits_deg`` of the joints q either
-``limits_rad``, or ``axis_limits_deg`` of the axes that the controller counts. The comment at the
-top of a file names source and date.
+type contains it; ``joint_map`` of a parallelogram; and instead of ``limits_deg`` of the joints q
+either ``limits_rad``, or ``axis_limits_deg`` of the axes that the controller counts. The comment at
+the top of a file names source and date.
 
 A package outside adds robots by an entry point of the group ``robotrue.robots`` that names the
 folder of its TOML files, a :class:`pathlib.Path`.

@@ -118,7 +118,7 @@ def _offer_frames(routes: APIRouter, server: ServerContext) -> None:
 
 
 async def _send(socket: WebSocket, viewer: Viewer) -> None:
-    with contextlib.suppress(WebSocketDisconnect, RuntimeError):  # one who went away
+    with contextlib.suppress(WebSocketDisconnect, RuntimeError):  # a viewer that disconnected
         while (frame := await viewer.take()) is not None:
             await socket.send_text(frame)
         await socket.close(1012)

@@ -104,7 +104,7 @@ def router(server: ServerContext) -> APIRouter:
 
     @routes.post("/programs", tags=["items"], status_code=201)
     async def add_program(asked: FromFiles) -> dict[str, object]:
-        """A program of one or more files, as they stand."""
+        """A program of one or more unchanged files."""
         return record_document(await import_files(server, calls.import_program, asked), "program")
 
     @routes.post("/measurements", tags=["items"], status_code=201)

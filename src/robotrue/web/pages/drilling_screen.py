@@ -59,7 +59,7 @@ async def _monitor(
 
 
 async def _model(context: PageContext) -> str:
-    """A foot's model: which correction is to be trusted, and what tests say."""
+    """A foot's model: the reliable correction, and results of tests."""
     models = await _documents(context, MODEL)
     campaigns, tests = await _documents(context, CAMPAIGN), await _documents(context, TEST)
     test = next((each for each in tests if each.id == context.query.get("test")), None)
