@@ -188,6 +188,40 @@ def test_a_target_left_alone_stays_where_it_is_when_its_points_are_corrected(
     program = job(tmp_path, body)
     assert program.reason.tolist() == [Reason.UNKNOWN_FRAME]
     assert "LIN {X " not in write(program, replacement(program, rows=[]))
+    dat = read_job(tmp_path / "part.src")[1]
+    assert dat.reason[0] == Reason.UNKNOWN_FRAME  # nothing in part.src says that XP1 has moved
+
+
+def test_a_target_computed_in_steps_stays_where_it_is_when_its_point_is_corrected(
+    tmp_path: Path,
+) -> None:
+    body = "WHILE $IN[3]\nXT=XP1:LIFT\nLIN XT\nBAS(#BASE,4)\nBAS(#TOOL,2)\nLIN XP1\nENDWHILE"
+    program = job(tmp_path, body)
+    assert program.reason.tolist() == [Reason.UNKNOWN_FRAME]
+    assert not (read_job(tmp_path / "part.src")[1].reason == Reason.NONE).any()
+
+
+def test_a_routine_that_a_trigger_starts_may_find_any_value(tmp_path: Path) -> None:
+    body = "TRIGGER WHEN DISTANCE=0 DELAY=0 DO go() PRIO=-1\nLIN XP1\nXT=XP2\ngo()\nXT=XP1"
+    program = job(tmp_path, body, "DEF go()\nBAS(#BASE,4)\nBAS(#TOOL,2)\nPTP XT\nEND\n")
+    text = write(program, replacement(program, by_mm=(1.0, 0.0, 0.0)))
+    assert "PTP XT" in text.splitlines()
+
+
+PUT = f"DEF put(P:OUT)\nE6POS P\nP={{{P2}}}\nEND\n"
+
+
+def test_parameters_of_two_routines_with_one_name_are_two_variables(tmp_path: Path) -> None:
+    program = job(tmp_path, "put(XT)", PUT + "DEF go(P:IN)\nE6POS P\nLIN P\nEND\n")
+    assert not (program.reason == Reason.NONE).any()
+
+
+def test_a_point_that_a_routine_hands_to_its_caller_keeps_its_numbers(tmp_path: Path) -> None:
+    more = PUT.replace("END", "LIN P\nEND")
+    program = job(tmp_path, "BAS(#BASE,4)\nBAS(#TOOL,2)\nput(XT)\nBAS(#TOOL,3)\nLIN XT", more)
+    text = write(program, replacement(program, by_mm=(1.0, 0.0, 0.0)))
+    assert f"P={{{P2}}}" in text.splitlines()
+    assert any(line.startswith("LIN {X") for line in text.splitlines())
 
 
 def test_robroot_moves_the_frames_of_the_controller(tmp_path: Path) -> None:

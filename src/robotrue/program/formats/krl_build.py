@@ -60,8 +60,8 @@ class Builder:
         self.walk, self.main, self.given = walk, main, given
         self.scans, self.story, self.frames = walk.scans, walk.story, walk.frames
         self._places, self._states = self._solved_frames()
-        self._flags = dict(self.story.flags)
-        self._taint()
+        self._flags = self.story.flag_tainted()
+        self._leave_sources()
 
     def _solved_frames(self) -> tuple[IntArray, IntArray]:
         """Returns from which place on which (base, tool, on robot, foreign base, tool) hold."""
@@ -93,14 +93,19 @@ class Builder:
         calls[calls < 0] = first
         return places, table
 
-    def _taint(self) -> None:
-        paths: dict[str, list[str]] = {}
-        for variable, path in self.story.tainted:
-            paths.setdefault(variable, []).append(path)
-        for item in self.story.definitions:
-            for path in paths.get(item.variable, ()):
-                if _are_nested(path, item.path):
-                    self._flags[item.file, item.agg] = Reason.EXPRESSION
+    def _leave_sources(self) -> None:
+        """Leaves points of other files alone from which a target without a frame is computed.
+
+        That target keeps its text while nothing in its own file changes, and would follow them.
+        """
+        for (file, agg), (_, _, names) in self.story.written.items():
+            states = np.array([self._state(line) for line, _ in self.story.uses[file, agg]])
+            reason, _ = self._frame_reasons(states, np.zeros(len(states), np.bool_))
+            if (reason == Reason.NONE).all():
+                continue
+            for item in self.story.definitions:
+                if item.file != file and item.variable in names:
+                    self._flags.setdefault((item.file, item.agg), Reason.UNKNOWN_FRAME)
 
     def _state(self, line: IntArray | int) -> IntArray:
         place = 2 * np.asarray(line) + 1
@@ -491,8 +496,3 @@ class Builder:
 def _some(lacking: BoolArray) -> bool:
     """Returns whether a column is true in some rows and not in others."""
     return bool((lacking.any(axis=0) & ~lacking.all(axis=0)).any())
-
-
-def _are_nested(one: str, other: str) -> bool:
-    short, long = sorted((one, other), key=len)
-    return not short or (long + ".").startswith(short + ".")

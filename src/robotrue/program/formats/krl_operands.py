@@ -80,6 +80,17 @@ class ParsedKrl:
     shared: set[str]
     written: dict[tuple[int, int], tuple[int, int, frozenset[str]]] = field(default_factory=dict)
 
+    def flag_tainted(self) -> dict[tuple[int, int], Reason]:
+        """Returns the flags, and those of stored points that take part in an expression."""
+        out = dict(self.flags)
+        paths: dict[str, list[str]] = {}
+        for variable, path in self.tainted:
+            paths.setdefault(variable, []).append(path)
+        for item in self.definitions:
+            if any(_are_nested(path, item.path) for path in paths.get(item.variable, ())):
+                out[item.file, item.agg] = Reason.EXPRESSION
+        return out
+
 
 class Operand(NamedTuple):
     """A target of a motion.
@@ -153,7 +164,7 @@ class KrlPoints:
         """Marks every name in a text as read by what is not followed."""
         closed = code.rfind("]") + 1  # a bracket behind it is not closed: it holds no index
         for name, _, path in REFERENCE.findall(code[:closed] + code[closed:].replace("[", "(")):
-            key = self.scope.name_in(name, line), without_blanks(path).strip(".")
+            key = self.values.key(name.lower(), line), without_blanks(path).strip(".")
             self.story.tainted.setdefault(key, line)
 
     def note(self, line: int, file: int, text: str) -> None:
@@ -216,7 +227,7 @@ class KrlPoints:
         match = REFERENCE.match(code, at)
         if not match:
             return [], at, "", True
-        name, index = self.scope.name_in(match[1], line), without_blanks(match[2])
+        name, index = self.values.key(match[1].lower(), line), without_blanks(match[2])
         path = without_blanks(match[3]).strip(".")
         stored = self.current.get(name, {})
         if index and not re.fullmatch(r"\d+(,\d+)*", index):
@@ -230,6 +241,11 @@ class KrlPoints:
             one = stored.get((index, path))
             keys = [] if one is None else [(one.file, one.agg)]
         return keys, match.end(), match[1].lower(), True
+
+
+def _are_nested(one: str, other: str) -> bool:
+    short, long = sorted((one, other), key=len)
+    return not short or (long + ".").startswith(short + ".")
 
 
 def _end_of_expression(code: str, at: int) -> int:

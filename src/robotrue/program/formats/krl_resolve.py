@@ -51,6 +51,7 @@ class _Resolver:
         self.read: set[str] = set()
         self.written: list[Written] = []
         self.said: set[str] = set()
+        self.sources: dict[str, set[str]] | None = None
         self.copies: dict[tuple[str, tuple[tuple[str, str], ...]], tuple[int, dict[int, int]]] = {}
         self.by_routine: dict[str, list[DeferredFrame]] = {}
         self.calls: dict[int, list[KrlCall]] = {}
@@ -256,7 +257,7 @@ class _Resolver:
     ) -> tuple[int, int]:
         """Returns the new point of a target that is written out."""
         line = motion.line
-        names = self._names_in(operand.text, line)
+        names = self._sources_of(operand.text, line)
         agg = -2 - len(self.written)  # renumbered when all are known
         self.written.append(
             Written(motion.file, line, operand.start, operand.end, value, agg, frozenset(names))
@@ -268,7 +269,7 @@ class _Resolver:
         names = {name for name, _ in self.walk.story.tainted}
         for number, (operand, keys) in enumerate(zip(motion.operands, found, strict=True)):
             plain = operand.name and operand.text.lower() == operand.name and len(keys) == 1
-            name = self.walk.scope.name_in(operand.name, motion.line)
+            name = self.values.key(operand.name, motion.line)
             if not plain or keys[0][1] < 0 or name not in names:
                 continue
             if motion.relative or self.values.is_computed(operand.name, motion.line):
@@ -291,7 +292,7 @@ class _Resolver:
             text = f"the target is computed; it is not compensated: {why}{cure}"
             walk.note(line, file, text)
             return operand.keys
-        key = self.walk.scope.name_in(operand.name, line)
+        key = self.values.key(operand.name, line)
         self.read.add(key)
         if key not in self.said and not operand.name.startswith("$"):
             self.said.add(key)
@@ -302,7 +303,19 @@ class _Resolver:
         return operand.keys
 
     def _names_in(self, text: str, line: int) -> set[str]:
-        return {self.walk.scope.name_in(name, line) for name, _, _ in REFERENCE.findall(text)}
+        return {self.values.key(name.lower(), line) for name, _, _ in REFERENCE.findall(text)}
+
+    def _sources_of(self, text: str, line: int) -> set[str]:
+        """Returns the variables a text hangs on, over any number of steps."""
+        if self.sources is None:
+            self.sources = {}
+            for at, name, _, right in self.walk.derived:
+                self.sources.setdefault(name, set()).update(self._names_in(right, at))
+        out = waiting = self._names_in(text, line)
+        while waiting:
+            waiting = {new for name in waiting for new in self.sources.get(name, ())} - out
+            out = out | waiting
+        return out
 
     def _taint_derived(self, moved: set[str]) -> None:
         """Leaves points alone that are read by what is not followed, over any number of steps."""

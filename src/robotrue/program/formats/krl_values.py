@@ -123,6 +123,11 @@ class KrlValues:
             return f"{routine}:{name}"
         return self.scope.name_in(name, line)
 
+    def leaves_routine(self, key: str) -> bool:
+        """Returns whether a key names a parameter by which a routine changes its caller's."""
+        routine, _, name = key.rpartition(":")
+        return (name, False) in self.routines[routine].parameters if routine else False
+
     def is_computed(self, name: str, line: int) -> bool:
         """Returns whether a statement gives a variable something else than a literal."""
         return any(
@@ -266,6 +271,10 @@ class KrlValues:
         if any(self.routine_at(change.line) in everywhere for change in changes):
             raise NotConstantError(f"{shown} is changed by an interrupt or in the background")
         routine = self.routine_at(line)
+        if ":" not in key and routine in everywhere:
+            raise NotConstantError(
+                f"{shown} is read by a routine that an interrupt or a trigger starts, at any value"
+            )
         if self.resumes and any(self.routine_at(change.line) != routine for change in changes):
             raise NotConstantError(
                 f"{shown} is changed by a routine that RESUME may leave anywhere"

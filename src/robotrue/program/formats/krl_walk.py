@@ -332,6 +332,8 @@ class KrlWalk(KrlPoints):
         elif variable in ("load_data", "$load", "pdat_act", "ldat_act") or kind in _OTHER_TYPES:
             self.taint(line, rest)
         else:
+            if not self._storing:
+                variable = self.values.key(match[2].lower(), line)
             self._point(file, line, code, match.end(), variable, index, path)
 
     def _keep(self, line: int, name: str, index: str, path: str, rest: str) -> None:
@@ -355,6 +357,8 @@ class KrlWalk(KrlPoints):
             self.current[variable][index, inner] = definition
             if scan.agg_flag[agg] & NOT_CONSTANT:
                 self.story.flags[file, agg] = Reason.EXPRESSION
+        if aggs and self.values.leaves_routine(variable):
+            self.story.tainted.setdefault((variable, path), line)
         rest = code[at:]
         if aggs:
             tail = code[int(scan.agg_close[aggs[-1]]) - offset + 1 :].strip()
