@@ -40,8 +40,10 @@ CHUNK: Final = 50_000
 """Targets of a chunk of a long file."""
 LONG: Final = 32 << 20
 """Bytes from which a file is cut."""
-BYTES_HELD: Final = 10
-"""Bytes of memory for each byte of a program that is held whole."""
+BYTES_HELD: Final = 4, 230
+"""Bytes of memory for each byte, and for each decimal number, of a program that is held whole."""
+LEAST_HELD: Final = 10
+"""Bytes of memory for each byte of one with few decimal numbers."""
 BESIDE: Final = 250 << 20
 """Bytes of memory besides."""
 _LOOKED_AT: Final = 1 << 20
@@ -132,13 +134,14 @@ def open_job(
         FormatError: A file cannot be read, or is not in its dialect.
     """
     if len(paths) == 1 and not paths[0].is_dir():
-        size = find_longest(paths[0])[0].stat().st_size
+        longest = find_longest(paths[0])[0]
+        size = longest.stat().st_size
         if size >= LONG or several:
             why = why_whole()
             files = Whole(why=why) if why else outline_job(paths[0], frames)
             if not isinstance(files, Whole):
                 return files
-            note(_require_memory(paths[0], size, files))
+            note(_require_memory(longest, size, files))
     return tuple(map(hold_program, read_job(paths, frames)))
 
 
@@ -148,7 +151,11 @@ def _require_memory(path: Path, size: int, why: Whole) -> str:
     Raises:
         ConfigurationError: This machine has not so much.
     """
-    need = BYTES_HELD * size + BESIDE
+    with path.open("rb") as stream:
+        sample = stream.read(_LOOKED_AT)
+    numbers = size * sample.count(b".") // max(len(sample), 1)
+    per_byte, per_number = BYTES_HELD
+    need = max(per_byte * size + per_number * numbers, LEAST_HELD * size) + BESIDE
     text = f"the program is held whole ({why}); this takes about {_mib(need)}"
     if need > _memory():
         raise ConfigurationError(
