@@ -60,13 +60,18 @@ def follow_registers(
     """
     first, last = found.statements
     body = found.data[first:last]
-    if not (b"PR[" in body or b"FFSET" in body.upper()):
+    if not names_registers(body):
         return {}, ()
     if _has_other_groups(found.data, first):
         return {}, ("registers of a program that moves several groups are not followed.",)
     begin, said = _start(frames, effects)
     known = Registers(effective_statements(found.data, first, last), _points(found), begin, effects)
     return known.at, said
+
+
+def names_registers(text: bytes) -> bool:
+    """Returns whether statements may use a position register or an offset."""
+    return b"PR[" in text or b"FFSET" in text.upper()
 
 
 def _has_other_groups(data: bytes, last: int) -> bool:
