@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from robotrue.app.presentation import LiveView
 from robotrue.app.reporting import Message
 from robotrue.app.request import Reference
+from robotrue.core.files import write_atomic
 
 if TYPE_CHECKING:
     from robotrue.cell.cell import Cell
@@ -165,8 +166,6 @@ class Context(ABC):
         Raises:
             FormatError: The folder cannot be written to, or the disk is full.
         """
-        from robotrue.core.files import write_atomic
-
         place = self.output(path)
         write_atomic(place, content.encode() if isinstance(content, str) else content)
         if what:

@@ -14,7 +14,7 @@ import typer
 from typer.core import TyperGroup
 from typer.models import CommandInfo, TyperInfo
 
-from robotrue.app.registry import GROUPS, Listing, listings
+from robotrue.app.registry import GROUPS, Listing, listings, operation_of
 from robotrue.cli.app import Json
 from robotrue.errors import ConfigurationError, MissingExtraError
 
@@ -37,7 +37,6 @@ class GeneratedCommand:
     @cached_property
     def __signature__(self) -> Signature:
         """Arguments and options, as typer reads them."""
-        from robotrue.app.registry import operation_of
         from robotrue.app.request import CLI, fields_of
 
         operation = operation_of(self._listing.name)
@@ -50,7 +49,6 @@ class GeneratedCommand:
         """Runs the operation with what was typed."""
         from pydantic import ValidationError
 
-        from robotrue.app.registry import operation_of
         from robotrue.app.request_errors import refusal
         from robotrue.cli.terminal import run_operation
 

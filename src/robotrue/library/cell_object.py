@@ -15,7 +15,7 @@ from robotrue.cell.cell import Cell
 from robotrue.cell.cell_text import portable_text
 from robotrue.cell.config import parse_cell
 from robotrue.cell.config import read_cell as parse_cell_file
-from robotrue.cell.toml_edit import plain_names
+from robotrue.cell.toml_edit import plain_names, write_toml
 from robotrue.core.files import read_bytes, write_atomic
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, MM
@@ -178,8 +178,6 @@ def make_cell(
     Raises:
         ConfigurationError: No such robot, or a value that is not allowed.
     """
-    from robotrue.cell.toml_edit import write_toml
-
     key = "urdf" if str(robot).lower().endswith((".urdf", ".xml")) else "preset"
     tables: dict[str, dict[str, object]] = {
         "robot": {key: str(robot), "stiffness_Nm_per_rad": stiffness_Nm_per_rad},

@@ -20,6 +20,7 @@ from robotrue.app.request_fields import (
 )
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import MM
+from robotrue.errors import ConfigurationError, ObservabilityError
 
 if TYPE_CHECKING:
     from robotrue.app.workspace_context import WorkspaceContext
@@ -157,7 +158,6 @@ def _fit(
 ) -> tuple[ErrorModel, Selection | None]:
     """The model by a method's name; ``auto`` lets held-out poses choose."""
     from robotrue.calibration.methods import fit
-    from robotrue.errors import ObservabilityError
     from robotrue.planning.information import settings_of
     from robotrue.validation.contest import selection_from_summary
     from robotrue.validation.selection import fit_auto
@@ -197,7 +197,6 @@ def _add_table(model: ErrorModel, cell: Cell, rows: TableSet) -> ErrorModel:
     """
     from robotrue.calibration.calibrated_model import CalibratedModel
     from robotrue.calibration.table_fit import calibrate_table
-    from robotrue.errors import ConfigurationError
 
     if not isinstance(model, CalibratedModel):
         raise ConfigurationError(

@@ -11,6 +11,7 @@ from robotrue.app.operation import Operation
 from robotrue.app.presentation import Facts, Note, PlainResult, Table
 from robotrue.app.request import Request
 from robotrue.app.serve_defaults import HOST, PORT
+from robotrue.errors import ConfigurationError
 from robotrue.version import __version__
 
 if TYPE_CHECKING:
@@ -188,7 +189,6 @@ def _port_fault() -> str:
 
 def _chinese_font() -> str:
     """A font of this computer that reports in Chinese can be printed with; empty for none."""
-    from robotrue.errors import ConfigurationError
     from robotrue.report.pdf import font_families
 
     try:

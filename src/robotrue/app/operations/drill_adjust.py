@@ -12,7 +12,7 @@ from robotrue.app.request import Option, Request
 from robotrue.app.request_fields import CarryingRobot, DrillModel, FootAngles, ZeroFoot
 from robotrue.core.provenance import merge
 from robotrue.core.units import DEG, MM
-from robotrue.drilling.drill_defaults import FOOT_ABC_DEG
+from robotrue.drilling.drill_defaults import FOOT_ABC_DEG, MODEL
 from robotrue.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -71,7 +71,6 @@ def run(request: DrillAdjustRequest, context: Context) -> PlainResult:
     """
     from robotrue.app.registered import open_model, provenance_used
     from robotrue.drilling.adjust import move_document, surface_document, targets_document
-    from robotrue.drilling.drill_defaults import MODEL
     from robotrue.drilling.model_archive import read_model
     from robotrue.drilling.robot_adjust import robot_fragment
 

@@ -22,7 +22,16 @@ from robotrue.app.request import (
 from robotrue.app.request_fields import FootModelOutput
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG
-from robotrue.drilling.drill_defaults import CORRECTS, MACHINE_INPUTS, Corrects, Inputs, Kind
+from robotrue.drilling.drill_defaults import (
+    CAMPAIGN,
+    CORRECTS,
+    MACHINE_INPUTS,
+    MODEL,
+    Corrects,
+    Inputs,
+    Kind,
+    campaign_parts,
+)
 from robotrue.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -184,7 +193,6 @@ def run(request: DrillFitRequest, context: Context) -> FootLearned:
     from robotrue.drilling.campaign_checks import campaign_warnings, check_campaign, check_head
     from robotrue.drilling.campaign_csv import read_campaign
     from robotrue.drilling.correction_trials import resolve_inputs
-    from robotrue.drilling.drill_defaults import CAMPAIGN, campaign_parts
     from robotrue.drilling.evaluate import terms_of
     from robotrue.drilling.foot_file import read_foot
     from robotrue.drilling.foot_model import fit_model
@@ -238,7 +246,6 @@ def save(
 ) -> Mapping[str, object]:
     """Leaves a document ``drilling model`` with the trials it was chosen by."""
     from robotrue.core.json_values import json_values
-    from robotrue.drilling.drill_defaults import CAMPAIGN, MODEL
     from robotrue.store.records import Link
 
     record = context.keep_document(into, request.campaign, CAMPAIGN, request.foot)

@@ -13,7 +13,7 @@ from robotrue.app.presentation import Note, PlainResult, Table, count
 from robotrue.app.request import InputFile, Option, Request
 from robotrue.app.request_fields import DrillModel, FootModelOutput, ReferenceSigma, ZeroFoot
 from robotrue.core.units import DEG
-from robotrue.drilling.drill_defaults import LIMIT_DEG, REFERENCE_SIGMA_DEG
+from robotrue.drilling.drill_defaults import LIMIT_DEG, MODEL, REFERENCE_SIGMA_DEG
 from robotrue.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -64,7 +64,6 @@ def run(request: DrillRefineRequest, context: Context) -> PlainResult:
         ConfigurationError: Neither records nor a test to freeze it by, or a test it fails.
     """
     from robotrue.drilling.campaign_csv import read_campaign, read_production, setup_of
-    from robotrue.drilling.drill_defaults import MODEL
     from robotrue.drilling.foot_model import use_zero
     from robotrue.drilling.model_archive import read_model, write_model
     from robotrue.drilling.production import freeze_model

@@ -26,6 +26,7 @@ from robotrue.core.units import DEG, UM
 from robotrue.drilling.drill_defaults import (
     CLAMP_FORCE_N,
     FOOT_ABC_DEG,
+    MODEL,
     PATIENCE_S,
     PORT,
     QUIET_MS,
@@ -126,7 +127,6 @@ def run(request: DrillRunRequest, context: Context) -> DrillServed:
     from robotrue.app.drilling_desk import Desk, serve_desk
     from robotrue.app.drilling_robot import drilling_robot
     from robotrue.drilling.campaign_csv import setup_of
-    from robotrue.drilling.drill_defaults import MODEL
     from robotrue.drilling.foot_model import use_zero
     from robotrue.drilling.hole_session import HoleSession
     from robotrue.drilling.journal import Journal

@@ -28,7 +28,7 @@ from robotrue.app.request_fields import DrillModel, ZeroFoot
 from robotrue.core.files import DEFAULT_LANG
 from robotrue.core.provenance import Provenance, merge
 from robotrue.core.units import DEG
-from robotrue.drilling.drill_defaults import LIMIT_DEG
+from robotrue.drilling.drill_defaults import CAMPAIGN, LIMIT_DEG, MODEL, TEST, campaign_parts
 from robotrue.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -48,7 +48,6 @@ class DrillEvaluateRequest(Request):
 def evaluate_model(request: DrillEvaluateRequest, context: Context) -> PlainResult:
     """Reports the residual tilt after one move on clamps with known tilts."""
     from robotrue.drilling.campaign_csv import read_test
-    from robotrue.drilling.drill_defaults import MODEL
     from robotrue.drilling.evaluate import evaluate_test, evaluation_document
     from robotrue.drilling.model_archive import read_model
 
@@ -146,7 +145,6 @@ def report_model(request: DrillReportRequest, context: Context) -> DrillJudged:
         ConfigurationError: A job that tests a model on the campaign it was learned from.
     """
     from robotrue.drilling.campaign_csv import read_test
-    from robotrue.drilling.drill_defaults import CAMPAIGN, MODEL, campaign_parts
     from robotrue.drilling.evaluate import evaluate_test
     from robotrue.drilling.model_archive import read_model
     from robotrue.report.drilling_report import drilling_content
@@ -187,7 +185,6 @@ def save_report(
     import numpy as np
 
     from robotrue.core.json_values import json_values
-    from robotrue.drilling.drill_defaults import CAMPAIGN, MODEL, TEST
     from robotrue.drilling.evaluate import evaluation_document
     from robotrue.store.records import Link
 

@@ -10,7 +10,7 @@ from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Note, PlainResult, Table
 from robotrue.app.request import InputFile, Item, Option, Output, Reference, Request
-from robotrue.core.provenance import Provenance, merge
+from robotrue.core.provenance import MEASURED, Provenance, merge
 from robotrue.core.units import DEG, MM
 from robotrue.validation.validation_defaults import DRY_RUN_POINTS
 
@@ -171,7 +171,6 @@ def _write_sheet(
     columns: dict[str, Array],
     origin: Provenance | None,
 ) -> None:
-    from robotrue.core.provenance import MEASURED
     from robotrue.measurement.formats.sheet import write_columns
 
     places = [(program.name, int(line)) for program in job for line in program.line]

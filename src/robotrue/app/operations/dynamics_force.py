@@ -11,7 +11,8 @@ from robotrue.app.operation import Operation
 from robotrue.app.outputs import require_suffix
 from robotrue.app.presentation import Facts, PlainResult, Table
 from robotrue.app.request import InputFile, Option, Output, Request
-from robotrue.core.provenance import mark_line
+from robotrue.core.files import read_toml
+from robotrue.core.provenance import mark_line, read_provenance
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError
 
@@ -62,8 +63,6 @@ def run(request: DynamicsForceRequest, context: Context) -> PlainResult:
     Raises:
         ConfigurationError: Several jobs at once, or a cut that cannot be.
     """
-    from robotrue.core.files import read_toml
-    from robotrue.core.provenance import read_provenance
     from robotrue.dynamics.cutting_data import cutting_data
     from robotrue.dynamics.milling_force import CALCULATED
 

@@ -11,6 +11,7 @@ from robotrue.app.operation import Operation
 from robotrue.app.presentation import Facts, PlainResult
 from robotrue.app.request import InputFile, Request
 from robotrue.app.request_fields import model_output
+from robotrue.core.provenance import read_provenance
 from robotrue.core.units import MM
 
 if TYPE_CHECKING:
@@ -33,7 +34,6 @@ class DynamicsSensorRequest(Request):
 def run(request: DynamicsSensorRequest, context: Context) -> PlainResult:
     """Identifies the load on the sensor, and writes it."""
     from robotrue.core.archive import write_archive
-    from robotrue.core.provenance import read_provenance
     from robotrue.dynamics.flange_sensor import held_tool_remarks, identify_held_tool
     from robotrue.dynamics.formats.dynamics_csv import read_sensor_csv
 

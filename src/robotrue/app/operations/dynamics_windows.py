@@ -17,6 +17,7 @@ from robotrue.app.request_fields import (
     StaticTest,
     table_output,
 )
+from robotrue.core.provenance import merge
 from robotrue.core.units import MM, UM
 from robotrue.errors import ConfigurationError
 
@@ -92,7 +93,6 @@ class DynamicsWindowsRequest(Request):
 def run(request: DynamicsWindowsRequest, context: Context) -> PlainResult:
     """Cuts the windows, writes them, and reports the stages of the pass."""
     from robotrue.app.dynamics_inputs import parse_static
-    from robotrue.core.provenance import merge
     from robotrue.dynamics.formats.dynamics_csv import read_windows, write_windows
     from robotrue.dynamics.formats.frf_table import read_frf
     from robotrue.dynamics.frf import with_static
@@ -138,7 +138,6 @@ def _read_records(
         read_pass_joints,
     )
     from robotrue.cell.config import read_cell
-    from robotrue.core.provenance import merge
     from robotrue.dynamics.dynamometer import CarriedBy, Dynamometer, parse_axes
     from robotrue.dynamics.pass_windows import PassRecords, check_clocks
 

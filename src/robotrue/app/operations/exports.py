@@ -11,6 +11,7 @@ from robotrue.app.outputs import check_output
 from robotrue.app.presentation import PlainResult
 from robotrue.app.request import Option, Output, Request
 from robotrue.app.request_fields import AT_TARGET, CalibratedModel
+from robotrue.core.files import write_atomic
 from robotrue.core.units import MM
 
 if TYPE_CHECKING:
@@ -50,7 +51,6 @@ def export_arm(request: ExportRequest, context: Context) -> PlainResult:
         ConfigurationError: A part is lost that is not named, or a file would be written that is
             read.
     """
-    from robotrue.core.files import write_atomic
     from robotrue.report.export_losses import prepare_export
 
     stored = context.model(request.model)

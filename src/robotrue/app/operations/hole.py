@@ -11,7 +11,7 @@ from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Note, PlainResult, Table
 from robotrue.app.request import InputFile, Option, Request
-from robotrue.core.provenance import merge
+from robotrue.core.provenance import merge, read_provenance
 from robotrue.core.units import MM, UM
 from robotrue.validation.validation_defaults import HOLE_CENTRE_MM, PROBE_SIGMA_UM, WALL_MM
 
@@ -142,7 +142,6 @@ def _read_points(path: Path, centre: Array, radius: float, wall: float) -> tuple
     """(n, 3) m of a CSV, or the vertices of a scan near the nominal wall."""
     import numpy as np
 
-    from robotrue.core.provenance import read_provenance
     from robotrue.core.surfaces import read_scan
     from robotrue.measurement.formats.sheet_file import read_sheet
 

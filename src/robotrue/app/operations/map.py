@@ -12,6 +12,7 @@ from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Note, PlainResult, Table, count
 from robotrue.app.request import Item, Option, Output, Reference, Request
 from robotrue.app.request_fields import AT_TARGET
+from robotrue.core.files import read_bytes, sha256
 from robotrue.core.provenance import mark_line, mark_title
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
@@ -194,7 +195,6 @@ def _picture(
 ) -> bytes:
     """The picture, the table or the page; ``path`` is the file of the model."""
     from robotrue.calibration.model import provenance_of
-    from robotrue.core.files import read_bytes, sha256
     from robotrue.report.content import Fact
     from robotrue.report.map_report import map_content, map_slices, map_table
     from robotrue.report.page import report_html

@@ -10,6 +10,7 @@ from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Facts, Note, PlainResult, Table
 from robotrue.app.request import InputFile, Item, Option, Reference, Request
 from robotrue.app.request_fields import TouchSigma, cell_output
+from robotrue.core.provenance import merge
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 from robotrue.validation.validation_defaults import (
@@ -63,7 +64,6 @@ def check_blank_part(request: BlankCheckRequest, context: Context) -> PlainResul
         ModelMismatchError: Joints of another robot.
     """
     from robotrue.app.registered import open_arm, registered_cell
-    from robotrue.core.provenance import merge
     from robotrue.measurement.formats.part_points import read_points
     from robotrue.robot.configuration import axis_relation
 
@@ -241,7 +241,6 @@ def check_datums(request: DatumCheckRequest, context: Context) -> PlainResult:
     """
     from robotrue.app.registered import open_arm
     from robotrue.app.touch_settings import registration_settings
-    from robotrue.core.provenance import merge
     from robotrue.measurement.formats.part_points import read_points
     from robotrue.robot.configuration import axis_relation
     from robotrue.validation.datum_touches import check_part

@@ -12,8 +12,8 @@ from robotrue.app.operation import Operation
 from robotrue.app.plan_request import PlanRequest, refuse_other_method
 from robotrue.app.presentation import Block, Note, Table
 from robotrue.core.provenance import Provenance, marked_document
-from robotrue.core.units import MM
-from robotrue.errors import ConfigurationError
+from robotrue.core.units import MM, UM
+from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.planning.plan_defaults import (
     INFORMATION,
 )
@@ -125,7 +125,6 @@ def _choose_poses(
     request: PlanRequest, context: Context, cell: Cell, model: ErrorModel | None
 ) -> PosePlan:
     """The poses, chosen by the request."""
-    from robotrue.core.units import UM
     from robotrue.planning.pose_plan import PlanSettings, plan_poses
     from robotrue.planning.work_area import parse_region, program_postures
 
@@ -173,7 +172,6 @@ def _read_recorded(path: Path, cell: Cell) -> QueryTable:
     Raises:
         ModelMismatchError: Another number of joints than the robot's.
     """
-    from robotrue.errors import ModelMismatchError
     from robotrue.measurement.formats.measured_files import read_queries
     from robotrue.robot.configuration import axis_relation
 

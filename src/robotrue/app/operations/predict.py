@@ -12,7 +12,8 @@ from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Note
 from robotrue.app.request import InputFile, Request
 from robotrue.app.request_fields import CalibratedModel, Columns, table_output
-from robotrue.core.provenance import Provenance
+from robotrue.core.provenance import Provenance, mark_line
+from robotrue.errors import ModelMismatchError
 
 if TYPE_CHECKING:
     from robotrue.calibration.model import Prediction
@@ -82,9 +83,7 @@ def run(request: PredictRequest, context: Context) -> Predictions:
     import numpy as np
 
     from robotrue.calibration.model import Query, provenance_of
-    from robotrue.core.provenance import mark_line
     from robotrue.core.units import MM
-    from robotrue.errors import ModelMismatchError
     from robotrue.measurement.formats.mapping import read_mapping
     from robotrue.measurement.formats.measured_files import read_queries
     from robotrue.robot.configuration import axis_relation

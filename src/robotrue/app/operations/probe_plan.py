@@ -12,6 +12,7 @@ from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Note, Table, count
 from robotrue.app.request import InputFile, Option, Output, Request
 from robotrue.app.request_fields import CellOrModel, Page, ToolSigma, TouchSigma, table_output
+from robotrue.core.files import write_atomic
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
@@ -202,7 +203,6 @@ def run(request: ProbePlanRequest, context: Context) -> PlannedTouches:
         ReachError: No posture of a machined file can be reached.
     """
     from robotrue.app.registered import provenance_used, read_model_or_cell
-    from robotrue.core.files import write_atomic
     from robotrue.measurement.formats.part_points import read_features
     from robotrue.planning.arm_scene import scene_of
     from robotrue.planning.plan_sheets import touch_sheet

@@ -13,6 +13,7 @@ from robotrue.app.operations.compensate import run as compensate
 from robotrue.app.presentation import PlainResult, Table
 from robotrue.app.request import InputFile, Item, Option, Output, Reference, Request
 from robotrue.app.request_fields import Page
+from robotrue.core.files import read_bytes, write_atomic
 from robotrue.core.provenance import Provenance, marked_document, merge, simulation_mark
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, ModelMismatchError
@@ -221,8 +222,6 @@ def _require_own_files(program: WrittenProgram, output: Path) -> None:
     Raises:
         ConfigurationError: There is one.
     """
-    from robotrue.core.files import read_bytes
-
     mark = f"robotrue {output.stem}.".encode()
     for name in list(program.files)[1:]:
         path = output.with_name(name)
@@ -244,7 +243,6 @@ def _write_files(
     identity: ProgramIdentity | None,
 ) -> tuple[object, Mapping[str, object] | None]:
     """Writes the files; returns the path of the identity, and what compensation made of them."""
-    from robotrue.core.files import write_atomic
     from robotrue.program.identity import identity_path, write_identity
 
     output = context.output(request.output)
@@ -353,7 +351,6 @@ def _compensate(
 
     from robotrue.calibration.model import identity_of
     from robotrue.calibration.nominal import NominalModel
-    from robotrue.core.files import write_atomic
     from robotrue.program.identity import write_identity
     from robotrue.store.model_file import read_model
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
+from robotrue.app.outputs import check_output
 from robotrue.app.presentation import PlainResult
 from robotrue.app.request import InputFile, Option, Output, Request
 from robotrue.app.request_fields import (
@@ -152,7 +153,6 @@ def _check_request(request: RegisterRequest, source: Path, refined: Path) -> Non
     """Refuses, before any work, what cannot be written or stated."""
     import numpy as np
 
-    from robotrue.app.outputs import check_output
     from robotrue.program.controller_frames import controller_frame
 
     check_output(refined, [p for p in (source, request.points, request.mesh) if p is not None])

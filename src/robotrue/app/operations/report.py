@@ -25,7 +25,7 @@ from robotrue.app.request import Item, ItemVersion, Option, Reference, Request
 from robotrue.app.request_fields import CertificateDetails
 from robotrue.core.files import DEFAULT_LANG
 from robotrue.core.provenance import Provenance
-from robotrue.errors import ConfigurationError
+from robotrue.errors import ConfigurationError, MissingExtraError
 
 if TYPE_CHECKING:
     from robotrue.app.workspace_context import WorkspaceContext
@@ -160,7 +160,6 @@ def run(request: ReportRequest, context: Context) -> ItemReport:
 
 def _write(draft: ReportDraft, forms: Sequence[str], subject: str, context: Context) -> list[Path]:
     """Writes the requested files; a PDF that cannot be made here is skipped with a message."""
-    from robotrue.errors import MissingExtraError
     from robotrue.report.report_files import write_reports
 
     context.step("laying out pages", 2, STEPS)

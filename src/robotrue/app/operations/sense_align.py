@@ -10,6 +10,8 @@ from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Facts, PlainResult
 from robotrue.app.request import InputFile, Option, Output, Request
+from robotrue.core.files import read_bytes, sha256
+from robotrue.core.provenance import marked_document, merge, read_provenance
 from robotrue.errors import ImplausibleDataError
 
 if TYPE_CHECKING:
@@ -45,8 +47,6 @@ def run(request: SenseAlignRequest, context: Context) -> PlainResult:
         ImplausibleDataError: Records without anything in common.
         ObservabilityError: The jog shows too little, or two shifts about as well.
     """
-    from robotrue.core.files import read_bytes, sha256
-    from robotrue.core.provenance import marked_document, merge, read_provenance
     from robotrue.online.clock_alignment import clock_document, write_clock
 
     joints, force = request.joints, request.force

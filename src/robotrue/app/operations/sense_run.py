@@ -10,6 +10,7 @@ from robotrue.app.operation import Operation
 from robotrue.app.presentation import Facts, LiveView, Note, PlainResult, Table
 from robotrue.app.request import InputFile, Item, Option, Reference, Request
 from robotrue.app.request_fields import CellFile
+from robotrue.core.provenance import mark_sentence, merge
 from robotrue.core.units import UM
 from robotrue.errors import ConfigurationError
 
@@ -100,7 +101,6 @@ def run(request: SenseRunRequest, context: Context) -> PlainResult:
     """
     from dataclasses import replace
 
-    from robotrue.core.provenance import mark_sentence, merge
     from robotrue.online.sense_settings import marked_note, origins_of
     from robotrue.online.service_run import run_service
 

@@ -14,7 +14,7 @@ from robotrue.app.request import Item, Option, Output, Reference, Request
 from robotrue.app.request_fields import CellFile, ForeignColumns, Page
 from robotrue.calibration.deng2022.readings import SIMILARITY_READING, SimilarityReading
 from robotrue.core.units import MM
-from robotrue.errors import ConfigurationError
+from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.validation.validation_defaults import APART_MM, FEWEST_PAIRS, SIMILARITY_REGIONS
 
 if TYPE_CHECKING:
@@ -173,7 +173,6 @@ def _blocks(
 
 
 def _require_base(rows: MeasurementSet) -> None:
-    from robotrue.errors import ModelMismatchError
 
     if rows.frame != "base":
         raise ModelMismatchError(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
-from robotrue.app.presentation import PlainResult
+from robotrue.app.presentation import Note, PlainResult
 from robotrue.app.request import InputFile, Option, Request
 from robotrue.app.simulated_service import Seconds, run_until_stopped
 from robotrue.errors import ConfigurationError
@@ -103,7 +103,6 @@ def run(request: SimulateDrillRequest, context: Context) -> PlainResult:
 def _write_files(
     machine: DrillingMachine, head: Head, request: SimulateDrillRequest, context: Context
 ) -> PlainResult:
-    from robotrue.app.presentation import Note
     from robotrue.simulation.drilling_machine import write_practice_files
 
     seed, folder = request.seed, request.write or Path()

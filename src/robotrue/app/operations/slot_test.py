@@ -10,7 +10,7 @@ from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Facts, PlainResult, Table
 from robotrue.app.request import InputFile, Option, Output, Request
-from robotrue.core.provenance import Provenance
+from robotrue.core.provenance import Provenance, read_provenance
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 
@@ -92,7 +92,6 @@ def _simulate(request: SlotTestRequest, context: Context) -> PlainResult:
 
 
 def _evaluate(path: Path, request: SlotTestRequest) -> PlainResult:
-    from robotrue.core.provenance import read_provenance
     from robotrue.core.rotations import matrix_from_abc
     from robotrue.measurement.formats.slot_steps import read_slot_steps
     from robotrue.validation.slot_test import SlotTest, evaluate_slots

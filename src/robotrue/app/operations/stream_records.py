@@ -10,6 +10,8 @@ from robotrue.app.operation import Operation
 from robotrue.app.presentation import Facts, Note, PlainResult, count
 from robotrue.app.request import InputFile, Option, Request
 from robotrue.app.request_fields import table_output
+from robotrue.core.files import atomic_stream
+from robotrue.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from robotrue.online.record import StreamRecord
@@ -122,8 +124,6 @@ def export_stream(request: RecordExportRequest, context: Context) -> PlainResult
         ConfigurationError: Another stream than these.
         FormatError: No record, none of this stream in it, or damaged inside.
     """
-    from robotrue.core.files import atomic_stream
-    from robotrue.errors import ConfigurationError
     from robotrue.online.csv_streams import STREAMS, export_lines, stream_provenance
     from robotrue.online.record import StreamRecord
 

@@ -19,6 +19,7 @@ from robotrue.app.request_fields import (
     TouchSigma,
     cell_output,
 )
+from robotrue.core.provenance import merge
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
 from robotrue.validation.validation_defaults import SQUARE_DEG, TOOL_NUMBER, TOUCH_MM
@@ -73,7 +74,6 @@ def find_point(request: ToolPointRequest, context: Context) -> PlainResult:
     from robotrue.app.registered import cell_with_tool, open_arm
     from robotrue.app.touch_settings import registration_settings
     from robotrue.core.poses import pose
-    from robotrue.core.provenance import merge
     from robotrue.measurement.formats.part_points import read_points
     from robotrue.robot.configuration import axis_relation
     from robotrue.validation.tool_calibration import calibrate_tool
@@ -261,7 +261,6 @@ def _fit_axis(
 ) -> tuple[CalibratedAxis, Provenance]:
     from robotrue.app.touch_settings import registration_settings
     from robotrue.core.arrays import parse_number_list
-    from robotrue.core.provenance import merge
     from robotrue.measurement.formats.part_points import read_points
     from robotrue.robot.configuration import axis_relation
     from robotrue.validation.tool_calibration import axis_between, axis_on_plane

@@ -13,7 +13,7 @@ from robotrue.app.operations.workspace_items import item_result
 from robotrue.app.presentation import Facts, PlainResult, count
 from robotrue.app.request import InputFile, Option, Output, Request
 from robotrue.app.request_fields import HERE, WorkspaceFolder
-from robotrue.errors import ConfigurationError
+from robotrue.errors import ArchiveError, ConfigurationError
 
 if TYPE_CHECKING:
     from robotrue.store.bin import Discarded, RecycleBin
@@ -207,7 +207,6 @@ def verify_workspace(request: WorkspaceVerifyRequest, context: Context) -> Plain
     Raises:
         ArchiveError: Something is wrong.
     """
-    from robotrue.errors import ArchiveError
     from robotrue.store.verify import verify
     from robotrue.store.workspace import Workspace
 

@@ -11,6 +11,7 @@ from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Facts, PlainResult, Table, time_text
 from robotrue.app.request import Option, Request
 from robotrue.app.request_fields import HERE, WorkspaceFolder
+from robotrue.core.provenance import simulation_mark
 from robotrue.errors import ConfigurationError
 from robotrue.store.query_defaults import LIMIT, SORT
 
@@ -99,7 +100,6 @@ def list_items(request: WorkspaceListRequest, context: Context) -> PlainResult:
 
 
 def _item_row(noun: str, record: ItemRecord) -> tuple[str, ...]:
-    from robotrue.core.provenance import simulation_mark
     from robotrue.store.records import provenance_of_record
 
     return (

@@ -15,6 +15,7 @@ from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Facts, PlainResult, Table, count, time_text
 from robotrue.app.request import Option, Request
 from robotrue.app.request_fields import HERE, WorkspaceFolder
+from robotrue.core.provenance import Provenance, simulation_mark
 from robotrue.errors import ConfigurationError
 from robotrue.store.query_defaults import LIMIT, SLOTS
 
@@ -137,7 +138,6 @@ def list_jobs(request: JobsListRequest, context: Context) -> PlainResult:
 
 
 def _job_row(job: Job) -> tuple[str, ...]:
-    from robotrue.core.provenance import simulation_mark
 
     return (
         job.id[:8],
@@ -273,8 +273,6 @@ JOBS_RUN: Final = Operation(
 
 def _job_result(job: Job, *shown: Block) -> PlainResult:
     """A job as a result."""
-    from robotrue.core.provenance import Provenance
-
     origin = Provenance(simulated=_is_simulated(job))
     return PlainResult(values=_job_document(job), shown=shown, provenance=origin)
 

@@ -10,6 +10,7 @@ from robotrue.app.operation import Operation
 from robotrue.app.outputs import check_output
 from robotrue.app.presentation import Block, Facts, PlainResult, Table
 from robotrue.app.wrap_request import LANGUAGES, WrapRequest
+from robotrue.core.files import write_atomic
 from robotrue.core.provenance import Provenance, simulation_mark
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
@@ -40,7 +41,6 @@ def run(request: WrapRequest, context: Context) -> PlainResult:
     from robotrue.app.wrapped_region import open_arm
     from robotrue.cell.cell import frame_table
     from robotrue.compensation.fit_correction_table import fit_table
-    from robotrue.core.files import write_atomic
     from robotrue.program.correction_table import require_module_name
 
     output = context.output(request.output)
@@ -180,7 +180,6 @@ def _list_calls(
     Raises:
         ConfigurationError: The folder is that of the programs, or is none.
     """
-    from robotrue.core.files import write_atomic
     from robotrue.program.computed_calls import list_calls, put_calls
 
     calls = list_calls(programs, request.output.stem)
