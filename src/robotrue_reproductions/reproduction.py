@@ -1,4 +1,4 @@
-"""Numbers of a source beside those of simulated arms: the nouns of every reproduction."""
+"""Numbers of a source next to those of simulated arms: the nouns of every reproduction."""
 
 from __future__ import annotations
 

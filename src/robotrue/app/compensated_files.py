@@ -78,7 +78,7 @@ def compensate_files(request: CompensateRequest, context: Context) -> PlainResul
     """Writes the compensated program; returns the counts, and of several programs their tables.
 
     Raises:
-        ConfigurationError: Options that do not go together, or a limit that is none.
+        ConfigurationError: Options that do not go together, or an invalid limit.
         ModelMismatchError: A program or a part frame of another model.
         StepError: Steps in the path are too large and not allowed; nothing is written.
     """

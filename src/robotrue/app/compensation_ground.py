@@ -76,7 +76,7 @@ def open_ground(request: CompensateRequest, context: Context) -> Ground:
     """Returns what a request names, opened.
 
     Raises:
-        ConfigurationError: A limit that is none, a part without a registered cell.
+        ConfigurationError: An invalid limit, a part without a registered cell.
     """
     if not request.max_shift_mm > 0.0:
         raise ConfigurationError(
@@ -121,7 +121,7 @@ def open_ground(request: CompensateRequest, context: Context) -> Ground:
 
 
 def _ground_files(request: CompensateRequest, context: Context) -> tuple[Path, Path | None]:
-    """The model or cell, and the cell whose frames are wanted beside it.
+    """The model or cell, and the cell whose frames are wanted next to it.
 
     Raises:
         ConfigurationError: None is stated, or three.
@@ -223,7 +223,7 @@ def job_outputs(
     """Returns the file that each file of a job is written to.
 
     A folder takes all of them under their own names. A file is the first; a companion that belongs
-    to it by its name takes its new name, others keep theirs beside it, since programs name them.
+    to it by its name takes its new name, others keep theirs next to it, since programs name them.
 
     Args:
         names: Of the files of the job, the program first.

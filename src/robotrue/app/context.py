@@ -101,7 +101,7 @@ class Context(ABC):
             minimum: Rows that are needed; None: as many as a calibration.
 
         Raises:
-            ImplausibleDataError: Numbers that cannot be this robot's.
+            ImplausibleDataError: Numbers that are impossible for this robot.
             ModelMismatchError: Another number of joints, or sets in different frames.
         """
 
@@ -113,7 +113,7 @@ class Context(ABC):
 
     @abstractmethod
     def cell_file(self, reference: Reference) -> Path:
-        """Returns a cell.toml, the files it names beside it."""
+        """Returns a cell.toml, the files it names next to it."""
 
     @abstractmethod
     def model_file(self, reference: Reference) -> Path:
@@ -121,7 +121,7 @@ class Context(ABC):
 
     @abstractmethod
     def registration_file(self, reference: Reference) -> Path:
-        """Returns the registered cell.toml, its model beside it."""
+        """Returns the registered cell.toml, its model next to it."""
 
     @abstractmethod
     def program_files(

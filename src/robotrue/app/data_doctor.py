@@ -38,9 +38,9 @@ class ExaminedRows:
 
     Attributes:
         rows: To be fitted.
-        warnings: A sentence for each cause that was found and not put right.
+        warnings: A sentence for each cause that was found and not corrected.
         raw: As read.
-        cured: What was put right; None without ``--cure``.
+        cured: What was corrected; None without ``--cure``.
     """
 
     rows: MeasurementSet
@@ -61,10 +61,11 @@ def read_examined(
     cure: str | None,
     context: Context,
 ) -> ExaminedRows:
-    """Returns the rows of a fit, put right if a cure is named.
+    """Returns the rows of a fit, corrected if a cure is named.
 
     Raises:
-        ImplausibleDataError: Rows that cannot be this robot's; it names the cause if there is one.
+        ImplausibleDataError: Rows that are impossible for this robot; it names the cause if there
+            is one.
         ConfigurationError: A cure that does not fit the rows.
     """
     if cure is None:

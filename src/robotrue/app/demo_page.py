@@ -1,4 +1,4 @@
-"""Page of the virtual demo: the paper's Tables 8, 9 and 11 beside ours."""
+"""Page of the virtual demo: the paper's Tables 8, 9 and 11 next to ours."""
 
 from __future__ import annotations
 

@@ -217,7 +217,7 @@ def _part_document(part: PartTable) -> dict[str, object]:
 
 
 def _program_identity(known: ProgramIdentity) -> dict[str, object]:
-    """Returns the identity that the file beside a program states."""
+    """Returns the identity that the file next to a program states."""
     return {
         "identity": {
             "model": known.model.document(),

@@ -109,7 +109,7 @@ class FilesContext(Context):
 
 
 def check_outputs(request: Request) -> None:
-    """Refuses, before any work is done, outputs that cannot be or that are inputs.
+    """Refuses, before any work is done, outputs that are invalid or that are inputs.
 
     Raises:
         ConfigurationError: As :func:`robotrue.app.outputs.check_output`.

@@ -57,7 +57,7 @@ def _milling_wrench(stated: Mapping[str, object]) -> Array:
     """The mean force of milling (6,) N in path axes, from the keys of ``milling``.
 
     Raises:
-        ConfigurationError: A missing or unknown key, or a cut that cannot be.
+        ConfigurationError: A missing or unknown key, or an invalid cut.
     """
     cutter, cut, coefficients = cutting_data(stated, where="milling")
     return np.concatenate([mean_force(cutter, cut, coefficients), np.zeros(3)])

@@ -83,10 +83,10 @@ class PlannedHierarchy:
 
 
 def write_hierarchy(request: PlanRequest, cell: Cell, context: Context) -> PlannedHierarchy:
-    """Returns the plan, its poses written to the table of the source and one beside it.
+    """Returns the plan, its poses written to the table of the source and one next to it.
 
     Raises:
-        ConfigurationError: Regions that were not stated, or options that cannot be.
+        ConfigurationError: Regions that were not stated, or invalid options.
         ReachError: A pose is out of reach.
     """
     regions = []

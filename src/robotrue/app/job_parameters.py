@@ -196,7 +196,7 @@ def _kept_values(request: type[Request], model: Naming, places: Places) -> dict[
     """Returns the output fields of a job whose result is saved, each with its path.
 
     Raises:
-        ConfigurationError: A name that cannot be, or two results of one name.
+        ConfigurationError: An invalid name, or two results of one name.
     """
     values: dict[str, object] = {}
     written: list[str] = []

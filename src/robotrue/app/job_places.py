@@ -43,8 +43,8 @@ class KeptContext(WorkspaceContext):
 
     Attributes:
         nouns: Of the items that the request refers to.
-        results: Folder of what is written. Copies of cells and models lie beside it, so that a cell
-            that is written names them without a folder.
+        results: Folder of what is written. Copies of cells and models lie next to it, so that a
+            cell that is written names them without a folder.
         copies: Hashes of those copies, by their path.
     """
 
@@ -63,7 +63,7 @@ class KeptContext(WorkspaceContext):
         return self._copy_beside(reference, MODEL.name)
 
     def registration_file(self, reference: Reference) -> Path:
-        """Returns the registered cell.toml, its model beside it."""
+        """Returns the registered cell.toml, its model next to it."""
         return self._copy_beside(reference, REGISTRATION.name)
 
     def document_files(self, reference: Reference, kind: str) -> tuple[Path, ...]:
@@ -117,7 +117,7 @@ class JobInputs:
         self._context = context
 
     def input_files(self, field: RequestField, stated: Sequence[FileItem]) -> tuple[Path, ...]:
-        """Returns copies of the files that a field reads, with what came beside them.
+        """Returns copies of the files that a field reads, with what came next to them.
 
         Raises:
             ConfigurationError: No such item or file, or one that names files of this computer.

@@ -31,7 +31,7 @@ def run_job(work: Work) -> Publish:
     """Runs the operation that a job is of; what it notes becomes the job's remarks.
 
     Raises:
-        ConfigurationError: No job does an operation of that name, or parameters that cannot be.
+        ConfigurationError: No job does an operation of that name, or invalid parameters.
     """
     operation = job_operation(work.job.kind)
     with hide_folder(work.folder):
@@ -97,7 +97,7 @@ def _keep_result(
 def _write_values(
     values: Mapping[str, object], kind: str, folder: Path, beside: Sequence[Path]
 ) -> Path:
-    """The file of the JSON values, by a name that none beside it has."""
+    """The file of the JSON values, by a name that none next to it has."""
     taken = {path.name for path in beside}
     name = f"{kind}.json"
     while name in taken:

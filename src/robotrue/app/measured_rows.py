@@ -39,7 +39,7 @@ def read_together(
 
     Raises:
         FormatError: A file that cannot be read.
-        ImplausibleDataError: Numbers that cannot be this robot's.
+        ImplausibleDataError: Numbers that are impossible for this robot.
         ModelMismatchError: Another number of joints, or files in different frames.
     """
     sets = [read_rows(cell, path, mapping, reporter=reporter) for path in paths]
@@ -57,7 +57,7 @@ def join_rows(
     """Returns sets as one, checked for plausibility; ``names`` are what messages call them.
 
     Raises:
-        ImplausibleDataError: Numbers that cannot be this robot's.
+        ImplausibleDataError: Numbers that are impossible for this robot.
         ModelMismatchError: Another number of joints, or sets in different frames.
     """
     robot = cell.measured_robot

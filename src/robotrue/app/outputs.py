@@ -66,12 +66,12 @@ def require_suffix(output: Path, what: str, suffixes: Sequence[str], *, only: bo
 
 
 def check_output(output: Path, sources: Sequence[Path], *, folder: bool = False) -> None:
-    """Refuses, before any work is done, an output that cannot be or that is one of the sources.
+    """Refuses, before any work is done, an output that is invalid or that is one of the sources.
 
     Args:
         output: File to be written.
         sources: What is read.
-        folder: A folder that exists will do, too.
+        folder: A folder that exists is allowed, too.
 
     Raises:
         ConfigurationError: No such folder, a folder itself, or a file that is read.

@@ -34,8 +34,8 @@ def open_model(path: Path, registered: Path | None = None) -> tuple[Cell, ErrorM
     Raises:
         ConfigurationError: As :func:`~robotrue.cell.cell.overlay_cell`; or two registered
             cells.
-        ModelMismatchError: The frames were registered with another model, or it is not there; or
-            the other cell has another arm.
+        ModelMismatchError: The frames were registered with another model, or it is missing; or the
+            other cell has another arm.
     """
     cell, model = _cell_and_model(path)
     if registered is None:
@@ -93,7 +93,7 @@ def model_of_part(part: PartTable, cell: Path) -> ErrorModel | None:
         cell: Its file; the model's is named relative to it.
 
     Raises:
-        ModelMismatchError: The file is not there, or holds another model by now.
+        ModelMismatchError: The file is missing, or holds another model by now.
     """
     if part.identity.kind == "nominal":
         return None
@@ -145,7 +145,7 @@ def registered_cell(cell: Cell, source: Path, table: PartTable, output: Path) ->
         text = rename_files(cell.text, partial(_move_path, source=source, output=output))
     elif cell.text and not cell.files:
         text = cell.text
-    else:  # the files that it names are in the model file, not beside the output
+    else:  # the files that it names are in the model file, not next to the output
         text = cell_text(cell)
     data = with_part(text, part_tables(table)).encode()
     parse_cell(data, output)

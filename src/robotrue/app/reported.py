@@ -49,7 +49,7 @@ class ReportDraft:
 def check_reports(
     outputs: Sequence[Path], sources: Sequence[Path], *, certificate: bool = False
 ) -> None:
-    """Refuses, before any work is done, outputs that cannot be.
+    """Refuses, before any work is done, invalid outputs.
 
     Raises:
         ConfigurationError: Another ending than ``.html``, ``.pdf``, ``.json``, or a file or folder

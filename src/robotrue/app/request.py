@@ -82,7 +82,7 @@ class Option:
         argument: Placeholder of a positional argument of the command; empty for an option.
         names: Of the option, as ``("--poses", "-n")``; empty: made of the field's name.
         metavar: Placeholder of the option's value, where it is not the type.
-        paired: A flag that has a ``--no-...`` beside it.
+        paired: A flag that has a ``--no-...`` next to it.
         advanced: Forms show it behind "more".
         offered: Least and largest number that forms offer; the limits of the type go further.
         example: Of a text, for forms.

@@ -114,7 +114,7 @@ def choose_frames(
     """Returns the part frame of each side: named, of the file's name, or the only one; None: none.
 
     Raises:
-        ConfigurationError: Names that are not there, or not one for each side.
+        ConfigurationError: Names that are missing, or not one for each side.
     """
     if len(parts) not in (0, 1, len(paths)):
         raise ConfigurationError(

@@ -66,7 +66,7 @@ def known_sources(request: TransferRequest, context: Context) -> list[KnownSourc
     """Returns what is known: the sources of a command, or the model and the items of a job.
 
     Raises:
-        ConfigurationError: A source in another form, or an item that is not there.
+        ConfigurationError: A source in another form, or an item that is missing.
     """
     from robotrue.app.workspace_context import require_workspace
 

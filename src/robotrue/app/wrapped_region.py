@@ -42,7 +42,7 @@ def open_arm(
     """Returns the arm over the region, in its configuration.
 
     Raises:
-        ConfigurationError: A value that cannot be, or a region that is not stated.
+        ConfigurationError: An invalid value, or a region that is not stated.
         ReachError: The middle of the region is out of reach.
     """
     known = _known_targets(programs)

@@ -252,7 +252,7 @@ def _small_pose(step: Array) -> Array:
 
 
 def _add_places(model: CalibratedModel, root: Array) -> tuple[Array, dict[int, Array]]:
-    """A root of the arm with the places of the further reflectors beside it.
+    """A root of the arm with the places of the further reflectors in addition.
 
     Where a model keeps covariances alone, a place is predicted from the arm's other errors, plus an
     independent remainder.

@@ -45,7 +45,7 @@ _ROWS: Final = 1024
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reflector:
-    """A further reflector on the flange, as identified beside the robot's own tool.
+    """A further reflector on the flange, as identified in addition to the robot's own tool.
 
     Attributes:
         T_flange_tool: (4, 4) where it is.

@@ -134,7 +134,7 @@ def estimate(
 
     Raises:
         ObservabilityError: Fewer numbers than what they should determine.
-        ImplausibleDataError: Points that cannot be this robot's.
+        ImplausibleDataError: Points that are impossible for this robot.
         ModelMismatchError: Another number of joints.
         ConvergenceError: The estimator did not settle.
     """

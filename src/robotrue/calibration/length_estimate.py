@@ -150,7 +150,7 @@ class LengthEstimate(FitResult):
     Attributes:
         anchors: (k, 3) m in base, where the anchors are.
         lengths: The set.
-        origins: Of the lengths, and of the points beside them.
+        origins: Of the lengths, and of the measured points.
     """
 
     anchors: Array
@@ -172,7 +172,7 @@ def estimate_lengths(
         lengths: With anchors that are roughly known.
         settings: Loads, priors, solver.
         method: One of ``METHODS``.
-        measurements: Measured points beside them; without any the base is held at zero.
+        measurements: Measured points in addition; without any the base is held at zero.
 
     Raises:
         ObservabilityError: Fewer numbers than what they should determine.

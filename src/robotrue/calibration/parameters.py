@@ -209,7 +209,7 @@ def start_state(
 
     Raises:
         ObservabilityError: A station without enough points of reflector 0.
-        ImplausibleDataError: Points that cannot be this robot's.
+        ImplausibleDataError: Points that are impossible for this robot.
     """
     if not len(measurements):
         raise ObservabilityError("no measurements.", hint="check the file and the screening.")

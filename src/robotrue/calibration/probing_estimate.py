@@ -57,7 +57,7 @@ class ProbingSettings:
     start: Mapping[int, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Refuses values that cannot be.
+        """Refuses invalid values.
 
         Raises:
             ConfigurationError: They are.

@@ -34,7 +34,7 @@ FEWEST_ROBUST: Final = 5
 
 
 def tips(belief: Belief, joints: Array, payload: Load) -> Array:
-    """Returns where a belief puts the tip, (n, 3) m in base, its smooth residual included."""
+    """Returns where a belief predicts the tip, (n, 3) m in base, its smooth residual included."""
     arm = prepare_arm(belief.actual, terms=belief.terms, values=belief.values)
     return arm.linearise(joints, payload).tip
 

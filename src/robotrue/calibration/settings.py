@@ -89,7 +89,7 @@ class FitSettings:
     lean_on_prior: bool = False
 
     def __post_init__(self) -> None:
-        """Refuses values that cannot be."""
+        """Refuses invalid values."""
         if not 0.0 <= self.repeatability < 0.01:
             raise ConfigurationError(
                 f"repeatability {self.repeatability * 1e3:g} mm, allowed 0 to 10 mm.",

@@ -62,7 +62,7 @@ def update_model(
     Raises:
         ModelMismatchError: Another number of joints.
         ObservabilityError: A new set-up with fewer than 3 points, or all on one line.
-        ImplausibleDataError: Points that cannot be this robot's.
+        ImplausibleDataError: Points that are impossible for this robot.
         ConfigurationError: A model without a joint covariance.
     """
     settings = FitSettings() if settings is None else settings

@@ -73,7 +73,7 @@ def fit_table(arm: RegionArm, *, tolerance: float, most_numbers: int) -> FittedT
         most_numbers: That the controller may hold.
 
     Raises:
-        ConfigurationError: A tolerance or a number that is none.
+        ConfigurationError: An invalid tolerance or number.
         ReachError: A pose of the region cannot be compensated.
         StepError: No table of that size keeps the tolerance.
     """

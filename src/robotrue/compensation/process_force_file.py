@@ -12,9 +12,8 @@ The TOML file holds ``[[force]]`` tables::
     program = "part.src"         # where a job has several files
 
 or, instead of ``force_N``, ``milling = { ... }``, a cut whose mean force a model of milling gives
-in path axes, or ``csv = "forces.csv"``, a file beside it with one column ``line``,
-``target`` or ``path_mm``, the columns ``fx_N, fy_N, fz_N`` and, if need be,
-``mx_Nm, my_Nm, mz_Nm``.
+in path axes, or ``csv = "forces.csv"``, a file next to it with one column ``line``, ``target`` or
+``path_mm``, the columns ``fx_N, fy_N, fz_N`` and, if need be, ``mx_Nm, my_Nm, mz_Nm``.
 """
 
 from __future__ import annotations
@@ -69,7 +68,7 @@ def read_force(path: str | Path, *, milling: Milling | None = None) -> Described
         milling: What makes a wrench of the keys of ``milling``.
 
     Raises:
-        ConfigurationError: Not TOML, an unknown key or a value that cannot be; with file and line.
+        ConfigurationError: Not TOML, an unknown key or an invalid value; with file and line.
         FormatError: A file that cannot be read, or a table that is not one.
     """
     path = Path(path)

@@ -279,7 +279,7 @@ class StepRule:
     allow: bool = False
 
     def __post_init__(self) -> None:
-        """Refuses a limit that is none.
+        """Refuses an invalid limit.
 
         Raises:
             ConfigurationError: Below 0, or not finite.

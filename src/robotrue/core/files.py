@@ -100,7 +100,7 @@ def read_bytes(path: str | Path) -> bytes:
     """Returns the bytes of a file.
 
     Raises:
-        FormatError: The file is not there or cannot be read.
+        FormatError: The file is missing or cannot be read.
     """
     try:
         return Path(path).read_bytes()
@@ -119,7 +119,7 @@ def sha256_of_file(path: str | Path) -> str:
     """Returns :func:`sha256` of a file of any size, read piece by piece.
 
     Raises:
-        FormatError: The file is not there or cannot be read.
+        FormatError: The file is missing or cannot be read.
     """
     try:
         with Path(path).open("rb") as stream:

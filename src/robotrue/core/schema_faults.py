@@ -29,7 +29,7 @@ def check_tables(
         text: Of the file, for the line.
 
     Raises:
-        ConfigurationError: An unknown key, or a value that cannot be; with file and line.
+        ConfigurationError: An unknown key, or an invalid value; with file and line.
     """
     try:
         return schema.model_validate(tables)

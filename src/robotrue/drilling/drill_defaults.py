@@ -48,7 +48,7 @@ JOURNAL: Final = "drilling journal"
 
 
 def campaign_parts(files: Sequence[Path]) -> tuple[Path, Path | None]:
-    """Returns the rows of a campaign and its foot file, which lies beside them if it is known."""
+    """Returns the rows of a campaign and its foot file, which lies next to them if it is known."""
     feet = [path for path in files if len(files) > 1 and path.suffix.lower() == ".toml"]
     (rows,) = (path for path in files if path not in feet)
     return rows, feet[0] if feet else None

@@ -126,7 +126,7 @@ def read_foot(path: str | Path) -> FootSetup:
     """Returns the content of a foot file.
 
     Raises:
-        ConfigurationError: Not TOML, an unknown key, a value that cannot be; with file and line.
+        ConfigurationError: Not TOML, an unknown key, an invalid value; with file and line.
         FormatError: The file cannot be read.
     """
     tables, text = read_toml(path, example="the guide on drilling")

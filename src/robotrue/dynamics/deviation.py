@@ -229,7 +229,7 @@ def fit_deviation(
     """Returns the deviation learned from measured windows.
 
     Args:
-        windows: Measured; one pass will do, several poses are better.
+        windows: Measured; one pass is enough, several poses are better.
         arm: As stated by the data sheet.
         settings: Priors; default those of :class:`DeviationSettings`.
         row: Static row of the response the windows were predicted with. Its deviation is chosen by

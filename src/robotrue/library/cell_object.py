@@ -93,7 +93,7 @@ class RobotCell(Presented):
         return make_picture([drawing], title=f"{robot.name}, all joints at zero")
 
     def save(self, path: str | Path) -> None:
-        """Writes the cell as a cell.toml, with the files that it names beside it.
+        """Writes the cell as a cell.toml, with the files that it names next to it.
 
         A registered cell keeps its part frames and their model.
 

@@ -224,7 +224,7 @@ def calibrate(
 
     Raises:
         ObservabilityError: Too few measurements for the method.
-        ImplausibleDataError: Numbers that cannot be this robot's.
+        ImplausibleDataError: Numbers that are impossible for this robot.
     """
     with open_context() as context:
         fields = {

@@ -171,7 +171,7 @@ class RewrittenProgram(Presented):
         return ()
 
     def save(self, path: str | Path) -> None:
-        """Writes the program with its identity beside it; a job of several files into a folder.
+        """Writes the program with its identity next to it; a job of several files into a folder.
 
         Raises:
             ConfigurationError: It is the program before.

@@ -134,7 +134,7 @@ def validate(
 
     Raises:
         ModelMismatchError: Poses of another robot.
-        ImplausibleDataError: Numbers that cannot be this robot's.
+        ImplausibleDataError: Numbers that are impossible for this robot.
     """
     with open_context() as context:
         fields = {

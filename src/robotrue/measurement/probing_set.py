@@ -35,7 +35,7 @@ class KnownDistance:
     sigma: float
 
     def __post_init__(self) -> None:
-        """Refuses lengths that carry no direction and uncertainties that are none.
+        """Refuses lengths that carry no direction and invalid uncertainties.
 
         Raises:
             ShapeError: One part twice, a length below 1 mm, or a sigma that is not positive.

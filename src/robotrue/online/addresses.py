@@ -93,8 +93,8 @@ def open_stream(
         settings: Of the service.
 
     Raises:
-        ConfigurationError: An unknown scheme or option, a value that is none, a stream that the
-            other side does not have, or corrections that cannot be sent there.
+        ConfigurationError: An unknown scheme or option, an invalid value, a stream that the other
+            side does not have, or corrections that cannot be sent there.
         FormatError: A configuration or scale that cannot be read.
     """
     settings = settings or SourceSettings()

@@ -115,7 +115,7 @@ class EgmRobot:
         rapid: Whether the program runs, or None.
         force_sent: Whether the message holds a measured force at all.
         force_active: RobotWare 7: whether force control is active; None where it is not stated.
-        force: Fx Fy Fz N, Tx Ty Tz N m; empty where it is not there.
+        force: Fx Fy Fz N, Tx Ty Tz N m; empty where it is absent.
     """
 
     seqno: int

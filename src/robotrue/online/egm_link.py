@@ -258,7 +258,7 @@ def read_egm_address(address: str, role: Role, settings: StreamSettings) -> EgmS
     """Returns the settings of a link to an ABB controller.
 
     Raises:
-        ConfigurationError: An option or value that is none, or RobotWare is not stated.
+        ConfigurationError: An invalid option or value, or RobotWare is not stated.
     """
     where, options = read_own_address(address, EGM_PORT, OPTIONS)
     generation = options.word("robotware", ("6", "7"))

@@ -190,7 +190,7 @@ class Sink(Protocol):
     """Receiver of estimates. The service calls ``write`` from one task, in order."""
 
     async def open(self) -> None:
-        """Connects, or begins to: a sink that is not there yet must not hold up the service."""
+        """Connects, or begins to: a sink that is not available yet must not hold up the service."""
 
     async def write(self, estimates: EstimateBlock) -> None:
         """Sends one block; a block that cannot be sent is counted, not raised."""

@@ -58,8 +58,8 @@ class MqttSink(DisplaySink):
         from ``ROBOTRUE_MQTT_USER``, ``_PASSWORD`` and ``_CA`` instead.
 
         Raises:
-            ConfigurationError: A prefix no topic can have, a rate that is none, or a certificate
-                that cannot be read.
+            ConfigurationError: A prefix no topic can have, an invalid rate, or a certificate that
+                cannot be read.
         """
         super().__init__(address, settings, beat=0.2)
         options = address.read_options({"rate": "messages per second, 0.1 to 100"})
@@ -75,7 +75,7 @@ class MqttSink(DisplaySink):
         self._joined = 0
 
     async def open(self) -> None:
-        """Begins to connect; a broker that is not there is tried again, ever more rarely."""
+        """Begins to connect; a broker that does not answer is tried again, ever more rarely."""
         _LOGGER.setLevel(logging.CRITICAL)
         self._tasks = [asyncio.create_task(self._keep()), asyncio.create_task(self._beat())]
 

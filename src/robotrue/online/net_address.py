@@ -75,7 +75,7 @@ def parse_peer(text: str) -> tuple[str, int]:
     """Returns number and port of ``HOST`` or ``HOST:PORT``; port 0 where none is stated.
 
     Raises:
-        ConfigurationError: A host that is not known, or a port that is none.
+        ConfigurationError: A host that is not known, or an invalid port.
     """
     host, colon, port = text.partition(":")
     try:
@@ -188,7 +188,7 @@ class AddressOptions:
         """Returns the path of ``scheme://PATH?options``, unchanged, and its options.
 
         Raises:
-            ConfigurationError: No path, options that are none, one twice, or one not known.
+            ConfigurationError: No path, invalid options, one twice, or one not known.
         """
         scheme, _, rest = address.partition("://")
         path, _, query = rest.partition("?")

@@ -150,7 +150,7 @@ def nodeset_files(folder: Path) -> tuple[Path, ...]:
     """Returns the files of the four models in the order of their import.
 
     Raises:
-        ConfigurationError: One is not there, or two files define the same.
+        ConfigurationError: One is missing, or two files define the same.
     """
     found: dict[str, list[Path]] = {uri: [] for uri in _MODELS}
     for path in sorted(folder.glob("*.xml")):

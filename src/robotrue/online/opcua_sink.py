@@ -46,8 +46,7 @@ class OpcUaSink(DisplaySink):
         (Basic256Sha256) are offered.
 
         Raises:
-            ConfigurationError: A rate that is none, or other computers could look without a
-                password.
+            ConfigurationError: An invalid rate, or other computers could look without a password.
         """
         super().__init__(address, settings, beat=0.2)
         options = address.read_options({"rate": "updates per second, 1 to 50"})

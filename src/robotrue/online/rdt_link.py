@@ -53,7 +53,7 @@ _KERNEL: Final = 1 << 22
 _LOOK: Final = 0.1
 """s, at most, from close() to the end of a read."""
 _RETRY: Final = (0.2, 2.0)
-"""s between attempts to reach a sensor that is not there: the first, and the longest."""
+"""s between attempts to reach a sensor that does not answer: the first, and the longest."""
 _TRIAL: Final = 1.0
 """s of the stream after which its rate is compared with what was stated."""
 _RATE_OFF: Final = 0.2
@@ -359,7 +359,7 @@ def read_rdt_address(address: str, role: Role, settings: StreamSettings) -> RdtS
     """Returns the forces of an ATI sensor.
 
     Raises:
-        ConfigurationError: An option or value that is none, or no scale.
+        ConfigurationError: An invalid option or value, or no scale.
         FormatError: A scale that cannot be read.
     """
     where, options = read_device_address(address, RDT_PORT, OPTIONS)

@@ -59,7 +59,7 @@ class RecordWriter:
         """Opens a record, or continues one in a new segment.
 
         Args:
-            path: Folder; made if it is not there.
+            path: Folder; created if missing.
             header: Of the segments to come.
             segment: Bytes from which a new segment starts.
             memory: Bytes of frames that may wait.

@@ -164,7 +164,7 @@ def read_replay_address(
     """Returns the joints or the forces of a record.
 
     Raises:
-        ConfigurationError: No such file, or an option or value that is none.
+        ConfigurationError: No such file, or an invalid option or value.
     """
     path, options = AddressOptions.of_path(address, OPTIONS)
     if not Path(path).is_file():

@@ -228,7 +228,7 @@ def read_rsi_address(address: str, role: Role, settings: StreamSettings) -> RsiS
     """Returns the settings of a link to a KUKA controller.
 
     Raises:
-        ConfigurationError: An option or value that is none, or another port than its file states.
+        ConfigurationError: An invalid option or value, or another port than its file states.
         FormatError: A configuration that cannot be read.
     """
     where, options = read_own_address(address, RSI_PORT, OPTIONS)

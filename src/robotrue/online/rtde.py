@@ -166,7 +166,7 @@ def read_recipe(packet: RtdePacket, names: tuple[str, ...]) -> Recipe:
 
     Raises:
         ConfigurationError: A variable the controller does not have, or another client writes.
-        FormatError: Another packet, another number of types, or types that are none.
+        FormatError: Another packet, another number of types, or invalid types.
     """
     if packet.kind not in "OI" or not packet.payload:
         raise FormatError(f"RTDE packet {packet.kind!r}, expected a recipe.")

@@ -25,7 +25,7 @@ from robotrue.online.net_address import read_device_address
 from robotrue.online.sequence import SequenceState, advance, advance_block
 
 _RETRY: Final = (0.2, 2.0)
-"""s between attempts to reach a controller that is not there: the first, and the longest."""
+"""s between attempts to reach a controller that does not answer: the first, and the longest."""
 _ANSWER: Final = 2.0
 """s within which a controller answers a request."""
 _LOOK: Final = 0.1
@@ -271,7 +271,7 @@ def read_rtde_address(address: str, role: Role, settings: StreamSettings) -> Rtd
     """Returns the joints or the forces of a Universal Robots controller.
 
     Raises:
-        ConfigurationError: An option or value that is none.
+        ConfigurationError: An invalid option or value.
     """
     where, options = read_device_address(address, RTDE_PORT, OPTIONS)
     made = RtdeSettings(

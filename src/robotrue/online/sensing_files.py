@@ -78,7 +78,7 @@ def sensing_of(files: SensingFiles, rate: float) -> tuple[Sensing, tuple[str, ..
     Raises:
         ConfigurationError: An option that needs another, or neither stiffness nor response.
         ModelMismatchError: Files of different arms.
-        ImplausibleDataError: A frequency response that is none, or not in m/N.
+        ImplausibleDataError: An invalid frequency response, or not in m/N.
         ArchiveError: Not the kind of file the option takes.
     """
     cell = read_cell(files.cell)

@@ -58,7 +58,7 @@ class WebSocketSink(DisplaySink):
         """Takes ``ws://host:port?rate=50&origin=https://host``; port 0 is a free one.
 
         Raises:
-            ConfigurationError: A rate that is none, or no token where one is needed.
+            ConfigurationError: An invalid rate, or no token where one is needed.
         """
         super().__init__(address, settings, beat=0.1)
         options = address.read_options(_OPTIONS)

@@ -23,7 +23,7 @@ def carry_sides(axis: Array, before: Array, sides: Array) -> None:
         u, v, w = axis[row, 0], axis[row, 1], axis[row, 2]
         if u != a or v != b or w != c:
             cosine = a * u + b * v + c * w
-            if cosine > -1.0 + 1e-9:  # else any half turn will do, and the side stays
+            if cosine > -1.0 + 1e-9:  # else any half turn is valid, and the side stays
                 p, q, r = b * w - c * v, c * u - a * w, a * v - b * u
                 i, j, k = q * z - r * y, r * x - p * z, p * y - q * x
                 scale = 1.0 / (1.0 + cosine)

@@ -51,7 +51,7 @@ class ExternalAxis:
         """Normalises the direction.
 
         Raises:
-            ShapeError: A number that is none, no direction, or a robot that turns.
+            ShapeError: An invalid number, no direction, or a robot that turns.
         """
         if not 1 <= self.number <= COUNT:
             raise ShapeError(f"external axis {self.number}, expected 1 to {COUNT}.")

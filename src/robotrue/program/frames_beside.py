@@ -87,7 +87,7 @@ def with_files_beside(
 
 
 def _frame_files(path: Path, dialect: str, root: Path | None) -> list[Path]:
-    """Returns the files of the controller that belong to a job, those beside it first.
+    """Returns the files of the controller that belong to a job, those next to it first.
 
     Of files of one name in several folders the nearest counts.
     """

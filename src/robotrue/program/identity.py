@@ -50,7 +50,7 @@ def identity_path(program: str | Path) -> Path:
 
 
 def write_identity(program: str | Path, data: bytes | str, identity: ProgramIdentity) -> None:
-    """Writes the identity beside a program of these bytes, whole or not at all.
+    """Writes the identity next to a program of these bytes, whole or not at all.
 
     Args:
         program: The program file.
@@ -88,7 +88,7 @@ def read_identity(program: str | Path, data: bytes | str) -> ProgramIdentity | N
         data: Its bytes, or their SHA-256 in hexadecimal.
 
     Raises:
-        FormatError: The file beside it is damaged or from a newer robotrue.
+        FormatError: The file next to it is damaged or from a newer robotrue.
     """
     path = identity_path(program)
     if not path.is_file():

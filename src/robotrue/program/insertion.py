@@ -22,7 +22,7 @@ from robotrue.program.program import Motion, Program
 
 
 class Obstacle(Explained):
-    """Why no target may be put into a move; 0 means it may."""
+    """Why no target may be inserted into a move; 0 means it may."""
 
     NONE = 0, "may be split"
     START = 1, "its start is uncertain"
@@ -77,7 +77,7 @@ class Moves(Columns):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Insertion(Columns):
-    """m targets to be put into moves, each behind the start of its move and those before it here.
+    """m targets to insert into moves, each behind the start of its move and those before it here.
 
     A straight move gets ``LIN`` targets, and so does an arc that cannot leave its plane; it becomes
     straight moves, its own last part, too. Another arc gets pairs of ``ARC_VIA`` and ``ARC_END``;

@@ -46,7 +46,7 @@ class FrameFiles:
     """Files in which a controller saves its frames and tools.
 
     Attributes:
-        names: Under which they lie beside a program, in any case.
+        names: Under which they lie next to a program, in any case.
         recognise: Returns whether a text (lines end with LF) is such a file.
         read: Returns the frames of a file by its name and text; raises FormatError, with the line,
             for a frame of which not all numbers can be read.

@@ -179,7 +179,7 @@ def _mib(count: int) -> str:
 
 
 def find_longest(path: Path) -> tuple[Path, Language]:
-    """Returns the longest of a program file and those beside it, and their dialect.
+    """Returns the longest of a program file and those next to it, and their dialect.
 
     Raises:
         FormatError: The file cannot be read, or is in no registered dialect.
@@ -201,7 +201,7 @@ def outline_job(
     """Returns the files of a job with the longest cut into chunks, or why it cannot be.
 
     Args:
-        path: A program file; its companions lie beside it.
+        path: A program file; its companions lie next to it.
         frames: What the program names but does not hold.
         targets: Targets of a chunk.
 

@@ -72,7 +72,7 @@ class KeyFigure:
         value: The number, in ``unit``.
         unit: ``"mm"``, ``"%"``, ``"deg"``, or empty.
         digits: Decimals printed.
-        before: The same number before compensation, printed small beside it; None to leave out.
+        before: The same number before compensation, printed small next to it; None to leave out.
         note: A few words below, e.g. ``"220 held-out poses"``.
         tone: Colour of the number.
         key: Name in JSON, English in every language; the label if empty.

@@ -1,4 +1,4 @@
-"""Reports written in the form their file name asks for, with their JSON twin beside them."""
+"""Reports written in the form their file name asks for, with their JSON twin next to them."""
 
 from __future__ import annotations
 

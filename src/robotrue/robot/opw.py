@@ -3,7 +3,7 @@
 Most heavy industrial arms are of this kind: joint 1 vertical, joints 2 and 3 parallel and at right
 angles to it, three wrist axes through one point. Their inverse has eight closed branches
 (:mod:`robotrue.robot.inverse`). The geometry is read off the joint axes of the nominal arm, so a
-standard or modified DH table with any choice of zero and sense will do.
+standard or modified DH table with any choice of zero and sense is enough.
 
 Source of the parameters: Brandstoetter, Angerer, Hofbaur 2014, "An analytical solution of the
 inverse kinematics problem of industrial serial manipulators with an ortho-parallel basis and a

@@ -8,12 +8,12 @@ has eight closed branches, numbered as those of :mod:`robotrue.robot.inverse`:
 * ``elbow`` 0: the forearm is turned in the positive sense of axis 2 against the upper arm.
 * ``wrist_flip`` 0: axis 5 turns axis 6 away from axis 4 in its positive sense.
 
-Everything follows from the joint axes at q = 0, so a DH table of any convention or a URDF will do.
-The joints are solved one by one: joint 1 from the distance of the meeting point to the plane of the
-arm, joint 5 from the angle between axes 4 and 6, joint 6 from the direction of axis 4 in the hand,
-and joints 2 to 4 from a plane triangle (the subproblems of Paden 1986 and Kahan 1983; Murray, Li,
-Sastry 1994, section 3.3). Arc cosines are taken as arc tangents of both sides, so that a stretched
-arm and a straight wrist keep their digits.
+Everything follows from the joint axes at q = 0, so a DH table of any convention or a URDF is
+enough. The joints are solved one by one: joint 1 from the distance of the meeting point to the
+plane of the arm, joint 5 from the angle between axes 4 and 6, joint 6 from the direction of axis 4
+in the hand, and joints 2 to 4 from a plane triangle (the subproblems of Paden 1986 and Kahan 1983;
+Murray, Li, Sastry 1994, section 3.3). Arc cosines are taken as arc tangents of both sides, so that
+a stretched arm and a straight wrist keep their digits.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A rotary table beside an arm, to practise on. Simulated.
+"""A rotary table next to an arm, to practise on. Simulated.
 
     python -m robotrue.simulation.table_practice FOLDER [--seed N]
 

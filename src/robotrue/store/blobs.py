@@ -1,8 +1,8 @@
 """Files next to the database, each under the SHA-256 of its content and never altered.
 
 A file is written to the folder of its transaction, synced, and moved to its place before the row
-that names it is committed: a row never names a file that is not there. Files left by a killed
-process are removed later, when no process writes, unless a row names them by then.
+that names it is committed: a row never names a file that is missing. Files left by a killed process
+are removed later, when no process writes, unless a row names them by then.
 """
 
 from __future__ import annotations

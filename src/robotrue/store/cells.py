@@ -51,12 +51,12 @@ def add(
         id: Of the cell that gets this as its new version.
 
     Raises:
-        ConfigurationError: The cell cannot be used, or a file it names is not there.
+        ConfigurationError: The cell cannot be used, or a file it names is missing.
         FormatError: A file cannot be read.
     """
     path = Path(path)
     cell = read_cell(path)
-    # the text, every file it names beside it, and those files
+    # the text, every file it names next to it, and those files
     text, named = plain_names(cell.text)
     companions = [(COMPANION, plain, path.parent / own) for plain, own in named.items()]
     with transaction(where) as into:

@@ -59,7 +59,7 @@ def add(
         columns: Those of the noun.
 
     Raises:
-        ConfigurationError: No such item, what it is to rest on is not there, or a file's name is
+        ConfigurationError: No such item, what it is to rest on is missing, or a file's name is
             none.
         FormatError: A file cannot be read.
     """
@@ -150,7 +150,7 @@ def get(where: Workspace | Transaction, noun: Noun[R], id: str, *, version: int 
     """Returns one version of an item, also of one that is deleted; None: the latest.
 
     Raises:
-        ConfigurationError: It is not there.
+        ConfigurationError: It is missing.
     """
     with reading(where) as session:
         return _records(session, noun, [_row(session, noun, id, version)])[0]
@@ -160,7 +160,7 @@ def search(where: Workspace | Transaction, noun: Noun[R], query: ItemQuery) -> R
     """Returns a page of the latest versions.
 
     Raises:
-        ConfigurationError: A field that the noun has not, or a page that cannot be.
+        ConfigurationError: A field that the noun has not, or an invalid page.
     """
     if query.offset < 0 or not 0 < query.limit <= MOST:
         raise ConfigurationError(
@@ -242,7 +242,7 @@ def versions(where: Workspace | Transaction, noun: Noun[R], id: str) -> tuple[R,
     """Returns all versions of an item, the first first.
 
     Raises:
-        ConfigurationError: It is not there.
+        ConfigurationError: It is missing.
     """
     with reading(where) as session:
         _row(session, noun, id, None)
@@ -269,7 +269,7 @@ def change(
     """Returns the new version of an item with another name or note.
 
     Raises:
-        ConfigurationError: It is not there, or deleted.
+        ConfigurationError: It is missing, or deleted.
     """
     with transaction(where) as into:
         before = _require_living(into, noun, id)
@@ -284,7 +284,7 @@ def delete(where: Workspace | Transaction, noun: Noun[R], id: str) -> R:
     """Marks an item as deleted and returns that version; all its content remains.
 
     Raises:
-        ConfigurationError: It is not there, or deleted already.
+        ConfigurationError: It is missing, or deleted already.
     """
     with transaction(where) as into:
         return _repeat(into, noun, _require_living(into, noun, id), "deleted", deleted=True)
@@ -304,7 +304,7 @@ def undo(
         version: That is to be taken back; None: the latest, whatever others did meanwhile.
 
     Raises:
-        ConfigurationError: It is not there, or has only its first version.
+        ConfigurationError: It is missing, or has only its first version.
         ModelMismatchError: The version is not the latest any more.
     """
     with transaction(where) as into:

@@ -1,4 +1,4 @@
-"""Measurement sets in the store: rows in Parquet, the instrument's own files beside them.
+"""Measurement sets in the store: rows in Parquet, the instrument's own files next to them.
 
 The Parquet file has one row a pose and one column a number, SI; any tool reads it.
 """

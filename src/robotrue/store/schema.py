@@ -85,7 +85,7 @@ class WorkspaceRow(Base):
 
 
 class BlobRow(Base):
-    """A file beside the database, by the SHA-256 of its content."""
+    """A file next to the database, by the SHA-256 of its content."""
 
     __tablename__ = "blobs"
     sha256: Mapped[str] = mapped_column(HASH, primary_key=True)

@@ -58,10 +58,10 @@ class NamedCause:
     """A cause that is named.
 
     Attributes:
-        hypothesis: What is wrong, where, and the rows put right.
+        hypothesis: What is wrong, where, and the corrected rows.
         probability: Of the cause, against clean rows and all other causes.
         before: m, mean error of each row predicted from the others, for the unchanged file.
-        after: m, the same once it is put right; NaN where that is outside the rows.
+        after: m, the same once it is corrected; NaN where that is outside the rows.
     """
 
     hypothesis: Hypothesis
@@ -199,7 +199,7 @@ def _error_after(hypothesis: Hypothesis, robot: RobotModel, settings: FitSetting
 def _refine_cure(
     hypothesis: Hypothesis, robot: RobotModel, settings: FitSettings
 ) -> tuple[Hypothesis, float]:
-    """The hypothesis with its rows put right by further steps, and their mean error (m)."""
+    """The hypothesis with its rows corrected by further steps, and their mean error (m)."""
     if hypothesis.cured is None or hypothesis.refine is None:
         return hypothesis, _error_after(hypothesis, robot, settings)
     best = _fit_clean(robot, hypothesis.cured, settings)
@@ -222,7 +222,7 @@ def _refine_cure(
 def cure_rows(
     robot: RobotModel, rows: MeasurementSet, settings: FitSettings | None, cause: str
 ) -> tuple[MeasurementSet, NamedCause]:
-    """Returns the rows put right for one named cause, and the finding; the given rows stay.
+    """Returns the corrected rows for one named cause, and the finding; the given rows stay.
 
     Args:
         robot: Nominal arm with the measured reflector.

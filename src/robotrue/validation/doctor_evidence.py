@@ -279,7 +279,7 @@ class Hypothesis:
 
     @cached_property
     def cured(self) -> MeasurementSet | None:
-        """The whole set put right."""
+        """The whole corrected set."""
         return None if self.cure is None else self.cure()
 
 

@@ -92,7 +92,7 @@ class DriftCheck:
     """Result of measuring a few poses again for a stored model.
 
     Attributes:
-        verdict: ``keep``; ``update``: one cause explains it, a transfer with these poses will do;
+        verdict: ``keep``; ``update``: one cause explains it, a transfer with these poses is enough;
             ``recalibrate``: changed, and no single cause explains it; ``measure again``: one
             reading explains it.
         chi2: X of the module's formula.

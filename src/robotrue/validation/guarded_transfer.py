@@ -10,7 +10,7 @@
 ==================  ==============================================================================
 
 A requested method (:func:`requested_transfer`; ``deng2022`` among them: Tr-GPR, the source aligned
-to each sub-space, boosted Gaussian processes) is fitted with the same comparison beside it.
+to each sub-space, boosted Gaussian processes) is fitted with the same comparison as well.
 """
 
 from __future__ import annotations
@@ -340,7 +340,7 @@ def deng2022_contestants(
 
     Raises:
         ConfigurationError: A source without measurements.
-        ImplausibleDataError: Rows that cannot be this robot's: another unit, frame or robot.
+        ImplausibleDataError: Rows that are impossible for this robot: another unit, frame or robot.
         ModelMismatchError: Another number of joints, or positions in a tracker frame.
         ObservabilityError: Too few rows.
     """

@@ -92,7 +92,8 @@ class RegisteredPart:
         identity: The model the frames belong to: only it may run programs in them.
         touched_with: The model that was given; another one where the joint estimate moved the arm.
         refined: The arm as the joint estimate has it; None where it stayed as it was.
-        moved: m, rms, by which the refined arm puts the tip elsewhere at the touches; 0 without.
+        moved: m, rms, by which the refined arm predicts the tip elsewhere at the touches; 0
+            without.
         doubts: About all frames.
         provenance: Of the touches and of the arm's model.
     """

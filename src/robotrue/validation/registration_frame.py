@@ -65,7 +65,7 @@ class RegistrationSettings:
     belief: Belief | None = None
 
     def __post_init__(self) -> None:
-        """Refuses sizes that cannot be.
+        """Refuses invalid sizes.
 
         Raises:
             ConfigurationError: Negative, not finite, or 0 where nothing is exact.

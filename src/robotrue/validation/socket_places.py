@@ -65,7 +65,7 @@ class SocketSpread(Columns):
 
 
 def tip_positions(model: ErrorModel, touches: ProbingSet, *, payload: Load = NO_LOAD) -> Array:
-    """Returns where the model puts the tip at every touch, (n, 3) m in base.
+    """Returns where the model predicts the tip at every touch, (n, 3) m in base.
 
     Raises:
         ModelMismatchError: Joints of another arm, or none.

@@ -61,7 +61,7 @@ def admit_sources(
 
 
 def check_rows(robot: RobotModel, rows: MeasurementSet) -> None:
-    """Refuses rows that cannot be this robot's.
+    """Refuses rows that are impossible for this robot.
 
     Fewer than :data:`FEWEST_PLAUSIBLE` rows fit any frame; in base they are only asked to lie where
     the arm was sent.

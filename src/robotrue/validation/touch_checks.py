@@ -164,7 +164,7 @@ def check_order(touches: ProbingSet, in_base: Array, *, tolerance: float) -> tup
         check_pattern(point, names)
     except ObservabilityError:
         return ()
-    # Touches of one feature again and again can always be exchanged: one of each will do.
+    # Touches of one feature again and again can always be exchanged: one of each is enough.
     first = sorted({tuple(p): i for i, p in reversed(list(enumerate(point.tolist())))}.values())
     if len(first) < 3:
         return ()

@@ -53,7 +53,7 @@ class JournalFile:
 
 
 def folder_of(workspace: Workspace) -> Path:
-    """Returns the folder that is looked at; made if it is not there."""
+    """Returns the folder that is looked at; created if missing."""
     place = workspace.folder / FOLDER
     place.mkdir(exist_ok=True)
     return place

@@ -101,9 +101,9 @@ class ServeSettings:
         """Refuses what would let anybody in.
 
         Raises:
-            ConfigurationError: Another address without a secret, a secret too short to be one, a
-                port that cannot be, half of a certificate, a total of uploads smaller than
-                one, or no sensing service.
+            ConfigurationError: Another address without a secret, a secret too short to be one, an
+                invalid port, half of a certificate, a total of uploads smaller than one, or no
+                sensing service.
         """
         if not 0 <= self.port <= 65535:
             raise ConfigurationError(f"port {self.port}, expected 0 to 65535.", hint="--port 8080")

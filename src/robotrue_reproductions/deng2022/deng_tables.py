@@ -1,4 +1,4 @@
-"""Tables 4 to 9 and 11 of Deng et al. 2022 beside the same figures of simulated arms.
+"""Tables 4 to 9 and 11 of Deng et al. 2022 next to the same figures of simulated arms.
 
 Everything here is SIMULATED: the arms are those of
 :mod:`robotrue_reproductions.deng2022.scenarios`, drawn so that only the error *before* calibration

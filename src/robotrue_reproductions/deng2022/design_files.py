@@ -17,7 +17,7 @@ def write_design(folder: Path, scenario: str, seed: int) -> tuple[Path, ...]:
     another day.
 
     Args:
-        folder: Made if it is not there; files of the same names are replaced.
+        folder: Created if missing; files of the same names are replaced.
         scenario: See :mod:`robotrue_reproductions.deng2022.scenarios`.
         seed: Of the arm and all its noise.
 

@@ -32,7 +32,7 @@ TABLE_4: Final[dict[Workspace, tuple[float, float, float]]] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SectorLayout:
-    """A reference region and three others beside it, all alike.
+    """A reference region and three others next to it, all alike.
 
     Attributes:
         regions: The reference first.

@@ -1,7 +1,7 @@
-"""The patent's correction beside ours on simulated machines: one move, few clamps, a shifted zero.
+"""The patent's correction next to ours on simulated machines: one move, few clamps, a shifted zero.
 
-The patent prints no residuals; the figures beside ours are those of the same methods on machines of
-this kind, and results that were published for one move or a few.
+The patent prints no residuals; the figures next to ours are those of the same methods on machines
+of this kind, and results that were published for one move or a few.
 """
 
 from __future__ import annotations

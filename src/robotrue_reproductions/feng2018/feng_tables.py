@@ -1,4 +1,4 @@
-"""The numbers of Feng, Liang, Xi 2018 beside those of simulated cells.
+"""The numbers of Feng, Liang, Xi 2018 next to those of simulated cells.
 
 Everything but the worked example is SIMULATED: the cells are those of
 :mod:`robotrue_reproductions.feng2018.machining_cell`. The paper prints nothing of its robot's

@@ -368,7 +368,7 @@ def tracker_poses(
 ) -> MeasurementSet:
     """Returns the calibration set: poses of all three postures, reflector at the tool tip.
 
-    Points are uniform over the block and 50 mm around it (the block is not there yet), attitudes
+    Points are uniform over the block and 50 mm around it (the block is not present yet), attitudes
     lean by N(0, ``tilt``) about each axis. Positions in base, one campaign.
 
     Args:

@@ -32,7 +32,7 @@ class SlotTrial:
         seed: Of the cell.
         results: All ways.
         paper: The way of the paper.
-        chosen: The way set beside it.
+        chosen: The way to compare with.
         rest: Datum check with the block where it was.
         knocked: Datum check after the block was pushed.
     """

@@ -1,4 +1,4 @@
-"""The numbers of Jin, Sun, Tang, Li 2022 beside those of the virtual milling experiment.
+"""The numbers of Jin, Sun, Tang, Li 2022 next to those of the virtual milling experiment.
 
 What the paper tabulates is arithmetic and repeated as such. What it measured is SIMULATED here:
 :mod:`robotrue_reproductions.jin2022.milling_experiment`. It prints neither frequency response nor

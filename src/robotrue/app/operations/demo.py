@@ -26,7 +26,7 @@ def run(request: DemoRequest, context: Context) -> PlainResult:
     """Runs the demo; the folder keeps every file needed to repeat it.
 
     Raises:
-        FormatError: The data are not there, or the folder cannot be written to.
+        FormatError: The data are missing, or the folder cannot be written to.
     """
     if request.data is None:
         from robotrue.app.demo_virtual import run_virtual_demo

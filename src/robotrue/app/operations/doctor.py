@@ -41,7 +41,7 @@ class _Library:
     Attributes:
         name: As the package index spells it.
         version: That is installed; None for none.
-        wanted: Versions that will do, as ``>=2.0``.
+        wanted: Versions that are enough, as ``>=2.0``.
         fits: Whether the installed one is among them.
     """
 

@@ -61,7 +61,7 @@ def run(request: DynamicsForceRequest, context: Context) -> PlainResult:
     """Predicts the force or identifies coefficients; writes the requested files.
 
     Raises:
-        ConfigurationError: Several jobs at once, or a cut that cannot be.
+        ConfigurationError: Several jobs at once, or an invalid cut.
     """
     from robotrue.dynamics.cutting_data import cutting_data
     from robotrue.dynamics.milling_force import CALCULATED
@@ -96,7 +96,7 @@ def _predict(
     output: Path | None,
     context: Context,
 ) -> tuple[dict[str, object], tuple[Facts, ...]]:
-    """The force of the milling model, and the measured one beside it."""
+    """The force of the milling model, and the measured one next to it."""
     from robotrue.dynamics.coefficients import check_axes_agree
     from robotrue.dynamics.formats.signal_table import read_force, write_force_csv
     from robotrue.dynamics.milling_force import force_over_time, mean_force

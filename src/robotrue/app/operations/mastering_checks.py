@@ -46,7 +46,7 @@ def plan_postures(request: MasteringPlanRequest, context: Context) -> PlainResul
     """Chooses the postures and writes them.
 
     Raises:
-        ConfigurationError: No point, too few touches, or a lean that cannot be.
+        ConfigurationError: No point, too few touches, or an invalid lean.
         ReachError: Too few postures reach the point.
     """
     from robotrue.app.number_options import parse_numbers

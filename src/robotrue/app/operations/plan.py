@@ -85,7 +85,7 @@ def run(request: PlanRequest, context: Context) -> Planned | PlannedHierarchy:
     """Chooses the poses and writes them.
 
     Raises:
-        ConfigurationError: An option that cannot be.
+        ConfigurationError: An invalid option.
         ReachError: Nothing can be measured, or the program is out of reach.
         ModelMismatchError: A KRL program is wanted of a controller that is no KUKA.
     """

@@ -217,7 +217,7 @@ def _write_page(
 
 
 def _require_own_files(program: WrittenProgram, output: Path) -> None:
-    """Refuses to write over a file of frames beside the program that is not of this program.
+    """Refuses to write over a file of frames next to the program that is not of this program.
 
     Raises:
         ConfigurationError: There is one.
@@ -278,7 +278,7 @@ def _cell_and_settings(
     """The cell, and how the sides are to be driven.
 
     Raises:
-        ConfigurationError: A name that the language does not take, a limit or a home that is none.
+        ConfigurationError: A name that the language does not take, an invalid limit or home.
         ModelMismatchError: An arm of another maker than those of the post.
     """
     import numpy as np

@@ -81,7 +81,7 @@ def run(request: RegisterRequest, context: Context) -> PlainResult:
     """Registers, and writes the cell and, where touching refined the arm, its model.
 
     Raises:
-        ConfigurationError: A unit, a format of frames or a radius that cannot be.
+        ConfigurationError: An invalid unit, format of frames or radius.
         ObservabilityError: Touches that do not fix the part.
     """
     from dataclasses import replace

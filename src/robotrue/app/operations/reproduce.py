@@ -1,4 +1,4 @@
-"""Print a paper's tables beside those of simulated arms (20 arms: about 5 minutes)."""
+"""Print a paper's tables next to those of simulated arms (20 arms: about 5 minutes)."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class ReproduceRequest(Request):
 
 
 def run(request: ReproduceRequest, context: Context) -> PlainResult:
-    """Runs the reproduction; returns its tables beside the paper's."""
+    """Runs the reproduction; returns its tables next to the paper's."""
     from robotrue_reproductions.papers import find_paper
     from robotrue_reproductions.reproduction import ReproductionRequest
     from robotrue_reproductions.table_text import text_tables, write_figures

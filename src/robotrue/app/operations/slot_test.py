@@ -60,7 +60,7 @@ def run(request: SlotTestRequest, context: Context) -> PlainResult:
     """Cuts the slots every way in one virtual cell, or evaluates steps that a gauge read.
 
     Raises:
-        ConfigurationError: A way, direction or attitude that cannot be.
+        ConfigurationError: An invalid way, direction or attitude.
     """
     if request.measured is None:
         return _simulate(request, context)

@@ -62,7 +62,7 @@ def list_items(request: WorkspaceListRequest, context: Context) -> PlainResult:
     """Returns a page of items, or how many there are of each noun.
 
     Raises:
-        ConfigurationError: No workspace, or a noun, field or condition that cannot be.
+        ConfigurationError: No workspace, or an invalid noun, field or condition.
     """
     from robotrue.store import items
     from robotrue.store.nouns import noun_of

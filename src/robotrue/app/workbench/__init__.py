@@ -1,1 +1,1 @@
-"""Queries and actions of the workbench, computed in processes beside its server."""
+"""Queries and actions of the workbench, computed in processes next to its server."""

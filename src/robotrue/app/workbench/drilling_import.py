@@ -35,7 +35,7 @@ def import_drilling(workspace: Workspace, paths: Sequence[Path], name: str) -> D
     Raises:
         ConfigurationError: Files that make none of these together.
         FormatError: A file that cannot be read.
-        ImplausibleDataError: Readings that cannot be this foot's.
+        ImplausibleDataError: Readings that are impossible for this foot.
     """
     feet = [path for path in paths if path.suffix.lower() == FOOT]
     others = [path for path in paths if path not in feet]

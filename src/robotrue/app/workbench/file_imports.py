@@ -36,7 +36,7 @@ from robotrue.validation.validation_defaults import FEWEST_DRIFT_POSES
 
 
 def import_cell(workspace: Workspace, paths: Sequence[Path], name: str) -> CellRecord:
-    """Imports a cell.toml with the files it names beside it; returns its record."""
+    """Imports a cell.toml with the files it names next to it; returns its record."""
     main = [path for path in paths if path.suffix.lower() == ".toml"]
     if len(main) != 1:
         raise ConfigurationError(
@@ -158,7 +158,7 @@ def read_sets(
 
     Raises:
         FormatError: A file that cannot be read.
-        ImplausibleDataError: Numbers that cannot be this robot's.
+        ImplausibleDataError: Numbers that are impossible for this robot.
         ModelMismatchError: Another number of joints, or files in different frames.
     """
     notes = Notes()

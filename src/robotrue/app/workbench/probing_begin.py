@@ -94,7 +94,7 @@ def _session(
 ) -> ProbingSession:
     settings = _settings(stated)
     words = decode(TouchWords, settings, key="settings")
-    settings_from(words, cell)  # refuses sizes that cannot be
+    settings_from(words, cell)  # refuses invalid sizes
     features, planned = _features(path, cell)
     rough = _rough(cell, str(stated.get("frame") or ""), features, planned)
     postures = _postures(cell, features, rough, words) if planned is None else planned

@@ -1,4 +1,4 @@
-"""Calls of the workbench to the numeric libraries, run in a process beside its server.
+"""Calls of the workbench to the numeric libraries, run in a process next to its server.
 
 The server imports this file and none of what it calls: each function imports its own when it runs.
 Answers for a script of a page are JSON text, everything else is a record of the store. Nothing is

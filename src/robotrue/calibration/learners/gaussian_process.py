@@ -177,7 +177,7 @@ class GaussianProcess(ProcessRegressor):
     def predict_left_out(self) -> tuple[Array, Array]:
         """Returns residual (n, k) and variance (n,) of every row predicted from all others.
 
-        With the hyper-parameters of all rows; rows of weight zero are not there.
+        With the hyper-parameters of all rows; rows of weight zero are ignored.
 
         Raises:
             ConfigurationError: Several outputs with their own hyper-parameters.

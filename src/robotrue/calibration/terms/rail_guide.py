@@ -229,7 +229,7 @@ class RailGuide(Term):
         """Returns the term and its parameters.
 
         Raises:
-            ArchiveError: Parts that cannot be.
+            ArchiveError: Invalid parts.
         """
         term = cls(
             number=decode(int, document["number"], key="rail.number"),

@@ -215,7 +215,7 @@ class RotaryTable(Term):
         """Returns the term and its parameters.
 
         Raises:
-            ArchiveError: Parts that cannot be.
+            ArchiveError: Invalid parts.
         """
         numbers = decode(tuple[int, ...], document["numbers"], key="table.numbers")
         scatter = decode(float, document["scatter"], key="table.scatter")

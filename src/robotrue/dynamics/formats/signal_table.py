@@ -1,7 +1,7 @@
 """Recorded signals and forces with their times: CSV, TDMS, MAT or UFF, units in the names.
 
 Columns of a CSV, channels of a TDMS file or variables of a MAT file are called alike: ``t_s`` and
-e.g. ``j1_deg`` .. ``j6_deg`` or ``d_um``. Others beside them are left alone. Channels of a TDMS
+e.g. ``j1_deg`` .. ``j6_deg`` or ``d_um``. Others next to them are left alone. Channels of a TDMS
 file may state their clock as ``wf_increment`` instead of ``t_s``, as variables may as ``rate_Hz``;
 time histories of a universal file (dataset 58 over time) have one each, see
 :mod:`robotrue.dynamics.formats.uff_signals`.

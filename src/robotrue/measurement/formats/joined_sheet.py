@@ -68,7 +68,7 @@ def join_sheets(joints: Sheet, points: Sheet, source: JointList) -> Sheet:
     shots. Rows without a partner are named in the remarks, by line.
 
     Raises:
-        FormatError: Counts that differ, names that repeat, times that are none, or no pair.
+        FormatError: Counts that differ, names that repeat, invalid times, or no pair.
     """
     pairs = {"order": _join_by_order, "name": _join_by_name, "time": _join_by_time}[source.by](
         joints, points, source
@@ -309,7 +309,7 @@ class JointList:
 
 
 def build_joint_list(stated: object, source: Path | None) -> JointList:
-    """Returns a joint list from its fields by name; its file lies beside ``source``.
+    """Returns a joint list from its fields by name; its file lies next to ``source``.
 
     Raises:
         ConfigurationError: An unknown field, or one of a kind it cannot have.

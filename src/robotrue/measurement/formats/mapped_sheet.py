@@ -116,7 +116,7 @@ class MappedSheet:
         """Returns a column (n,) in the file's unit, every value finite.
 
         Raises:
-            FormatError: A cell that is none.
+            FormatError: An invalid cell.
         """
         if not self.sheet.has(name):
             return np.full(len(self), self._constants[column_key(name)])

@@ -175,7 +175,7 @@ class Sheet:
                 )
 
     def lacking_columns(self, names: Sequence[str], hint: str) -> FormatError:
-        """Returns the error for columns that are not there."""
+        """Returns the error for columns that are missing."""
         missing = ", ".join(map(repr, names))
         return self.fault(f"no column {missing}; the file has {', '.join(self.header)}.", hint)
 

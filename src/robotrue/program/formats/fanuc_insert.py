@@ -129,7 +129,7 @@ class _Reader:
 
 
 class _Writer:
-    """Puts targets into one program."""
+    """Inserts targets into one program."""
 
     def __init__(self, program: Program, moves: Moves, insertion: Insertion) -> None:
         self.program, self.moves, self.insertion = program, moves, insertion

@@ -80,7 +80,7 @@ def _has_other_groups(data: bytes, last: int) -> bool:
 
 
 def _start(frames: FrameTable, effects: Effects) -> tuple[State, tuple[str, ...]]:
-    """Returns the registers of the files beside the program that nothing sets."""
+    """Returns the registers of the files next to the program that nothing sets."""
     held: dict[int, RegisterPose] = {}
     names: list[str] = []
     for name, data in frames.declarations:

@@ -120,7 +120,7 @@ class _Reader:
 
 
 class _Writer:
-    """Puts targets into one job."""
+    """Inserts targets into one job."""
 
     def __init__(self, program: Program, moves: Moves, insertion: Insertion) -> None:
         self.program, self.moves, self.insertion = program, moves, insertion

@@ -1,4 +1,4 @@
-"""The files of a job: those named, those their dialect expects beside them, those they name."""
+"""The files of a job: those named, those their dialect expects next to them, those they name."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def _files_below(folder: Path) -> list[Path]:
 
 
 def _is_compensated(path: Path) -> bool:
-    """Returns true if the file beside a program marks it as compensated."""
+    """Returns true if the file next to a program marks it as compensated."""
     if not identity_path(path).is_file():
         return False
     identity = read_identity(path, read_bytes(path))
@@ -111,7 +111,7 @@ def named_last(paths: Sequence[Path], languages: Iterable[Language]) -> list[Pat
 
 
 def companion_paths(path: Path, language: Language) -> list[Path]:
-    """Returns the files that lie beside a program because of its name."""
+    """Returns the files that lie next to a program because of its name."""
     found: list[Path] = []
     for name in language.name_companions(path.name):
         beside = path.with_name(name)

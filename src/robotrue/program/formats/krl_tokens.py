@@ -39,7 +39,7 @@ def word(buf: Bytes, i: int, end: int) -> tuple[int, int]:
 
 @compile_kernel(PLAIN)
 def find(keys: Integers, key: int) -> int:
-    """Returns the place of a key, -1 if it is not there."""
+    """Returns the place of a key, -1 if it is missing."""
     for k in range(keys.size):
         if keys[k] == key:
             return k

@@ -75,7 +75,7 @@ _SILENT: Final = {"ext", "extfct", "import", "end", "endfct", "enddat", "struc",
 
 
 class KrlWalk(KrlPoints):
-    """One reading of a main file and the data file beside it.
+    """One reading of a main file and the data file next to it.
 
     Attributes:
         beside: CAMRob files there are.

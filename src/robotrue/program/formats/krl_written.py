@@ -39,7 +39,7 @@ class Written(NamedTuple):
 
 
 def put_written(walk: KrlWalk, written: Sequence[Written]) -> None:
-    """Puts targets into the scans of their files as aggregates, and renumbers what is collected."""
+    """Inserts targets into the scans of their files as aggregates, and renumbers them."""
     for file in {each.file for each in written}:
         mine = sorted((each for each in written if each.file == file), key=lambda each: each.start)
         walk.scans[file], place, new = _with_aggregates(walk.scans[file], mine)

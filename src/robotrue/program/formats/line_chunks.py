@@ -1,6 +1,6 @@
 """Long programs of languages with one motion in a line: RAPID modules and UR scripts.
 
-A line is *plain* if it is one whole motion to targets in place; what it names beside them, such as
+A line is *plain* if it is one whole motion to targets in place; what it names next to them, such as
 tool and work object, is its key. A stretch is plain lines with one key and no other statement
 between. A chunk is read by the ordinary reader of the language, between a head and a foot that make
 it a program, with all but its plain lines blank.
@@ -35,7 +35,7 @@ class LineCutter:
             the group ``via`` is there if it has two targets.
         idle: Matches lines without effect.
         around: From the keys of plain lines to the text before and after them that makes a program
-            of them, and frames by name; any will do.
+            of them, and frames by name; any one is enough.
         moved_frames: External axes in the chain are in frames of the program, not in a target.
     """
 

@@ -158,7 +158,7 @@ class Trail:
 
 
 class MoveGroup(NamedTuple):
-    """The targets to be put into one move.
+    """The targets to insert into one move.
 
     Attributes:
         move: Which.

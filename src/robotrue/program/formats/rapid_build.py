@@ -26,7 +26,7 @@ from robotrue.program.program import FrameTable, Program, Reason
 from robotrue.program.target_poses import turned_round
 
 _NOT_CONNECTED: Final = 8.9e9
-"""9E9 and beyond: the external axis is not there."""
+"""9E9 and beyond: the external axis is absent."""
 
 
 def _worse(one: IntArray, other: IntArray) -> IntArray:

@@ -76,7 +76,7 @@ class _Motion(NamedTuple):
 
 
 class RapidWalk(Data):
-    """One reading of a module, with frames from the files beside it."""
+    """One reading of a module, with frames from the files next to it."""
 
     def __init__(
         self,

@@ -23,7 +23,7 @@ _FEWEST: Final = np.array([4] * 3 + [9] * 4 + [4] * 10)
 _MOST: Final = np.array([9] * 3 + [12] * 4 + [9] * 10)
 """Decimals of what is written out."""
 _NOT_CONNECTED: Final = 8.9e9
-"""Beyond, an external axis is not there."""
+"""Beyond, an external axis is absent."""
 
 
 def write_rapid(program: Program, replacement: Replacement) -> bytes:

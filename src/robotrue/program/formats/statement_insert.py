@@ -1,4 +1,4 @@
-"""Puts targets into programs by copies of the statement of a move, the target written out."""
+"""Inserts targets into programs by copies of the statement of a move, the target written out."""
 
 from __future__ import annotations
 

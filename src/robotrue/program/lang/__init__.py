@@ -74,7 +74,7 @@ def find_language(name: str) -> Language:
 
 
 def find_inserter(name: str) -> Inserter:
-    """Returns what puts targets into programs of a language.
+    """Returns the inserter of targets into programs of a language.
 
     Raises:
         ConfigurationError: There is no way to do so.

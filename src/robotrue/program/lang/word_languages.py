@@ -43,7 +43,7 @@ def is_other_language(data: bytes) -> bool:
 
 
 def path_inserter() -> Inserter:
-    """Returns what puts targets into programs of words."""
+    """Returns the inserter of targets into programs of words."""
     from robotrue.program.formats.path_insert import INSERTER
 
     return INSERTER

@@ -116,7 +116,7 @@ def parse_template(text: str, numbers: frozenset[str], texts: frozenset[str]) ->
         texts: Names of fields that are texts.
 
     Raises:
-        ConfigurationError: Braces that do not close, a field that is not there, or its form.
+        ConfigurationError: Braces that do not close, a field that is missing, or its form.
     """
     parts: list[tuple[str, LineField | None]] = []
     try:

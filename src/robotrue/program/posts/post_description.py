@@ -163,7 +163,7 @@ def read_post(path: Path) -> Post:
     """Returns the post description in a file.
 
     Raises:
-        ConfigurationError: Not TOML, a key or a field that is not there, or a value that is not
+        ConfigurationError: Not TOML, a key or a field that is missing, or a value that is not
             allowed; with the line, the key and what is allowed.
         FormatError: The file cannot be read.
     """

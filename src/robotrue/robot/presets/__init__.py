@@ -113,7 +113,7 @@ def preset(name: str) -> RobotModel:
     """Returns the nominal robot of a name, flange without tool.
 
     Upper and lower case, blanks, ``-``, ``_``, ``/`` and the brand do not matter, and the front
-    part of a name will do where it is unique: ``"kr160"``, ``"KUKA KR 160 R1570"``,
+    part of a name is enough where it is unique: ``"kr160"``, ``"KUKA KR 160 R1570"``,
     ``"irb-6660"``.
 
     Raises:

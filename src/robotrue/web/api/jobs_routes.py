@@ -112,7 +112,7 @@ def submit_job(workspace: Workspace, kind: str, parameters: Mapping[str, object]
     """Queues a job and returns its id; files sent with it are saved as documents.
 
     Raises:
-        ConfigurationError: Parameters that cannot be, or no such upload; nothing is kept then.
+        ConfigurationError: Invalid parameters, or no such upload; nothing is kept then.
     """
     operation = job_operations().get(kind)
     if operation is None:  # a kind of others
