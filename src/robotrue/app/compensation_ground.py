@@ -54,7 +54,7 @@ class Ground:
         table: What programs name but do not hold.
         home: (6,) rad before the first target; empty where none is stated.
         steps: What steps are allowed.
-        split: What is asked between the targets.
+        split: Request between the targets.
     """
 
     programs: tuple[Path, ...]
@@ -121,7 +121,7 @@ def open_ground(request: CompensateRequest, context: Context) -> Ground:
 
 
 def _ground_files(request: CompensateRequest, context: Context) -> tuple[Path, Path | None]:
-    """The model or cell, and the cell whose frames are wanted next to it.
+    """The model or cell, and the additional cell with the requested frames.
 
     Raises:
         ConfigurationError: None is stated, or three.

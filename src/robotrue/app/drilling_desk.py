@@ -28,7 +28,7 @@ from robotrue.online.service_run import stop_on_signals
 from robotrue.online.signals import SignalSample, UdpSignals, write_signals
 
 _AGAIN: Final = 200
-"""Answers kept for a machine that asks again."""
+"""Answers stored for repeated requests of a machine."""
 
 
 class Desk:

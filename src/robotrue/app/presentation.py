@@ -44,7 +44,7 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """One line beside the numbers."""
+    """One line next to the numbers."""
 
     text: str
 

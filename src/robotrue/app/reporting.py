@@ -24,7 +24,7 @@ class Message:
     line: str = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        """Puts the label before the text."""
+        """Prepends the label to the text."""
         line = f"{self.label}: {self.text}" if self.label else self.text
         object.__setattr__(self, "line", line)
 

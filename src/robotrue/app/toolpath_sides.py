@@ -207,7 +207,7 @@ SideDocument = TypedDict(
         "contour": ContourDocument | None,
     },
 )
-"""What a side asks of the arm, as JSON values."""
+"""Returns the arm's motion on a side, as JSON values."""
 
 
 class SidesDocument(TypedDict):

@@ -182,7 +182,7 @@ def keep_sources(
 def read_target(
     cell: Cell, references: Sequence[Reference], mapping: Path | None, context: Context
 ) -> MeasurementSet | None:
-    """Returns the target poses, however few: the contest itself doubts them; None without any.
+    """Returns the target poses, however few: the contest itself warns of them; None without any.
 
     Raises:
         ModelMismatchError: Files of another number of joints, or in another frame.

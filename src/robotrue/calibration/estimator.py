@@ -461,7 +461,7 @@ def _finish(
     solution: _Solution,
     iterations: int,
 ) -> Posterior:
-    """Puts the pieces into full, named shape."""
+    """Expands the pieces to full, named shape."""
     state, data = point.state, point.data
     free = prior.free
     where = np.ix_(free, free)

@@ -41,7 +41,7 @@ LEAST_GAIN: Final = 1.0
 COMMON_HOLD: Final = 0.5
 """Hold of the factor that held groups have in common: a factor of e in the scale is one sigma."""
 FEW_PER_COLUMN: Final = 0.6
-"""Numbers per column up to which the rows are kept beside their sums."""
+"""Numbers per column up to which the rows are stored in addition to their sums."""
 PANEL: Final = 64
 """Rows of a large matrix that are scaled at a time."""
 
@@ -353,7 +353,7 @@ def _weights(
     evidence: float,
     spent: Array,
 ) -> Weights:
-    """Puts a posterior together; ``left`` is posterior over prior variance.
+    """Assembles a posterior; ``left`` is posterior over prior variance.
 
     The first channel has spent what the others have not.
     """

@@ -246,7 +246,7 @@ def widen(found: HeldOutRows, *, numbers_per_row: float = 1.0) -> HeldOutRows:
 
     Args:
         found: From :func:`predict_held_out`, with its freedom, or :func:`average_held_out`.
-        numbers_per_row: Numbers of a row that count as one beside the prior.
+        numbers_per_row: Numbers of a row that count as one against the prior.
     """
     rows = len(found.error)
     share = rows / (rows + QUANTILE_ROWS)

@@ -285,7 +285,7 @@ def _name_directions(
 def _sparse(directions: Array) -> Array:
     """Rows (k, P) that span the columns with few terms each.
 
-    Single parameters first, then pairs (those with the base or the tool before others), the rest
+    Single parameters first, then pairs (those with the base or the tool before others), the others
     as an echelon form with complete pivoting.
     """
     out: list[Array] = []

@@ -252,7 +252,7 @@ class WholeFit:
         return LinearFit(design=design, sums=others, weights=weights)
 
     def model_of(self, refit: LinearFit, left_out: BoolArray) -> CalibratedModel:
-        """Returns the error model of a refit, as wide as its own held-out rows ask for."""
+        """Returns the error model of a refit, with the width of its held-out rows."""
         kept = ~left_out
         design = replace(refit.design, weights=refit.design.weights[kept])
         known = widen_covariance(replace(refit, design=design), self.held_out.part(kept))

@@ -1,4 +1,4 @@
-"""A calibration from lengths alone, or from lengths beside measured points: one estimate.
+"""A calibration from lengths alone, or from lengths and measured points: one estimate.
 
 A length goes from the reflector to an anchor, or between two poses of the arm. With v from the
 other end to the reflector it is |v|, and its derivative v/|v| dv. An anchor is a place of the

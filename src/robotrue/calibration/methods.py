@@ -47,7 +47,7 @@ def fit(
 
     Raises:
         ConfigurationError: No such method.
-        ObservabilityError: Too few measurements for what is asked.
+        ObservabilityError: Too few measurements for the request.
         ImplausibleDataError: The measurements cannot belong to this robot.
         ModelMismatchError: Another number of joints.
         ConvergenceError: The estimator did not settle.
@@ -90,7 +90,7 @@ smooth residual, where it earns its place.
 def model_of(
     result: Estimate, held_out: HeldOutRows, settings: FitSettings, method: str
 ) -> CalibratedModel:
-    """Returns the error model of an estimate, as wide as its held-out rows ask for."""
+    """Returns the error model of an estimate, with the width of its held-out rows."""
     layout, state = result.posterior.layout, result.posterior.state
     summary = result.describe(method, describe_rows(result.measurements))
     summary["doubts"] = [*result.verdict.doubts, *warn_of_width(held_out)]

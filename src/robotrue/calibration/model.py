@@ -36,7 +36,7 @@ class Query:
         load: Payload and wrench, one row or n.
         approach: (n, dof) sign of the last motion of each joint, 0 or empty = unknown.
         conditions: Temperature, time, external axes: one row or n.
-        T_flange_tool: (4, 4) tool point asked about; None is the point that was measured.
+        T_flange_tool: (4, 4) requested tool point; None is the point that was measured.
     """
 
     joints: Array
@@ -346,7 +346,7 @@ def with_summary(model: ErrorModel, more: Mapping[str, object]) -> ErrorModel:
 
 
 def with_warnings(model: ErrorModel, doubts: Sequence[str]) -> ErrorModel:
-    """Returns the model with further sentences at the head of its doubts."""
+    """Returns the model with further sentences at the head of its warnings."""
     if not doubts:
         return model
     return with_summary(model, {"doubts": [*doubts, *model.training_summary().warnings]})

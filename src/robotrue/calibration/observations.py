@@ -202,7 +202,7 @@ def linear_rows(
 
 
 def join_chunks(parts: list[Array], observations: Sequence[Observation]) -> tuple[Array, ...]:
-    """Returns chunks put together again, one array per observation."""
+    """Returns joined chunks, one array per observation."""
     out, start = [], 0
     for o in observations:
         count = -(-len(o.rows) // CHUNK)

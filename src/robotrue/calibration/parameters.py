@@ -196,7 +196,7 @@ def start_state(
     Tracker frames start at the best rigid fit to the nominal arm; of poses on or near one line the
     turn about it is the one that an offset of the reflector explains best. Further reflectors start
     at the mean of their measured positions on the flange. A station whose every point is its own
-    origin (0, 0, 0) is a place, such as a socket that the tool was put into several times: it only
+    origin (0, 0, 0) is a place, such as a socket that the tool touched several times: it only
     shifts. A 6-D target whose axes are turned against the tool frame gives its orientation to the
     returned robot's tool; the tool point stays.
 

@@ -285,7 +285,7 @@ def _check_plausible(found: float, touches: ProbingSet) -> None:
 def _scale_prior(
     model: ErrorModel, prior: Belief, stack: Stack, settings: ProbingSettings
 ) -> Belief:
-    """The prior with scales and noise as the touches ask."""
+    """Returns the prior with scales and noise from the touches."""
     if not model.calibrated:
         physical = build_prior(
             ParameterLayout(dof=model.robot.dof),

@@ -1,7 +1,7 @@
 """Settings of a fit, and the priors that they state: Gaussian scales in physical units.
 
-The default scales are those of a production industrial arm. A scale that is learned moves to where
-the data put it (marginal likelihood), held by a weak pull to the default
+The default scales are those of a production industrial arm. A learned scale follows the data
+(marginal likelihood), held by a weak pull to the default
 (:func:`robotrue.calibration.evidence.pulled_scale`), so that a group without information keeps its
 physical scale. As a belief the priors are an unmeasured arm; touches of a part are added to it as
 to any other.
@@ -41,7 +41,7 @@ class SolverSettings:
 
     Attributes:
         loss: Robust rule of :mod:`robotrue.core.robust`.
-        learn_noise: Add white noise to lengths and angles as the data ask.
+        learn_noise: Add white noise to lengths and angles as required by the data.
         learn_scales: Move the prior scales of the learnable groups.
         max_iterations: Linearisations.
         tolerance: Largest step at the end, in posterior standard deviations; or no predicted number

@@ -1,4 +1,4 @@
-"""Rotary axes of a cell beside those that a model was calibrated with.
+"""Rotary axes of a cell in addition to those that a model was calibrated with.
 
 The errors of a table count from the axis that the controller turns its frames about, so a cell that
 states another one needs another calibration.

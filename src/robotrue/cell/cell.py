@@ -47,16 +47,16 @@ class Cell(Columns):
             Default: ``base``.
         tracker_position: (3,) m, the instrument in that frame; None is "not known". Default: the
             origin for ``tracker``, not known for ``base``.
-        tracker_place: (3,) m, rough position of the instrument, in the robot base; only planning
-            asks. Default: ``tracker_position`` where that is in base, else not known.
+        tracker_place: (3,) m, rough position of the instrument, in the robot base; used by planning
+            only. Default: ``tracker_position`` where that is in base, else not known.
         tracker: Bounds of the instrument. Default: 15 um + 5 um/m, read as two sigma.
-        target_axis: (3,) unit vector in the flange frame, the way the reflector looks; only
-            planning asks. Default: not known.
+        target_axis: (3,) unit vector in the flange frame, the way the reflector looks; used by
+            planning only. Default: not known.
         acceptance: rad, largest angle between it and the line to the instrument. Default: any.
-        link_radius: (dof,) m, radius of the tube around each link; only planning asks. Default:
+        link_radius: (dof,) m, radius of the tube around each link; used by planning only. Default:
             not known, planning takes a share of the reach.
-        obstacles: What the arm must not touch and the instrument cannot see through; only planning
-            asks. Default: nothing.
+        obstacles: What the arm must not touch and the instrument cannot see through; used by
+            planning only. Default: nothing.
         repeatability: m, ISO 9283 RP of the arm as its data sheet prints it (mean plus three
             standard deviations of the distance from the middle; 3.6158 times the standard
             deviation per axis). Default: 0.06 mm.

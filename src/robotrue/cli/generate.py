@@ -122,7 +122,7 @@ def _check_names(entry: Output) -> Callable[[Names], Names]:
 
 
 def _blank(field: RequestField) -> object:
-    """A default that counts as false: typer writes 0 beside an option, and nothing for no list."""
+    """A default that counts as false: typer writes 0 next to an option, and nothing for no list."""
     return None if field.many else field.default
 
 

@@ -54,7 +54,7 @@ class TerminalShell(Shell):
         return show_live()
 
     def confirm(self, question: str, word: str) -> bool | None:
-        """Asks on stderr and reads a line, where stdin is a terminal."""
+        """Prompts on stderr and reads a line, where stdin is a terminal."""
         if not sys.stdin.isatty():
             return None
         say(question)

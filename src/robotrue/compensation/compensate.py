@@ -202,7 +202,7 @@ def _remarks(program: Program, *, rotation_known: bool) -> tuple[str, ...]:
 
 
 def _notes(program: Program, settings: CompensationSettings, outcome: Outcome) -> list[RowNote]:
-    """Returns one note for each status that means a target was left alone, and for doubts."""
+    """Returns one note for each status of an unchanged target, and for warnings."""
     notes = []
     count = np.bincount(outcome.status, minlength=len(Status))
     for status in Status:

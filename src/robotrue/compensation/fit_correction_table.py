@@ -186,7 +186,7 @@ def _count_cells(line: Array, tolerance: float) -> int:
 
 
 def _between(line: Array, nodes: Array) -> Array:
-    """Returns the values (lines, k, 6) at nodes, between the two places beside each."""
+    """Returns the values (lines, k, 6) at nodes, between the two adjacent places of each."""
     x = nodes * (_ALONG - 1)
     low = np.minimum(x.astype(np.int64), _ALONG - 2)
     share = (x - low)[:, None]

@@ -38,7 +38,7 @@ class Plan:
 
     Attributes:
         route: (n,) :class:`Route`.
-        status: (n,) :class:`Status` of those not to be touched, ``COMPENSATED`` for the rest.
+        status: (n,) :class:`Status` of unchanged ones, ``COMPENSATED`` for the others.
         joints: (n, 6) rad, model's sense, of targets whose joints are known beforehand; else NaN.
         worded: (k,) targets whose configuration words are to be renewed.
         known: (n,) 1 where the arm's configuration is known from here on, -1 where from here on it

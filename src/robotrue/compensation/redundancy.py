@@ -79,7 +79,7 @@ class FreeSpinSettings:
 
 
 def require_free_spin(model: ErrorModel | None, force: Array | DescribedForce) -> None:
-    """Checks that there is a model to ask, and that the force does not turn with the tool frame.
+    """Checks that there is a model, and that the force does not turn with the tool frame.
 
     Raises:
         ConfigurationError: There is none, or it does.

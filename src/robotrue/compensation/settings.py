@@ -124,7 +124,7 @@ class CompensationSetup:
             model has no tables.
         measured: (t,) which of the tools is the one the model was measured with.
         settings: Guards and tolerances.
-        model: For predictions; None where nothing asks for them.
+        model: For predictions; None where they are not needed.
         has_tables: Whether ``arm`` is the mean of the model; errors are predicted otherwise.
     """
 

@@ -1,4 +1,4 @@
-"""Puts the targets of a plan into a job, reads it again, and finds every target in what was read.
+"""Inserts the targets of a plan into a job, reads it again, and matches every target.
 
 What is written is trusted only after it was read: the moves must be those planned, each part ending
 where it should, or the job is refused.
@@ -196,7 +196,7 @@ def _require_planned(
     of_move: IntArray,
     share: Array,
 ) -> None:
-    """Refuses a job whose targets are not where they were or were to be put."""
+    """Refuses a job whose targets are not at their previous or planned places."""
     poses = job_poses(after)
     wanted, turned = np.array(poses.position), np.array(poses.rotation)
     kept, new = np.flatnonzero(of_move < 0), np.flatnonzero(of_move >= 0)

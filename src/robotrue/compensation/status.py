@@ -15,7 +15,7 @@ from robotrue.core.explained import Explained
 from robotrue.program.program import Program, Reason
 
 NAMED: Final = 5
-"""Lines a note names; the rest are counted."""
+"""Lines a note names; the others are counted."""
 
 
 class Status(Explained):

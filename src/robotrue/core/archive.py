@@ -138,7 +138,7 @@ class Archive:
 
 
 def archive_reader(read: Callable[P, T]) -> Callable[P, T]:
-    """Returns a reader of contents that raises one :class:`ArchiveError` at any that cannot be."""
+    """Returns a reader of contents that raises one :class:`ArchiveError` at an invalid one."""
 
     @functools.wraps(read)
     def reads(*args: P.args, **kwargs: P.kwargs) -> T:

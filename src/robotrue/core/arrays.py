@@ -82,7 +82,7 @@ def _fits(have: tuple[int, ...], want: tuple[int | None, ...]) -> bool:
     """True if a shape matches one with free dimensions."""
     if len(have) != len(want):
         return False
-    for size, wanted in zip(have, want, strict=True):  # no generator: this is asked all the time
+    for size, wanted in zip(have, want, strict=True):  # no generator: this is called very often
         if wanted is not None and size != wanted:
             return False
     return True

@@ -1,4 +1,4 @@
-"""Frozen tables of columns: shapes declared beside the fields, checked once, cut by rows.
+"""Frozen tables of columns: shapes declared with the fields, checked once, cut by rows.
 
 A noun of the product that holds arrays inherits from :class:`Columns` and declares for each array
 its shape, in sizes shared by all fields of one object, and its unit::

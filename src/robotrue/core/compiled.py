@@ -37,7 +37,7 @@ def compile_kernel(flags: frozenset[str], *, inline: bool = False) -> Callable[[
 
     Args:
         flags: Liberties with floating-point arithmetic, one of the sets above.
-        inline: Its code is put into the functions that call it.
+        inline: Its code is inlined into the functions that call it.
 
     The code is cached, see :func:`cache_kernel`.
     """

@@ -1,4 +1,4 @@
-"""Files that are either whole or not there, and their text with the line of a fault."""
+"""Files that are either whole or absent, and their text with the line of a fault."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def _open_unnamed(path: Path) -> tuple[int, str] | None:
 
 
 def _name_file(handle: int, path: Path) -> str:
-    """Returns the name just given to a file without one, beside ``path``."""
+    """Returns the new name of a file without one, next to ``path``."""
     name = path.with_name(f".{path.name}.{uuid.uuid4().hex}")
     folder = os.open(path.parent, os.O_RDONLY)
     try:  # only with a folder's handle does Python follow the link to the open file

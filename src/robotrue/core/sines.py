@@ -81,7 +81,7 @@ def write_sines(angle: Array, sine: Array, cosine: Array) -> None:
 def arc_tangent(y: float, x: float) -> float:
     """Returns atan2(y, x) in rad; |error| < 5e-16. Two zeros give zero, what is not finite NaN.
 
-    A polynomial serves up to a sixteenth of a turn, reflections do the rest.
+    A polynomial is used up to a sixteenth of a turn, reflections beyond.
     """
     steep = abs(y) > abs(x)
     large, small = abs(y) if steep else abs(x), abs(x) if steep else abs(y)

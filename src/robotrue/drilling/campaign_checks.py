@@ -38,7 +38,7 @@ BETTER: Final = 0.5
 SLOPE: Final = (0.8, 1.25)
 """What a sensor may show per metre of travel; outside it is in another unit."""
 TURNING: Final = 0.1 * DEG
-"""rad, spread of the normals of one plane below which no sense is doubted."""
+"""rad, spread of the normals of one plane below which the sense is not checked."""
 BETTER_SENSE: Final = 0.3
 """Share of that spread another sense must leave to be the likely one."""
 NEIGHBOUR: Final = 4

@@ -198,7 +198,7 @@ class ClampWatch:
     def _resting(self, sample: FootSample, begun: float) -> ClampEvent:
         rest, settings = self._rest, self._settings
         rest.append(sample)
-        # the oldest goes when the rest without it still fills the time
+        # the oldest is dropped when the others still fill the time
         while len(rest) > 1 and sample.time - rest[1].time >= settings.quiet:
             rest.popleft()
         full = sample.time - rest[0].time >= settings.quiet and len(rest) >= LEAST

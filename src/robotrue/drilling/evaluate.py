@@ -22,7 +22,7 @@ from robotrue.errors import ConfigurationError
 REGION: Final = -2.0 * float(np.log(0.05))
 """Squared Mahalanobis distance inside which a two-dimensional error lies with 95 %."""
 ENOUGH: Final = 16
-"""Clamps above which eight terms with interactions are shown beside another kind than patent."""
+"""Clamps above which eight terms with interactions are shown for other kinds than patent."""
 CLEAR: Final = 3.0
 """|t| from which a term is called significant."""
 

@@ -93,7 +93,7 @@ class NormalModel:
             campaign cannot determine it.
         envelope: What the campaign covered.
         left: rad, mean tilt left on held-out forces and tilts.
-        stretch: Factor on the correction's covariance that held-out tilts ask for, at least 1.
+        stretch: Factor on the correction's covariance from held-out tilts, at least 1.
         campaign: SHA-256 of the campaign.
         refinement: What production has added.
         monitor: Watch on what was left.

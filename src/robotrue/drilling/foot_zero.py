@@ -22,7 +22,7 @@ from robotrue.measurement.formats.sheet import Sheet
 from robotrue.measurement.formats.sheet_file import read_sheet
 
 SEAT: Final = "seat"
-"""Column that names each time the tool was put on; its rows share what the seat is off."""
+"""Column that names each mounting of the tool; its rows share what the seat is off."""
 FEWEST: Final = 5
 """Fewest rows, or seats, that give a deviation."""
 OUTLYING: Final = 6.0
@@ -45,7 +45,7 @@ class FootZero(Columns):
             each seat, because a tool that sits askew moves all sensors together.
         counts: Whether the file states counts.
         rows: How many were averaged.
-        seats: How often the tool was put on; 0 where the file does not state it.
+        seats: Number of mountings of the tool; 0 where the file does not state it.
         provenance: Of the file.
     """
 

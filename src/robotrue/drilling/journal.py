@@ -161,7 +161,7 @@ class Journal(AbstractContextManager["Journal"]):
         path: Gone on with if it is there.
 
     Raises:
-        FormatError: It cannot be opened, or holds a line that is none of a journal.
+        FormatError: It cannot be opened, or holds a line that is not of a journal.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -182,7 +182,7 @@ class Journal(AbstractContextManager["Journal"]):
         self._file.close()
 
     def write_answer(self, answer: HoleAnswer, document: Mapping[str, object]) -> None:
-        """Puts an answer on the disk.
+        """Writes an answer to the disk.
 
         Raises:
             FormatError: The disk does not take it: the machine must not move.

@@ -32,7 +32,7 @@ class JournalEntry:
 
 
 def foreign_line(source: str | Path, number: int) -> FormatError:
-    """Returns the error of a line that is none of a journal."""
+    """Returns the error of a line that is not of a journal."""
     return FormatError(
         "not a line of a drilling journal.",
         source=source,
@@ -49,7 +49,7 @@ def whole_lines(data: bytes, *, source: str | Path) -> tuple[list[JournalEntry],
         source: The file.
 
     Raises:
-        FormatError: A line that is none of a journal; with its number.
+        FormatError: A line that is not of a journal; with its number.
     """
     whole = data.rfind(b"\n") + 1
     entries = []

@@ -136,7 +136,7 @@ class PhysicsCorrection(Columns):
         causes: The n clamps it was learned from.
         errors: (n, k) m, their reading errors.
         theta: (17 + 2 inputs,) log hyper-parameters in the order of :data:`SPREAD`, then widths and
-            lengths of the inputs; -inf: not there.
+            lengths of the inputs; -inf: absent.
         widening: Factor on the variance, because few clamps determine the hyper-parameters poorly.
         inputs: Machine positions among the causes.
         corrects: What the errors are of.

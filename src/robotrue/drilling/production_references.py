@@ -38,7 +38,7 @@ FEWEST: Final = 8
 SURE: Final = 2.0
 """Standard errors by which a refinement has to beat none, with many references; more with few."""
 LARGE: Final = 10.0
-"""Times the expected deviation above which references are reported as doubtful."""
+"""Times the expected deviation above which references are reported as questionable."""
 IMPOSSIBLE: Final = 50.0
 """Times above which they are refused: 1 deg is 60 arc minutes."""
 

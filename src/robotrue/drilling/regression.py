@@ -167,7 +167,7 @@ def columns(
 
     ``patent`` are the terms of the patent's step 7; ``interactions`` adds F a, F b and F^2;
     ``quadratic`` and ``cubic`` are all products of two and three. Machine positions enter all of
-    them beside a, b, F and z.
+    them in addition to a, b, F and z.
     """
     named: list[tuple[str, Array]] = [("1", np.ones(len(c.a)))]
     single = [("a", c.a), ("b", c.b), ("F", c.force), ("z", c.height)]

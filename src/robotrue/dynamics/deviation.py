@@ -117,7 +117,7 @@ class DeviationModel(Columns):
     _known: Solved = field(init=False, repr=False, compare=False)
 
     def _check_rules(self) -> None:
-        """Solves once what every prediction asks for."""
+        """Solves once the system that every prediction needs."""
         old = _own_rows(self.settings, self.windows, physics_terms(self.arm, self.windows))
         mean, spread = _priors(self.arm, self.settings, self.row)
         known = solve_windows(old, self.windows.deviation - old.basis @ mean, self.theta, spread**2)

@@ -1,7 +1,7 @@
 """Error that the laser shows without a cut: straight-edge and path, subtracted by position.
 
-Cut and dry run are not equally long to the sample. Each sample of the cut is set beside the place
-of the dry run that its tool point is nearest to, so clocks and starts need not agree.
+Cut and dry run are not equally long to the sample. Each sample of the cut is compared with the
+nearest place of its tool point in the dry run, so clocks and starts need not agree.
 """
 
 from __future__ import annotations

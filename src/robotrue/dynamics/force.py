@@ -61,7 +61,7 @@ class ForceRecord(Columns):
 def check_force(
     record: ForceRecord, line_of: Callable[[int], int] | None = None
 ) -> tuple[str, ...]:
-    """Returns what is odd but harmless, one sentence each; a sensor that cannot be right raises.
+    """Returns what is odd but harmless, one sentence each; an implausible sensor raises.
 
     Args:
         record: As read.

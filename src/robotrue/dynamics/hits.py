@@ -1,4 +1,4 @@
-"""Records of hammer tests: the noun, the hits in them, and sensors that cannot be right."""
+"""Records of hammer tests: the noun, the hits in them, and implausible sensors."""
 
 from __future__ import annotations
 

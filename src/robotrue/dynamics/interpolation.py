@@ -32,8 +32,8 @@ class ResponseCurve:
     Attributes:
         frf: Measured response.
         modes: What it is evaluated with between the lines, or None: a cubic.
-        left_out: Rms error at every other line when the cubic knows only the rest, over the rms
-            of all lines: what the grid leaves unsaid, at twice its spacing.
+        left_out: Rms error at every other line when the cubic uses only the others, over the rms of
+            all lines: the interpolation error at twice the spacing.
         rebuilt: The same measure of the modes on all lines, or None.
     """
 

@@ -85,7 +85,7 @@ class ModalModel(Columns):
         """Returns the receptance (m, r, e) m/N at frequencies (m,) Hz.
 
         Raises:
-            ConfigurationError: 0 Hz was asked of a model with a lower residual.
+            ConfigurationError: 0 Hz was requested of a model with a lower residual.
         """
         s = 2j * np.pi * np.asarray(frequency, dtype=float)
         if self.lower.any() and (s == 0.0).any():

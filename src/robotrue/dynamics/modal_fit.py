@@ -46,7 +46,7 @@ _DRAGGED: Final = 0.02
 """Rms misfit, over the lines, from which poles beyond the band are looked for; they have to halve
 it, which they cannot do to noise."""
 _DAMPED: Final = 0.2
-"""Damping beyond which a pole describes the rest of the curve and not a mode."""
+"""Damping beyond which a pole describes the background of the curve and not a mode."""
 
 
 def fit_modes(frf: FrequencyResponse, *, lower: bool | None = None) -> ModalModel:

@@ -33,7 +33,7 @@ _ROUND: Final = 1e-6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PassJoints(Columns):
-    """Joints of a pass and where they put the tool.
+    """Joints of a pass and their tool poses.
 
     Attributes:
         time: (m,) s.

@@ -310,7 +310,7 @@ def _place_queries(
     """The file of queries that were given as arrays.
 
     Raises:
-        ConfigurationError: No joints, or joints beside a table.
+        ConfigurationError: No joints, or joints in addition to a table.
     """
     if joints_deg is None or queries is not None:
         raise ConfigurationError(

@@ -38,7 +38,7 @@ class FinishedCall(Generic[R]):
     """An operation that ran.
 
     Attributes:
-        request: What it was asked.
+        request: Its request.
         result: Its result.
         messages: What it reported.
     """

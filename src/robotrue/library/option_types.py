@@ -8,7 +8,7 @@ from typing import Literal, TypedDict
 
 
 class CalibrateOptions(TypedDict, total=False):
-    """Options of ``calibrate``, beside what the function states."""
+    """Further options of ``calibrate``."""
 
     method: Literal["auto", "nominal", "geometric", "elastic", "ripple", "gp"]
     mapping: str | Path | None
@@ -18,7 +18,7 @@ class CalibrateOptions(TypedDict, total=False):
 
 
 class TransferOptions(TypedDict, total=False):
-    """Options of ``transfer``, beside what the function states."""
+    """Further options of ``transfer``."""
 
     mapping: str | Path | None
     report: str | Path | None
@@ -34,14 +34,14 @@ class TransferOptions(TypedDict, total=False):
 
 
 class ValidateOptions(TypedDict, total=False):
-    """Options of ``validate``, beside what the function states."""
+    """Further options of ``validate``."""
 
     mapping: str | Path | None
     report: str | Path | None
 
 
 class CompensateOptions(TypedDict, total=False):
-    """Options of ``compensate``, beside what the function states."""
+    """Further options of ``compensate``."""
 
     part: str | None
     wrench: str | None
@@ -65,7 +65,7 @@ class CompensateOptions(TypedDict, total=False):
 
 
 class PlanOptions(TypedDict, total=False):
-    """Options of ``plan``, beside what the function states."""
+    """Further options of ``plan``."""
 
     poses: int
     region: str | None

@@ -30,8 +30,8 @@ NO_ANCHOR = -1
 class LengthSet(Columns):
     """n lengths, each from the reflector to an anchor, or to the reflector in another pose.
 
-    A draw wire has its eyelet for an anchor, a ball bar its fixed socket. A gauge bar whose two
-    sockets the tool is put into has no anchor: it lies between two poses.
+    A draw wire has its eyelet for an anchor, a ball bar its fixed socket. A gauge bar with two
+    sockets for the tool has no anchor: it lies between two poses.
 
     Attributes:
         joints: (n, dof) rad, in the robot model's sense.

@@ -23,7 +23,7 @@ from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.measurement.screening import duplicate_rows
 
 FEWEST_POSES: Final = 6
-"""Poses that a set needs, unless an operation asks for less."""
+"""Poses that a set needs, unless an operation requires fewer."""
 MISFIT: Final = 0.05
 """Part of the reach: more than this is left by another robot (UR5 for UR10: 0.06 to 0.1 on measured
 data), not by an unstated reflector of 100 mm (0.01)."""

@@ -1,10 +1,9 @@
 """The process that answers a robot controller, and does nothing else.
 
-``python -m robotrue.online.answering FD`` is started by
-:mod:`robotrue.online.answering_link`, with one end of a socket pair. It owns the controller's
-socket, the guard and the answers; samples and counters go to the service, what is wanted comes
-from it. It imports little, and asks to run before other programs: real-time priority where it is
-allowed, else a better nice value, else neither.
+``python -m robotrue.online.answering FD`` is started by :mod:`robotrue.online.answering_link`, with
+one end of a socket pair. It owns the controller's socket, the guard and the answers; samples and
+counters go to the service, what is wanted comes from it. It imports little, and requests a high
+priority: real-time where allowed, else a better nice value, else neither.
 
 When the service is gone, the correction goes to zero at its rate and the process ends.
 """
@@ -85,7 +84,7 @@ def _open_link(opening: wire.Opening) -> tuple[CorrectionGuard | None, RobotLink
 
 
 class _Answering:
-    """The loop beside the answering thread: samples and counters out, what is wanted in."""
+    """The loop next to the answering thread: samples and counters out, requests in."""
 
     def __init__(
         self, pipe: socket.socket, link: RobotLink[Any], guard: CorrectionGuard | None

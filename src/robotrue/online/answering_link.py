@@ -40,7 +40,7 @@ _END: Final = 20.0
 """s that it has to bring a correction to zero, hand over the last samples and end."""
 _LOOK: Final = 0.005
 _PATIENCE: Final = 0.2
-"""s that what is asked may wait for a process that is not reading."""
+"""s that a request may wait for a process that is not reading."""
 
 
 def answering_guard(
@@ -258,7 +258,7 @@ class AnsweringLink:
             await asyncio.to_thread(self._start, before)
 
     def _tell(self, request: wire.LinkRequest) -> None:
-        """Asks something of the process; one that does not read misses what is wanted of it."""
+        """Sends a request to the process; one that does not read misses what is wanted of it."""
         if self._died:
             return
         data = wire.write_message(request)

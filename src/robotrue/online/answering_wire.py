@@ -125,7 +125,7 @@ class AnsweringReport:
         guard: State of its guard.
         watch: The count of the controller's packets, in brief.
         peer: Their sender, abbreviated.
-        link: In full, likewise the rest.
+        link: In full, like the others.
         health: Counters of the link.
         force: Counters of the measured force.
         preferred: Whether its thread may run before all others.
@@ -194,7 +194,7 @@ class RemoteGuard:
         self._ask: Callable[[LinkRequest], None] = lambda _: None
 
     def want(self, correction: Correction, host_time: float) -> None:
-        """Asks for a correction to be reached: the whole of it, in ABSOLUTE terms.
+        """Requests a total correction, in ABSOLUTE terms.
 
         Raises:
             ModelMismatchError: It is meant as an increment.

@@ -278,7 +278,7 @@ def _refine_fit(
 
 
 def _deviation(normal: Array, free: Array, rest: Array, weight: Array) -> Array:
-    """Standard deviations, for a rest whose samples are not independent of their neighbours."""
+    """Standard deviations, for residuals whose samples are not independent of their neighbours."""
     score = np.einsum("aij,ij,j->ai", free, rest, weight)
     n, lags = len(rest), min(len(rest) // 4, int(0.5 * _GRID))
     middle = score @ score.T

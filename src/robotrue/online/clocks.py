@@ -34,7 +34,8 @@ _FIRST: Final = 1e-3
 _FINEST: Final = 1e-6
 """s, what the clocks themselves resolve."""
 _LATE_RUN: Final = 25
-"""Packets in a row later than JUMP before all are doubted: a stall of the host clears sooner."""
+"""Packets in a row later than JUMP before all are flagged, since a stall of the host clears
+sooner."""
 _LATE_BINS: Final = 3
 """Seconds in a row later than JUMP before the clock is taken to have jumped."""
 _TRIMMED: Final = 3.0
@@ -78,7 +79,7 @@ class StreamClock:
         self._bins = np.zeros((WINDOW, 2))
 
     def align(self, controller: Array, host: Array) -> tuple[Array, BoolArray]:
-        """Returns when samples were taken (n,) s on the host's clock, and which to doubt (n,).
+        """Returns sample times (n,) s on the host's clock, and which are uncertain (n,).
 
         The times never fall. A sample without a controller time keeps the moment it came.
 
@@ -210,7 +211,7 @@ class StreamClock:
         """Ends a second: its least delay joins the line, unless the clock has jumped."""
         number, fit = self._number, self._fit
         least, where = number[1], number[2]
-        # rounding may put a time that is not before the end into the second that ends
+        # rounding may move a time at the end into the second that ends
         number[0] = max(number[0] + 1.0, np.floor((controller - fit[0]) / BIN))
         number[1] = np.inf
         if not np.isfinite(least):
@@ -258,7 +259,7 @@ class StreamClock:
         )  # fmt: skip
 
     def _rising(self, time: Array) -> Array:
-        """Times that never fall: a better fit must not put a sample before the one it follows."""
+        """Times that never fall: a better fit must not move a sample before the previous one."""
         rising = np.maximum.accumulate(
             np.maximum(np.where(np.isfinite(time), time, -np.inf), self._number[4])
         )

@@ -5,7 +5,8 @@ as a right angle to x allows, y = z cross x.
 
 While a robot may hold a correction there is a note on disk, so that no later start forgets it:
 written before corrections begin, removed when they have ended at zero. A service that was killed,
-lost its robot, or does not know what the robot holds leaves it; the next one asks the operator.
+lost its robot, or does not know what the robot holds leaves it; the next one requires confirmation
+by the operator.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ class Corrections:
         """Starts with no correction.
 
         Args:
-            guard: Limits, ramps, watches, and is asked by the link.
+            guard: Limits, ramps, watches; called by the link.
             R_base_frame: (dof,) rad as displayed to the (3, 3) axes of the controller's
                 correction in base.
             cutoff: Hz of the first-order low-pass.

@@ -182,7 +182,7 @@ class CsvSink:
 
 
 def _put(file: FileIO, data: bytes, size: int) -> int:
-    """Returns the size after ``data`` was put at the end; all of it or nothing."""
+    """Returns the size after appending ``data``; all of it or nothing."""
     done = 0
     try:
         while done < len(data):

@@ -1,7 +1,7 @@
 """ABB Externally Guided Motion: ``EgmRobot`` of the controller, and what may be sent back.
 
 UDP, one message a datagram, every 4 ms. Field numbers are those of ``egm.proto``. There are two
-generations of it: RobotWare 6 numbers the measured force 1, RobotWare 7 puts ``fcActive`` there
+generations of it: RobotWare 6 numbers the measured force 1, RobotWare 7 uses it for ``fcActive``
 and numbers the force 2. Read with the wrong one the force is an empty list and nothing complains;
 so the generation is stated, and an empty force is refused.
 """
@@ -328,7 +328,7 @@ def read_target(data: bytes) -> tuple[int, tuple[float, ...], EgmPose | None]:
 def _read_header(message: WireMessage) -> tuple[int, int, MessageType]:
     what, header = message.what, message.message(1, f"{message.what} header")
     seqno, tm, kind = header.varint(1), header.varint(2), header.varint(3)
-    # the proto asks for none; a controller sends it always, and sensors do without
+    # the proto requires none; a controller sends it always, and sensors do without
     if tm is None and what != "EgmRobot":
         tm = 0
     if seqno is None or tm is None or max(seqno, tm) >= 1 << 32:

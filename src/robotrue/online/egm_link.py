@@ -223,7 +223,7 @@ class EgmForce:
         )
 
     def take(self, seen: SeenMessage) -> None:
-        """Keeps the force of a message; a message without one is refused here, not there."""
+        """Stores the force of a message; refuses a message without one here."""
         try:
             egm_force_block([seen], self._link.settings.force_frame)
         except FormatError as refused:

@@ -119,13 +119,13 @@ def numbers(block: EstimateBlock, joints: int) -> Array:
 
 
 def doubt_words(doubt: int) -> str:
-    """Returns the names of the bits of a doubt joined by ``+``, ``none`` for no doubt."""
+    """Returns the names of the bits of a warning joined by ``+``, ``none`` for no warning."""
     names = [str(d.name).lower() for d in _BITS if doubt & d]
     return "+".join(names) or NO_DOUBT
 
 
 def doubt_names() -> dict[int, str]:
-    """Returns the name of each bit of a doubt, lower case."""
+    """Returns the name of each bit of a warning, lower case."""
     return {int(d): str(d.name).lower() for d in _BITS}
 
 

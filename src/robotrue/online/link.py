@@ -19,7 +19,7 @@ from robotrue.online.sequence import SequenceState
 from robotrue.online.udp import CROWDED, Address
 
 Role = Literal["robot", "force"]
-"""Whether joints or forces are asked of an address: RTDE, EGM and records have both."""
+"""Whether joints or forces are read from an address: RTDE, EGM and records have both."""
 FORCE_FRAMES: Final = ("sensor", "tool", "base")
 """Axes in which a source states forces; the value of its ``frame=``."""
 CORRECTION_MODES: Final = tuple(mode.value for mode in CorrectionMode)

@@ -22,7 +22,7 @@ class NetAddress:
     Attributes:
         scheme: Before ``://``.
         host: Name or number.
-        port: 0 for a server asks the system for a free one.
+        port: 0 for a server requests a free one from the system.
         path: After the port, without its first and last ``/``.
         user: Before ``@``, or empty.
         password: After the colon of the user, or empty; never printed.

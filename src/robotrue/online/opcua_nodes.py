@@ -1,4 +1,4 @@
-"""The object tree that OPC UA clients see: names, units, and how a doubt becomes a status code.
+"""The object tree that OPC UA clients see: names, units, and the status code of a warning.
 
 ``Objects/<cell>``: ``Note``, ``Valid``, ``Doubt`` (bits), ``DoubtText``, ``Sequence``;
 ``Error/Ex..Ez``, ``Peak/Ex..Ez`` (largest size since the update before), ``Deviation/Ex..Ez`` (one

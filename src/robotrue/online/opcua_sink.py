@@ -37,7 +37,7 @@ _STALE_BEATS: Final = 10
 
 
 class OpcUaSink(DisplaySink):
-    """A server that shows the latest estimate, its band, its doubt and every link's counters."""
+    """A server that shows the latest estimate, its band, its warnings and every link's counters."""
 
     def __init__(self, address: NetAddress, settings: SinkSettings) -> None:
         """Takes ``opcua://host:port?rate=10``; user and password from the address or environment.

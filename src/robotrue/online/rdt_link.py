@@ -1,4 +1,4 @@
-"""The link to an ATI Net F/T or Axia sensor: asks for records, asks again when they stay away.
+"""The link to an ATI Net F/T or Axia sensor: requests records, again after a silence.
 
 The sensor sends from the first request to the last and knows one client only. Datagrams that have
 piled up are read at once and become one block. The stream is never taken as it is: without the
@@ -49,7 +49,7 @@ _DATAGRAM: Final = 40 * RECORD.itemsize
 _MOST: Final = 512
 """Records read at once, at most."""
 _KERNEL: Final = 1 << 22
-"""Bytes asked of the system for datagrams not yet read; it may grant less."""
+"""Requested size of the system's buffer for datagrams, bytes; it may grant less."""
 _LOOK: Final = 0.1
 """s, at most, from close() to the end of a read."""
 _RETRY: Final = (0.2, 2.0)
@@ -72,7 +72,7 @@ class RdtSettings:
         device: Family.
         rate: Records per second; None if ``page`` states it.
         frame: Frame of the axes: "sensor" unless the sensor itself turns them.
-        silence: s without a record after which the sensor is asked again.
+        silence: s without a record after which records are requested again.
         gather: s for which datagrams pile up before they are read.
     """
 
@@ -192,7 +192,7 @@ class RdtSource:
         return self._scale, self._rate
 
     def _enter(self, rate: float) -> None:
-        """Opens the socket and asks for records; what comes after belongs to a new clock."""
+        """Opens the socket and requests records; what comes after belongs to a new clock."""
         link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket = link
         link.setblocking(False)

@@ -63,7 +63,7 @@ class RecordWriter:
             header: Of the segments to come.
             segment: Bytes from which a new segment starts.
             memory: Bytes of frames that may wait.
-            write: Puts bytes to a file; another one in tests of a full disk.
+            write: Writes bytes to a file; another one in tests of a full disk.
 
         Raises:
             ConfigurationError: Another process writes to it.

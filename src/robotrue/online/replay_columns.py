@@ -166,7 +166,7 @@ def _whole(values: Array) -> bool:
 def _by_line(
     body: bytes, names: tuple[str, ...], path: str | Path, line: int
 ) -> tuple[Array, RobotrueError | None]:
-    """The rows of a stretch up to the first that is none, and what is wrong with that."""
+    """Returns the rows of a stretch up to the first invalid one, and its fault."""
     rows: list[list[float]] = []
     fault = None
     for number, raw in enumerate(body.split(b"\n")[:-1], start=line + 1):

@@ -102,8 +102,8 @@ def split_frames(buffer: bytes) -> tuple[tuple[RtdePacket, ...], bytes]:
     """Returns the whole packets at the start of a stream's bytes, and the bytes left over.
 
     Raises:
-        FormatError: A size or type that cannot be: the stream is out of step, and nothing after
-            it can be trusted.
+        FormatError: An invalid size or type: the stream is out of step, and everything after it is
+            invalid.
     """
     frames = []
     at = 0

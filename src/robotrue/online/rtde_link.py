@@ -86,7 +86,7 @@ class _RtdeLink(Generic[B]):
         )
 
     async def close(self) -> None:
-        """Asks the controller to pause and lets it go; an open :meth:`blocks` ends soon after."""
+        """Pauses the controller and disconnects; an open :meth:`blocks` ends soon after."""
         self._closed = True
         if self._writer is not None and not self._writer.is_closing():
             with contextlib.suppress(OSError):

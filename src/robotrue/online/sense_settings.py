@@ -41,7 +41,7 @@ class SenseSettings:
         rate: Force samples per second, where no address states it.
         clock: File of ``robotrue sense align``.
         name: Of the cell, in topics and pages.
-        note: Shown beside every estimate.
+        note: Shown with every estimate.
         nodesets: Folder of OPC UA NodeSet files.
         seconds: How long; None until the forces end or it is stopped.
     """
@@ -160,7 +160,7 @@ def correction_limits(
         recover: After a fault corrections begin again from zero.
 
     Raises:
-        ConfigurationError: No limit or no rate is stated, or one that cannot be.
+        ConfigurationError: No limit or no rate is stated, or an invalid one.
     """
     if limit_mm is None or rate_mm_per_s is None:
         raise ConfigurationError(

@@ -40,9 +40,9 @@ class JointTrack:
     """Joint samples as rows that a force finds its place in.
 
     Attributes:
-        rows: (k, HEAD + 2 dof), by rising time: time it came, doubt, time the joints are of, reach
-            of their speed in s, acceleration of the held mass x y z; then joints (rad), then
-            speeds (rad/s).
+        rows: (k, HEAD + 2 dof), by rising time: time it came, warning, time of the joints, reach of
+            their speed in s, acceleration of the held mass x y z; then joints (rad), then speeds
+            (rad/s).
     """
 
     __slots__ = ("_age", "_arm", "_last", "_path", "_robot", "_weighs", "rows")

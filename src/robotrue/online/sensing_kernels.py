@@ -169,7 +169,7 @@ def _check_clocks(time: float, sent: float, flag: int, p: np.record, s: np.recor
 
 @compile_kernel(EXACT)
 def _write_joints(time: float, row: Array, p: np.record, c: Constants, q: Array) -> int:
-    """Writes the joints of a time; returns doubts about them."""
+    """Writes the joints of a time; returns their warnings."""
     doubt, dof = int(row[1]), len(q)
     on = min(time - row[2], row[3])
     for k in range(dof):

@@ -1,4 +1,4 @@
-"""A force that cannot be right, seen from its numbers alone: counts, flat tops, a dead cable.
+"""Detects an implausible force from its numbers alone: counts, flat tops, a dead cable.
 
 The same tests as of recorded forces (:func:`robotrue.dynamics.force.check_force`), one sample at a
 time. They need a few samples to see it; at the start these fall into the time the filters settle.

@@ -119,8 +119,8 @@ def advance_block(
 ) -> tuple[SequenceState, IntArray]:
     """Returns the state after packets in the order they came, and the flags (n,) of each.
 
-    Equal to :func:`advance` packet by packet, which is asked about every
-    packet that does not follow the one before.
+    Equal to :func:`advance` packet by packet, which handles every packet that does not follow the
+    one before.
 
     Args:
         state: Before the first packet.

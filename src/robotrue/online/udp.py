@@ -51,8 +51,8 @@ _AT_ONCE: Final = 4096
 class UdpEndpoint:
     """A bound socket and its thread.
 
-    The thread asks the system to run before all others (round robin, a low real-time priority);
-    ``preferred`` states whether that was granted. It sleeps between datagrams.
+    The thread requests the highest priority from the system (round robin, a low real-time
+    priority); ``preferred`` states whether that was granted. It sleeps between datagrams.
 
     Args:
         host: Own address; ``0.0.0.0`` for all.

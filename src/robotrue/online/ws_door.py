@@ -23,8 +23,9 @@ class Door:
     origin gives it away, or the host name it was sent to if that name was bent to point here.
 
     Attributes:
-        token: To be shown by every viewer; empty asks for none.
-        names: Host names this server goes by; None where it goes by any, and asks for the token.
+        token: To be shown by every viewer; empty requires none.
+        names: Host names this server goes by; None where any name is valid, which requires the
+            token.
         origins: Other pages that may connect, ``https://host:port``.
     """
 

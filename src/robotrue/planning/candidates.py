@@ -29,8 +29,8 @@ class Candidates:
     Attributes:
         joints: (n, dof) rad.
         drawn: Number of postures looked at.
-        rejected: (reason, count), in the order the reasons were asked; a posture counts once, so
-            that candidates and rejected ones add up to those drawn.
+        rejected: (reason, count), in the order of the checks; a posture counts once, so that
+            candidates and rejected ones add up to those drawn.
     """
 
     joints: Array

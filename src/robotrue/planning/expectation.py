@@ -22,7 +22,7 @@ from robotrue.planning.plan_defaults import CRITERION, Criterion
 from robotrue.planning.probing import ProbingTask, linear_task
 
 RANDOM: Final = 20
-"""Random plans beside the chosen one."""
+"""Random plans for comparison with the chosen one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

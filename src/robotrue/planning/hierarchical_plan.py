@@ -58,7 +58,7 @@ def target_counts(domains: Domains, total: int, *, further: float = 0.0) -> IntA
     Args:
         domains: Where.
         total: Poses of the whole target domain.
-        further: Share by which the furthest sub-space gets more than a near one; rule 2 asks for
+        further: Share by which the furthest sub-space gets more than a near one; rule 2 requires
             "suitably more" without a number, and section 3 takes the same for all: 0.
 
     Raises:
@@ -137,7 +137,7 @@ def _order_by_rule(
     rule: TargetRule,
     rng: np.random.Generator,
 ) -> IntArray:
-    """All source rows, those a rule asks for first, the others in random order."""
+    """All source rows, those required by a rule first, the others in random order."""
     drawn: IntArray = rng.permutation(len(features))
     if rule == "random":
         return drawn

@@ -156,7 +156,7 @@ class LinearModel(Columns):
 
         Args:
             postures: Where the arm will work.
-            T_flange_tool: (4, 4) the point asked about; None is the measured reflector.
+            T_flange_tool: (4, 4) the requested point; None is the measured reflector.
         """
         robot = self.robot
         if T_flange_tool is not None:

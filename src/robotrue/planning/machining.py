@@ -43,7 +43,7 @@ from robotrue.robot.model import RobotModel
 from robotrue.robot.spin import SHAPES, SpinSettings
 
 MOVED: Final = 30.0 * MM
-"""Frames of sides that put a corner of the part further apart are different clampings."""
+"""Frames of sides that move a corner of the part further apart are different clampings."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,7 +63,7 @@ def require_one_clamping(sides: Sequence[Side], box: Box) -> None:
     """Passes for part frames near enough to be readings of one clamping.
 
     Raises:
-        ConfigurationError: They put a corner of the box more than 30 mm apart.
+        ConfigurationError: They move a corner of the box by more than 30 mm.
     """
     corners = _corners(box)
     first = apply(sides[0].T_base_part, corners)
@@ -267,7 +267,7 @@ def job_moves(
         remarks: Comments for the head.
 
     Raises:
-        ConfigurationError: Not an ortho-parallel arm, of whose maker words are asked.
+        ConfigurationError: Not an ortho-parallel arm, of a maker with configuration words.
     """
     moves = [_joint_moves(robot, joints, words_of) for joints in job.moves]
     sides = [

@@ -13,7 +13,7 @@ POSES: Final = 30
 CANDIDATES: Final = 2000
 """Usable postures to choose from."""
 SEED: Final = 1
-"""Of the candidates, and of the random plans shown beside."""
+"""Of the candidates, and of the random plans for comparison."""
 GOAL: Final = "mean"
 """Touches serve the rms over the machined points, not the worst of them."""
 LEAN_DEG: Final = 15.0

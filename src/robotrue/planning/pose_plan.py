@@ -62,7 +62,7 @@ class PlanSettings:
         step_back: rad, each joint's move from the pre-position.
         enough: m; the plan stops when the next pose lowers the expected rms error by less.
         loads: States of payload and wrench that can be measured; empty is the cell's payload.
-        seed: Of the candidates and of the random plans shown beside.
+        seed: Of the candidates and of the random plans for comparison.
         fit: Priors and noise of the fit that will follow; the cell's if not given.
         unmodelled: Sizes of what the linear model leaves out.
     """

@@ -36,8 +36,8 @@ from robotrue.robot.statics import NO_LOAD, Load
 
 ROUGH: Final = 0.02
 ROUGH_TURN: Final = 0.04
-"""m and rad, by which a frame may be off before the first touch. Loose beside any arm, and not so
-loose that the exchange of single touches, which takes them back, loses its digits."""
+"""m and rad, by which a frame may be off before the first touch. Wide compared with any arm, but
+not so wide that the exchange of single touches, which subtracts them, loses its digits."""
 MOTIONS: Final = (
     *(f"shift along {axis}" for axis in "xyz"),
     *(f"turn about {axis}" for axis in "xyz"),
@@ -86,7 +86,7 @@ class Machining(Columns):
 
     @property
     def query(self) -> Query:
-        """The postures, as the uncertainty of machined points asks for them."""
+        """The postures, as inputs of the uncertainty of machined points."""
         return Query(joints=self.joints, load=self.load, T_flange_tool=self.T_flange_tool)
 
 

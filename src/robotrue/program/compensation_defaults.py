@@ -9,6 +9,6 @@ MAX_SHIFT_MM: Final = 10.0
 MAX_STEP_MM: Final = 0.1
 """Largest step between a target left alone and its compensated neighbours."""
 SPLIT_LIMIT: Final = 100_000
-"""Targets put between those of a program, at most."""
+"""Largest number of targets inserted between those of a program."""
 BLEND_MM: Final = 0.2
 """``$APO.CDIS`` of programs that are made of tool paths."""

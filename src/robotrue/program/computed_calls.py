@@ -1,7 +1,7 @@
 """Moves of KRL and RAPID to targets that the program computes, as calls of a correcting function.
 
-Only the text of the target is put into a call, and only where that is certain to be right; the text
-around it, and every other byte, stays.
+Only the text of the target is wrapped in a call, and only where that is certain to be right; the
+text around it, and every other byte, stays.
 """
 
 from __future__ import annotations

@@ -30,7 +30,7 @@ WIDEST_DEG: Final = (180.0, 80.0, 180.0)
 DIGITS: Final = (5, 6)
 """Decimals of the mm and the deg that are printed."""
 SLACK: Final = 1e-4
-"""Share of a side, and of a turn, by which rounding may put a pose outside."""
+"""Share of a side, and of a turn, by which rounding may move a pose outside."""
 TOOL_MM: Final = 0.01
 """By which the tool in force may differ from that of the table; as many deg."""
 LONGEST_NAME: Final = 16

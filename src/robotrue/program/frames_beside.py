@@ -21,7 +21,7 @@ from robotrue.program.lang import find_language, languages
 from robotrue.program.program import FrameTable
 
 _SYSTEM: Final = ("System", "SYSTEM", "Mada", "MaDa", "MADA")
-"""Folders of a KUKA controller beside that of its programs."""
+"""Folders of a KUKA controller next to that of its programs."""
 _ABOVE: Final = 3
 _SAME: Final = 1e-6
 """m and rad; a frame that differs by less is the one printed with fewer digits."""

@@ -111,7 +111,7 @@ class Insertion(Columns):
 
 
 class Inserter(Protocol):
-    """What a dialect offers that can put targets into a program: a leaf file beside its writer."""
+    """Inserts targets into programs of a dialect: a leaf file next to its writer."""
 
     def moves(self, job: Sequence[Program]) -> Moves:
         """Returns the moves of a job from its statements."""

@@ -14,7 +14,7 @@ class Whole:
 
     Attributes:
         why: One clause.
-        line: One-based line that asks for it, 0 if none does.
+        line: One-based line that requires it, 0 without one.
     """
 
     why: str

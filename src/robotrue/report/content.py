@@ -37,7 +37,7 @@ from robotrue.report.figure import Drawing, inline_svg, png
 from robotrue.report.words import ENGLISH, Lang, ReportTexts
 
 Tone: TypeAlias = Literal["good", "caution", "bad", "plain"]
-"""How a statement is coloured: as asked, look closer, not as asked, no judgement."""
+"""How a statement is coloured: passed, caution, failed, no verdict."""
 Cell: TypeAlias = str | int | float | None
 """One table cell; floats are printed with the digits of their column, None as a dash."""
 DIGITS: Final = 3

@@ -129,7 +129,7 @@ def standalone_svg(inline: str, family: str) -> str:
 
 
 def _stand_ins(figure: Figure) -> dict[str, str]:
-    """Puts Latin letters of the same width in place of texts the drawing font has no glyphs for.
+    """Substitutes Latin letters of the same width for texts without glyphs in the drawing font.
 
     The SVG keeps text as text, in the reader's fonts; only the layout needs its size. So the file
     is the same on every machine, whatever fonts it has.

@@ -15,7 +15,7 @@ HASH: Final = "content_sha256"
 def report_json(content: ReportContent) -> str:
     """Returns the report as JSON text; equal content gives equal text, NaN becomes null.
 
-    ``content_sha256`` in it is the hash of all the rest (:func:`is_intact`), inputs included:
+    ``content_sha256`` in it is the hash of all other values (:func:`is_intact`), inputs included:
     ``provenance`` holds theirs.
     """
     document = report_document(content)

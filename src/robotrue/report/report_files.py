@@ -1,4 +1,4 @@
-"""Reports written in the form their file name asks for, with their JSON twin next to them."""
+"""Writes reports in the format of their suffix, with a JSON file next to them."""
 
 from __future__ import annotations
 

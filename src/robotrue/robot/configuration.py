@@ -172,7 +172,7 @@ def branch_fits(maker: Maker, wanted: IntArray, have: IntArray) -> BoolArray:
 def on_turn(
     robot: RobotModel, maker: Maker, joints: Array, wanted: IntArray, *, near: Array | None = None
 ) -> tuple[Array, BoolArray]:
-    """Returns joints (n, 6) rad on the turns that words ask for, and whether the limits allow it.
+    """Returns joints (n, 6) rad on the turns stated by words, and whether the limits allow it.
 
     Of several turns that fit the nearest is taken. An axis nearer than ``EDGE`` to where its word
     changes fits both.

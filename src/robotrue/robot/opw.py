@@ -196,7 +196,7 @@ def bare_arm(convention: Convention, table: bytes) -> RobotModel:
 
 @lru_cache(maxsize=64)
 def _from_table(convention: Convention, table: bytes) -> OpwGeometry | None:
-    """Kept by table: every inverse asks for it, and reading it costs as much as 1000 inverses."""
+    """Kept by table: every inverse needs it, and deriving it costs as much as 1000 inverses."""
     bare = bare_arm(convention, table)
     geometry = _read_axes(bare)
     if geometry is None:

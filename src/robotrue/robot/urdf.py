@@ -185,7 +185,7 @@ def _walk(tree: UrdfTree, steps: list[UrdfJoint]) -> _Chain:
 def _bodies(
     tree: UrdfTree, link: str, T_base_link: Array, on_chain: set[str]
 ) -> list[tuple[float, Array]]:
-    """Mass and centre in base of a link and of all fixed to it beside the chain."""
+    """Mass and centre in base of a link and of all fixed to it off the chain."""
     body = tree.links[link]
     found = [(body.mass, apply(T_base_link, body.com))] if body.mass > 0.0 else []
     for joint in tree.joints:

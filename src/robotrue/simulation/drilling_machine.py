@@ -75,7 +75,7 @@ class DrillingMachine:
 
 
 def _build_foot(foot: Foot, random: np.random.Generator) -> Foot:
-    """Returns the foot as it was made: every sensor up to 0.25 mm beside its drawn place."""
+    """Returns the foot as it was made: every sensor up to 0.25 mm from its drawn place."""
     seat = foot.seat + random.uniform(-0.25, 0.25, (len(foot.radius), 2)) * MM
     return replace(
         foot, radius=np.hypot(seat[:, 0], seat[:, 1]), angle=np.arctan2(seat[:, 1], seat[:, 0])

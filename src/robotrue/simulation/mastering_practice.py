@@ -46,7 +46,7 @@ TOUCH: Final = 0.05 * MM
 """One touch, per axis."""
 POSES: Final = 60
 STEP: Final = 1e-6
-"""rad, of the differences that put the tip on the point."""
+"""rad, of the differences that move the tip to the point."""
 
 
 def practice_cell(seed: int, *, level: float = 1.0) -> VirtualCell:

@@ -62,7 +62,7 @@ class RailArm:
 
     Attributes:
         robot: With its errors.
-        slope: (3,) m/m, of the base beside the stated rail, base axes.
+        slope: (3,) m/m, of the base off the stated rail, base axes.
         length: (6, w) m, waves of the profiles: shifts and turns of the base.
         phase: (6, w) rad.
     """

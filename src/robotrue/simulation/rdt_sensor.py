@@ -1,7 +1,7 @@
 """An ATI force sensor to practise with: records of counts over UDP, its page of scale over HTTP.
 
-Simulated throughout. As the real one it sends nothing until it is asked, to the latest that asked,
-and numbers its records from one with every request.
+Simulated throughout. As the real one it sends only on request, to the latest client, and numbers
+its records from one with every request.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ _AHEAD: Final = 128
 _ON_GRID: Final = 1e-3
 """Of the time between two records."""
 _MOST_DUE: Final = 4096
-"""Records made at once; after a longer pause of this computer the rest is left out."""
+"""Records made at once; after a longer pause of this computer the others are left out."""
 _UNWELL: Final = 1 << 31 | 1 << 1
 
 

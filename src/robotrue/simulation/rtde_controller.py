@@ -1,6 +1,6 @@
 """A Universal Robots controller to practise with: RTDE protocol 2 over TCP, several clients.
 
-Simulated throughout. It ticks 500 times a second; a client gets every k-th tick, as it asked.
+Simulated throughout. It ticks 500 times a second; a client gets every k-th tick, as requested.
 Variables it does not have are answered ``NOT_FOUND``, as the real one does.
 """
 

@@ -231,7 +231,7 @@ def row_of(session: Session, id: str, *, lock: bool = False) -> JobRow:
 def end(
     into: Transaction, row: JobRow, state: str, error: Mapping[str, object] | None = None
 ) -> None:
-    """Puts a job over, with an entry in the journal."""
+    """Ends a job, with an entry in the journal."""
     row.state, row.finished = state, now()
     row.error = None if error is None else dict(error)
     if state == DONE:

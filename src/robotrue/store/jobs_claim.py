@@ -113,7 +113,7 @@ def report_progress(workspace: Workspace, claim: Claim, progress: float, text: s
 def finish(
     into: Transaction, claim: Claim, result: Mapping[str, object], remarks: list[str]
 ) -> bool:
-    """Puts the job done with its result; returns False, and does nothing, if the claim is lost."""
+    """Marks the job as done with its result; returns False if the claim is lost."""
     row = lock_claimed(into, claim)
     if row is None or row.cancel:
         return False

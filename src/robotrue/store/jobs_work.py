@@ -2,7 +2,7 @@
 
 A kind of job is a function by name, ``module:function``, that takes a :class:`Work` and returns
 what is to be written, as a function of a transaction. That is called once, at the end, in the
-transaction that puts the job ``done``: half results are never seen.
+transaction that marks the job ``done``: partial results are never visible.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ def kind_named(target: str) -> Kind:
 
 
 def attempt(folder: Path, url: str | None, target: str, claim: Claim) -> None:
-    """Does a job once, and puts it done, failed or cancelled.
+    """Runs a job once, and marks it done, failed or cancelled.
 
     Raises:
         DatabaseDownError: The database does not answer: the job is to be queued again.

@@ -250,7 +250,7 @@ class _StoredRail:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _SamplesHead:
-    """Header of a file of measurements, beside its columns."""
+    """Header of a file of measurements, besides its columns."""
 
     format_version: int
     dof: int

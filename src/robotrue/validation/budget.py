@@ -51,7 +51,7 @@ class Contribution:
             read by ``divisor``; ``repeatability``: ISO 9283 RP.
         divisor: Value over this is the input's standard uncertainty.
         sensitivity: Of the measurand, m per unit, root mean square.
-        in_target: Whether it counts for a compensated target; the rest only for a check reading.
+        in_target: Whether it counts for a compensated target; the others only for a check reading.
     """
 
     name: Name

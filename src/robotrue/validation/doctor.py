@@ -170,7 +170,7 @@ def _name_best(compared: Sequence[Hypothesis]) -> tuple[Hypothesis, float] | Non
     weights = np.exp(weights - weights.max())
     clean = float(weights[0] / weights.sum())
     best = compared[0]
-    # What is asked is whether the rows are clean; between causes of one effect the best is named.
+    # The question is whether the rows are clean; between causes of one effect the best is named.
     return (best, 1.0 - clean) if 1.0 - clean > SURE else None
 
 

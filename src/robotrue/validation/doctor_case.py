@@ -1,4 +1,4 @@
-"""Measured rows beside what an arm of their type can do: the case the data doctor examines.
+"""Measured rows with the typical errors of their arm: the input of the data doctor.
 
 The rows are linearised once at a robust fit. Everything a calibration may explain has a covariance:
 geometry and compliance by their priors, ripple and a smooth residual over the postures. What is

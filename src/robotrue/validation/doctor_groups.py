@@ -262,7 +262,7 @@ class Clock:
 def _build_lag(
     residuals: Evidence, step: int, removed: float, read: MeasurementSet | None = None
 ) -> Hypothesis | None:
-    """The hypothesis of a lag beside one that is removed from the examined rows already.
+    """Returns the hypothesis of a lag in addition to one removed from the examined rows already.
 
     Args:
         residuals: Of the rows without the lag that is removed.

@@ -71,7 +71,7 @@ class Segment:
         advice: What to do.
         describe: Text from the coefficients (q,) and the effect (m rms).
         widths: (w,) sd of the coefficients, each as likely.
-        shares: (s, q) sizes of the columns beside one another, each as likely.
+        shares: (s, q) relative sizes of the columns, each as likely.
         heads: Whether the first rows may be the wrong ones. Where the frame or the reflector is not
             known, wrong first rows and wrong last rows are one hypothesis: the first are right.
     """

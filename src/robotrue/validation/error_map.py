@@ -140,7 +140,7 @@ def error_map(
         near: (dof,) rad, a posture of the branch wanted; the middle of the training range, or of
             the limits, if None. It is turned about joint 1 to each point.
         load: One payload.
-        T_flange_tool: (4, 4) point asked about; the measured point if None.
+        T_flange_tool: (4, 4) requested point; the measured point if None.
 
     Raises:
         ShapeError: Counts that do not divide into the sectors.

@@ -5,7 +5,7 @@
 ``pooled``          the sources' posterior moved by the target rows, as if they were one campaign
 ``source-only``     a source as it is, widened by drift; target rows only place a new tracker frame
 ``learned``         boosted Gaussian processes on poses, no knowledge of the arm (method ``gp``)
-``target-only``     geometry and compliance from the target rows, the rest from the prior
+``target-only``     geometry and compliance from the target rows, the others from the prior
 ``target-only gp``  and ripple and a smooth residual
 ==================  ==============================================================================
 

@@ -62,7 +62,7 @@ def pose_characteristics(
 
     Args:
         commanded: (3,) m.
-        attained: (n, 3) m, one row per cycle; the standard asks for n = 30.
+        attained: (n, 3) m, one row per cycle; the standard requires n = 30.
         commanded_abc: (3,) rad, Euler angles of the command.
         attained_abc: (n, 3) rad, in the same order of angles.
 
@@ -133,7 +133,7 @@ def path_characteristics(commanded: Array, attained: Array) -> PathCharacteristi
     Args:
         commanded: (m, 3) m, stations on the commanded path.
         attained: (n, m, 3) m, where each cycle crosses the normal plane of each station; the
-            standard asks for n = 10.
+            standard requires n = 10.
 
     Raises:
         ShapeError: Fewer than two cycles, or shapes that do not match.
@@ -167,7 +167,7 @@ def _enough_cycles(n: int) -> None:
 
 
 CYCLES: Final = 30
-"""Cycles ISO 9283 asks for at each pose; with fewer its symbols are not used."""
+"""Cycles required by ISO 9283 at each pose; with fewer its symbols are not used."""
 SAME: Final = 1e-6
 """rad; joints that differ by less were commanded alike (0.001 mm at 1 m)."""
 

@@ -47,7 +47,7 @@ class SolvedTouches:
         off: (m,) m, distance of the touches from what was expected before them.
         half: (m, r) root of their covariance: the arm, the point, then a column per zero of the
             hypothesis, m/rad.
-        noise: (m, m) m^2, the rest of it.
+        noise: (m, m) m^2, the remainder.
         row: (m,) touch of each number.
         zeros: How many zeros are unknown.
     """

@@ -75,7 +75,7 @@ def register(
     Raises:
         ObservabilityError: Collinear or coincident points, too few touches, an undetermined motion.
         ImplausibleDataError: Wrong units, exchanged names, a mirrored part, points off the part,
-            half of the touches contradicting the rest.
+            half of the touches contradicting the others.
         ModelMismatchError: Joints of another robot.
         ConvergenceError: A fit that does not converge.
 

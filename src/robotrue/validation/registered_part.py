@@ -22,7 +22,7 @@ from robotrue.core.units import MM, UM
 Route = Literal["frame", "joint"]
 """``frame``: the arm's model as it is; ``joint``: arm, tool and frames in one estimate."""
 FEW_BEYOND: Final = 0.15
-"""Share of touches just beyond the bound of good ones that chance may put there."""
+"""Share of touches just beyond the bound of good ones that chance explains."""
 MISFIT: Final = 0.999
 """Probability that the residuals of good touches stay below the bound of the verdict."""
 TOO_GOOD: Final = 1e-3
@@ -92,8 +92,7 @@ class RegisteredPart:
         identity: The model the frames belong to: only it may run programs in them.
         touched_with: The model that was given; another one where the joint estimate moved the arm.
         refined: The arm as the joint estimate has it; None where it stayed as it was.
-        moved: m, rms, by which the refined arm predicts the tip elsewhere at the touches; 0
-            without.
+        moved: m, rms shift of the refined arm's tip at the touches; 0 without.
         doubts: About all frames.
         provenance: Of the touches and of the arm's model.
     """

@@ -1,4 +1,4 @@
-"""Registration with the arm's model as it is: the frame alone, doubted as far as the arm is."""
+"""Registration with the arm's model as it is: the frame alone, with the warnings of the arm."""
 
 from __future__ import annotations
 
@@ -188,7 +188,7 @@ def frame_alone(
 
     Raises:
         ObservabilityError: An undetermined motion.
-        ImplausibleDataError: Exchanged names, or half the touches against the rest.
+        ImplausibleDataError: Exchanged names, or half the touches against the others.
         ConvergenceError: No convergence.
     """
     fit, gain = fit_by_method(settings.method, found.touches, found.in_base, noise=found.noise)

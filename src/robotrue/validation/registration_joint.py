@@ -40,7 +40,7 @@ ENOUGH: Final = 27
 100 simulated cells, frame alone and joint estimate: 9 touches of three sides .69 and .20 mm, 10 of
 one side .17 and .12 mm there, 1.44 and 1.36 mm on the other (benchmarks/registered_parts.py)."""
 SPARE: Final = 3
-"""Numbers beyond frames and tool that a joint estimate asks at the least."""
+"""Fewest numbers beyond frames and tool for a joint estimate."""
 EXACT: Final = 1e-6
 """m, deviation of a tip stated as exact."""
 TILT: Final = 10.0 * DEG
@@ -107,7 +107,7 @@ def joint_registration(
 
     Raises:
         ObservabilityError: An undetermined motion.
-        ImplausibleDataError: Exchanged names, or half the touches against the rest.
+        ImplausibleDataError: Exchanged names, or half the touches against the others.
         ConvergenceError: No convergence.
     """
     robot = arm.robot

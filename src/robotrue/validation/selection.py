@@ -303,7 +303,7 @@ def _stop_hopeless(refits: Mapping[str, WholeFit]) -> dict[str, StoppedCandidate
 def _find_losers(
     done: Mapping[str, Sequence[Evaluation]], parts: int
 ) -> tuple[str, dict[str, StoppedCandidate]]:
-    """The best candidate on the folds so far, and those that lose to it beyond doubt."""
+    """The best candidate on the folds so far, and those that clearly lose to it."""
     errors = {
         name: np.concatenate([np.linalg.norm(r.after, axis=1) for r in results])
         for name, results in done.items()

@@ -63,8 +63,8 @@ def admit_sources(
 def check_rows(robot: RobotModel, rows: MeasurementSet) -> None:
     """Refuses rows that are impossible for this robot.
 
-    Fewer than :data:`FEWEST_PLAUSIBLE` rows fit any frame; in base they are only asked to lie where
-    the arm was sent.
+    Fewer than :data:`FEWEST_PLAUSIBLE` rows fit any frame; in base they are only compared with the
+    commanded poses.
 
     Raises:
         ModelMismatchError: Another number of joints.

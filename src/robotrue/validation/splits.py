@@ -1,9 +1,9 @@
-"""Ways to hold poses back, each asking another question.
+"""Ways to hold out poses, each for another question.
 
-A random split asks how well a model interpolates between neighbours it has seen; blocks of rows ask
-whether it survives drift and order; regions ask whether it extrapolates; sets ask whether it
-carries to another campaign. On one measured arm the same model scores 0.15 mm on a random split and
-0.87 mm on a region split: print one beside the other.
+A random split tests the interpolation of a model between training neighbours; blocks of rows test
+its robustness to drift and order; regions test its extrapolation; sets test its transfer to another
+campaign. On one measured arm the same model scores 0.15 mm on a random split and 0.87 mm on a
+region split: print both.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Faults of touches before a frame is fitted: units, names, mirrors, patterns.
 
 Every check names the touches at fault. A frame from touches that are wrong in one of these ways may
-leave small residuals, so each raises; what is only a doubt comes back as a sentence.
+leave small residuals, so each raises; warnings are returned as sentences.
 """
 
 from __future__ import annotations
@@ -145,7 +145,7 @@ def check_pattern_of(touches: ProbingSet) -> None:
 
 
 def check_order(touches: ProbingSet, in_base: Array, *, tolerance: float) -> tuple[str, ...]:
-    """Returns doubts about a pattern that fits more than one way; exchanged names raise.
+    """Returns warnings about a pattern that fits more than one way; exchanged names raise.
 
     Args:
         touches: Of one part; only feature points are looked at.
@@ -174,7 +174,7 @@ def check_order(touches: ProbingSet, in_base: Array, *, tolerance: float) -> tup
 
 
 def check_mirror(touches: ProbingSet, in_base: Array, *, sigma: float) -> tuple[str, ...]:
-    """Returns a doubt about flat patterns; points that fit only as their mirror image raise.
+    """Returns a warning about flat patterns; points that fit only as their mirror image raise.
 
     Args:
         touches: Of one part.
@@ -254,7 +254,7 @@ def check_exchanged(
 
 
 def check_on_mesh(touches: ProbingSet, mesh: TriangleMesh, *, tolerance: float) -> tuple[str, ...]:
-    """Returns doubts about feature points off the part; surface touches off it raise.
+    """Returns warnings about feature points off the part; surface touches off it raise.
 
     Args:
         touches: Of one part.

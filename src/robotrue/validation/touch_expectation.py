@@ -91,7 +91,7 @@ class ExpectedTouch:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckedTouch:
-    """A reading beside what was expected.
+    """A reading with its expectation.
 
     Attributes:
         off: (3,) m in base, read minus expected; along the normal alone of a surface.

@@ -144,7 +144,7 @@ WORST_POINTS = 10
 def validate(
     model: ErrorModel, measurements: MeasurementSet, *, payload: Load | None = None
 ) -> ValidationReport:
-    """Returns how well a model predicts measured poses, and the doubts.
+    """Returns the accuracy of a model at measured poses, and its warnings.
 
     Args:
         model: Any error model.

@@ -26,7 +26,7 @@ class Entries(BaseModel):
 
     Attributes:
         entries: As the session wrote them.
-        next: Byte to ask for next.
+        next: Next byte to request.
         size: Of the file in bytes.
         anew: The file is another one than before: forget what was read of it.
     """

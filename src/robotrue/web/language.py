@@ -63,7 +63,7 @@ class Wording:
 
 
 def choose_language(accept_language: str) -> str:
-    """Returns the language a browser's ``Accept-Language`` asks for first; English otherwise."""
+    """Returns the preferred language of a browser's ``Accept-Language``; English otherwise."""
     for part in accept_language.lower().split(","):
         tag = part.partition(";")[0].strip().partition("-")[0]
         if tag in LANGUAGES:

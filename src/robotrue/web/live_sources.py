@@ -108,7 +108,7 @@ def set_limits(workspace: Workspace, id: str, limits: Limits) -> DocumentRecord:
 
 
 def record_alarm(workspace: Workspace, id: str, alarm: Alarm) -> None:
-    """Puts the beginning or the end of an alarm into the journal of the workspace.
+    """Writes the start or the end of an alarm to the journal of the workspace.
 
     Raises:
         RobotrueError: The database does not take it.

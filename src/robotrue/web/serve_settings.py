@@ -69,7 +69,7 @@ class ServeSettings:
         workspace: Folder (or address) of the workspace.
         host: Address listened on; ``127.0.0.1`` is this machine alone.
         port: TCP port; 0 takes a free one.
-        password: What people log in with; empty asks for none.
+        password: What people log in with; empty requires none.
         token: What programs send as ``Authorization: Bearer``; empty lets none in.
         names: Further host names the workbench is reached by.
         certificate: TLS certificate (PEM), or None for plain HTTP.

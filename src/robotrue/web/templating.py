@@ -1,4 +1,4 @@
-"""Jinja2 templates of the pages; whatever is put into one is escaped."""
+"""Jinja2 templates of the pages; all inserted values are escaped."""
 
 from __future__ import annotations
 

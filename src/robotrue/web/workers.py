@@ -34,7 +34,7 @@ GRACE: Final = 2.0
 MOST: Final = 4
 """Processes at a time."""
 KEPT: Final = 24
-"""Answers kept: a version of an item never changes, nor does what it is asked."""
+"""Answers kept: neither a version of an item nor the query changes."""
 BYTES: Final = 16 * 1024 * 1024
 """Of all answers together."""
 Key: TypeAlias = tuple[Hashable, ...]
@@ -175,7 +175,7 @@ def _begin() -> None:
 
 
 class Answers:
-    """Asks each question once; two equal queries at the same time wait for one answer."""
+    """Runs each query once; two equal queries at the same time wait for one answer."""
 
     def __init__(self, workers: QueryWorkers) -> None:
         self._workers = workers

@@ -33,7 +33,7 @@ class EquationReadings:
         second_axis: Eq. 11. ``a x n`` is right-handed; ``n x a``, as printed, has determinant -1,
             and the angles taken from it turn the model the wrong way about two axes.
         attitude: Eq. 12. ``feature in base`` is [n o a]; ``base in feature`` is its transpose, as
-            printed, put into eq. 13 as printed.
+            printed, inserted into eq. 13 as printed.
         angle_values: Eq. 15. ``text``: z 3, y 2.3, x 3.5 deg; ``equation 15`` exchanges the first
             and the last.
         angle_labels: Under eq. 3 the text turns Z, Y, X by alpha, beta, gamma; the product in the

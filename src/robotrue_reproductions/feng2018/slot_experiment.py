@@ -39,7 +39,7 @@ CHECKED: Final = np.stack(
     np.meshgrid(*(np.linspace(0.0, edge, n) for edge, n in zip(SIZE, (4, 3, 4), strict=True)),
                 indexing="ij"), axis=-1
 ).reshape(-1, 3)  # fmt: skip
-"""(48, 3) m, points spread over the block at which the truth is asked, part."""
+"""(48, 3) m, points spread over the block for comparison with the truth, part."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -45,7 +45,7 @@ _WORSE: Final = 1.5
 
 
 def feature_correction(run: Array, touched: Array) -> tuple[Array, Array]:
-    """Returns the correction that puts the run feature frame on the touched one, eq. 9-15.
+    """Returns the correction that maps the run feature frame to the touched one, eq. 9-15.
 
     Eq. 13: touched = run Rz(gamma) Ry(beta) Rx(alpha), both attitudes feature in base.
 

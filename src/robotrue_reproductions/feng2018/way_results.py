@@ -243,7 +243,7 @@ def sessions_of(
     method: str = "ripple",
     sizes: CellSizes | None = None,
 ) -> dict[str, Session]:
-    """Returns the sessions that ways ask for, by their ``cell``; arguments as above."""
+    """Returns the sessions of ways, by their ``cell``; arguments as above."""
     kinds: dict[str, Callable[[], Session]] = {
         "plain": lambda: session(seed, sizes=sizes, method=method),
         "askew": lambda: with_spindle_askew(seed),

@@ -113,7 +113,7 @@ def run(request: CalibrateRequest, context: Context) -> Calibrated:
     """Fits the model and writes it; with a report, also checks it on its training poses.
 
     Raises:
-        ObservabilityError: Too few measurements for what is asked.
+        ObservabilityError: Too few measurements for the request.
     """
     from robotrue.app.data_doctor import read_examined
     from robotrue.calibration.model import provenance_of

@@ -36,7 +36,7 @@ class Predictions:
     """Predicted errors.
 
     Attributes:
-        queries: What was asked, one row each.
+        queries: The query, one row each.
         prediction: Error and covariance of each row.
         n: Predictions.
         mean_mm: Mean length of the predicted error.

@@ -260,7 +260,7 @@ class WorkspaceEmptyBinRequest(Request):
 
 
 def empty_recycle_bin(request: WorkspaceEmptyBinRequest, context: Context) -> PlainResult:
-    """Shows what would go, asks, and removes it.
+    """Shows the files to remove, asks for confirmation, and removes them.
 
     Raises:
         ConfigurationError: No terminal to confirm at and no ``--yes``, or the answer was no.

@@ -30,7 +30,7 @@ from robotrue.validation.evaluation import Evaluation, evaluate
 MOST_ARROWS: Final = 2000
 """Poses shown; of more, every so manieth."""
 GRID: Final = (10, 8, 6)
-"""Points along x, y, z at which the predicted error is asked."""
+"""Points along x, y, z at which the error is predicted."""
 SLACK: Final = 0.02
 """m that the field goes beyond the measured poses."""
 

@@ -37,7 +37,7 @@ from robotrue.validation.registration_frame import tips
 from robotrue.validation.touch_expectation import TouchBelief, expected_readings
 
 PROPOSED: Final = -1
-"""Asks for the feature that is best touched next."""
+"""Returns the feature with the highest information gain."""
 
 
 def show_probing(workspace: Workspace, id: str, version: int, feature: int) -> bytes:

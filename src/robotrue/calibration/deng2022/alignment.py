@@ -109,7 +109,7 @@ def ridge_solution(
     """
     start = np.zeros((D.shape[1], Y.shape[1])) if centre is None else centre
     root = np.ones(len(D)) if rows is None else np.sqrt(rows)
-    # The stacked form instead of the normal equations: D has millimetres beside ones.
+    # The stacked form instead of the normal equations: D has columns of millimetres and of ones.
     tall = np.concatenate([root[:, None] * D, np.sqrt(ridge) * np.eye(D.shape[1])])
     wanted = np.concatenate([root[:, None] * (Y - D @ start), np.zeros_like(start)])
     solution: Array = start + np.linalg.lstsq(tall, wanted, rcond=None)[0]

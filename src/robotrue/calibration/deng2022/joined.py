@@ -304,7 +304,7 @@ def pose_summary(
     Args:
         rows: All rows it was fitted to.
         method: Its name.
-        inside: Where it holds, the end of the doubt.
+        inside: Its domain, the end of the warning.
         doubts: That come before it.
     """
     return {

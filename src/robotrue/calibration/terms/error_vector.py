@@ -36,14 +36,14 @@ ASSUMED_MASS: Final = 0.4
 ASSUMED_CENTRE: Final = 0.25
 """sd per axis of a centre of mass in the middle of its link, over the length of the link."""
 LEAST_OFFSET: Final = 0.05
-"""m, of the same: motors sit beside the axes of short links."""
+"""m, of the same: motors are next to the axes of short links."""
 METRE_MASS: Final = 18.0
 """Mass in kg of an arm whose links add up to a metre. Data sheets of arms from 0.6 to 2.7 m reach
-lie within a factor of 2 to 3, heavy ones above, arms that work beside people below."""
+lie within a factor of 2 to 3, heavy ones above, collaborative arms below."""
 GROWTH: Final = 3.2
 """Power of the length with which that grows."""
 SHARES: Final = (0.28, 0.20, 0.19, 0.06, 0.035, 0.015)
-"""Of the arm's mass in each link; the rest is the foot, which does not move."""
+"""Of the arm's mass in each link; the remainder is the foot, which does not move."""
 _POSTURES: Final = 8
 
 

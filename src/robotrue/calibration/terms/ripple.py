@@ -33,7 +33,7 @@ START_FAST: Final = 3e-6
 FAST: Final = 45
 """rad, sd of one coefficient from which learning starts, below and from ``FAST`` cycles."""
 REST: Final = 1e-7
-"""rad, sd to which a band falls back that the data do not ask for."""
+"""rad, sd of a band without support by the data."""
 LAW: Final = 5e-5
 """rad, sd of a coefficient at one cycle per revolution where rows are few: an eccentric encoder or
 gear wheel errs by 10 arc seconds. At N cycles it is an N-th of that."""

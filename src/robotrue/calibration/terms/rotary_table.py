@@ -85,7 +85,7 @@ class RotaryTable(Term):
         return "m, rad"
 
     def twists(self, external: Array) -> Array:
-        """Returns the motion (n, 6, k) of the part beside its stated one, by the parameters.
+        """Returns the motion (n, 6, k) of the part beyond the stated one, by the parameters.
 
         Shift, then turn, about the origin of the base and in its axes.
 
@@ -114,7 +114,7 @@ class RotaryTable(Term):
         return np.asarray(-base @ self.twists(at.conditions.external))
 
     def effect(self, robot: RobotModel, at: ArmPostures, values: Array) -> Effect:
-        """Returns the motion of the base beside the part."""
+        """Returns the motion of the base relative to the part."""
         errors = np.zeros((len(at), len(robot.errors)))
         external = at.conditions.external
         errors[:, parameter_slice(robot.dof, "base")] = -self.twists(external) @ values
@@ -152,7 +152,7 @@ class RotaryTable(Term):
         return out
 
     def in_tables(self, tables: MeanTables, values: Array) -> MeanTables | None:
-        """Returns the tables as they are: those of the arm, for targets beside the table."""
+        """Returns the tables as they are: those of the arm, for targets off the table."""
         return tables
 
     def beyond_tables(self, conditions: ArmConditions) -> bool:

@@ -43,7 +43,7 @@ LONGEST: Final = 30.0
 """Range of lengths, in units of sin and cos."""
 START: Final = 1e-4
 REST: Final = 1e-7
-"""m, amplitude where learning starts, and of a smooth residual the data do not ask for."""
+"""m, amplitude where learning starts, and of a smooth residual without support by the data."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -135,7 +135,7 @@ class Effect:
         error_shift: (n, 9 dof + 12) added to the error vector of the arm, as far as the pose of
             the tool is linear in it.
         uncarried: (n,) m^2 per axis of the term's prior variance that no parameter carries.
-        other_tool: m^2 per axis added where another tool point is asked about than was measured.
+        other_tool: m^2 per axis added for another tool point than the measured one.
     """
 
     drive_shift: Array | None = None

@@ -1,7 +1,7 @@
 """Registry of terms. A new term adds itself with :func:`register`.
 
 A package outside registers its own by an entry point of the group ``robotrue.terms`` that names the
-class; it is imported when a fit or an archive first asks for terms.
+class; it is imported when a fit or an archive first needs terms.
 """
 
 from __future__ import annotations

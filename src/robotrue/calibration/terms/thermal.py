@@ -66,7 +66,7 @@ class WarmState:
     """Thermal state of the arm at n postures.
 
     Attributes:
-        state: (n, dof) K beside 20 degC, or share of the way.
+        state: (n, dof) K relative to 20 degC, or share of the travel.
         unsure: (n,) its sd where it is not stated.
         by_lag: (n, dof) derivative by the logarithm of the lag.
     """

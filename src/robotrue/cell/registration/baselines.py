@@ -67,7 +67,7 @@ def fit_feature_frame(
     names: tuple[str, ...] = ("K", "L", "M"),
     right_angle: float = RIGHT_ANGLE,
 ) -> Registration:
-    """Returns the frame that puts the part's feature frame on the touched one.
+    """Returns the frame that maps the part's feature frame to the touched one.
 
     Args:
         in_part: (3, 3) m, K (the corner), L, M in part.

@@ -77,8 +77,8 @@ class Registration(Columns):
         covariance: (6, 6) of the displacement of the part's origin (m) and its left rotation
             vector (rad), both in base axes.
         names: Name of each touch.
-        residuals: (n, 3) m in base, touched minus where the frame puts it; along the surface
-            normal alone where a touch fixes only that.
+        residuals: (n, 3) m in base, touched minus predicted by the frame; along the surface normal
+            alone where a touch fixes only that.
         outliers: Names rejected by the fit; their residuals are listed but not fitted.
         sigma: m per axis (per touch of a surface), the noise the covariance was scaled with.
         sigma_source: ``stated``, or ``residuals`` where nothing was stated.

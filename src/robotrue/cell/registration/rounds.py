@@ -1,7 +1,7 @@
 """Rounds at the machine: drive to the points, probe, correct the frame, until it is stable.
 
-The recursion of Feng, Liang, Xi 2018 as a user does it, with three differences that the paper's own
-oscillation asks for. A correction is made from the touches of all rounds together. It is made only
+The recursion of Feng, Liang, Xi 2018 as a user does it, with three differences because of the
+paper's oscillation. A correction is made from the touches of all rounds together. It is made only
 where it is larger than its own uncertainty and takes the run nearer to the touches than they
 scatter. A part that moved between two rounds is noticed, since touches of one place differ by
 touching alone, whatever frame was run; the rounds before are then left out.

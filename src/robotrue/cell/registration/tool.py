@@ -29,7 +29,7 @@ class ToolPoint(Columns):
         p_base_point: (3,) m, the fixed point.
         covariance: (6, 6) m^2 of both, the tool point in flange axes first.
         names: Of the poses.
-        residuals: (n, 3) m in base: where the tip is put, less the fixed point.
+        residuals: (n, 3) m in base: predicted tip less the fixed point.
         sigma: m per axis.
         sigma_source: ``stated`` or ``residuals``.
         weakest: (3,) direction in flange axes known worst.

@@ -210,7 +210,7 @@ def read_force(path: str | Path) -> tuple[ForceRecord, tuple[str, ...]]:
         FormatError: Unreadable, of an unknown suffix, a column, channel or variable that is
             missing, without its unit or not known, a sample that is no finite number; with its
             line where there are lines.
-        ImplausibleDataError: An uneven clock or a sensor that cannot be right.
+        ImplausibleDataError: An uneven clock or an implausible sensor.
         MissingExtraError: TDMS without npTDMS, UFF without pyuff.
     """
     suffix = check_suffix(path, SIGNAL_SUFFIXES)

@@ -17,7 +17,7 @@ from robotrue.errors import FormatError
 from robotrue.measurement.formats.sheet import Sheet
 
 AXES: Final = ("A1", "A2", "A3", "A4", "A5", "A6")
-"""Columns of the sheet, beside ``name``: axes of the controller."""
+"""Columns of the sheet, besides ``name``: axes of the controller."""
 _NUMBER: Final = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _LIST: Final = rf"\s*{_NUMBER}(?:\s*,\s*{_NUMBER})*\s*"
 
@@ -30,7 +30,7 @@ class _Language:
         name: Of the language.
         literal: Groups ``name`` (may be missing) and ``values``.
         value: One number within the values, as its group 1.
-        comment: What makes the rest of a line a comment.
+        comment: Start of a comment in a line.
         radians: Joints are in rad.
     """
 

@@ -318,7 +318,7 @@ def build_mapping(stated: Mapping[str, object], source: Path | None = None) -> C
 
 @cache
 def read_layouts() -> Mapping[str, ColumnMapping]:
-    """Returns the known layouts by name; the one that asks for more columns comes first.
+    """Returns the known layouts by name; the one with more required columns comes first.
 
     It is the more certain match. A package outside adds the layouts of its instruments by an entry
     point of the group ``robotrue.instruments`` that names the folder of its mappings, a ``Path``.

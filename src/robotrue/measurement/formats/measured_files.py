@@ -73,7 +73,7 @@ def read_queries(
 ) -> QueryTable:
     """Returns the queries in a file: canonical columns, of which only the joints are needed.
 
-    A measurement file of any known layout will do as well; its positions are not looked at.
+    A measurement file of any known layout is accepted as well; its positions are not looked at.
     ``relation`` takes the controller's axes to joints, for a mapping of such axes.
 
     Raises:

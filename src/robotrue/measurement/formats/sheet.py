@@ -144,7 +144,7 @@ class Sheet:
             needed: Groups of names.
             optional: Groups of names.
             hint: Of the message on a missing column.
-            lacking: What to ask for instead, by the first name of its group.
+            lacking: Alternative columns, by the first name of their group.
 
         Raises:
             FormatError: A column that is in no group, or one that is missing.

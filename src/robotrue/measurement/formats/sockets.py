@@ -32,7 +32,7 @@ TURNS: Final = 6.3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SocketTouches(Columns):
-    """A ball put into the sockets of a fixture at several places.
+    """A ball in the sockets of a fixture at several places.
 
     Attributes:
         touches: One part per socket, all of them places; names are ``<place>/hole_<k>``.

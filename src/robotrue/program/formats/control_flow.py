@@ -416,7 +416,7 @@ class _DataFlow:
         """Sets the state of an unreachable node, as if the program started there without settings.
 
         Points after a GOTO are stored for teaching; the settings of their inline forms apply to
-        them. They do not reach the rest of the program.
+        them. They do not reach other parts of the program.
         """
         before = self.flow._come_from(self.key, node)
         known = [self.out[one] for one in before if one < node]

@@ -167,7 +167,7 @@ class _Builder:
         return self._numbers(side, numbers)
 
     def _shift_frames(self, base: IntArray, tool: IntArray) -> None:
-        """Puts the offsets of moves into frames and tools, in place."""
+        """Adds the offsets of moves to frames and tools, in place."""
         count = len(self.scan.number)
         offsets = {count + k: target.offset for k, target in enumerate(self.walk.written)}
         for row, offset in sorted({**self.walk.offsets, **offsets}.items()):

@@ -132,7 +132,7 @@ class Registers:
     """The registers of one program.
 
     Attributes:
-        at: What is known at each move that asks, by the first byte of its statement.
+        at: Known values at each move that uses them, by the first byte of its statement.
     """
 
     def __init__(
@@ -253,7 +253,7 @@ class Registers:
 
 
 def _look_up(state: State, text: bytes) -> State:
-    """Returns what is known of all that a move may ask for."""
+    """Returns the known values of all registers that a move may use."""
     names = [_name(*each) for each in _NAMED.findall(text)]
     for name in ("OFFSET", "TOOL_OFFSET"):
         held = state.get(name)

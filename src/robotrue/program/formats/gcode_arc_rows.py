@@ -81,7 +81,7 @@ class ArcRows:
         return Numbers(start=start, length=length, value=value)
 
     def fill(self, value: Array) -> None:
-        """Puts the middles into values (n, 6) as printed."""
+        """Writes the middles into values (n, 6) as printed."""
         rows, words = self.through
         value[rows, :3] = words.value
         value[self.plane.via, :3] = self.middle

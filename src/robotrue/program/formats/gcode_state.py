@@ -37,7 +37,7 @@ def in_force(blocks: Blocks) -> IntArray:
 
 
 def _changed_tools(said: IntArray, changes: list[int]) -> IntArray:
-    """T chooses the next tool, M6 puts it in."""
+    """T chooses the next tool, M6 loads it."""
     rows = np.arange(len(said))
     last = np.maximum.accumulate(np.where(said != NO_STATE, rows, -1))
     out = np.full(len(said), NO_STATE)

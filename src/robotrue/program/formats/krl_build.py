@@ -334,7 +334,7 @@ class Builder:
             for (where, point), uses in self.story.uses.items()
             if where == file and len(uses) > 1
         ]
-        state = np.array(state) if shared else state  # one use behind a routine in no file will do
+        state = np.array(state) if shared else state  # one use after a routine in no file is enough
         for row, states in shared:
             conflicts[row] = (states[1:, :3] != states[0, :3]).any()
             state[row, 3:] = states[:, 3:].max(axis=0)

@@ -87,7 +87,7 @@ class KrlFlow(ControlFlow):
         self.set(at, PENDING, len(self._pending) - 1)
 
     def take_pending(self, at: int) -> None:
-        """Puts FDAT_ACT in force: ``BAS(#FRAMES)``, ``BAS(#PTP_PARAMS)``, ``BAS(#CP_PARAMS)``."""
+        """Sets FDAT_ACT: ``BAS(#FRAMES)``, ``BAS(#PTP_PARAMS)``, ``BAS(#CP_PARAMS)``."""
         what = "comes from an FDAT_ACT that depends on the path here"
         self._takes.add(self._add(at, [self._at], what))
 
@@ -106,7 +106,7 @@ class KrlFlow(ControlFlow):
         self._add(at, [self._at])
 
     def restore(self, at: int) -> None:
-        """Puts back in force what was at the last :meth:`save`; variables stay as they are."""
+        """Restores the state of the last :meth:`save`; variables stay as they are."""
         if self._saved:
             node = self._add(at, [self._at])
             self._restores[node] = self._saved.pop()

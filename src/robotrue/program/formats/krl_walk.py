@@ -400,7 +400,7 @@ class KrlWalk(KrlPoints):
             self.flow.pend(2 * line + 1, *frames.inline_frames(line, inline))
 
     def _with(self, file: int, line: int, code: str) -> None:
-        """Puts in force what a WITH clause sets for its motion or spline block."""
+        """Applies the settings of a WITH clause to its motion or spline block."""
         scan, aggs = self.scans[file], range(*self.first[file][line : line + 2].tolist())
         opened = {int(scan.agg_open[a]) - int(scan.line_start[line]): a for a in aggs}
         for side, text, place in with_settings(code):

@@ -218,7 +218,7 @@ class _Builder:
         return states, swapped
 
     def _displace(self, states: IntArray, swapped: BoolArray) -> BoolArray:
-        """Puts known displacements into the work frames, in place; returns the uses left (u,)."""
+        """Adds known displacements to the work frames, in place; returns the uses left (u,)."""
         version = self.walk.course.versions(SHIFTED, self.place)
         left: BoolArray = np.asarray(version != 0)
         frames = self.walk.frames.frames

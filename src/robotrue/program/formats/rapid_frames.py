@@ -76,9 +76,9 @@ class RapidFrames:
 
     Attributes:
         frames: The matrices by index, and the sentence for each that is not known.
-        elsewhere: Modules beside the one that is read, by the targets they declare.
+        elsewhere: Modules other than the one that is read, by the targets they declare.
         own: (side, name) of those no other module can change: LOCAL, CONST, or of a routine.
-        routines: Names of routines of modules beside that change no frame.
+        routines: Names of routines of other modules that change no frame.
         renewed: (place, (side, name)) where one is given a whole value.
     """
 
@@ -175,7 +175,7 @@ class RapidFrames:
             side: ``TOOL`` or ``WORK``.
             name: Lower case; empty when the instruction names none.
             places: (n,) of the motions.
-            line: Zero-based line that first asks, for the sentence.
+            line: Zero-based line of the first use, for the note.
         """
         variable = self._known.get((side, name))
         if variable is None:

@@ -1,4 +1,4 @@
-"""Reads a RAPID job: the frames of the modules beside, then the module itself."""
+"""Reads a RAPID job: the frames of the other modules, then the module itself."""
 
 from __future__ import annotations
 

@@ -34,7 +34,7 @@ POSE: Final = _rows(3, 4)
 INLINE: Final = re.compile(
     GAP + rb"(Move[LJ])\b\s*+(" + ROBTARGET.pattern + rb")([^;\"![\](){}]*+);", re.IGNORECASE
 )
-"""A whole motion to a literal, as a post writes it: word, literal, the rest."""
+"""A whole motion to a literal, as a post writes it: word, literal, remainder."""
 WORD: Final = rb"[\w\x80-\xff]++"
 """Of a name, with the letters of whatever encoding the module is in."""
 NAME: Final = re.compile(rb"[A-Za-z\x80-\xff][\w\x80-\xff]*+")

@@ -39,7 +39,7 @@ _SHIFTS: Final = {
     "eoffsoff": (AXES_SHIFTED, 0),
 }
 FOREIGN: Final = "routine in no file"
-"""Since it ran nothing has put again what it may have changed: this, and a key of ``_SHIFTS`` or
+"""Since it ran its possible changes have not been set again: this, and a key of ``_SHIFTS`` or
 (side, name) of tools and work objects."""
 _BY_NAME: Final = "a call by name"
 _REFERENCE: Final = re.compile(r"([\w\x80-\xff]+)\s*(?:\{([^}]*)\})?$")

@@ -1,4 +1,4 @@
-"""Puts new numbers into the bytes of a RAPID module; every other byte is copied.
+"""Writes new numbers into the bytes of a RAPID module; every other byte is copied.
 
 Millimetres and degrees with fewer than three decimals are rewritten with four, quaternions with
 fewer than six with eight, so that a correction is not rounded away; all else keeps its style

@@ -84,8 +84,8 @@ class StatementInserter:
 
     Attributes:
         read: Adds the moves of a job to a trail.
-        copy: Returns the stretches that put the targets into one move, in
-            the file of its statement; raises ShapeError for a value that cannot be written.
+        copy: Returns the edits that insert the targets of one move, in the file of its statement;
+            raises ShapeError for a value that cannot be written.
     """
 
     read: Callable[[Trail, Sequence[Program]], None]

@@ -150,7 +150,7 @@ def moves_to(uses: Uses, rows: IntArray) -> IntArray:
 
     Args:
         uses: The motions.
-        rows: (n,) row of every point in the program, -1 of one that is none.
+        rows: (n,) row of every point in the program, -1 without one.
     """
     place, motion = np.array(uses.place, np.int64), np.array(uses.motion, np.int64)
     point = rows[np.array(uses.point, np.int64)]

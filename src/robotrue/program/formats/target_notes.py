@@ -11,7 +11,7 @@ import numpy as np
 from robotrue.core.arrays import BoolArray, IntArray
 
 TOLD: Final = 5
-"""Lines named one by one before the rest is counted."""
+"""Lines named one by one before the others are counted."""
 
 
 def absent_routine(place: str, names: Sequence[str], what: str) -> str:

@@ -1,4 +1,4 @@
-"""Puts new numbers into the bytes of a UR script; every other byte is copied.
+"""Writes new numbers into the bytes of a UR script; every other byte is copied.
 
 Metres and radians with fewer than six decimals are rewritten with seven (0.1 um); all else keeps
 its style (:mod:`robotrue.program.formats.number_text`).

@@ -1,7 +1,7 @@
 """Fanuc LS: TP programs as text (ASCII), with their positions in ``/POS``.
 
-What is read: positions as X Y Z W P R or J1 to J6; J, L, C, A and S moves; user frames and tools
-by number. Only the numbers of positions and the CONFIG they ask for are ever rewritten.
+What is read: positions as X Y Z W P R or J1 to J6; J, L, C, A and S moves; user frames and tools by
+number. Only the numbers of positions and their CONFIG are ever rewritten.
 """
 
 from __future__ import annotations

@@ -63,7 +63,7 @@ def router(server: ServerContext) -> APIRouter:
 
     @routes.get("/presets")
     async def list_presets() -> Response:
-        """Every robot a cell can be made with, and the numbers a form asks for."""
+        """Returns every robot for a cell, and the numbers of its form."""
         return Response(await server.answers.once(calls.list_presets), media_type=JSON)
 
     @routes.post("/cells/form")

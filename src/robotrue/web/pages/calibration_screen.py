@@ -52,7 +52,7 @@ async def _find_missing_page(context: PageContext) -> str:
 
 
 async def _form(context: PageContext) -> dict[str, object]:
-    """The fields that ask for a calibration; the set of the address is picked, else the newest."""
+    """The fields of a calibration; the set of the address is picked, else the newest."""
     cells = await context.items(CELL, ItemQuery(limit=50))
     sets = await context.items(MEASUREMENT, ItemQuery(limit=100))
     picked = context.query.get("measurements", sets[0].id if sets else "")

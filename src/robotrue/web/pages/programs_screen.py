@@ -131,7 +131,7 @@ async def _judge(context: PageContext) -> str:
 
 
 async def _list_changes(context: PageContext) -> str:
-    """The first lines that compensation changed, beside what they were."""
+    """The first lines that compensation changed, with their old text."""
     record = await _record(context)
     links, made = record.refs("before"), record.files("program")
     if not links or not made:

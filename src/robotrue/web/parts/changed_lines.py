@@ -1,4 +1,4 @@
-"""Lines of a program that compensation changed, beside the lines as they were."""
+"""Lines of a program that compensation changed, with their old text."""
 
 from __future__ import annotations
 

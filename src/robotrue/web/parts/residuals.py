@@ -21,7 +21,7 @@ FEWEST_TICKS: Final = 3
 MOST_NUMBERS: Final = 6
 """Target numbers along the lower axis."""
 TALL: Final = 700
-"""Height of a chart beside the 3-D view."""
+"""Height of a chart next to the 3-D view."""
 CHARTS: Final = ("pose", "sizes")
 """Charts of a page: errors along the poses or targets, and how large they are."""
 BOTH: Final = ("before", "after")
