@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final, Literal
+from typing import Annotated, Final, Literal
 
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
@@ -29,9 +29,6 @@ from robotrue.validation.validation_defaults import (
     REGISTRATION_METHOD,
     TOUCH_MM,
 )
-
-if TYPE_CHECKING:
-    pass
 
 
 class RegisterRequest(Request):
