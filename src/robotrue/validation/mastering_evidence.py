@@ -21,7 +21,7 @@ STILL: Final = 1e-7
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OffsetEvidence:
-    """Offsets of a hypothesis, and how well it explains the touches.
+    """Offsets of a hypothesis, and its fit to the touches.
 
     Attributes:
         log: Log marginal likelihood, up to a constant of the touches.
