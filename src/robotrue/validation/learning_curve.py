@@ -97,25 +97,28 @@ def learning_curve(
     repeats: int = 5,
     payload: Load | None = None,
     floor: float | None = None,
+    test: MeasurementSet | None = None,
     progress: Progress | None = None,
 ) -> LearningCurve:
     """Returns the error of every candidate with 0, 5, 10, 20, 40 target poses.
 
     Args:
         candidates: As of the guard.
-        target: Target rows; the largest count leaves at least :data:`FEWEST_HELD` of them to test
-            on, larger counts are left out.
+        target: Target rows; without ``test`` the largest count leaves at least
+            :data:`FEWEST_HELD` of them to test on, larger counts are left out.
         counts: Numbers of target poses.
         repeats: Random nested subsets.
         payload: Used where a row does not state its own.
         floor: m, lower bound of the error, if it is known.
+        test: Rows to test on instead, never given to a candidate.
         progress: Called before every fit.
 
     Raises:
         ShapeError: No candidates, no repeats, or too few target rows for any count.
     """
     n = len(target)
-    used = np.array(sorted({int(c) for c in counts if 0 <= c <= n - FEWEST_HELD}), dtype=np.int64)
+    room = n if test is not None else n - FEWEST_HELD
+    used = np.array(sorted({int(c) for c in counts if 0 <= c <= room}), dtype=np.int64)
     if not candidates or repeats < 1 or not len(used):
         raise ShapeError(
             f"no curve from {n} target rows, {len(candidates)} candidates and {repeats} repeats.",
@@ -128,7 +131,7 @@ def learning_curve(
     failures: dict[str, str] = {}
     done = 0
     for r, order in enumerate(orders):
-        held = target.subset(order[int(used[-1]) :])
+        held = target.subset(order[int(used[-1]) :]) if test is None else test
         for c, (name, fit) in enumerate(candidates.items()):
             for k, count in enumerate(used):
                 if progress is not None:
@@ -144,7 +147,7 @@ def learning_curve(
         counts=used,
         mean=mean,
         coverage=inside,
-        held=n - int(used[-1]),
+        held=n - int(used[-1]) if test is None else len(test),
         floor=floor,
         failures=tuple(failures.values()),
     )
