@@ -9,11 +9,10 @@ from __future__ import annotations
 import re
 from typing import Final
 
-from robotrue.program.lang.sinumerik import moves_score
+from robotrue.program.lang.sinumerik import score_g_code
 from robotrue.program.lang.word_languages import (
     G_CODE,
     g_code_feeds,
-    is_other_language,
     list_losses,
     path_inserter,
     write_words,
@@ -28,9 +27,7 @@ _OWN: Final = re.compile(
 
 
 def _score(data: bytes) -> float:
-    if is_other_language(data):
-        return 0.0
-    return moves_score(data) + 0.25 * min(len(_OWN.findall(data)), 2)
+    return score_g_code(data, _OWN)
 
 
 def _read(data: bytes, name: str, frames: FrameTable) -> Program:

@@ -82,6 +82,9 @@ _CARTESIAN: Final = re.compile(rb"[ \t]*S?(?:LIN|CIRC|PL)\b", re.IGNORECASE)
 
 def _score(data: bytes) -> float:
     """1 for a KRL header with a motion or point, less for one of the two."""
+    lower = data.lower()
+    if not any(word in lower for word in (b"{", b"&access", b"def")):
+        return 0.0
     python_like = re.search(rb"^[^\S\n]*+def\s+\w+\(.*\):", data, re.MULTILINE)
     head = bool(_HEAD.search(data)) and not python_like
     motion = bool(_MOTION.search(data))

@@ -44,8 +44,15 @@ _TIMED: Final = re.compile(
 _SPEED: Final = re.compile(rb",\s*v(\d+)\b", re.IGNORECASE)
 
 
+_NEEDED: Final = (b"%%%", b"module", b"move", b"pers", b"const", b"var")
+"""One of these is in every module; without any, the slow patterns need not look."""
+
+
 def _score(data: bytes) -> float:
     """1 for a module with a motion or data, less for one of the two."""
+    lower = data.lower()
+    if not any(word in lower for word in _NEEDED):
+        return 0.0
     return 0.5 * bool(_HEAD.search(data)) + 0.5 * bool(_BODY.search(data))
 
 

@@ -7,6 +7,7 @@ targets JT1 to JT6. What is left out is kept from before, and inserted where it 
 from __future__ import annotations
 
 import re
+from itertools import islice
 from typing import Final
 
 from robotrue.core.arrays import Array
@@ -33,15 +34,22 @@ MOVE: Final = re.compile(
 """A block that moves, in any G-code."""
 
 
-def moves_score(data: bytes) -> float:
-    """Returns what the moves of any G-code count: more than others have, from three on enough."""
-    return 0.15 * min(len(MOVE.findall(data)), 3)
+def score_g_code(data: bytes, own: re.Pattern[bytes]) -> float:
+    """Returns how surely bytes are G-code of a control, from its own words.
+
+    The moves of any G-code count more than others have, from three on enough; two words are enough.
+    """
+    if is_other_language(data):
+        return 0.0
+    moves, words = (
+        sum(1 for _ in islice(pattern.finditer(data), most))
+        for pattern, most in ((MOVE, 3), (own, 2))
+    )
+    return 0.15 * moves + 0.25 * words
 
 
 def _score(data: bytes) -> float:
-    if is_other_language(data):
-        return 0.0
-    return moves_score(data) + 0.25 * min(len(_OWN.findall(data)), 2)
+    return score_g_code(data, _OWN)
 
 
 def _read(data: bytes, name: str, frames: FrameTable) -> Program:

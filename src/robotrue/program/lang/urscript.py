@@ -40,6 +40,9 @@ _SPEED: Final = re.compile(
 
 def _score(data: bytes) -> float:
     """1 for routines with motions, less for motions alone, 0 for Python."""
+    lower = data.lower()
+    if not any(word in lower for word in (b"move", b"set_tcp", b"def")):
+        return 0.0
     if _FOREIGN.search(data):
         return 0.0
     return 0.8 * bool(_MOTION.search(data)) + 0.2 * bool(_HEAD.search(data))
