@@ -180,9 +180,10 @@ def test_a_scene_holds_what_was_measured(client: Client, filled: Shop) -> None:
     after = np.linalg.norm(unpacked(found["points"]["after"]), axis=1)
     assert after.max() < 1e-4 < np.linalg.norm(before, axis=1).mean()
     assert found["simulated"] is True
-    tubes = unpacked(found["robot"]["tubes"])
-    tip = np.linalg.norm(tubes[:, -1, 1] - shop.commanded(joints), axis=1)
-    assert tip.max() < 1e-6  # the last tube ends at the tool point
+    robot = found["robot"]
+    last, links = robot["shapes"][-1], unpacked(robot["links"])[:, -1]
+    tip = links[:, 0] + np.einsum("nij,i->nj", links[:, 1:], np.array(last["end"]))
+    np.testing.assert_allclose(tip, shop.commanded(joints), atol=1e-6)  # the tool ends there
 
 
 def test_a_program_is_judged_by_predicted_error_and_its_bound(client: Client, filled: Shop) -> None:

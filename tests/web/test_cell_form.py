@@ -13,6 +13,7 @@ import pytest
 from serving import Watched, serving, watching
 from web_shop import Client, Served, unpacked
 
+from robotrue.app.workbench.arm_body import choose_posture
 from robotrue.cell.config import parse_cell
 from robotrue.cell.obstacles import Box, HalfSpace
 from robotrue.cell.robot_table import robot_table
@@ -139,8 +140,9 @@ def test_an_arm_comes_from_a_file(client: Client, name: str) -> None:
     drawn = made.get(f"/api/scenes/cell/{kept.json()['id']}").json()
     assert "robot" in drawn, drawn
     assert drawn["robot"]["reach_m"] == pytest.approx(arm.reach, abs=1e-6)
-    if name != "arm.urdf":  # with limits it is drawn in their middle
-        expected = forward(arm, np.zeros((1, 6)))[0, :3, 3]
+    if name != "arm.urdf":  # it states limits, the others none
+        free = replace(arm, limits=np.tile([-np.pi, np.pi], (6, 1)))
+        expected = forward(arm, choose_posture(free)[None])[0, :3, 3]
         np.testing.assert_allclose(unpacked(drawn["robot"]["tool"])[0, 0], expected, atol=1e-5)
     assert ('maker = "kuka"' in found["text"]) is (maker == "kuka")
 

@@ -1,4 +1,4 @@
-"""The arm as simple bodies to draw: straight tubes along its DH table, a drum on every joint.
+"""The arm as simple bodies to draw, and where they are in its postures.
 
 Drawn, not computed with: collision and line of sight are the business of ``planning.scene``.
 """
@@ -12,57 +12,71 @@ from typing import Final
 
 import numpy as np
 
+from robotrue.app.workbench.arm_shapes import arm_shapes, link_poses
 from robotrue.cell.cell import Cell
 from robotrue.core.arrays import Array
 from robotrue.core.json_values import json_values
+from robotrue.core.poses import pose
 from robotrue.core.rotations import (
     abc_from_matrix,
     quat_wxyz_from_matrix,
     rotation_vector_from_matrix,
 )
 from robotrue.planning.arm_scene import THICK, THIN
-from robotrue.robot.forward import ChainState, walk, wrist_reach
+from robotrue.robot.forward import walk, wrist_reach
+from robotrue.robot.model import RobotModel
 
-POINT: Final = 1e-3
-"""m; a shorter tube is none."""
+POSTURES: Final = 2000
+"""From which the one of an arm without measured poses is chosen."""
+IN_FRONT: Final = (0.5, 0.0, 0.35)
+"""Tool point there, over the reach."""
+TAPER_AT: Final = (0.0, 0.4, 0.6, 1.0)
+"""Links from the first to the last, 0 to 1."""
+TAPER: Final = (1.15 * THICK, THICK, THIN, 0.8 * THIN)
+"""Radius there over the reach."""
 
 
 def body_document(cell: Cell, joints: Array) -> dict[str, object]:
-    """Returns tubes and drums of the arm in n postures.
+    """Returns the bodies of the arm and where they are in n postures.
 
-    ``tubes`` (n, t, 2, 3) m end points in base, ``drums`` (n, dof, 2, 3) m middle and axis,
-    ``tool`` (n, 4, 3) m origin and axes of the tool point, radii in m once for all postures;
+    ``shapes`` in the frames of their links, ``links`` (n, dof + 1, 4, 3) m origin and axes of base
+    and links, ``tool`` (n, 4, 3) those of the tool point;
     ``wrist_reach_m`` as data sheets state it, ``reach_m`` what no posture exceeds, tool included.
     """
     robot = cell.robot.nominal()
     state = walk(robot, joints)
-    n, dof = joints.shape
-    bends = _bends(robot.convention == "dh", robot.a, robot.d, state)
-    knots = np.concatenate([np.zeros((n, 1, 3)), state.link_position], axis=1)
-    tubes = [
-        pair
-        for k in range(dof)
-        for pair in ((knots[:, k], bends[:, k]), (bends[:, k], knots[:, k + 1]))
-    ]
-    tubes += [(knots[:, dof], state.position)]
-    ends = np.stack([np.stack(pair, axis=1) for pair in tubes], axis=1)
-    radius = _radius(cell)
-    wide = np.append(np.repeat(radius, 2), 0.5 * radius[-1])
-    kept = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2).max(axis=0) > POINT
     return {
-        "tubes": pack_floats(ends[:, kept]),
-        "tube_radius_m": wide[kept],
-        "drums": pack_floats(np.stack([state.joint_origin, state.joint_axis], axis=2)),
-        "drum_radius_m": radius,
-        "tool": pack_floats(
-            np.concatenate([state.position[:, None], np.swapaxes(state.rotation, 1, 2)], axis=1)
-        ),
+        "shapes": [shape.document() for shape in arm_shapes(robot, _radius(cell))],
+        "links": pack_floats(_columns_of(link_poses(state))),
+        "tool": pack_floats(_columns_of(pose(state.rotation, state.position))),
         "orientation": orientations(state.rotation),
         "reach_m": float(robot.reach),
         "wrist_reach_m": wrist_reach(robot),
         "name": robot.name,
-        "dof": dof,
+        "dof": robot.dof,
     }
+
+
+def choose_posture(robot: RobotModel) -> Array:
+    """Returns joints (dof,) rad in which an arm without measured poses is drawn.
+
+    Of some postures within the middle half of its limits the one that holds the tool in front of
+    the base, keeps the links above the floor, and turns its joints least.
+    """
+    robot = robot.nominal()
+    low, high = np.clip(robot.limits, -np.pi, np.pi).T
+    share = np.random.default_rng(0).uniform(0.25, 0.75, (POSTURES, robot.dof))
+    joints = low + share * (high - low)
+    state = walk(robot, joints)
+    miss = np.linalg.norm(state.position - np.array(IN_FRONT) * robot.reach, axis=1)
+    sunk = np.maximum(0.0, 0.1 * robot.reach - state.link_position[..., 2]).sum(axis=1)
+    turned = np.abs(share - 0.5).mean(axis=1) * robot.reach
+    return np.asarray(joints[np.argmin(miss + sunk + turned)])
+
+
+def _columns_of(T: Array) -> Array:
+    """Origin and axes (..., 4, 3) of poses (..., 4, 4)."""
+    return np.concatenate([T[..., None, :3, 3], np.swapaxes(T[..., :3, :3], -1, -2)], axis=-2)
 
 
 def orientations(rotation: Array) -> dict[str, object]:
@@ -81,20 +95,12 @@ def controller_angles(rotation: Array) -> dict[str, Array]:
     }
 
 
-def _bends(standard: bool, a: Array, d: Array, state: ChainState) -> Array:
-    """Returns where each link turns from along its joint axis to across it, (n, dof, 3) m."""
-    across, along = state.link_rotation[..., 0], state.link_rotation[..., 2]
-    if standard:
-        return np.asarray(state.link_position - across * np.asarray(a)[:, None])
-    return np.asarray(state.link_position - along * np.asarray(d)[:, None])
-
-
 def _radius(cell: Cell) -> Array:
+    """Radius (dof,) m of the links to draw: as stated, else by the reach, thinner to the flange."""
     if cell.link_radius is not None:
         return np.asarray(cell.link_radius)
-    dof = cell.robot.dof
-    share = np.where(np.arange(dof) < 3, THICK, THIN)
-    return np.asarray(share * cell.robot.reach)
+    taper = np.interp(np.linspace(0.0, 1.0, cell.robot.dof), TAPER_AT, TAPER)
+    return np.asarray(taper * cell.robot.reach)
 
 
 def pack_floats(values: Array) -> dict[str, object]:

@@ -6,13 +6,14 @@ from typing import Final
 
 import numpy as np
 
-from robotrue.app.workbench.arm_body import answer, body_document, pack_floats
+from robotrue.app.workbench.arm_body import answer, body_document, choose_posture, pack_floats
 from robotrue.app.workbench.file_imports import cell_of
 from robotrue.app.workbench.model_views import evaluate_set, from_simulation
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
 from robotrue.cell.obstacles import Box, Sphere
 from robotrue.core.arrays import Array
+from robotrue.core.poses import inverse
 from robotrue.core.regions import CubeRegion
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
@@ -38,11 +39,10 @@ SLACK: Final = 0.02
 def draw_cell(workspace: Workspace, cell_id: str, version: int) -> bytes:
     """Returns a cell without a model: arm and frames."""
     cell = cell_of(workspace, items.get(workspace, CELL, cell_id, version=version))
-    middle = cell.robot.limits.mean(axis=1) if np.isfinite(cell.robot.limits).all() else None
-    joints = np.zeros(cell.robot.dof) if middle is None else middle
     return answer({
-        "robot": body_document(cell, joints[None]),
+        "robot": body_document(cell, choose_posture(cell.robot)[None]),
         "frames": _frame_documents(cell),
+        "trackers": _tracker_places(cell),
         "obstacles": _obstacle_documents(cell),
     })  # fmt: skip
 
@@ -54,6 +54,7 @@ def draw_model(workspace: Workspace, model_id: str, version: int) -> bytes:
     rows = measurements.read_data(workspace, record)
     document = {
         "frames": _frame_documents(held.cell),
+        "trackers": _tracker_places(held.cell, held.model),
         "obstacles": _obstacle_documents(held.cell),
         "simulated": from_simulation(held.model, rows),
     }
@@ -72,8 +73,13 @@ def draw_measurement(
     held = models.model_of(workspace, items.get(workspace, MODEL, model_id, version=model_version))
     rows, seen = evaluate_set(workspace, set_id, version, held)
     simulated = from_simulation(held.model, [rows])
-    frames = _frame_documents(held.cell)
-    return answer({"frames": frames, "simulated": simulated, **_points(held.cell, seen)})
+    document = {
+        "frames": _frame_documents(held.cell),
+        "trackers": _tracker_places(held.cell, held.model),
+        "obstacles": _obstacle_documents(held.cell),
+        "simulated": simulated,
+    }
+    return answer({**document, **_points(held.cell, seen)})
 
 
 def _points(cell: Cell, seen: Evaluation) -> dict[str, object]:
@@ -94,17 +100,22 @@ def _points(cell: Cell, seen: Evaluation) -> dict[str, object]:
 
 
 def _frame_documents(cell: Cell) -> list[dict[str, object]]:
-    """Returns the frames of a cell by name: base, part frames or work frame, tracker."""
+    """Returns the frames of a cell by name: base, part frames or work frame."""
     frames = [("base", np.eye(4))]
     if cell.part is not None:
         frames += [(frame.name, frame.T_base_part) for frame in cell.part.frames]
     elif not np.allclose(cell.T_base_frame, np.eye(4)):
         frames.append(("frame", cell.T_base_frame))
-    if cell.tracker_place is not None:
-        place = np.eye(4)
-        place[:3, 3] = cell.tracker_place
-        frames.append(("tracker", place))
     return [{"name": name, "T_base_frame": T} for name, T in frames]
+
+
+def _tracker_places(cell: Cell, model: ErrorModel | None = None) -> list[Array]:
+    """Returns where instruments stand, (3,) m in base: as a model estimated, else as stated."""
+    belief = None if model is None else model.belief()
+    estimated = [] if belief is None else list(belief.T_tracker_base.values())
+    if estimated:
+        return [inverse(T)[:3, 3] for T in estimated]
+    return [] if cell.tracker_place is None else [cell.tracker_place]
 
 
 def _obstacle_documents(cell: Cell) -> list[dict[str, object]]:
@@ -123,7 +134,7 @@ def _obstacle_documents(cell: Cell) -> list[dict[str, object]]:
 
 def _posture(cell: Cell, model: ErrorModel) -> Array:
     seen = model.training_summary().joint_range
-    return np.zeros(cell.robot.dof) if seen is None else np.asarray(seen.mean(axis=0))
+    return choose_posture(cell.robot) if seen is None else np.asarray(seen.mean(axis=0))
 
 
 def _field(cell: Cell, model: ErrorModel, seen: Evaluation) -> dict[str, object] | None:
@@ -178,6 +189,7 @@ def show_plan(workspace: Workspace, plan_id: str, version: int) -> bytes:
             "scene": {
                 "robot": body_document(cell, joints),
                 "frames": _frame_documents(cell),
+                "trackers": _tracker_places(cell),
                 "obstacles": _obstacle_documents(cell),
                 "simulated": simulated,
                 "points": {

@@ -77,7 +77,7 @@ def describe_errors(errors: ExpectedErrors, files: Sequence[str]) -> dict[str, o
     low, high = float(both.min()) / 1.1, float(both.max()) * 1.1
     edges = np.geomspace(low, high, BINS + 1)
     return {
-        "rows": [_describe_target(errors, row, files) for row in _choose_rows(errors)],
+        "rows": [_describe_target(errors, row, files) for row in choose_rows(errors)],
         "thinned": len(errors) > DRAWN,
         "last": int(errors.number[-1]),
         "low_m": low,
@@ -103,8 +103,8 @@ def _describe_target(errors: ExpectedErrors, row: int, files: Sequence[str]) -> 
     }
 
 
-def _choose_rows(errors: ExpectedErrors) -> list[int]:
-    """Rows to draw: all, or the largest error of each stretch."""
+def choose_rows(errors: ExpectedErrors) -> list[int]:
+    """Returns the rows to draw: all, or the largest error of each stretch."""
     if len(errors) <= DRAWN:
         return list(range(len(errors)))
     largest = np.maximum(errors.before, errors.after)

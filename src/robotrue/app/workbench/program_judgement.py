@@ -13,8 +13,13 @@ import numpy as np
 from robotrue.app.force_options import parse_wrench
 from robotrue.app.serve_defaults import LARGEST_DRAWN
 from robotrue.app.stated_force import force_parameters
-from robotrue.app.workbench.arm_body import answer, body_document, pack_floats
-from robotrue.app.workbench.errors_along import ExpectedErrors, describe_errors, find_movers
+from robotrue.app.workbench.arm_body import answer, body_document, choose_posture, pack_floats
+from robotrue.app.workbench.errors_along import (
+    ExpectedErrors,
+    choose_rows,
+    describe_errors,
+    find_movers,
+)
 from robotrue.app.workbench.model_views import from_simulation
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell, frame_table, overlay_cell
@@ -22,7 +27,7 @@ from robotrue.cell.config import read_cell
 from robotrue.cell.part import PartFrame
 from robotrue.compensation.difference import Difference, difference
 from robotrue.compensation.stance import start_joints
-from robotrue.core.arrays import Array, BoolArray
+from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.poses import apply
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError, ModelMismatchError
@@ -181,15 +186,6 @@ def _document(
     known = _require_known(np.isfinite(before + after + bound))
     states = None if tolerance is None else conformity(after, bound, tolerance)
     drawn = np.flatnonzero(known & np.isfinite(position).all(axis=1))
-    path = {
-        "position": pack_floats(position[drawn]),
-        "before_m": pack_floats(before[drawn]),
-        "after_m": pack_floats(after[drawn]),
-        "bound_m": pack_floats(bound[drawn]),
-        "tolerance_m": tolerance,
-        "line": line[drawn],
-        "compared": found.compared,
-    }
     point = np.full(len(kept), -1)
     point[drawn] = np.arange(len(drawn))
     movers = [find_movers(one.joints, found.cell.robot.controller) for _, one in parts]
@@ -201,11 +197,22 @@ def _document(
         mover=np.concatenate(movers)[kept],
         point=point,
     )
+    errors = errors.take(known)
     sizes = {"before": before, "after": after, "bound": bound, "shift": shift}
     # What nothing is known of comes first: it is why the program is NO-GO.
     order = np.argsort(-np.where(known, after + bound, np.inf), kind="stable")[:WORST]
+    path = {
+        **{f"{name}_m": pack_floats(sizes[name][drawn]) for name in ("before", "after", "bound")},
+        "position": pack_floats(position[drawn]),
+        "tolerance_m": tolerance,
+        "line": line[drawn],
+        "compared": found.compared,
+    }
+    marked = np.unique([*errors.point[choose_rows(errors)], *point[order]])
+    marked = marked[marked >= 0]
+    joints = np.concatenate([one.joints for _, one in parts])[kept][drawn][marked]
     return {
-        "scene": _draw_scene(found, path),
+        "scene": _draw_scene(found, path, marked, joints),
         "simulated": found.simulated,
         "model": {"name": found.record.name, "version": found.record.version},
         "part": None if found.part is None else _part_known_to(found.part),
@@ -217,7 +224,7 @@ def _document(
         "after_m": _statistics(after[known]),
         "bound_m": float(bound[known].max()),
         "expected_m": float((after + bound)[known].max()),
-        "along": describe_errors(errors.take(known), names),
+        "along": describe_errors(errors, names),
         "states": {}
         if states is None
         else {each.name.lower(): int((states == each).sum()) for each in Conformity},
@@ -251,13 +258,21 @@ def _require_known(known: BoolArray) -> BoolArray:
     return known
 
 
-def _draw_scene(found: _Found, path: Mapping[str, object]) -> dict[str, object]:
-    start = found.model.training_summary().joint_range
-    joints = np.zeros(found.cell.robot.dof) if start is None else start.mean(axis=0)
+def _draw_scene(
+    found: _Found, path: Mapping[str, object], marked: IntArray, joints: Array
+) -> dict[str, object]:
+    """The 3-D view; the arm can be shown at the points (m,) of the path whose joints are known."""
+    known = np.isfinite(joints).all(axis=1)
+    if not known.any():
+        start = found.model.training_summary().joint_range
+        middle = choose_posture(found.cell.robot) if start is None else start.mean(axis=0)
+        marked, joints = marked[:0], middle[None]
+    else:
+        marked, joints = marked[known], joints[known]
     return {
-        "robot": body_document(found.cell, joints[None]),
+        "robot": body_document(found.cell, joints),
         "frames": [{"name": "base", "T_base_frame": np.eye(4)}],
-        "path": path,
+        "path": {**path, "posture": marked},
         "simulated": found.simulated,
     }
 

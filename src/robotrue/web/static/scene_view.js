@@ -3,6 +3,10 @@
 // and all is whole again at rest.
 "use strict";
 
+import { fitCamera } from "/static/camera_fit.js";
+import { drawBeam, drawInstruments } from "/static/instrument.js";
+import { RobotBody } from "/static/robot_body.js";
+
 const RAMP = [[47, 109, 179], [63, 167, 160], [140, 194, 106], [240, 176, 64], [216, 67, 43]].map((c) => c.map((v) => (v / 255) ** 2.2));
 const REST_MS = 160;
 const HELD_MS = 500; // a whole picture between two of a slow machine would make all of them late
@@ -10,6 +14,9 @@ const SLOW_MS = 50;
 const COARSEST = 0.4;
 const THIN_PATH = 4000;
 const MOST_PASSED = 20000;
+const MOST_FITTED = 2000;
+const FAR = 1.8; // reaches; an instrument beyond is drawn, but does not make the arm small
+const FROM = [0.75, -1.5, 0.85]; // of the arm, where it works along x
 
 export const rampCss = "linear-gradient(90deg,#2f6db3,#3fa7a0,#8cc26a,#f0b040,#d8432b)";
 
@@ -39,6 +46,13 @@ export function lengths(v) {
   const out = new Float32Array(v.length / 3);
   for (let i = 0; i < out.length; i++) out[i] = Math.hypot(v[3 * i], v[3 * i + 1], v[3 * i + 2]);
   return out;
+}
+
+// Some of (n, 3) points, as [x, y, z, x, ...].
+function thinned(points, most) {
+  const step = 3 * Math.max(1, Math.ceil(points.length / 3 / most)), found = [];
+  for (let i = 0; i < points.length; i += step) found.push(points[i], points[i + 1], points[i + 2]);
+  return found;
 }
 
 export function quantile(values, share) {
@@ -78,7 +92,7 @@ export class SceneView {
     this.camera.up.set(0, 0, 1);
     this.controls = new this.OrbitControls(this.camera, this.renderer.domElement);
     this.controls.addEventListener("change", () => this.moved());
-    this.controls.addEventListener("start", () => (this.held = true));
+    this.controls.addEventListener("start", () => (this.held = this.turned = true));
     this.controls.addEventListener("end", () => {
       this.held = false;
       if (this.rest) this.moved();
@@ -110,17 +124,15 @@ export class SceneView {
 
   theme() {
     const css = getComputedStyle(document.documentElement);
-    const dark = document.documentElement.dataset.theme === "dark";
+    const dark = (this.dark = document.documentElement.dataset.theme === "dark");
     this.scene.background = new this.THREE.Color(dark ? "#161c23" : "#eef1f4");
     this.colours = {
       before: new this.THREE.Color(css.getPropertyValue("--before").trim()),
       after: new this.THREE.Color(css.getPropertyValue("--after").trim()),
-      body: new this.THREE.Color(dark ? "#7c8895" : "#c9d1d9"),
-      drum: new this.THREE.Color(dark ? "#e08a45" : "#d9782d"),
       floor: new this.THREE.Color(dark ? "#2b3641" : "#cfd6dd"),
     };
-    this.material?.color.copy(this.colours.body);
-    this.drumMaterial?.color.copy(this.colours.drum);
+    this.body?.theme(dark);
+    if (this.places) this.instruments(this.places);
     this.floorMaterial?.color.copy(this.colours.floor);
     this.wanted();
   }
@@ -133,6 +145,7 @@ export class SceneView {
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2) * this.coarse);
     this.renderer.setSize(w, h);
     this.labels.setSize(w, h);
+    this.look();
     this.wanted();
   }
 
@@ -205,67 +218,33 @@ export class SceneView {
   }
 
   robot(doc) {
-    const T = this.THREE;
     const group = this.layer("robot");
-    this.tubes = { ends: floats(doc.tubes), count: doc.tubes.shape[1], meshes: [] };
-    this.drums = { ends: floats(doc.drums), count: doc.drums.shape[1], meshes: [] };
     this.tools = floats(doc.tool);
-    const sides = this.software ? 14 : 28; // twice the faces are twice the time without a graphics card
-    this.material = new T.MeshLambertMaterial({ color: this.colours.body });
-    this.drumMaterial = new T.MeshLambertMaterial({ color: this.colours.drum });
-    for (let k = 0; k < this.tubes.count; k++) {
-      const mesh = new T.Mesh(new T.CylinderGeometry(1, 1, 1, sides), this.material);
-      const knob = new T.Mesh(new T.SphereGeometry(1, sides, sides / 2), this.material);
-      this.tubes.meshes.push([mesh, knob, doc.tube_radius_m[k]]);
-      group.add(mesh, knob);
-    }
-    for (let k = 0; k < this.drums.count; k++) {
-      const mesh = new T.Mesh(new T.CylinderGeometry(1, 1, 1, sides), this.drumMaterial);
-      this.drums.meshes.push([mesh, doc.drum_radius_m[k]]);
-      group.add(mesh);
-    }
-    const foot = new T.Mesh(new T.CylinderGeometry(doc.drum_radius_m[0] * 1.9, doc.drum_radius_m[0] * 2.1, 0.04, 40), this.material);
-    foot.rotation.x = Math.PI / 2;
-    foot.position.z = 0.02;
-    group.add(foot);
+    // Twice the faces are twice the time without a graphics card.
+    this.body = new RobotBody(this.THREE, doc, floats(doc.links), this.software ? 20 : 36);
+    this.body.theme(this.dark);
     this.triad = this.axes(0.12, "");
-    group.add(this.triad);
+    this.triad.matrixAutoUpdate = false;
+    group.add(this.body.group, this.triad);
     this.surroundings(doc.reach_m, doc.wrist_reach_m ?? doc.reach_m);
+    this.reach = doc.reach_m;
     this.pose(0);
-    this.look(doc.reach_m);
   }
 
   // Puts the arm into one of the postures that came with it.
   pose(n) {
     const T = this.THREE;
-    const a = new T.Vector3(), b = new T.Vector3(), up = new T.Vector3(0, 1, 0);
-    this.tubes.meshes.forEach(([mesh, knob, radius], k) => {
-      const at = 6 * (n * this.tubes.count + k);
-      a.fromArray(this.tubes.ends, at);
-      b.fromArray(this.tubes.ends, at + 3);
-      const length = a.distanceTo(b);
-      mesh.position.copy(a).add(b).multiplyScalar(0.5);
-      mesh.quaternion.setFromUnitVectors(up, b.clone().sub(a).normalize());
-      mesh.scale.set(radius, length, radius);
-      knob.position.copy(b);
-      knob.scale.setScalar(radius);
-    });
-    this.drums.meshes.forEach(([mesh, radius], k) => {
-      const at = 6 * (n * this.drums.count + k);
-      a.fromArray(this.drums.ends, at);
-      b.fromArray(this.drums.ends, at + 3);
-      mesh.position.copy(a);
-      if (k === 0) mesh.position.addScaledVector(b, 1.25 * radius); // the first stands on its foot
-      mesh.quaternion.setFromUnitVectors(up, b.normalize());
-      mesh.scale.set(radius * 1.18, radius * 2.5, radius * 1.18);
-    });
+    this.body.pose(n);
     const t = 12 * n;
-    const m = new T.Matrix4().makeBasis(
+    this.triad.matrix.makeBasis(
       new T.Vector3().fromArray(this.tools, t + 3), new T.Vector3().fromArray(this.tools, t + 6), new T.Vector3().fromArray(this.tools, t + 9));
-    m.setPosition(new T.Vector3().fromArray(this.tools, t));
-    this.triad.matrixAutoUpdate = false;
-    this.triad.matrix.copy(m);
+    this.triad.matrix.setPosition(this.tools[t], this.tools[t + 1], this.tools[t + 2]);
     this.wanted();
+  }
+
+  instruments(places) {
+    this.places = places;
+    drawInstruments(this.THREE, this.layer("tracker"), places, this.dark);
   }
 
   axes(size, name) {
@@ -318,31 +297,31 @@ export class SceneView {
     group.add(line);
   }
 
-  // Looks at the side the arm works on, wherever about its base that is.
-  look(reach) {
+  // Looks at arm, points and instruments from the side the arm works on, wherever about its base
+  // that is; of a path at the path and the wrist. Until somebody turns the view.
+  look() {
+    if (this.turned || !this.body) return;
     let x = 0, y = 0;
     const postures = this.tools.length / 12;
     for (let t = 0; t < this.tools.length; t += 12) {
       x += this.tools[t] / postures;
       y += this.tools[t + 1] / postures;
     }
-    const turn = Math.hypot(x, y) > 0.1 * reach ? Math.atan2(y, x) : 0;
-    const up = new this.THREE.Vector3(0, 0, 1);
-    this.controls.target.set(reach * 0.3, 0, reach * 0.36).applyAxisAngle(up, turn);
-    this.camera.position.set(reach * 1.05, -reach * 1.5, reach * 1.0).applyAxisAngle(up, turn);
+    const turn = Math.hypot(x, y) > 0.1 * this.reach ? Math.atan2(y, x) : 0;
+    const towards = new this.THREE.Vector3(...FROM).normalize().applyAxisAngle(this.camera.up, turn);
+    const [place] = this.places ?? [];
+    // An instrument between arm and camera would hide both: look from the other side.
+    if (place && place[1] * Math.cos(turn) - place[0] * Math.sin(turn) < 0) towards.set(FROM[0], -FROM[1], FROM[2]).normalize().applyAxisAngle(this.camera.up, turn);
+    const seen = [...this.body.origins(0, this.path ? this.body.count - 3 : 0), ...this.tools.slice(0, 3)];
+    if (!this.path) {
+      seen.push(...this.body.outline());
+      const near = (this.places ?? []).filter((at) => Math.hypot(...at) < FAR * this.reach);
+      for (const at of near) seen.push(...at, at[0], at[1], at[2] - 1.2);
+    }
+    for (const p of thinned(this.pickable?.points ?? [], MOST_FITTED)) seen.push(p);
+    this.controls.target.copy(fitCamera(this.THREE, this.camera, seen, towards, this.path ? 0.4 : 0.6 * this.reach));
     this.controls.update();
-  }
-
-  // Looks at some points from near enough to tell them apart, once.
-  nearTo(points) {
-    if (this.near) return;
-    this.near = true;
-    const box = new this.THREE.Box3().setFromArray(points);
-    const middle = box.getCenter(new this.THREE.Vector3());
-    const size = Math.max(box.getSize(new this.THREE.Vector3()).length(), 0.25);
-    this.controls.target.copy(middle);
-    this.camera.position.copy(middle).add(new this.THREE.Vector3(0.9, -1.4, 1.1).multiplyScalar(Math.max(1.5 * size, 0.6)));
-    this.controls.update();
+    this.wanted();
   }
 
   // Arrows from (n, 3) points along (n, 3) errors in m; by length on the ramp, or all in one colour.
@@ -425,7 +404,6 @@ export class SceneView {
       group.add(made);
       return made;
     };
-    this.nearTo(points);
     this.path = line(null);
     this.pathThin = null;
     if (n > THIN_PATH) {
@@ -505,6 +483,7 @@ export class SceneView {
   ball(name, i, colour) {
     const T = this.THREE;
     const group = this.layer(name);
+    if (name === "mark" && this.places) drawBeam(T, group, this.places, this.pickable.points.slice(3 * i, 3 * i + 3));
     const ball = new T.Mesh(new T.SphereGeometry(0.016, 16, 12), new T.MeshBasicMaterial({ color: colour, depthTest: false }));
     ball.renderOrder = 9;
     ball.position.fromArray(this.pickable.points, 3 * i);

@@ -3,7 +3,8 @@ import * as three from "/vendor/three/index.js";
 import { drawObstacles } from "/static/obstacles.js";
 
 const UNITS = { mm: 1e3, um: 1e6 };
-const STEPS = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
+const STEPS = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000];
+const ARROW = 0.5; // m, length of a large error as drawn
 
 export default {
   template: `
@@ -31,7 +32,7 @@ export default {
     </div>
     <div class="scene-pick" v-if="picked !== null" data-testid="picked">
       <button class="tool" @click="unpick">×</button>
-      <h3>{{ text.point }} {{ rowOf(picked) }}</h3>
+      <h3>{{ hasPath ? text.line : text.point }} {{ rowOf(picked) }}</h3>
       <dl class="facts"><template v-for="f in facts" :key="f[0]"><dt>{{ f[0] }}</dt><dd>{{ f[1] }}</dd></template></dl>
     </div>
   </div>`,
@@ -45,7 +46,11 @@ export default {
     unitName() { return this.unit === "um" ? "µm" : "mm"; },
   },
   watch: {
-    which() { this.drawErrors(); this.describe(); },
+    which() {
+      if (this.hasErrors) this.suit();
+      this.drawErrors();
+      this.describe();
+    },
     scale(k) { this.view.scale(STEPS[k]); },
     field() { this.drawField(); },
   },
@@ -80,6 +85,11 @@ export default {
       this.view = new tools.SceneView(three, this.$refs.host, (i) => this.pick(i, true), (i) => dispatchEvent(new CustomEvent("bench-hover", { detail: i })));
       this.simulated = Boolean(doc.model?.simulated || doc.simulated);
       this.view.robot(doc.robot);
+      if (doc.trackers?.length) {
+        this.view.instruments(doc.trackers);
+        this.layers.push("tracker");
+        this.visible.tracker = true;
+      }
       this.view.frameAxes(doc.frames ?? []);
       if (doc.obstacles?.length) {
         drawObstacles(three, this.view.layer("obstacles"), doc.obstacles);
@@ -94,6 +104,7 @@ export default {
       if (doc.path) {
         const p = doc.path;
         const bound = tools.floats(p.bound_m), expected = (error) => error.map((e, i) => e + bound[i]);
+        this.postureOf = new Map(p.posture.map((point, k) => [point, k]));
         this.path = { at: tools.floats(p.position), before: expected(tools.floats(p.before_m)), after: expected(tools.floats(p.after_m)), tolerance: p.tolerance_m, line: p.line };
         this.hasPath = true;
         this.compared = p.compared;
@@ -103,8 +114,16 @@ export default {
         this.fieldData = { at: tools.floats(doc.field.position), error: tools.floats(doc.field.error_m), bound: tools.floats(doc.field.bound_m), width: 0.8 * Math.min(...doc.field.cell_m) };
         this.hasField = true;
       }
+      if (this.hasErrors) this.suit();
       this.drawErrors();
       this.view.scale(STEPS[this.scale]);
+      this.view.look();
+    },
+    // A magnification at which the arrows can be seen; errors after are smaller than those before.
+    suit() {
+      const longest = this.tools.quantile(this.tools.lengths(this.points[this.which]), 0.98) || 1e-6;
+      const wanted = ARROW / longest;
+      this.scale = Math.max(0, STEPS.findLastIndex((step) => step <= wanted));
     },
     drawErrors() {
       if (!this.view) return;
@@ -145,6 +164,7 @@ export default {
       this.picked = i;
       this.view.mark(i);
       if (this.points) this.view.pose(i);
+      else if (this.postureOf?.has(i)) this.view.pose(this.postureOf.get(i));
       this.describe();
       if (told) dispatchEvent(new CustomEvent("bench-picked", { detail: i }));
     },
