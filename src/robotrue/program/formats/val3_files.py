@@ -150,7 +150,6 @@ class _Reader:
         self._fathers: dict[str, str] = {}  # a name once, however many points have it
         self._open: dict[str, Callable[[dict[str, str]], None]] = {
             "Data": self._begin_variable,
-            "Value": self._add_value,
             "Program": self._begin_routine,
             "Parameter": self._add_own,
             "Local": self._add_own,
@@ -183,6 +182,9 @@ class _Reader:
         return FormatError(f"{what}.", source=self.name, line=line, hint=hint)
 
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
+        if tag == "Value":  # nearly all there are
+            self._add_value(attributes)
+            return
         self.root = self.root or tag
         handle = self._open.get(tag)
         if handle is not None:
@@ -322,10 +324,10 @@ def _cut_moves(routine: Val3Routine) -> tuple[list[Val3Move], list[int], str]:
     pieces: list[str] = []
     tools: dict[tuple[str, str | None], Reference | None] = {}
     for match, line in _find_lines(_MOVE, code, routine.line):
-        how, via, via_key, target, key, *tool = match.groups()
-        named = (tool[0], tool[1])
+        how, via, via_key, target, key, tool, tool_key = match.groups()
+        named = tool, tool_key
         if named not in tools:
-            tools[named] = _refer(routine, *named)
+            tools[named] = _refer(routine, tool, tool_key)
         moves.append(
             Val3Move(
                 _MOTIONS[how or "c"],

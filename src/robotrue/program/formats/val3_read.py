@@ -71,6 +71,7 @@ class _Application:
         self.path = [array("q") for _ in files]
         self.arcs: list[list[list[int]]] = [[] for _ in files]
         self._whole: dict[tuple[str, str], None] = {}
+        self._tools: dict[Reference | None, int] = {}
         for place, move in enumerate(self.use.moves):
             self._follow(place, move)
 
@@ -119,7 +120,9 @@ class _Application:
         return list(array.values())
 
     def _use(self, file: int, row: int, motion: Motion, move: Val3Move) -> None:
-        tool = self.frames["tool"].index(move.tool)
+        tool = self._tools.get(move.tool, -1)
+        if tool < 0:
+            tool = self._tools[move.tool] = self.frames["tool"].index(move.tool)
         before = self.motion[file][row]
         if before != _UNUSED and self.tool[file][row] != tool:
             self.clash[file][row] = True
