@@ -13,9 +13,8 @@ from robotrue.calibration.arm import LinearArm, prepare_arm
 from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.model import Query
 from robotrue.calibration.settings import FitSettings
-from robotrue.calibration.table_axes import same_axis
 from robotrue.calibration.table_fit import calibrate_table
-from robotrue.calibration.terms.rotary_table import SIZE, RotaryTable
+from robotrue.calibration.terms.rotary_table import SIZE, RotaryTable, same_axis
 from robotrue.calibration.update import update_model
 from robotrue.core.archive import archive_bytes
 from robotrue.core.arrays import Array

@@ -25,7 +25,6 @@ from test_external_chain import (
 
 from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.model import Query
-from robotrue.calibration.table_axes import require_table_axes
 from robotrue.calibration.terms.rotary_table import SIZE, RotaryTable
 from robotrue.compensation import CompensationSettings, Status, compensate
 from robotrue.core.conditions import no_conditions
@@ -138,14 +137,14 @@ def test_targets_beside_the_table_are_those_of_the_arm(monkeypatch: pytest.Monke
 
 
 def test_a_cell_with_the_axis_elsewhere_is_refused() -> None:
-    terms = with_table(TURN).terms
-    require_table_axes(terms, [TURN])
-    require_table_axes(terms, [])
+    model = with_table(TURN)
+    model.require_axes([TURN])
+    model.require_axes([])
     for other in (replace(TURN, at=0.0), replace(TURN, point=np.array([1.2, 0.101, 0.3]))):
         with pytest.raises(ConfigurationError, match="a rotary table E2, and the cell states its"):
-            require_table_axes(terms, [other])
+            model.require_axes([other])
     tilting = ExternalAxis(
         number=1, direction=np.eye(3)[1], point=np.zeros(3), frames=TURN.frames[:1]
     )
     with pytest.raises(ConfigurationError, match="use the cell it was calibrated with"):
-        require_table_axes(terms, [tilting, TURN])
+        model.require_axes([tilting, TURN])

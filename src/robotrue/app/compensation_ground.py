@@ -16,10 +16,8 @@ from robotrue.app.outputs import check_output, require_suffix
 from robotrue.app.registered import open_model, provenance_used
 from robotrue.app.reporting import place_in_file
 from robotrue.app.stated_conditions import model_under
-from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.model import ErrorModel, identity_of
 from robotrue.calibration.nominal import NominalModel
-from robotrue.calibration.table_axes import require_table_axes
 from robotrue.cell.cell import Cell, frame_table
 from robotrue.cell.part import PartFrame
 from robotrue.compensation.between_targets import SplitOptions
@@ -89,8 +87,8 @@ def open_ground(request: CompensateRequest, context: Context) -> Ground:
     used = identity_of(model or NominalModel(robot=cell.robot))
     stated = (request.temperature_degC, request.time_s, request.e1_mm)
     model = model_under(model, *stated, context)
-    if isinstance(model, CalibratedModel):
-        require_table_axes(model.terms, cell.controller.external)
+    if model is not None:
+        model.require_axes(cell.controller.external)
     frame = None if cell.part is None else cell.part.frame(request.part)
     if frame is not None:
         cell = replace(cell, T_base_frame=frame.T_base_part)

@@ -10,7 +10,7 @@ rows. A model without terms has geometry and compliance alone, and S is the cova
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Final
 
@@ -33,6 +33,7 @@ from robotrue.core.conditions import ArmConditions
 from robotrue.core.rotations import rotation_vector_from_matrix
 from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.program.external_axes import ExternalAxis
 from robotrue.robot.model import RobotModel, parameter_slice
 
 RIGID_FLEXIBLE: Final = "error-model/rigid-flexible"
@@ -247,6 +248,20 @@ class CalibratedModel(Columns):
                     f"{missing}.",
                     hint="describe the rail in the cell ([[controller.external]]) and write its "
                     "value with each target, or state it: --e1-mm 1500.",
+                )
+
+    def require_axes(self, axes: Sequence[ExternalAxis]) -> None:
+        """Refuses a cell whose external axes are not those of the calibration.
+
+        Raises:
+            ConfigurationError: They differ.
+        """
+        for term in self.terms:
+            if fault := term.contradicts(axes):
+                raise ConfigurationError(
+                    f"{fault}.",
+                    hint="use the cell it was calibrated with, whose about, through_mm, at_deg and "
+                    "carries its errors count from, or calibrate with --table again.",
                 )
 
     def tables_hold(self, conditions: ArmConditions) -> bool:

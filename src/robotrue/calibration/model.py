@@ -23,6 +23,7 @@ from robotrue.core.model_identity import ModelIdentity
 from robotrue.core.provenance import Provenance, merge, provenance_from
 from robotrue.errors import ConfigurationError, ShapeError
 from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.program.external_axes import ExternalAxis
 from robotrue.robot.model import RobotModel, nominal_identity
 from robotrue.robot.statics import NO_LOAD, Load
 
@@ -148,6 +149,14 @@ class ErrorModel(Protocol):
         """
         ...
 
+    def require_axes(self, axes: Sequence[ExternalAxis]) -> None:
+        """Refuses a cell whose external axes are not those of the calibration.
+
+        Raises:
+            ConfigurationError: They differ.
+        """
+        ...
+
     def tables_hold(self, conditions: ArmConditions) -> bool:
         """Returns whether the mean tables are all at postures under conditions (n rows)."""
         ...
@@ -180,6 +189,9 @@ class UnconditionalModel:
 
     def require_stated(self, conditions: ArmConditions) -> None:
         """Accepts all conditions."""
+
+    def require_axes(self, axes: Sequence[ExternalAxis]) -> None:
+        """Accepts all axes."""
 
     def tables_hold(self, conditions: ArmConditions) -> bool:
         """Returns true."""

@@ -1,8 +1,4 @@
-"""Rotary axes of a cell in addition to those that a model was calibrated with.
-
-The errors of a table count from the axis that the controller turns its frames about, so a cell that
-states another one needs another calibration.
-"""
+"""Rotary axes of a cell that a calibration of its table can use, and the limits of their error."""
 
 from __future__ import annotations
 
@@ -13,64 +9,24 @@ import numpy as np
 
 from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.terms.rail_guide import RailGuide
-from robotrue.calibration.terms.rotary_table import AXIS, SIZE, RotaryTable
-from robotrue.calibration.terms.term import Term
+from robotrue.calibration.terms.rotary_table import (
+    AXIS,
+    SIZE,
+    RotaryTable,
+    find_axes_beside,
+)
 from robotrue.core.arrays import Array
 from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.table_set import TableSet
-from robotrue.program.external_axes import ExternalAxis, plain_key
+from robotrue.program.external_axes import ExternalAxis
 
 MOST_TILT: Final = 2e-3
 MOST_OFFSET: Final = 5.0 * MM
 """rad and m, of the axis across its stated place: beyond, its motion is not linear to 10 um."""
 
 
-def same_axis(one: ExternalAxis, other: ExternalAxis) -> bool:
-    """Returns whether two descriptions mean the same rotation of what the axis carries."""
-    if one.number != other.number or one.point is None or other.point is None:
-        return False
-    off = np.cross(one.direction, other.point - one.point)
-    return (
-        bool(np.allclose(one.direction, other.direction, rtol=0.0, atol=1e-9))
-        and float(np.linalg.norm(off)) < 1e-8
-        and abs(one.at - other.at) < 1e-9
-    )
-
-
-def find_axes_beside(axes: Sequence[ExternalAxis], used: Sequence[ExternalAxis]) -> tuple[int, ...]:
-    """Returns the numbers of further rotary or linear axes that carry a frame of the used ones."""
-    frames = {plain_key(name) for axis in used for name in axis.frames}
-    numbers = {axis.number for axis in used}
-    return tuple(
-        axis.number
-        for axis in axes
-        if axis.number not in numbers and frames & {plain_key(name) for name in axis.frames}
-    )
-
-
-def require_table_axes(terms: Sequence[Term], axes: Sequence[ExternalAxis]) -> None:
-    """Refuses a cell that states the rotary axes of a model otherwise than it was calibrated.
-
-    Raises:
-        ConfigurationError: An axis is stated elsewhere, or another one carries the same frames.
-    """
-    for term in terms:
-        numbers = {axis.number for axis in term.axes} if isinstance(term, RotaryTable) else set()
-        stated = [axis for axis in axes if axis.number in numbers]
-        same = isinstance(term, RotaryTable) and all(
-            any(same_axis(axis, known) for known in term.axes) for axis in stated
-        )
-        if stated and not (same and not find_axes_beside(axes, stated)):
-            raise ConfigurationError(
-                f"the model has a rotary table E{stated[0].number}, and the cell states its axes "
-                "otherwise.",
-                hint="use the cell it was calibrated with, whose about, through_mm, at_deg and "
-                "carries its errors count from, or calibrate with --table again.",
-            )
-
-
-def require_axes(
+def choose_axes(
     model: CalibratedModel, rows: TableSet, axes: Sequence[ExternalAxis]
 ) -> tuple[ExternalAxis, ...]:
     """Returns the axes that the rows state, from the floor up."""

@@ -28,7 +28,7 @@ from robotrue.calibration.evidence import (
 )
 from robotrue.calibration.model import history, merged_document, model_hash
 from robotrue.calibration.observations import station_poses
-from robotrue.calibration.table_axes import require_axes, require_small
+from robotrue.calibration.table_axes import choose_axes, require_small
 from robotrue.calibration.terms.rotary_table import RotaryTable
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.poses import apply, inverse
@@ -134,7 +134,7 @@ def calibrate_table(
         ImplausibleDataError: Points that do not turn about the stated axis.
         ModelMismatchError: A tracker set-up that the model does not know.
     """
-    used = require_axes(model, rows, axes)
+    used = choose_axes(model, rows, axes)
     term = RotaryTable(
         axes=used,
         low=np.array([rows.external[:, axis.number - 1].min() for axis in used]),

@@ -53,6 +53,7 @@ def run(request: WrapRequest, context: Context) -> PlainResult:
         raise ConfigurationError("a cell has no errors to correct.", source=path, hint="a model.")
     stated = (request.temperature_degC, request.time_s, request.e1_mm)
     used = model_under(model, *stated, context) or model
+    used.require_axes(cell.controller.external)
     table = frame_table(cell)
     programs = _read_programs(request, table, language)
     arm = open_arm(request, cell, used, table, programs)

@@ -33,7 +33,7 @@ from robotrue.core.rotations import skew
 from robotrue.core.units import DEG, UM
 from robotrue.errors import ArchiveError
 from robotrue.measurement.measurement_set import MeasurementSet
-from robotrue.program.external_axes import ExternalAxis, move_frames
+from robotrue.program.external_axes import ExternalAxis, move_frames, plain_key
 from robotrue.robot.forward import Sensitivity
 from robotrue.robot.model import RobotModel, parameter_slice
 
@@ -159,6 +159,18 @@ class RotaryTable(Term):
         """Returns whether a posture is on the table."""
         return bool(self._is_carried(conditions.external).any())
 
+    def contradicts(self, axes: Sequence[ExternalAxis]) -> str:
+        """Returns which axis a cell states elsewhere, or without one that carries its frames."""
+        numbers = {axis.number for axis in self.axes}
+        stated = [axis for axis in axes if axis.number in numbers]
+        same = all(any(same_axis(axis, known) for known in self.axes) for axis in stated)
+        if not stated or (same and not find_axes_beside(axes, stated)):
+            return ""
+        return (
+            f"the model has a rotary table E{stated[0].number}, and the cell states its axes "
+            "otherwise"
+        )
+
     @classmethod
     def begin(cls, robot: RobotModel, measurements: MeasurementSet, few: bool) -> Self | None:
         """Returns None: rows of the arm do not show the table."""
@@ -232,6 +244,29 @@ class RotaryTable(Term):
             )
         )
         return cls(axes=axes, low=arrays["low"], high=arrays["high"], scatter=scatter), values
+
+
+def same_axis(one: ExternalAxis, other: ExternalAxis) -> bool:
+    """Returns whether two descriptions mean the same rotation of what the axis carries."""
+    if one.number != other.number or one.point is None or other.point is None:
+        return False
+    off = np.cross(one.direction, other.point - one.point)
+    return (
+        bool(np.allclose(one.direction, other.direction, rtol=0.0, atol=1e-9))
+        and float(np.linalg.norm(off)) < 1e-8
+        and abs(one.at - other.at) < 1e-9
+    )
+
+
+def find_axes_beside(axes: Sequence[ExternalAxis], used: Sequence[ExternalAxis]) -> tuple[int, ...]:
+    """Returns the numbers of further rotary or linear axes that carry a frame of the used ones."""
+    frames = {plain_key(name) for axis in used for name in axis.frames}
+    numbers = {axis.number for axis in used}
+    return tuple(
+        axis.number
+        for axis in axes
+        if axis.number not in numbers and frames & {plain_key(name) for name in axis.frames}
+    )
 
 
 def _point(axis: ExternalAxis) -> Array:

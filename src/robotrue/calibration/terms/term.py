@@ -33,6 +33,7 @@ from robotrue.core.arrays import Array
 from robotrue.core.columns import EMPTY, Column, Columns
 from robotrue.core.conditions import ArmConditions, no_conditions
 from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.program.external_axes import ExternalAxis
 from robotrue.robot.forward import Sensitivity
 from robotrue.robot.model import RobotModel, parameter_slice
 from robotrue.robot.statics import add_moments
@@ -226,6 +227,10 @@ class Term(ABC):
     @abstractmethod
     def in_tables(self, tables: MeanTables, values: Array) -> MeanTables | None:
         """Returns the tables with the term's mean added; None if they cannot hold it."""
+
+    def contradicts(self, axes: Sequence[ExternalAxis]) -> str:
+        """Returns which external axes of a cell are not those of the term; empty by default."""
+        return ""
 
     def beyond_tables(self, conditions: ArmConditions) -> bool:
         """Returns whether a posture under some conditions (n rows) needs more than the tables."""
