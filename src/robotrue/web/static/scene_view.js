@@ -15,7 +15,7 @@ const COARSEST = 0.4;
 const THIN_PATH = 4000;
 const MOST_PASSED = 20000;
 const MOST_FITTED = 2000;
-const FAR = 1.8; // reaches; an instrument beyond is drawn, but does not make the arm small
+const FAR = 1.8; // reaches; an instrument beyond, or in a tall picture, is drawn but does not make the arm small
 const FROM = [0.75, -1.5, 0.85]; // of the arm, where it works along x
 
 export const rampCss = "linear-gradient(90deg,#2f6db3,#3fa7a0,#8cc26a,#f0b040,#d8432b)";
@@ -221,7 +221,7 @@ export class SceneView {
     const group = this.layer("robot");
     this.tools = floats(doc.tool);
     // Twice the faces are twice the time without a graphics card.
-    this.body = new RobotBody(this.THREE, doc, floats(doc.links), this.software ? 20 : 36);
+    this.body = new RobotBody(this.THREE, doc, floats(doc.links), this.software ? 16 : 36);
     this.body.theme(this.dark);
     this.triad = this.axes(0.12, "");
     this.triad.matrixAutoUpdate = false;
@@ -315,7 +315,7 @@ export class SceneView {
     const seen = [...this.body.origins(0, this.path ? this.body.count - 3 : 0), ...this.tools.slice(0, 3)];
     if (!this.path) {
       seen.push(...this.body.outline());
-      const near = (this.places ?? []).filter((at) => Math.hypot(...at) < FAR * this.reach);
+      const near = this.camera.aspect < 1 ? [] : (this.places ?? []).filter((at) => Math.hypot(...at) < FAR * this.reach);
       for (const at of near) seen.push(...at, at[0], at[1], at[2] - 1.2);
     }
     for (const p of thinned(this.pickable?.points ?? [], MOST_FITTED)) seen.push(p);
