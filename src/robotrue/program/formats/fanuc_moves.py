@@ -96,7 +96,12 @@ class FanucMoves:
 
 
 def quiet_programs(files: Sequence[tuple[str, bytes]]) -> tuple[str, ...]:
-    """Returns the names, in lower case, of programs that set no frame number and call none."""
+    """Returns the names, in lower case, of programs that set no frame number and call none.
+
+    Empty where no file calls a program.
+    """
+    if not any(b"CALL" in data or b"RUN" in data for _, data in files):
+        return ()
     named = [(find_program(data), data) for _, data in files]
     return tuple(
         found[0]
