@@ -50,7 +50,7 @@ SIZES: Final = (0.03 * DEG, 0.1 * DEG, 0.3 * DEG, 1.0 * DEG)
 """Standard deviations s of a lost zero that are tried, equally likely."""
 CHANCES: Final = (0.5, 0.4, 0.1)
 """Before the touches: that no axis, one, or two have lost their zero."""
-SURE: Final = 0.9
+SURE: Final = 0.95
 """Probability from which an axis is named."""
 SEEN: Final = 0.5
 """An axis shows where touches leave less than this share of :data:`TRIED`."""
