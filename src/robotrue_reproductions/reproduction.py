@@ -14,7 +14,7 @@ from robotrue.core.columns import Column, Columns
 from robotrue.errors import ConfigurationError
 
 Progress: TypeAlias = Callable[[str, int, int], None]
-"""Called with the step that starts, how many steps are done, and of how many."""
+"""Called with the starting step, the number of finished steps, and the total."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

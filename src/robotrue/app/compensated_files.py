@@ -230,7 +230,7 @@ def _rewrite(
 
 
 def _step_of_all(context: Context, past: int, every: int, text: str, done: int, of: int) -> None:
-    """Reports how far one of several programs is, as a part of all of them."""
+    """Reports the progress of one of several programs, as a part of all of them."""
     context.step(text, past + done, every)
 
 

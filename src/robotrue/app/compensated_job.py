@@ -240,7 +240,7 @@ def _suffix_order(file: FileResult) -> int:
 
 
 def _list_reasons(file: FileResult) -> Iterable[tuple[tuple[str, str], int, str]]:
-    """Yields kind and remedy of the targets of a file that are left alone, how many, and where."""
+    """Yields kind and remedy of the unchanged targets of a file, their number, and lines."""
     for each in file.left_alone:
         yield (each["kind"], each["remedy"]), 1, f"{each['file']}:{each['line']}"
     if not file.left_alone and file.held is None:

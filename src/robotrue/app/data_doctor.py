@@ -40,7 +40,7 @@ class ExaminedRows:
         rows: To be fitted.
         warnings: A sentence for each cause that was found and not corrected.
         raw: As read.
-        cured: What was corrected; None without ``--cure``.
+        cured: Corrected rows; None without ``--cure``.
     """
 
     rows: MeasurementSet

@@ -125,7 +125,7 @@ def demo_content(
     runs: HoleRuns,
     tables: tuple[ReportTable, ReportTable, ReportTable],
 ) -> ReportContent:
-    """Returns the page: the job first, the calibration behind it after."""
+    """Returns the page: the job first, then its calibration."""
     summary = chosen.model.training_summary()
     calibration = calibration_content(
         report,

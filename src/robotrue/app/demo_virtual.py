@@ -49,7 +49,7 @@ Share: TypeAlias = Callable[[str, float], None]
 
 
 def tell_share(context: Context, text: str, done: float) -> None:
-    """Reports what is done next and the share of the job that is behind, 0 to 1."""
+    """Reports the next step and the finished share of the job, 0 to 1."""
     context.step(text, round(100.0 * done), 100)
 
 

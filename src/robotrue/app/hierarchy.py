@@ -67,7 +67,7 @@ class PlannedHierarchy:
         }
 
     def blocks(self) -> Iterable[Block]:
-        """Returns how many poses each region gets."""
+        """Returns the number of poses of each region."""
         plan = self.plan
         rows = [("source", describe_region(plan.domains.source), "-", str(len(plan.source)))]
         for k, region in enumerate(plan.domains.sub_spaces):

@@ -108,7 +108,7 @@ class JobInputs:
 
     Attributes:
         links: To the items that it rests on.
-        subjects: Names of the files that are read, and behind them of the items.
+        subjects: Names of the files that are read, then of the items.
     """
 
     def __init__(self, context: WorkspaceContext) -> None:

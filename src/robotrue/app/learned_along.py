@@ -30,7 +30,7 @@ class LearnedAlong:
 
     Attributes:
         time: (n,) s of the record's samples.
-        windows: Cut from it, one behind the other.
+        windows: Cut from it, one after the other.
         found: Error, deviation and standard deviation of each.
         direction: (3,) unit vector in base along which they count.
         provenance: Of model and joints.

@@ -21,7 +21,7 @@ def parse_numbers(
         option: As the user spells it.
         text: Its value.
         wanted: How many; None for any number.
-        form: What they mean, as ``A,B,C``.
+        form: Their meaning, as ``A,B,C``.
         hint: One thing to try; empty: the form, or as many zeros.
 
     Raises:

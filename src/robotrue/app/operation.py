@@ -21,7 +21,7 @@ class Result(Protocol):
 
     @property
     def provenance(self) -> Provenance | None:
-        """Provenance of the data behind the result; None without data."""
+        """Provenance of the data of the result; None without data."""
         ...
 
     def document(self) -> Mapping[str, object] | None:

@@ -275,7 +275,7 @@ class WorkspaceContext(Context):
             kind: Of the document.
             about: Name of what it is about, for its own.
             files: Tables, programs, pages.
-            links: What it rests on.
+            links: Items it depends on.
             detail: Its numbers, JSON values.
         """
         made: ItemRecord = documents.add(

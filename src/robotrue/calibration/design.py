@@ -176,7 +176,7 @@ class Design(StandardTerms):
         return np.asarray(total / np.maximum(count, 1.0))
 
     def white_noise(self, tau: Array) -> Array:
-        """Returns the white variance (2,) behind factors (c,) on that of the whitening."""
+        """Returns the white variance (2,) from factors (c,) on that of the whitening."""
         known, noise = self.instrument()[: len(tau)], self.noise.copy()
         noise[: len(tau)] = tau * (known + noise[: len(tau)]) - known
         return noise

@@ -40,7 +40,7 @@ class Stack:
         columns: (m, p + nuisances).
         values: (m,).
         known: (m, m) covariance of instrument and repeatability.
-        white: (m,) how often the white noise of lengths adds.
+        white: (m,) multiple of the white noise of lengths.
         row: (m,) row of the set.
     """
 
@@ -94,7 +94,7 @@ class DriftEvidence:
         self.weigh(np.ones(len(stack.values)))
 
     def weigh(self, u: Array) -> None:
-        """Takes the robust weights (m,) of the numbers; those of zero are as good as unseen."""
+        """Sets the robust weights (m,) of the numbers; those of zero are as good as unseen."""
         root = np.sqrt(np.where(u > 0.0, u, 1.0))
         self._known = self._stack.known / np.outer(root, root)
         self._known[np.diag_indices(len(u))] += np.where(u > 0.0, 0.0, UNSEEN)

@@ -408,7 +408,7 @@ def _solve_left_out(turned: Array, values: Array) -> Array:
 
 
 def _mean_length(rows: _WhiteRows, residual: Array, counted: BoolArray) -> float:
-    """Mean length of the position errors behind whitened residuals (N,), m."""
+    """Returns the mean length of the position errors of whitened residuals (N,), m."""
     off = np.zeros((len(counted), 3))
     lengths = rows.position < 3
     off[rows.row[lengths], rows.position[lengths]] = (residual / rows.unit)[lengths]

@@ -67,7 +67,7 @@ class Direction:
             (``theta1 + base_rz``); for more the names that trade off, the largest first.
         terms: (name, coefficient) of the unseen direction, SI, the first one 1.
         reveal: The kind of measurement that would show it.
-        cure: What to do, in words.
+        cure: Remedy, in words.
         harmless: True where no position of the measured reflector depends on it.
     """
 
@@ -90,7 +90,7 @@ class Identifiability:
         sd_ratio: (P,) posterior over prior standard deviation of each.
         information: (P,) eigenvalues in prior-scaled coordinates, falling.
         unseen: Directions the data cannot see.
-        determinable: How many directions points without extra load could determine at best.
+        determinable: Largest number of directions that points without extra load could determine.
     """
 
     names: tuple[str, ...]

@@ -178,7 +178,7 @@ def estimate_elastic(
 
 
 def _find_last_fit(inputs: _Inputs) -> _LastFit:
-    """What is known of the last fit, emptied where that had other inputs."""
+    """State of the last fit, emptied where that had other inputs."""
     last = _LAST_FIT.get() or _LastFit()
     if last.inputs is None or not all(a is b for a, b in zip(last.inputs, inputs, strict=True)):
         last.inputs, last.physical, last.waves = inputs, None, {}
@@ -320,7 +320,7 @@ def _scales(weights: Weights) -> dict[str, float]:
 
 
 def _without_idle(at: LinearFit) -> LinearFit:
-    """Takes out the groups of terms that have fallen back to rest."""
+    """Removes the groups of terms that have fallen back to rest."""
     kept = np.ones(len(at.weights.mean), dtype=bool)
     physical = len(at.design.free)
     for group in at.weights.groups:

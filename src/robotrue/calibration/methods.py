@@ -37,7 +37,7 @@ def fit(
     method: str = "elastic",
     settings: FitSettings | None = None,
 ) -> ErrorModel:
-    """Returns the error model that ``method`` makes of the measurements.
+    """Returns the error model fitted to the measurements by ``method``.
 
     Args:
         robot: Nominal arm whose ``T_flange_tool`` is the nominal reflector.

@@ -245,7 +245,7 @@ def data_hash(measurements: MeasurementSet) -> str:
 
 
 def describe_rows(measurements: MeasurementSet) -> dict[str, object]:
-    """Returns how many rows a fit had, from where, and the ranges they cover; JSON values, SI."""
+    """Returns the number of rows of a fit, their sources, and their ranges; JSON values, SI."""
     joints, position = measurements.joints, measurements.position
     return {
         "rows": len(measurements),
@@ -319,7 +319,7 @@ def record_step(
     Args:
         step: ``"update"`` or ``"transfer"``.
         parents: The models it started from.
-        measurements: What was added; None adds no rows.
+        measurements: Added data; None adds no rows.
         settings: What decided the result besides the data.
         screened: Rows that got no weight.
     """

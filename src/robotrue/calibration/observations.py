@@ -46,7 +46,7 @@ class Linearisation:
         residual: (n, m) measured minus predicted.
         jacobian: (n, m, P) derivative of the prediction.
         covariance: (n, m, m) of the residual without learned noise.
-        white: (2, m) how often the learned length and angle variances add to each number.
+        white: (2, m) multiples of the learned length and angle variances in each number.
     """
 
     residual: Array
@@ -62,7 +62,7 @@ class ArmVisits(ArmPostures):
     Attributes:
         target: (n,) reflector.
         station: (n,) tracker set-up, or ``IN_BASE``.
-        carried: (n, 3) m, base axes: how far a rail has carried the arm from its stated base.
+        carried: (n, 3) m, base axes: displacement of the arm by a rail from its stated base.
     """
 
     target: Annotated[IntArray, Column("n")]
@@ -147,7 +147,7 @@ class LinearRows:
         columns: (n, m, p) H.
         values: (n, m) z.
         covariance: (n, m, m) of instrument and repeatability.
-        white: (2, m) how often white noise of lengths and of angles adds to each number.
+        white: (2, m) multiples of the white noise of lengths and of angles in each number.
         rows: (n,) rows of the set.
     """
 
@@ -331,7 +331,7 @@ def seen_points(
 def _into_station(
     jacobian: Array, point: Array, rotation: Array, mine: BoolArray, T: Array, place: slice
 ) -> None:
-    """Takes the chosen rows from base to the tracker frame, in place."""
+    """Transforms the chosen rows from base to the tracker frame, in place."""
     turn = T[:3, :3]
     lever = point[mine] @ turn.T
     rows = jacobian[mine]

@@ -216,7 +216,7 @@ FEWEST_ARMS: Final = 5
 PRIOR_ARMS: Final = 4.0
 """Arms that the shrinkage of the scatter counts for."""
 DRIFT: Final = replace(NO_DRIFT, theta=1e-4, length=5e-5, angle=5e-5, gear=2e-6, compliance=0.02)
-"""What a fleet's belief leaves open beyond how far its arms differ; an arm unlike them grows it."""
+"""Uncertainty of a fleet's belief beyond the scatter of its arms; an arm unlike them grows it."""
 
 
 def fleet_belief(beliefs: Sequence[Belief], scales: PriorScales) -> Belief:

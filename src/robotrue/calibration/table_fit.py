@@ -106,7 +106,7 @@ class _Fit:
         before: m, mean error of readings at angles left out, by the stated axis.
         after: m, the same by the fit of the others.
         factor: On the covariance.
-        settings: How many settings of the table the readings have.
+        settings: Number of settings of the table in the readings.
     """
 
     term: RotaryTable

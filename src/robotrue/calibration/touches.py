@@ -91,7 +91,7 @@ class PartDistanceObservation:
     Attributes:
         visits: As many as distances; no posture decides them.
         distances: Of the parts, which are stations of the layout.
-        rows: (n,) behind the touches.
+        rows: (n,) after the touches.
     """
 
     visits: ArmVisits
@@ -222,7 +222,7 @@ def touch_rows(
 
 
 def _part_distances(touches: ProbingSet, dof: int) -> PartDistanceObservation:
-    """The known distances, as rows behind the touches."""
+    """The known distances, as rows after the touches."""
     size = len(touches.distances)
     none = np.zeros(size, dtype=np.int64)
     rest = np.zeros((size, dof))

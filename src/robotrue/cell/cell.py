@@ -40,9 +40,9 @@ class Cell(Columns):
         robot: The nominal arm; its ``T_flange_tool`` is the tool programs use. Default tool: the
             flange itself.
         T_flange_target: (4, 4) the measured reflector. Default: the tool point.
-        target_sigma: m, one standard deviation per axis of how well its place is known. What the
-            reflector's place may explain is not charged to the arm and does not carry over to
-            another tool. Default: 10 mm.
+        target_sigma: m, one standard deviation per axis of its position. What the reflector's place
+            may explain is not charged to the arm and does not carry over to another tool. Default:
+            10 mm.
         frame: Frame of measured positions: ``base``, or ``tracker`` where its place is not known.
             Default: ``base``.
         tracker_position: (3,) m, the instrument in that frame; None is "not known". Default: the

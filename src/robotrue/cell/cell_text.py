@@ -30,8 +30,8 @@ HEADING: Final = "# Written by robotrue from the cell kept in a model file.\n"
 def cell_text(cell: Cell) -> str:
     """Returns the values of a cell as TOML that names no file; equal cells give equal text.
 
-    Every number has 12 digits behind the point, in the units of the file. Part frames are left
-    out: they belong to the model that touched the part.
+    Every number has 12 decimals, in the units of the file. Part frames are left out: they belong to
+    the model that touched the part.
 
     Raises:
         ConfigurationError: An instrument whose error along and across the line of sight differs.

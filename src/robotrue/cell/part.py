@@ -25,7 +25,7 @@ class PartFrame(Columns):
         T_base_part: (4, 4) m.
         covariance: (6, 6) of the displacement of the part's origin (m) and its left rotation
             vector (rad), both in base axes.
-        touches: How many there were.
+        touches: Number of touches.
         outliers: Names of the rejected ones.
         rms: m, of the accepted ones about the frame.
         verdict: ``GO`` or ``NO-GO``.

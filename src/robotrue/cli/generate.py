@@ -176,7 +176,7 @@ _NEEDS: Final[Mapping[str, Callable[[], None]]] = {
     "workspace": require_store,
     "jobs": require_store,
 }
-"""What is checked before a command of a group."""
+"""Checks before a command of a group."""
 
 
 def _make_group(name: str, text: str) -> typer.Typer:

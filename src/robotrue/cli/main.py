@@ -30,7 +30,7 @@ __all__ = [
 ]
 
 INTERRUPTED = 130
-"""What the command line library makes of Ctrl-C."""
+"""Exception of the command line library for Ctrl-C."""
 
 
 ORDER: Final = (

@@ -21,7 +21,7 @@ class TerminalReporter:
     """Messages go to stderr; the bar appears with the first step.
 
     Args:
-        stack: Takes the bar away.
+        stack: Removes the bar.
         as_json: Messages that have a document go to stdout as a line of JSON.
     """
 

@@ -1,4 +1,4 @@
-"""Lines and circles in space: where they run, and how far points lie from them.
+"""Lines and circles in space: their course, and the distance of points from them.
 
 All arrays are rows of k moves or n points; nothing here knows a robot.
 """
@@ -95,8 +95,8 @@ def from_helices(points: Array, begin: Array, middle: Array, end: Array, normal:
     """Returns the distances (n,) m of points (n, 3) from arcs that stay in a plane as they turn.
 
     Seen along the normal the arc is the circle through begin, middle and end; along the normal it
-    climbs from begin to end in proportion to its angle, whatever the middle does: what a control
-    makes of G2 and G3. All arguments are (n, 3).
+    climbs from begin to end in proportion to its angle, whatever the middle does: the arcs of G2
+    and G3. All arguments are (n, 3).
     """
     height = [np.sum(each * normal, axis=1) for each in (points, begin, end)]
     flat = [

@@ -55,9 +55,9 @@ class CompensatedFile:
     Attributes:
         tally: Sums over its targets.
         sha256: Of the bytes written.
-        chunks: How many there were.
-        again: How many of them had to be done again, since the arm came from elsewhere.
-        workers: How many worked at a time.
+        chunks: Number of chunks.
+        again: Number of chunks solved again, since the arm came from elsewhere.
+        workers: Number of workers.
         notes: What happened on the way.
         held: What became of every target of a file that is held whole; None of one that is cut.
     """
@@ -103,7 +103,7 @@ def compensate_file(
         model: Error of the robot; with :meth:`~ErrorModel.mean_tables` for a file that is cut.
         file: Outline of the source.
         source: The program.
-        writing: Takes the bytes, such as :func:`~robotrue.core.files.atomic_stream`.
+        writing: Receives the bytes, such as :func:`~robotrue.core.files.atomic_stream`.
         settings: Load, guards and tolerances.
         workers: Processes; None: as many as speed it up. The caller's main module must be
             importable without side effects if not 1.

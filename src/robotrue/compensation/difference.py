@@ -1,4 +1,4 @@
-"""Two programs target by target: what moved, by how much, and what the model expects of each.
+"""Two programs target by target: moved targets, their shifts, and the predicted errors.
 
 The second program is the first with other numbers, as compensation writes it. With a model of the
 arm every target also has its predicted error before (the first program, unchanged) and after (the

@@ -37,7 +37,7 @@ _LINES, _ALONG = 24, 49
 _SHARES: Final = (0.6, 0.42, 0.3, 0.2, 0.14, 0.1)
 """Of the tolerance, along one coordinate."""
 _MIXED: Final = (1.0, 1.5, 2.0, 2.5, 3.0)
-"""How many products of turns a polynomial has, see :func:`choose_powers`."""
+"""Number of products of turns in a polynomial, see :func:`choose_powers`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

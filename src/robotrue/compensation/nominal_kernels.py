@@ -259,7 +259,7 @@ def _write_nearest(arm: Record, theta: Array, near: Array, free: bool, joints: A
     """Writes q (6,) rad at the turn nearest to ``near``; returns its squared distance, rad^2.
 
     With ``free`` a joint beyond its limit may take another turn, and a solution that stays beyond
-    is ranked behind all others.
+    is ranked after all others.
     """
     for i in range(6):
         theta[i] = arm.closed.sign[i] * (theta[i] - arm.closed.offset[i])

@@ -248,7 +248,7 @@ def _by_words(
 def _fitting(
     robot: RobotModel, program: Program, rows: IntArray
 ) -> tuple[Array, BoolArray, IntArray]:
-    """Returns joints (k, 6) rad that fit the words, whether any are, and how many branches fit."""
+    """Returns joints (k, 6) rad that fit the words, whether any do, and the number of branches."""
     maker, wanted = program.words_of, program.words[rows]
     options = inverse_branches(robot, flange_poses(program, rows))
     reached = np.asarray(np.isfinite(options).all(axis=2))

@@ -369,7 +369,7 @@ def _words(
 
 
 def bending(robot: RobotModel, compliance: Array, joints: Array, wrench: Array) -> Array:
-    """Returns how far a wrench moves the tool point (n, 3) m in base, by joint compliance.
+    """Returns the shift of the tool point by a wrench (n, 3) m in base, by joint compliance.
 
     ``dx = J C J^T w`` with the drives' compliance C; the wrench alone, without gravity.
 

@@ -47,7 +47,7 @@ class DenseRun:
         position: (d, 3) m in base.
         first: (d,) target whose attitude the move begins with.
         last: (d,) target whose attitude it ends with.
-        share: (d,) how much of the turn from one to the other is done.
+        share: (d,) completed share of the turn from one to the other.
         target: (d,) target the point leads to.
         at: (n,) where the targets are.
         along: (d,) m of path so far; turns count as well.

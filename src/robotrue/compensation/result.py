@@ -56,7 +56,7 @@ class Tally:
     stance: Stance | None = None
 
     def counts(self) -> dict[str, int]:
-        """Returns how many targets there are of each status, by lower-case name, zeros left out."""
+        """Returns the number of targets of each status, by lower-case name, zeros left out."""
         return {s.name.lower(): int(self.status[s]) for s in Status if self.status[s]}
 
     def summary(self) -> Mapping[str, object]:
@@ -183,7 +183,7 @@ class Compensation(Columns):
         )
 
     def counts(self) -> dict[str, int]:
-        """Returns how many targets there are of each status, by lower-case name, zeros left out."""
+        """Returns the number of targets of each status, by lower-case name, zeros left out."""
         return self.tally().counts()
 
     def summary(self) -> Mapping[str, object]:

@@ -1,7 +1,7 @@
 """Inserts the targets of a plan into a job, reads it again, and matches every target.
 
-What is written is trusted only after it was read: the moves must be those planned, each part ending
-where it should, or the job is refused.
+The written program is used only after it was read: the moves must be the planned ones, with the
+planned ends of each part, or the job is refused.
 """
 
 from __future__ import annotations

@@ -257,7 +257,7 @@ def _turns(samples: Samples, row: IntArray, node: IntArray) -> Array:
 
 
 def job_deviation(job: JobMoves, *, tolerance: float | None = None) -> MoveDeviations:
-    """Returns how far each move is off its compensated path when only its targets are compensated.
+    """Returns the deviation of each move between its targets when only these are compensated.
 
     Arcs are looked at in 14 steps. Lines are first looked at in the middle, and in 14 steps where
     that is more than a quarter of the tolerance (without one: the thousand worst). A line is not

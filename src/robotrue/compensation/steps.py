@@ -313,7 +313,7 @@ class StepRule:
 
 
 def path_sentence(steps: Steps) -> str:
-    """Returns how much of the path is compensated; empty if all of it, or if there is none."""
+    """Returns the compensated share of the path; empty if all of it, or if there is none."""
     if not 0.0 <= steps.corrected < steps.length:
         return ""
     share = 100.0 * steps.corrected / steps.length
@@ -324,7 +324,7 @@ def path_sentence(steps: Steps) -> str:
 
 
 def steps_sentence(steps: Steps) -> str:
-    """Returns how many steps there are and which is the largest; empty without any."""
+    """Returns the number of steps and the largest one; empty without any."""
     return (
         "" if steps.worst is None else f"{_count_sentence(steps)}; {_step_sentence(steps.worst)}."
     )

@@ -69,7 +69,7 @@ def cache_kernel(kernel: F) -> F:
 
 
 class _KernelFiles(CompileResultCacheImpl):
-    """Files named without the line, so that a kernel that moves in its file leaves none behind."""
+    """Files named without the line, so that a kernel that moves in its file leaves no stale one."""
 
     def get_filename_base(self, fullname: str, abiflags: str) -> str:
         name = fullname.replace("<", "").replace(">", "")

@@ -65,7 +65,7 @@ class Rail(Columns):
     at: float = 0.0
 
     def carry(self, external: Array) -> Array:
-        """Returns how far (n, 3) m external axes (n, 6) have carried the arm, base axes."""
+        """Returns the displacement (n, 3) m of the arm by external axes (n, 6), base axes."""
         return np.asarray((external[:, self.number - 1, None] - self.at) * self.direction)
 
 

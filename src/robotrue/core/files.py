@@ -34,7 +34,7 @@ def write_atomic(path: str | Path, data: bytes) -> None:
 def atomic_stream(path: str | Path) -> Iterator[BinaryIO]:
     """Yields a stream; its bytes replace ``path`` when the block ends without an error.
 
-    Where the system has files without a name, even a process that is killed leaves nothing behind.
+    Where the system has files without a name, even a process that is killed leaves no file.
 
     Raises:
         FormatError: The folder cannot be written to, or the disk is full.

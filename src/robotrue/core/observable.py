@@ -47,8 +47,8 @@ def check_motions(centre: Array, normal: Array, T_base_part: Array) -> None:
 def motion_strengths(centre: Array, normal: Array) -> tuple[Array, Array, float]:
     """Returns singular values (6,), motions (6, 6) as rows, and the pattern's size in m.
 
-    A motion is (shift of the touches' centroid, rotation vector times size) in base; a value is
-    how much, as a root of the sum of squares, the distances change per unit of it.
+    A motion is (shift of the touches' centroid, rotation vector times size) in base; a value is the
+    change of the distances per unit of it, as a root of the sum of squares.
     """
     middle = centre.mean(axis=0)
     size = float(np.sqrt(((centre - middle) ** 2).sum(axis=1).mean()))

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import TypeAlias
 
 Progress: TypeAlias = Callable[[str, int, int], None]
-"""Called with what is done next, how much is done, and of how much; may raise to end the work."""
+"""Called with the next step, the finished amount, and the total; may raise to end the work."""
 
 
 def unheard(text: str, done: int, of: int) -> None:

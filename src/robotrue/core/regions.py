@@ -114,7 +114,7 @@ def contains(region: Region, points: Array, *, slack: float = SLACK) -> BoolArra
     Args:
         region: Where.
         points: (n, 3) m.
-        slack: By how much, in m and in rad, a point may lie outside.
+        slack: Largest distance outside, in m and in rad.
     """
     low, high = region.limits.T
     values = coordinates_of(region, points)

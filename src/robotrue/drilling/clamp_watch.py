@@ -139,7 +139,7 @@ class ClampEvent:
         seen: It.
         clamps: One clamp, means over the rest, where ``seen`` is ``TAKEN``.
         axes: (2,) rad, A and B in that time.
-        said: Which value moved by how much, where ``seen`` is ``RESTLESS``.
+        said: The value that moved and its change, where ``seen`` is ``RESTLESS``.
     """
 
     seen: Seen
@@ -253,7 +253,7 @@ def foot_sample(
 
     Args:
         values: By name, in the units of their names.
-        setup: How many sensors, and their zero where readings are raw.
+        setup: Number of sensors, and their zero where readings are raw.
         time: s, of a clock that does not go back.
         head: Whether a head's axes turn the foot; not where a robot carries it.
 

@@ -266,7 +266,7 @@ def try_all(
         campaign: Clamps with known tilts.
         inputs: Machine positions among the causes.
         corrects: Readings, or the targets of A and B.
-        step: Hears which kind is on trial, how many were and of how many.
+        step: Called with the kind on trial, the number done and the total.
     """
     trials = []
     for k, kind in enumerate(KINDS):

@@ -79,7 +79,7 @@ class Skin:
         return out
 
     def fall(self, seat: Array) -> Array:
-        """Returns (k,) m: how much farther from the spindle than its tangent plane the skin lies.
+        """Returns (k,) m: distance of the skin beyond its tangent plane, seen from the spindle.
 
         To second order in distance over radius, and only for a known radius.
         """

@@ -203,7 +203,7 @@ def fit_model(
         corrects: Readings, or the targets of A and B.
         digest: SHA-256 of the campaign's file.
         zero: That its readings are less, where it is known.
-        step: Hears which correction is on trial, how many were and of how many.
+        step: Called with the correction on trial, the number done and the total.
 
     Raises:
         ConfigurationError: Tilts written in another axis order than the head's.

@@ -44,7 +44,7 @@ class FootZero(Columns):
         tilt_sigma: (2,) rad, what the zero leaves uncertain of every tilt a, b: of the tilt of
             each seat, because a tool that sits askew moves all sensors together.
         counts: Whether the file states counts.
-        rows: How many were averaged.
+        rows: Number averaged.
         seats: Number of mountings of the tool; 0 where the file does not state it.
         provenance: Of the file.
     """
@@ -137,7 +137,7 @@ def _refuse_outliers(raw: Array, groups: IntArray, setup: FootSetup, sheet: Shee
 
 
 def _seats_off(middle: Array, floor: float) -> tuple[Array, Array]:
-    """(n, k) m each seat off the mean of the others, and how much is allowed by Student's t."""
+    """Returns (n, k) m of each seat off the mean of the others, and the limit by Student's t."""
     count, sensors = middle.shape
     others = [np.delete(middle, g, axis=0) for g in range(count)]
     spread = np.array([np.std(rows, axis=0, ddof=1) for rows in others])

@@ -162,7 +162,7 @@ class HoleSession:
         self._waiting.pop(hole, None)
 
     def take_reference(self, hole: str, left: Array, truth: str) -> RecordUpdate:
-        """Takes what an outside reference measured at a hole after its move, into the model.
+        """Updates the model with an outside reference at a hole after its move.
 
         Args:
             hole: As answered.

@@ -296,7 +296,7 @@ def replay_references(
     reference_sigma: float,
     source: str | Path,
 ) -> tuple[NormalModel, int]:
-    """Returns the model after the references it lacks, and how many those were.
+    """Returns the model after its missing references, and their number.
 
     Args:
         model: As read from its file.

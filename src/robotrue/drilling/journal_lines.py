@@ -42,7 +42,7 @@ def foreign_line(source: str | Path, number: int) -> FormatError:
 
 
 def whole_lines(data: bytes, *, source: str | Path) -> tuple[list[JournalEntry], int]:
-    """Returns the entries of all lines that have their end, and how many bytes those are.
+    """Returns the entries of all complete lines, and their number of bytes.
 
     Args:
         data: Of the file, from the beginning of a line on.

@@ -12,9 +12,9 @@ Each machine position that is an input is one more group of one column and one m
 residual.
 
 t is the direction of the tilt from where the foot hangs at rest, (a_0, b_0). The foot is free when
-it meets the skin and turns towards it until the joint's friction stops it: it stays behind by an
-angle that the growing clamp force takes away, along the way it turned. That is the group with
-exp(-F / F_0); no polynomial has its edge at rest.
+it meets the skin and turns towards it until the joint's friction stops it: it lags by an angle that
+the growing clamp force reduces, along its turn. That is the group with exp(-F / F_0); no polynomial
+has its edge at rest.
 
 The deviations are learned by the evidence, with priors for typical feet: offsets of tenths of a
 millimetre, a fifth of that per degree, almost nothing from the height.
@@ -49,7 +49,7 @@ FADING: Final = float(np.log(0.6))
 SPREAD: Final = np.array([1.0] * len(WIDTHS) + [1.0, 0.7, 0.7, 0.7, 1.0, 0.5, 0.3, 0.3, 0.7])
 """Deviation of the prior of each of theta: log widths, rest, F_0; a_0 and b_0 in deg; log noise."""
 _NOISE: Final = len(SPREAD) - 1
-"""Index of the log noise; behind it the log widths of the inputs, then their log lengths."""
+"""Index of the log noise; after it the log widths of the inputs, then their log lengths."""
 INPUT: Final = np.log(np.array([0.03 * MM, 3.0]))
 """Log width (m per unit) and log length (units) of a machine position: 30 deg, 3 m."""
 INPUT_SPREAD: Final = np.array([1.0, 0.7])

@@ -94,7 +94,7 @@ class Refinement(Columns):
         covariance: (4, 4) of a column over the square of ``sigma``.
         sigma: rad, deviation of what the correction leaves, without that of the reference.
         forgetting: Weight of the past at each record, above 0 and up to 1.
-        records: How many were used.
+        records: Number used.
         truths: What measured them, each once.
     """
 

@@ -101,7 +101,7 @@ class DeviationModel(Columns):
         settings: Priors.
         windows: Learned from.
         theta: (6,) logarithms, see ``deviation_kernel.NAMES``.
-        row: Static row of the response behind e_w, as far as the windows bear it out; or None.
+        row: Static row of the response of e_w, as far as the windows support it; or None.
         factors: (q,) posterior mean, computed: alpha per joint, g, b, c.
         factors_sd: (q,) their posterior standard deviations.
     """
@@ -188,7 +188,7 @@ class DeviationModel(Columns):
         return out
 
     def _relate(self, windows: WindowSet) -> tuple[WindowRows, Array, IntArray]:
-        """Rows of windows, their covariance with those learned from, and how far to trust each."""
+        """Rows of windows, their covariance with the training windows, and the variance of each."""
         terms = physics_terms(self.arm, windows)
         names = {name: k for k, name in enumerate(self.windows.pass_names)}
         for name in windows.pass_names:

@@ -154,7 +154,7 @@ def learn_sizes(rows: WindowRows, values: Array, prior: Array, drift: float) -> 
         rows: Learned from.
         values: (n,) m, their deviation less its prior mean.
         prior: (q,) variance of each factor.
-        drift: N, median of the prior of how far a zero drifts; 0 where it stays.
+        drift: N, median of the prior of the drift of a zero; 0 where it stays.
 
     Raises:
         ObservabilityError: Windows that coincide and carry no noise.

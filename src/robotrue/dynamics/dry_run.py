@@ -50,7 +50,7 @@ class DryRun(Columns):
     Attributes:
         time: (m,) s of the joints.
         place: (m, 3) m, tool point.
-        laser: What was read on the way; its clock is that of ``time``.
+        laser: Readings along the path; its clock is that of ``time``.
     """
 
     time: Annotated[Array, Column("m", unit="s")]

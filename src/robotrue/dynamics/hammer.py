@@ -54,7 +54,7 @@ class HammerResult:
         frequency: (m,) Hz from 0 on.
         response: (m, r) in ``form``.
         coherence: (m, r) or None: one hit is always coherent with itself.
-        record: What it came from.
+        record: Its source.
         hits: Samples at which the used hits begin.
         left_out: Sample and reason of every hit that was not used.
         valid: Hz, where the hammer had power and the response followed it.

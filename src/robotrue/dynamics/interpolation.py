@@ -31,7 +31,7 @@ class ResponseCurve:
 
     Attributes:
         frf: Measured response.
-        modes: What it is evaluated with between the lines, or None: a cubic.
+        modes: Its interpolation between the lines, or None: a cubic.
         left_out: Rms error at every other line when the cubic uses only the others, over the rms of
             all lines: the interpolation error at twice the spacing.
         rebuilt: The same measure of the modes on all lines, or None.
@@ -168,7 +168,7 @@ def rebuild_error(frf: FrequencyResponse, modes: ModalModel) -> float:
 
 
 def describe_rebuild_error(error: float) -> str:
-    """Returns how far modes are off the lines, in per cent; rounding of exact modes as such."""
+    """Returns the error of modes at the lines, in per cent; rounding of exact modes as such."""
     percent = 100.0 * error
     return f"{percent:.2g} % off the lines" if percent >= 0.001 else "< 0.001 % off the lines"
 

@@ -36,7 +36,7 @@ class WindowTrust(IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeviationPrediction:
-    """Error of each window, and how far to trust it.
+    """Error of each window, and its uncertainty.
 
     Attributes:
         error: (n,) m, e_w plus deviation; NaN where invalid.

@@ -98,7 +98,7 @@ def components_of(columns: Array) -> Components:
 
 
 def count_components(eigenvalues: Array) -> int:
-    """Returns how many of the eigenvalues, from the largest, carry 95 % of their sum."""
+    """Returns the number of largest eigenvalues that carry 95 % of their sum."""
     carried = np.cumsum(eigenvalues) / np.sum(eigenvalues)
     return int(np.searchsorted(carried, SHARE - 1e-12) + 1)
 

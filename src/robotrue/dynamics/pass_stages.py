@@ -35,7 +35,7 @@ class PassStages:
         leaving: It begins to leave.
         end: It is free.
         level: N, rms force of the steady stage.
-        air: N, rms force of the air before and behind.
+        air: N, rms force of the air before and after.
     """
 
     entry: float
@@ -100,7 +100,7 @@ def find_stages(time: Array, force: Array, turn: float, source: str) -> PassStag
 
 
 def _air_of(size: Array, cutting: Array, source: str) -> float:
-    """The force without a cut, of the turns before the first that cuts and behind the last."""
+    """Returns the force in air, of the turns before the first that cuts and after the last."""
     inside = np.flatnonzero(cutting)
     before, behind = size[: inside[0]], size[inside[-1] + 1 :]
     for part, where in ((before, "begins"), (behind, "ends")):
@@ -116,7 +116,7 @@ def _air_of(size: Array, cutting: Array, source: str) -> float:
 def zero_at_both_ends(
     record: ForceRecord, stages: PassStages, turn: float
 ) -> tuple[ForceRecord, Array]:
-    """Returns the record without its zero, and what that was before and behind the cut (2, 3) N.
+    """Returns the record without its zero, and the zero before and after the cut (2, 3) N.
 
     A charge amplifier drifts along a pass. The mean of whole turns in the air is its zero there;
     between the two it is taken for a straight line.

@@ -24,7 +24,7 @@ from robotrue.robot.chain_kernels import walk, write_jacobian
 from robotrue.robot.model import RobotModel
 
 LIMIT_SLACK: Final = 1e-6
-"""rad; how far beyond a joint limit a pose still counts as inside."""
+"""rad; largest excess over a joint limit that still counts as inside."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

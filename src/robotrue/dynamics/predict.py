@@ -42,11 +42,11 @@ class DeflectionPrediction:
     Attributes:
         record: The force.
         error: (n, 3) m along x, y, z; NaN along an axis without response.
-        circular: (n, 3) m, the same without zeros behind the record, as printed.
+        circular: (n, 3) m, the same without zeros after the record, as printed.
         static: (3,) m, mean force times receptance at 0 Hz; NaN as ``error``.
         padding: s of zeros.
         rings: s, how long after a change of force the tool still moves by it.
-        remarks: What to know before using it, one sentence each.
+        remarks: Remarks before use, one sentence each.
         invalid: Why it is not to be used at all; empty for most records.
     """
 
@@ -74,8 +74,8 @@ def predict_error(
     Args:
         curve: Receptance at any frequency.
         record: Force on the tool, in the axes of the receptance.
-        padding: s of zeros behind the record; default: twice as long as the modes
-            ring; without modes the time the spacing of the lines can hold.
+        padding: s of zeros after the record; default: twice as long as the modes ring; without
+            modes the time the spacing of the lines can hold.
 
     Raises:
         ConfigurationError: Negative padding.

@@ -9,7 +9,7 @@ phi_2(x) = (phi_1(x) - 1) / x, one oscillator moves by::
 
     z(n+1) = e^(pT) z(n) + T (phi_1 - phi_2) v.f(n) + T phi_2 v.f(n+1)
 
-What is kept is w = z - T phi_2 v.f, which needs the last force only::
+The state is w = z - T phi_2 v.f, which needs the last force only::
 
     w(n+1) = e^(pT) w(n) + T [phi_1 - phi_2 + e^(pT) phi_2] v.f(n)
 

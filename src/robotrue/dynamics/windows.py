@@ -35,7 +35,7 @@ _OPPOSITE: Final = 0.3
 """Part of the deviation that is left when the sign of the measured error is turned round."""
 SMALLEST_TURN: Final = 0.01 * DEG
 FORCE_ROOM: Final = 0.5
-"""How far, over its range, a force may lie outside what was learned from."""
+"""Largest distance of a force outside the training range, over that range."""
 SAME_TIME: Final = 1e-6
 """s; windows that share less touch."""
 _RADIANS: Final = 0.12

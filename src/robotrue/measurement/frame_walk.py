@@ -211,8 +211,8 @@ def remove_walk(
 ) -> tuple[MeasurementSet, tuple[FrameWalk, ...]]:
     """Returns the rows in the frame of the first shot, and how the frame of each set-up moved.
 
-    What is left unknown of the walk joins the covariance of each row; that it is common to
-    neighbouring rows is not kept.
+    The remaining uncertainty of the walk is added to the covariance of each row; that it is common
+    to neighbouring rows is not kept.
 
     Args:
         measurements: Rows of one run, in the frame of the shots.
@@ -248,7 +248,7 @@ def remove_walk(
 
 
 def describe_walks(walks: Sequence[FrameWalk]) -> tuple[str, ...]:
-    """Returns one sentence per set-up: how far its frame moved, and what is known of that."""
+    """Returns one sentence per set-up: the motion of its frame, and its covariance."""
     return tuple(map(_describe_walk, (walk for walk in walks if len(walk.mean))))
 
 

@@ -40,7 +40,7 @@ _FLOOR: Final = 5.0 * MM
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Evidence:
-    """The measured and the commanded points, and how well one fits the other (m rms)."""
+    """The measured and the commanded points, and the rms of their fit, m."""
 
     measured: Array
     commanded: Array

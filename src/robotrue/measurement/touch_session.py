@@ -58,7 +58,7 @@ class TouchReading:
         values: Joints in deg, in the model's sense, or x, y, z in mm; empty where skipped.
         text: As it was typed or pasted.
         at: When, ISO 8601.
-        sigmas: How far from what was expected, in its standard deviations.
+        sigmas: Deviation from the expectation, in its standard deviations.
         off_mm: The same as a length.
         radius_mm: After it, what a point machined at the worst feature is known to, 95 %.
         suspicions: What would explain it, as JSON values.
@@ -209,7 +209,7 @@ def session_csv(
     Args:
         session: Whose features they are of.
         readings: With values; every number is written with all its digits.
-        to_controller: Takes joints (n, dof) rad to the axes that the controller displays, which
+        to_controller: Converts joints (n, dof) rad to the axes that the controller displays, which
             the file states.
     """
     axes, values = ["x_mm", "y_mm", "z_mm"], [each.values for each in readings]

@@ -53,7 +53,7 @@ def protocol_of(address: str, role: Role = "robot") -> StreamProtocol:
 
     Args:
         address: With its scheme.
-        role: What is wanted of it, for the hint.
+        role: Requested stream, for the hint.
 
     Raises:
         ConfigurationError: There is none of that scheme.

@@ -160,7 +160,7 @@ class _Answering:
     async def _pump_blocks(self, blocks: AsyncIterator[Block]) -> None:
         try:
             async for block in blocks:
-                # right behind an answer there is time for the counters
+                # right after an answer there is time for the counters
                 due = time.monotonic() - self._told >= _BEAT
                 for frame in wire.frames(block):
                     await self._send(self._report if due else self._brief, frame)

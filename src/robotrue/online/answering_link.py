@@ -37,7 +37,7 @@ AVAILABLE: Final = sys.platform == "linux" and bool(sys.executable)
 _START: Final = 30.0
 """s that it has to listen; a second on a computer with nothing else to do."""
 _END: Final = 20.0
-"""s that it has to bring a correction to zero, hand over the last samples and end."""
+"""s to ramp a correction to zero, deliver the last samples and end."""
 _LOOK: Final = 0.005
 _PATIENCE: Final = 0.2
 """s that a request may wait for a process that is not reading."""
@@ -168,7 +168,7 @@ class AnsweringLink:
         return self._force
 
     async def close(self) -> None:
-        """Has the correction brought to zero at its rate, and the process ended."""
+        """Ramps the correction to zero at its rate, and ends the process."""
         async with self._again:
             self._closing = True
             self._tell(wire.LinkRequest(do="close"))

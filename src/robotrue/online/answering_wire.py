@@ -130,7 +130,7 @@ class AnsweringReport:
         force: Counters of the measured force.
         preferred: Whether its thread may run before all others.
         address: Where it listens; in the first report.
-        fault: What it has failed with.
+        fault: Its error.
     """
 
     guard: GuardState | None = None
@@ -184,7 +184,7 @@ class RemoteGuard:
     :meth:`state` returns was so a few milliseconds ago.
 
     Args:
-        limits: What it keeps to.
+        limits: Its limits.
         mode: What the controller does with an answer.
     """
 

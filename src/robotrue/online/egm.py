@@ -38,7 +38,7 @@ _State = TypeVar("_State", bound=enum.IntEnum)
 _CYCLE: Final = 4e-3
 _NO_POSE: Final = np.full((4, 4), np.nan)
 _QUAT_OFF: Final = 1e-3
-"""How far from unit length a quaternion may be printed."""
+"""Largest deviation of a quaternion from unit length."""
 
 
 class RobotWare(enum.Enum):

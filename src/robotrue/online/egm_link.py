@@ -47,7 +47,7 @@ _CYCLE: Final = 4e-3
 _UNSEEN: Final = 25
 """Messages lost in a row in which the guidance may have ended and started again."""
 _STALE: Final = Flag.REPEATED | Flag.REORDERED
-"""What is not answered: the controller has had an answer to something newer."""
+"""Messages without an answer: the controller has had an answer to a newer one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -160,7 +160,7 @@ class CorrectionGuard:
         self._released = False
 
     def want(self, correction: Correction, host_time: float) -> None:
-        """Takes a correction to be reached: the whole of it, whatever the controller adds up.
+        """Sets a total correction to reach, independent of the controller's mode.
 
         Args:
             correction: In ABSOLUTE terms; beyond the limits it is cut to them.
@@ -226,7 +226,7 @@ class CorrectionGuard:
         return correction_of(NONE, NONE, self.mode)
 
     def book(self, *, taken: bool) -> None:
-        """Takes note of what became of the answer before; to be called before the next one.
+        """Records the fate of the previous answer; to be called before the next one.
 
         Args:
             taken: Whether the controller took it for certain. If not, the next answer moves

@@ -264,7 +264,7 @@ class RdtSource:
         return 0 if self._closed else size
 
     def _drain(self, link: socket.socket, view: memoryview, size: int) -> int:
-        """Reads all available records behind those already read."""
+        """Reads all available records after those already read."""
         most = _MOST * RECORD.itemsize
         recv_into, whole = _make_receiver(link), RECORD.itemsize
         told: Told = []

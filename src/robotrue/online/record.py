@@ -1,4 +1,4 @@
-"""Reader of a record: everything up to the last whole frame, and the torn bytes behind it.
+"""Reader of a record: all data up to the last whole frame, and the torn bytes after it.
 
 A record is a folder of segments ``segment-000001.rtr``, ... A segment is a line of magic, a header
 (JSON: schema, addresses, hashes of the models, units, settings) and frames
@@ -205,7 +205,7 @@ def header_bytes(header: RecordHeader) -> bytes:
 
 
 def _read_header(stream: BinaryIO, source: Path) -> RecordHeader | None:
-    """Returns the header and leaves the stream behind it; None where it is torn."""
+    """Returns the header and leaves the stream after it; None where it is torn."""
     first = stream.read(len(FIRST_LINE))
     if first != FIRST_LINE[: len(first)]:
         raise FormatError("not a segment of a record.", source=source)

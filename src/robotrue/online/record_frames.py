@@ -175,7 +175,7 @@ def frame_content(data: bytes) -> object:
 
 
 def content_size(content: Content | Arrays) -> int:
-    """Returns about how many bytes a content takes in memory."""
+    """Returns the approximate bytes of a content in memory."""
     if not isinstance(content, Mapping):
         content = {field.name: getattr(content, field.name) for field in fields(content)}
     values = content.values()

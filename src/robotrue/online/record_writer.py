@@ -181,7 +181,7 @@ class RecordWriter:
             return bool(self._queue) or not self._closing
 
     def _write_batch(self) -> bool:
-        """Writes a batch; whether the disk took it. What it did not take stays in the queue."""
+        """Writes a batch; whether the disk took it. The remainder stays in the queue."""
         batch, size, most = [], 0, min(_BATCH, self._segment - self._length)
         for kind, number, content, _ in self._queue_now():
             batch.append(frame_bytes(kind, number, content))
@@ -276,7 +276,7 @@ def _last_segment(path: Path) -> int:
 
 
 def _lock(file: int, path: Path) -> None:
-    """Takes the lock that the system gives back even where the process is killed."""
+    """Acquires the lock, which the system releases even where the process is killed."""
     fault: OSError | None = None
     if sys.platform == "win32":
         import msvcrt

@@ -138,7 +138,7 @@ class _Pace:
         self._begun = 0.0
 
     async def due(self, block: Block, at: int) -> int:
-        """Returns how many samples from ``at`` on have come; none after a while without any."""
+        """Returns the number of samples from ``at`` on that have come; 0 after a timeout."""
         times = block.host_time[at:]
         if math.isnan(self._origin) and not np.isnan(times).all():
             self._origin = float(times[~np.isnan(times)][0])

@@ -28,7 +28,7 @@ class Resumed:
     """Position at which a record ended.
 
     Attributes:
-        rows: Samples of each stream that the chain has taken: the sources go on behind them.
+        rows: Samples of each stream that the chain has taken: the sources continue after them.
         missing: Estimates that were made of them and are not in the record.
         again: Estimates in the record that will come once more (made at the end of a stream).
         checked: Estimates made again and found equal to those of the record.
@@ -132,7 +132,7 @@ def _since_checkpoint(record: StreamRecord) -> Iterator[RecordFrame]:
 
 
 def _compare_estimates(frame: RecordFrame, made: deque[EstimateBlock]) -> int:
-    """Takes from ``made`` what a frame holds; returns how many rows there were to compare."""
+    """Removes the rows of a frame from ``made``; returns the number of compared rows."""
     block: EstimateBlock = frame.content
     done = 0
     while done < len(block) and made:

@@ -48,7 +48,7 @@ class Sensing:
     """The estimator: takes what streams gave, in the order it came.
 
     Attributes:
-        models: What it rests on.
+        models: Its inputs.
         settings: Limits and times.
     """
 

@@ -1,8 +1,8 @@
 """Interpolates the arm's pose at force times; joint samples wait for the forces that need them.
 
 A force uses the joints of samples at or before its time, extrapolated at their last speed for 1.5
-sample intervals, then held. So an estimate depends on the times of the samples alone, not on how
-the streams were cut or how far one ran ahead of the other.
+sample intervals, then held. So an estimate depends on the times of the samples alone, not on the
+cutting of the streams or the lead of one over the other.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Models behind an estimate: kinematics, stiffness, frequency response, tool, deviation.
+"""Models of an estimate: kinematics, stiffness, frequency response, tool, deviation.
 
 Nothing is counted twice. A response measured at one pose holds the static deflection of that pose,
 arm and tool together. What the stiffness adds at another pose is the *change* of the arm's
@@ -66,7 +66,7 @@ class MeasuredResponse(Columns):
         joints: (n,) rad, model joints of the hammer test.
         frame: Frame of the axes it was measured along; with ``tool`` it turns with the tool.
         misfit: Relative error of the response, one standard deviation.
-        room: rad, how far a joint may be from the hammer test.
+        room: rad, largest distance of a joint from the hammer test.
     """
 
     oscillators: Oscillators

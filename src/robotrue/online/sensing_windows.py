@@ -1,8 +1,8 @@
 """The learned deviation online: correction by the last whole window for the samples after it.
 
-The physics of the deviation follow the slow force of every sample. What goes beyond them (residual
-process, gain on the prediction) and the standard deviation are those of the last window, a second
-of milling, a few millimetres of path.
+The physics of the deviation follow the slow force of every sample. Other parts (residual process,
+gain on the prediction) and the standard deviation are those of the last window, a second of
+milling, a few millimetres of path.
 """
 
 from __future__ import annotations

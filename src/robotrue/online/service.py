@@ -32,7 +32,7 @@ _PATIENCE: Final = 10.0
 _ROOM: Final = 0.01
 """s between two looks at whether the record has room, where the sources can wait."""
 _APART: Final = 0.03
-"""s by which joints usually are behind the forces at most: two slow cycles."""
+"""s, usual largest lag of joints after the forces: two slow cycles."""
 _OTHER: Final = 10.0
 """s; farther apart they are of two clocks, or no joints have come."""
 _ON_THEIR_WAY: Final = 0.05
@@ -309,7 +309,7 @@ class _Service:
             self._checkpoint()
 
     async def _read(self, stream: Stream) -> None:
-        """Takes a live stream for as long as it lives, and opens it again when it fails."""
+        """Reads a live stream, and opens it again when it fails."""
         wait = _RETRY[0]
         while not self.stopping:
             try:
@@ -347,7 +347,7 @@ class _Service:
             await asyncio.sleep(_ROOM / 4.0)
 
     async def _read_in_step(self) -> None:
-        """Takes recorded streams, always the one that is behind, as fast as they are taken."""
+        """Reads recorded streams, always the later one, as fast as they are processed."""
         streams: dict[Stream, AsyncIterator[JointBlock | ForceBlock]] = {
             s: aiter(self.sources[s].blocks()) for s in STREAMS
         }

@@ -52,11 +52,11 @@ class Listener(Protocol):
     """Receives messages from before the first estimate and after the last."""
 
     def note(self, text: str) -> None:
-        """Takes what deserves attention."""
+        """Receives warnings."""
         ...
 
     def inform(self, text: str) -> None:
-        """Takes plain information."""
+        """Receives information."""
         ...
 
 
@@ -199,7 +199,7 @@ async def _serve(
 async def _open_streams(
     settings: SenseSettings, corrections: Corrections | None, resumed: Resumed | None
 ) -> tuple[StreamSource[JointBlock], StreamSource[ForceBlock]]:
-    """Opens robot and force behind what a record holds already; both or none."""
+    """Opens robot and force after the data that a record holds already; both or none."""
     rows = {"joints": 0, "force": 0} if resumed is None else resumed.rows
     correction = settings.correction
     robot = open_stream(

@@ -42,7 +42,7 @@ class SignalSample:
         texts: Texts by name.
         missing: Names whose value was ``null`` or not finite.
         sequence: The sender's number of the datagram; -1 where it sends none.
-        flags: What is wrong with it.
+        flags: Its fault.
     """
 
     controller_time: float

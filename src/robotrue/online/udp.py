@@ -150,8 +150,8 @@ class Inbox(Generic[T]):
     """Samples on their way from a thread to one reader in an event loop.
 
     Args:
-        limit: How many may wait before it is crowded; none is ever dropped.
-        count: How many samples an item holds.
+        limit: Number that may wait before it is crowded; none is ever dropped.
+        count: Number of samples of an item.
     """
 
     def __init__(self, limit: int = CROWDED, count: Callable[[T], int] = lambda _: 1) -> None:

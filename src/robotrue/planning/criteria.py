@@ -202,7 +202,7 @@ def exchange_poses(
 
 
 def passes(n: int) -> int:
-    """Returns how often :func:`exchange_poses` goes over n poses at most."""
+    """Returns the largest number of passes of :func:`exchange_poses` over n poses."""
     return max(1, EXCHANGES // max(n, 1))
 
 

@@ -81,7 +81,7 @@ def predict_accuracy(
         rows: (c, 3, k) whitened rows of the candidates.
         order: (n,) chosen candidates, in the order of choice.
         seed: Of the random plans.
-        told: Called with how many random plans are done, before each.
+        told: Called with the number of random plans done, before each.
     """
     fixed = work.rest + work.instrument
     rms, mean = _curve(work, rows, order, fixed)

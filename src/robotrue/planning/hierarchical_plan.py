@@ -53,7 +53,7 @@ def hierarchical_sample(
 
 
 def target_counts(domains: Domains, total: int, *, further: float = 0.0) -> IntArray:
-    """Returns how many target poses each sub-space gets, (k,), their sum ``total`` (rule 2).
+    """Returns the number of target poses of each sub-space, (k,), their sum ``total`` (rule 2).
 
     Args:
         domains: Where.

@@ -125,7 +125,7 @@ def _corners(box: Box) -> Array:
 
 
 def _way_out(points: Array, axes: Array, box: Box, lift: float) -> Array:
-    """Returns how far (k,) m points retract along their axes to clear the box by the lift."""
+    """Returns the retraction (k,) m of points along their axes to clear the box by the lift."""
     low, high = box.low - lift, box.high + lift
     with np.errstate(divide="ignore"):
         out = np.where(

@@ -128,7 +128,7 @@ def pose_sheet(
     Args:
         joints: (n, dof) rad, in the order of measuring.
         robot: Of the controller.
-        remark: What to do with the sheet.
+        remark: Instructions for the sheet.
         further: Columns by their names, between positions and axes.
     """
     names = canonical_mapping(robot.dof)

@@ -52,7 +52,7 @@ class PlanSettings:
     Attributes:
         criterion: ``"I"``: least mean variance where the arm will work. ``"D"``: best determined
             parameters.
-        candidates: How many usable postures to choose from.
+        candidates: Number of usable postures to choose from.
         within: Where the reflector may be while measuring; anywhere if not given.
         work: Where the arm will work, any posture there; the candidates' own range if not given.
         margin: rad, kept from the joint limits; also room for the pre-positions.
@@ -241,7 +241,7 @@ def _linearise(cell: Cell, settings: PlanSettings, model: ErrorModel | None) -> 
 def _choices(
     scene: Scene, n: int, settings: PlanSettings, candidates: Array | None
 ) -> tuple[Array, IntArray, int, tuple[tuple[str, int], ...]]:
-    """Usable postures, their numbers, how many were looked at, and why the others are not."""
+    """Returns usable postures, their indices, the number drawn, and the causes of rejection."""
     dof = scene.robot.dof
     back = -np.full(dof, settings.step_back) if settings.approach == "one side" else None
     if candidates is None:

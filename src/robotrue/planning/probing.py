@@ -142,7 +142,7 @@ def plan_touches(
 
     Args:
         task: Belief, candidates, machined postures.
-        n: How many touches at most.
+        n: Largest number of touches.
         goal: ``"mean"``: least rms standard uncertainty over the machined points. ``"worst"``:
             least uncertainty of the worst one.
         tolerance: m; the plan stops once that uncertainty is below it.

@@ -88,7 +88,7 @@ class TouchCandidates:
 
     Attributes:
         touches: With their planned joints, feature by feature.
-        tried: How many combinations of feature and attitude were looked at.
+        tried: Number of combinations of feature and attitude tried.
         rejected: (reason, count) of the others.
         untouchable: Features without any touch.
     """

@@ -156,7 +156,7 @@ class TouchPosterior(Columns, ABC):
 
         Args:
             groups: Rows of the machined points by the name of their group.
-            n: How many touches at most.
+            n: Largest number of touches.
             goal: Of :data:`GOALS`.
             tolerance: m; the plan stops once the uncertainty of the goal is below it.
         """
@@ -237,7 +237,7 @@ class TouchPosterior(Columns, ABC):
 
 
 def _count_needed(left: Array, tolerance: float) -> int:
-    """Returns how many points meet the tolerance; all if none does."""
+    """Returns the number of points that meet the tolerance; all if none does."""
     met = np.flatnonzero(left[1:] <= tolerance)
     return int(met[0]) + 1 if len(met) else len(left) - 1
 

@@ -57,7 +57,7 @@ class Contour:
         object.__setattr__(self, "across", frozen(self.across, (2, 3), "across"))
 
     def outside_by(self, points: Array) -> Array:
-        """Returns how far points (n, 3) m in part lie outside, (n,) m; negative inside."""
+        """Returns the distance of points (n, 3) m in part outside, (n,) m; negative inside."""
         flat = np.asarray(points) @ self.across.T
         out = np.full(len(flat), np.inf)
         for outline in self.outlines:

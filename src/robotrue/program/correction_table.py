@@ -46,7 +46,8 @@ class PoseRegion(Columns):
         low: Lowest corner of the box, in the work frame.
         high: Highest corner.
         R_frame_tool: Middle attitude of the tool in the work frame.
-        turn: How far A, B and C may be off it either way: Rz(A) Ry(B) Rx(C), axes of the tool.
+        turn: Largest deviation of A, B and C from it, in both directions: Rz(A) Ry(B) Rx(C), axes
+            of the tool.
     """
 
     T_base_frame: Annotated[Array, Column("4 4", unit="m")]
@@ -104,7 +105,7 @@ class CorrectionTable(Columns):
 
     @property
     def numbers(self) -> int:
-        """How many numbers a controller holds for it."""
+        """Count of the numbers in a controller."""
         return self.values.size
 
     def interpolate(self, share: Array) -> Array:

@@ -55,7 +55,7 @@ def write_identity(program: str | Path, data: bytes | str, identity: ProgramIden
     Args:
         program: The program file.
         data: Its bytes, or their SHA-256 in hexadecimal.
-        identity: What it belongs to.
+        identity: Its identity.
 
     Raises:
         FormatError: The file cannot be written.

@@ -126,7 +126,7 @@ def error_pose(values: Array) -> Array:
 
 
 def around_joints(robot: RobotModel) -> tuple[Array, Array]:
-    """Returns the constant transforms (n, 4, 4) before and behind the turn of each joint."""
+    """Returns the constant transforms (n, 4, 4) before and after the rotation of each joint."""
     still = np.tile(np.eye(4), (robot.dof, 1, 1))
     along_z, side = still.copy(), still.copy()
     along_z[:, Z, ORIGIN] = robot.d + robot.error("d")

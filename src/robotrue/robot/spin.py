@@ -57,7 +57,7 @@ class SpinSettings(Columns):
             own convention is +x, most CAM posts and this default take +z.
         step: rad between the spins tried first; refined to a 25th of it.
         spacing: m of path between stations.
-        travel: m; how much a radian of joint travel counts against comfort. Larger is smoother.
+        travel: m; weight of a radian of joint travel against comfort. Larger is smoother.
         limit_margin: rad kept from every joint limit.
         wrist_margin: rad between axes 4 and 6 that is kept.
         elbow_margin: rad by which the elbow stays bent.

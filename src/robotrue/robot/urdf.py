@@ -57,8 +57,8 @@ def from_urdf(
 
     Args:
         path: The file (URDF, not xacro).
-        tip: Last link; the leaf behind most joints if not given, ``tool0`` or ``flange`` where
-            there are several.
+        tip: Last link; the leaf after most joints if not given, ``tool0`` or ``flange`` where there
+            are several.
         right_angle: rad; ``rpy`` angles this near to a multiple of 90 deg are taken as exact, for
             files that print 1.5708.
         data: Content of the file; None: read from the path.

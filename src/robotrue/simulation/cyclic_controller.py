@@ -148,7 +148,7 @@ _WHOLE: Final = 0.9
 _SHORTEST: Final = 0.5
 """Of a cycle; what a computer that slept makes up for, cycle by cycle."""
 _BEHIND: Final = 5
-"""Cycles that are made up for so; what lies farther behind is left out where time is kept."""
+"""Cycles that are made up for so; cycles with a larger delay are left out where time is kept."""
 
 
 class Pace:
@@ -167,9 +167,9 @@ class Pace:
 
         Returns whether it was shorter than a controller's, to make up for one that was overslept.
 
-        Cycles that lie behind are made up for with shorter ones. A controller never sends two
-        packets at once, and a computer that plays one must not, either: the answer to the first
-        would be late through no fault of its sender.
+        Delayed cycles are compensated by shorter ones. A controller never sends two packets at
+        once, and a computer that plays one must not, either: the answer to the first would be late
+        through no fault of its sender.
         """
         now = asyncio.get_running_loop().time()
         self._due += self._cycle
@@ -178,7 +178,7 @@ class Pace:
         return asyncio.get_running_loop().time() - now < _WHOLE * self._cycle
 
     def skip_overdue(self) -> int:
-        """Skips cycles that lie too far behind and returns how many.
+        """Skips cycles with too large a delay and returns their number.
 
         A controller's clock does not go slower because a computer is busy; one that plays it sends
         fewer packets instead, as if they had been lost on their way.
@@ -287,7 +287,7 @@ class CyclicController(ABC, Generic[R]):
 
     @abstractmethod
     def take(self, data: bytes) -> None:
-        """Takes a datagram that came during the cycle."""
+        """Processes a datagram that came during the cycle."""
 
     def close_cycle(self, *, short: bool = False) -> None:
         """Ends the cycle.

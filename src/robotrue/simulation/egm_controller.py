@@ -141,7 +141,7 @@ class EgmController(CyclicController[EgmControllerReport]):
         return write_robot(robot, settings.generation)
 
     def take(self, data: bytes) -> None:
-        """Takes a datagram of the computer."""
+        """Processes a datagram of the computer."""
         report = self._report
         try:
             _, xyz_mm, age_ms = read_path_correction(data)

@@ -149,7 +149,7 @@ class RsiController(CyclicController[RsiControllerReport]):
         return bool(self._report.broke_off)
 
     def take(self, data: bytes) -> None:
-        """Takes an answer, good or not."""
+        """Processes an answer, valid or not."""
         if self.settings.config.only_send or self._shows(FaultKind.SILENCE):
             return
         try:

@@ -118,7 +118,7 @@ def _sync_folder(folder: Path) -> None:
 
 
 def sweep(folder: Path, named: Callable[[str], bool]) -> int:
-    """Returns how many files were removed that a killed process left behind.
+    """Returns the number of removed files of killed processes.
 
     Args:
         folder: Of the workspace; the caller holds its lock alone.

@@ -29,13 +29,13 @@ def add(
         kind: ``plan``, ``validation``, ``report``, ...
         name: In the workspace.
         files: Tables, programs, pages; their role is ``file``.
-        about: What it rests on, by role.
+        about: Items it depends on, by role.
         detail: Its numbers, JSON values.
         note: Of the user.
         id: Of the document that gets this as its new version.
 
     Raises:
-        ConfigurationError: What it rests on is not in the workspace, or a file's name is none.
+        ConfigurationError: An item it depends on is not in the workspace, or an invalid file name.
         FormatError: A file cannot be read.
     """
     named = [("file", path.name, path) for path in files]

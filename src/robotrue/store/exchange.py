@@ -1,7 +1,7 @@
 """A whole workspace as one file: written here, read by :mod:`robotrue.store.exchange_import`.
 
 A zip of ``manifest.json``, one ``tables/NAME.jsonl`` per table and every file under its SHA-256.
-The manifest names schema, size and SHA-256 of each member. Jobs that are not over stay behind.
+The manifest names schema, size and SHA-256 of each member. Unfinished jobs are not exported.
 """
 
 from __future__ import annotations

@@ -205,7 +205,7 @@ def _require_sound(connection: Connection, members: Mapping[str, Member], source
 
 
 def _merge(session: Session, staged: Connection, source: str) -> dict[str, int]:
-    """Adds missing data; returns how many rows of each table."""
+    """Adds missing data; returns the number of rows of each table."""
     counts: dict[str, int] = {}
     for table in tables():
         if table.name == "blobs":  # their rows came with the files

@@ -53,7 +53,7 @@ def add(
         name: In the workspace.
         note: Of the user.
         detail: What else is known of it, JSON values.
-        links: What it rests on.
+        links: Items it depends on.
         files: Role, name and content of each of its files.
         id: Of the item that gets a new version.
         columns: Those of the noun.
@@ -189,9 +189,9 @@ def search(where: Workspace | Transaction, noun: Noun[R], query: ItemQuery) -> R
 def _read_counted(
     session: Session, noun: Noun[R], page: Select[Versioned]
 ) -> tuple[Sequence[Versioned], int | None]:
-    """The rows of a page and how many there are on all pages, in one pass over the table.
+    """Returns the rows of a page and the total number, in one pass over the table.
 
-    Beyond the last page it is not known how many there are.
+    Beyond the last page the total is not known.
     """
     table = noun.table
     keys = session.execute(

@@ -153,7 +153,7 @@ def requeue(workspace: Workspace, claim: Claim, why: str, *, spent: bool = True)
 
 
 def reclaim(workspace: Workspace) -> int:
-    """Returns how many jobs of dead workers were queued again or ended."""
+    """Returns the number of jobs of dead workers that were queued again or ended."""
     with workspace.read() as session:
         if not _rows_of_dead(workspace, session):
             return 0

@@ -28,7 +28,7 @@ from robotrue.store.workspace import Transaction, Workspace
 
 SCRATCH: Final = "scratch"
 EVERY: Final = 0.3
-"""s between two notes of how far a job is."""
+"""s between two progress notes of a job."""
 
 
 class Cancelled(Exception):

@@ -175,7 +175,7 @@ class Worker:
 
     Attributes:
         workspace: Where jobs wait.
-        kinds: What it can do: ``module:function`` by kind.
+        kinds: Its kinds of jobs: ``module:function`` by kind.
         engine: Where attempts are made.
         slots: Jobs at a time.
         patience: s between cancelling a job and killing its process.

@@ -49,7 +49,7 @@ def add(
 
     Raises:
         ArchiveError: Not a model file, or damaged.
-        ConfigurationError: What it was made from is not in the workspace.
+        ConfigurationError: Its source is not in the workspace.
         FormatError: A file cannot be read.
     """
     path = Path(path)

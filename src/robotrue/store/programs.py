@@ -43,7 +43,7 @@ def add(
         id: Of the program that gets this as its new version.
         stage: As the CAM made it, or compensated; :func:`add_after` adds those.
         identities: Files that identify the model of each.
-        links: What it was made from.
+        links: Its source.
         detail: Counts and predicted errors, JSON values.
 
     Raises:
@@ -110,7 +110,7 @@ def add_after(
         detail: Counts and predicted errors, JSON values.
 
     Raises:
-        ConfigurationError: What it was made from is not in the workspace, or two files of one name.
+        ConfigurationError: Its source is not in the workspace, or two files of one name.
         FormatError: A file cannot be read.
     """
     return add(

@@ -160,7 +160,7 @@ class ResultPage(Generic[T]):
 
     Attributes:
         items: In order.
-        total: How many there are on all pages.
+        total: Total number on all pages.
         offset: Items before this page.
     """
 

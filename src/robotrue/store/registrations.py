@@ -106,7 +106,7 @@ def add_session(
         files: That the features came from.
 
     Raises:
-        ConfigurationError: What it rests on is not in the workspace.
+        ConfigurationError: An item it depends on is not in the workspace.
         FormatError: A file cannot be read.
     """
     detail = {SESSION: session_document(session)}

@@ -40,7 +40,7 @@ class Workspace:
         url: Of the database where that is not the one in the folder; may hold a password.
         id: Of the workspace, in the folder and in the database.
         engine: The database.
-        swept: Files that killed processes had left behind and that opening removed.
+        swept: Files of killed processes that opening removed.
     """
 
     def __init__(self, folder: Path, url: str | None, identity: str, engine: Engine) -> None:

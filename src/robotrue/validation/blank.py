@@ -1,9 +1,9 @@
 """A finished part inside its blank: the allowance on every touched face, and the smallest.
 
 The blank is given by its touched faces: planes in the part's coordinates, in the frame used for
-cutting. What was not touched, as the side it lies on, bounds nothing. Where two faces look opposite
-ways a shift can share what is left between them; where that is not enough and a turn about the axis
-that the setting-up leaves free gives surely more, the part turns, too.
+cutting. Untouched sides, such as the bottom, bound nothing. Where two faces look opposite ways a
+shift can share what is left between them; where that is not enough and a turn about the axis that
+the setting-up leaves free gives surely more, the part turns, too.
 
 That axis keeps what was not touched where it is: the side the part lies on stays parallel to
 itself, and no face turns that nothing is known opposite of. With turn w and shift s, small, a

@@ -75,7 +75,7 @@ class Budget:
 
     Attributes:
         contributions: The lines.
-        poses: Over how many poses.
+        poses: Number of poses.
         worst: m, largest expanded uncertainty (per axis, k = 2) of one pose: model, repeatability
             and noise there, with the other lines as they are.
     """

@@ -58,7 +58,7 @@ class NamedCause:
     """A cause that is named.
 
     Attributes:
-        hypothesis: What is wrong, where, and the corrected rows.
+        hypothesis: The fault, its rows, and the corrected rows.
         probability: Of the cause, against clean rows and all other causes.
         before: m, mean error of each row predicted from the others, for the unchanged file.
         after: m, the same once it is corrected; NaN where that is outside the rows.

@@ -1,8 +1,8 @@
 """Measured rows with the typical errors of their arm: the input of the data doctor.
 
 The rows are linearised once at a robust fit. Everything a calibration may explain has a covariance:
-geometry and compliance by their priors, ripple and a smooth residual over the postures. What is
-left beyond them is what a suspicion has to explain.
+geometry and compliance by their priors, ripple and a smooth residual over the postures. A suspicion
+has to explain the residual beyond them.
 """
 
 from __future__ import annotations

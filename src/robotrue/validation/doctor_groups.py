@@ -49,7 +49,7 @@ class Scattered:
     """Rows anywhere in the file that are off in the same way.
 
     Attributes:
-        segment: What is wrong with them.
+        segment: Their fault.
     """
 
     segment: Segment

@@ -52,7 +52,7 @@ class ColumnReading:
 
     Attributes:
         cause: Its name.
-        text: What is wrong with the present one.
+        text: Fault of the present one.
         advice: What to do.
         joints: (n, dof) rad, the columns of joints as they then read.
         robot: The arm as it then is, without its tool; None: as stated.

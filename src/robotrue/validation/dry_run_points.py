@@ -33,7 +33,7 @@ def pick_points(
     Args:
         place: (n, 3) m, targets in base in the order they are moved to; NaN for axis targets.
         motion: (n,) :class:`Motion`.
-        count: How many are wanted; fewer are returned where targets lie farther apart.
+        count: Requested number; fewer are returned where targets lie farther apart.
         source: The program, for messages.
 
     Returns: ``(m,)`` rows, and (m,) m from the first target.

@@ -123,7 +123,7 @@ def check_mastering(
     point: Array | None = None,
     point_sigma: float = POINT_SIGMA_MM * MM,
 ) -> MasteringCheck:
-    """Returns which axes lost their zero, by how much, and how sure that is.
+    """Returns the axes that lost their zero, the offsets, and their probability.
 
     Args:
         arm: The model made while the arm was good; :class:`NominalModel` without one.
@@ -192,7 +192,7 @@ def check_mastering(
 
 
 def _find_stretch(arm: ErrorModel, touches: ProbingSet) -> Array:
-    """Factor (n,) on the sd of the arm at each touch: how far its own covariance is trusted."""
+    """Factor (n,) on the sd of the arm at each touch: the inflation of its covariance."""
     joint_range = arm.training_summary().joint_range if arm.calibrated else None
     if joint_range is None:
         return np.ones(len(touches))

@@ -49,7 +49,7 @@ class SolvedTouches:
             hypothesis, m/rad.
         noise: (m, m) m^2, the remainder.
         row: (m,) touch of each number.
-        zeros: How many zeros are unknown.
+        zeros: Number of unknown zeros.
     """
 
     at: Belief

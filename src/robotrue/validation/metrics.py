@@ -132,7 +132,7 @@ def squared_distance(residuals: Array, covariances: Array) -> Array:
 
 
 def coverage(residuals: Array, covariances: Array, level: float = 0.95) -> Coverage:
-    """Returns how many residuals lie in the ``level`` ellipsoids of their covariances.
+    """Returns the number of residuals in the ``level`` ellipsoids of their covariances.
 
     A residual is inside when ``r' C^-1 r <= chi2_3(level)``; an axis alone when ``|r_k|`` is below
     the two-sided normal quantile times its standard deviation.

@@ -240,7 +240,7 @@ def _compare_pairs(
 def count_cylinder_wins(
     found: Sequence[RegionSimilarity], reading: SimilarityReading
 ) -> tuple[int, int] | None:
-    """Returns in how many regions the cylinder is more alike than the cube, and of how many.
+    """Returns the number of regions where the cylinder is more similar, and the total.
 
     The k-th region of one kind is compared with the k-th of the other; None without both.
     """

@@ -50,7 +50,7 @@ LOUD: Final = 3.0
 
 
 def numbers_of(touches: ProbingSet) -> int:
-    """Returns how many numbers the touches give: three of a feature point, one of a normal."""
+    """Returns the count of numbers of the touches: three of a feature point, one of a normal."""
     return 3 * int(touches.full.sum()) + int((~touches.full).sum())
 
 

@@ -198,7 +198,7 @@ def _sentences(frames: Frames, gain: float) -> tuple[tuple[str, ...], tuple[str,
 DatumVerdict: TypeAlias = Literal["holds", "is off", "undecided"]
 
 CERTAIN: Final = 0.99
-"""Probability behind "is off", over all datums together."""
+"""Probability of "is off", over all datums together."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -150,7 +150,7 @@ def check_order(touches: ProbingSet, in_base: Array, *, tolerance: float) -> tup
     Args:
         touches: Of one part; only feature points are looked at.
         in_base: (n, 3) m.
-        tolerance: m, how far a good touch may lie from its place.
+        tolerance: m, largest error of a good touch.
 
     Raises:
         ImplausibleDataError: The touches fit under other names and not under these.
@@ -259,7 +259,7 @@ def check_on_mesh(touches: ProbingSet, mesh: TriangleMesh, *, tolerance: float) 
     Args:
         touches: Of one part.
         mesh: The part.
-        tolerance: m, how far a nominal point may lie from the surface it names.
+        tolerance: m, largest distance of a nominal point from the surface it names.
 
     Raises:
         ImplausibleDataError: Nominal points of surface touches off the part, or normals that do

@@ -180,7 +180,7 @@ def expected_readings(known: TouchBelief, touches: ProbingSet) -> ExpectedTouch:
 
 
 def check_reading(known: TouchBelief, touch: ProbingSet) -> CheckedTouch:
-    """Returns how far a reading is from what was expected of it.
+    """Returns the deviation of a reading from its expectation.
 
     Args:
         known: After the touches before it.

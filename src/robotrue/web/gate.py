@@ -28,7 +28,7 @@ from robotrue.web.sessions import Sessions, same_secret
 
 COOKIE: Final = "robotrue_session"
 OPEN_PATHS: Final = frozenset({"/login", "/static/icon.svg"})
-"""What is answered before anybody has logged in."""
+"""Paths that are answered before a login."""
 POLICY_VIOLATION: Final = 1008
 """Why a WebSocket is closed (RFC 6455)."""
 UPLOADS: Final = "/api/files"

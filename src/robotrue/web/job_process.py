@@ -33,7 +33,7 @@ class JobProcess:
 
         Args:
             workspace: Where jobs wait.
-            kinds: What it can do: ``module:function`` by kind; empty: jobs are left to others.
+            kinds: Its kinds of jobs: ``module:function`` by kind; empty: jobs are left to others.
         """
         self._workspace, self._kinds = workspace, kinds
         self._process: BaseProcess | None = None

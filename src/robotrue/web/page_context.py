@@ -73,7 +73,7 @@ class PageContext:
         in_use: Id of the model of pages whose address names none; empty: there is none.
         models: To choose from, the newest first.
         screens: All, in the order of the navigation.
-        stages: How many items show that each stage of the project was reached, by its name.
+        stages: Number of items of each reached stage of the project, by its name.
     """
 
     server: ServerContext

@@ -56,7 +56,7 @@ class Sessions:
 
     @contextlib.contextmanager
     def at_end(self, name: str, end: Callable[[], None]) -> Iterator[None]:
-        """Has ``end`` called if the session is closed within the block."""
+        """Calls ``end`` if the session is closed within the block."""
         self._at_end.setdefault(name, set()).add(end)
         try:
             yield
@@ -93,7 +93,7 @@ class Tries:
         self._guesses.move_to_end(address)
 
     def uncount(self, address: str) -> None:
-        """Takes the latest guess of an address back: it was right."""
+        """Removes the latest attempt of an address: it was correct."""
         times = self._guesses.get(address, [])
         del times[-1:]
         if not times:

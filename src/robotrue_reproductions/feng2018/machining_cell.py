@@ -1,6 +1,6 @@
 """A machining cell whose truth is known: KR160, a block to be probed and cut from three sides.
 
-The cell behind every simulated figure of registration. All sizes are **assumed**, in the range of
+The cell of every simulated figure of registration. All sizes are **assumed**, in the range of
 production arms; the paper (Feng, Liang, Xi 2018) prints none of its robot.
 
 ===================  =======================================================================

@@ -44,7 +44,7 @@ SPINS: Final = np.array([0.0, 90.0, -90.0, 180.0]) * DEG
 GRID: Final = 3
 """Points along each edge of a face."""
 TIP: Final = 0.3 * MM
-"""m per axis, how far a tip from CAD or after a tool change may be off."""
+"""m per axis, deviation of a tip from CAD or after a tool change."""
 
 
 @cache

@@ -41,7 +41,7 @@ _ARM: Final = 1.2 * MM
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FloorCase:
-    """What is wrong in a run of the recursion.
+    """Errors in a run of the recursion.
 
     Attributes:
         name: Of the case.
@@ -99,7 +99,7 @@ def run_recursion(
     """Returns the recursion of one cell, twice: all passes, and stopped by its own rule.
 
     Args:
-        case: What is wrong; its sizes must be those of the cell.
+        case: Errors; its sizes must be those of the cell.
         cell: The truth.
         model: The arm as probe and run have it.
         rng: Of the touching.

@@ -1,4 +1,4 @@
-"""Rounds at the machine in the virtual cell: how many are needed, where they end. Simulated.
+"""Rounds at the machine in the virtual cell: their number, their final pose. Simulated.
 
 Four ways to begin: where the drawing has the block, half a millimetre off, a fifth of it off, and
 in the best frame there is for the three points. The error is the worst of the three points, tip

@@ -38,7 +38,7 @@ from robotrue_reproductions.jin2022.milling_pass import (
 
 AIR: Final = 2.0
 ENTRY: Final = 0.1
-"""s, before the pass and behind it."""
+"""s, before the pass and after it."""
 BOW: Final = 0.05
 """N, standard deviation of what the zero is off its line in the middle of a pass."""
 JOINT_RATE: Final = 250.0

@@ -59,7 +59,7 @@ class DriftPlan:
         return {"poses_csv": str(self.output), "sd": self.sd}
 
     def blocks(self) -> Iterable[Block]:
-        """Returns how well each cause will be known."""
+        """Returns the expected uncertainty of each cause."""
         yield Table(
             title="standard deviation of each cause, alone",
             columns=("cause", "known to"),

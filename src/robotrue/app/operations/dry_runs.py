@@ -33,7 +33,7 @@ NEXT: Final = (
 
 
 class DryRunPlanRequest(Request):
-    """Along which program, how many points, and what predicts their errors."""
+    """The program, the number of points, and the model that predicts their errors."""
 
     program: Annotated[
         Reference, Item(noun="program", argument="PROGRAM", help="Program as CAM made it.")

@@ -212,7 +212,7 @@ def _tables_shown(tables: PaperTables) -> tuple[Table, Table, Table]:
 
 
 def _tables_facts(tables: PaperTables) -> Facts:
-    """Returns what the regression makes of the windows."""
+    """Returns the regression of the windows."""
     penalty, gamma, tube = tables.chosen
     rmse = tables.rmse_um
     return Facts(

@@ -99,7 +99,7 @@ class ItemReport:
     Attributes:
         content: Its content.
         subject: One of :data:`SUBJECTS`.
-        about: What it is a report of.
+        about: Subject of the report.
         links: What else it rests on.
         numbers: For the list of reports, JSON values.
         files: That were written.

@@ -126,7 +126,7 @@ def run(request: SimilarityRequest, context: Context) -> PlainResult:
 def _document(
     found: Sequence[RegionSimilarity], reading: str, wins: tuple[int, int] | None
 ) -> dict[str, object]:
-    """Similarities, and in how many regions the cylinder is more alike than the cube; mm."""
+    """Similarities in mm, and in how many regions the cylinder is more similar than the cube."""
     from robotrue.core.json_values import json_values
 
     return {

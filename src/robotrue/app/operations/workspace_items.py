@@ -59,7 +59,7 @@ class WorkspaceListRequest(Request):
 
 
 def list_items(request: WorkspaceListRequest, context: Context) -> PlainResult:
-    """Returns a page of items, or how many there are of each noun.
+    """Returns a page of items, or the number of each noun.
 
     Raises:
         ConfigurationError: No workspace, or an invalid noun, field or condition.
@@ -298,7 +298,7 @@ class WorkspaceUndoRequest(Request):
 
 
 def undo_change(request: WorkspaceUndoRequest, context: Context) -> PlainResult:
-    """Takes the last change of an item back.
+    """Reverts the last change of an item.
 
     Raises:
         ConfigurationError: No such item, or nothing to take back.

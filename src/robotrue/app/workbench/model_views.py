@@ -114,7 +114,7 @@ def evaluate_set(
 def judge_measurement(
     workspace: Workspace, set_id: str, version: int, model_id: str, model_version: int
 ) -> bytes:
-    """Returns how well a model predicts a set, its worst poses and what screening finds."""
+    """Returns the accuracy of a model on a set, its worst poses and screened rows."""
     record = items.get(workspace, MODEL, model_id, version=model_version)
     held = models.model_of(workspace, record)
     rows, seen = evaluate_set(workspace, set_id, version, held)

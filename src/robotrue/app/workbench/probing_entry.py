@@ -190,7 +190,7 @@ def _with_radius(at: Opened, session: ProbingSession) -> ProbingSession:
 
 
 def worst_place(at: Opened, known: TouchBelief) -> tuple[int, float, dict[int, float]]:
-    """Returns the feature known worst, to how many mm (95 %), and that of every feature."""
+    """Returns the most uncertain feature, its 95 % radius in mm, and that of every feature."""
     features = at.session.features
     rows = [(k, 0) for k, each in enumerate(features) if each.postures_deg or not at.joints]
     radius = machined_radius(known, places(at, rows)) / MM

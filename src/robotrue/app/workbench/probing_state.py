@@ -228,7 +228,7 @@ def register_readings(at: Opened, readings: Sequence[TouchReading]) -> Registere
     """Returns the result of ``robotrue register`` for the readings.
 
     Raises:
-        RobotrueError: What it refuses them for.
+        RobotrueError: Reason of their refusal.
     """
     found = file_of(at, readings)
     return register(at.arm, found.touches, parts=found.parts, settings=at.settings)

@@ -243,7 +243,7 @@ def _document(
 
 
 def _part_known_to(frame: PartFrame) -> dict[str, object]:
-    """The part frame and how well its origin is known, m, one sigma; no bound includes it."""
+    """The part frame and the uncertainty of its origin, m, one sigma; no bound includes it."""
     sd = np.sqrt(np.diag(frame.covariance))[:3]
     return {"name": frame.name, "sd_m": float(np.linalg.norm(sd)), "verdict": frame.verdict}
 

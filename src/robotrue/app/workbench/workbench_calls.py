@@ -119,7 +119,7 @@ def show_model(folder: str, model: str, version: int) -> bytes:
 def judge_measurement(
     folder: str, measured: str, version: int, model: str, model_version: int
 ) -> bytes:
-    """Returns how well a model predicts a set, its worst poses and what screening finds."""
+    """Returns the accuracy of a model on a set, its worst poses and screened rows."""
     from robotrue.app.workbench.model_views import judge_measurement as answer
 
     return _ask(answer, folder, measured, version, model, model_version)

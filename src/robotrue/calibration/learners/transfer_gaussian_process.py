@@ -176,7 +176,7 @@ class TransferGaussianProcess(ProcessRegressor):
         self.log_marginal_likelihood_ = log_evidence(data, theta)[0]
 
     def _use_target_alone(self, alone: GaussianProcess) -> None:
-        """Takes over what was learned from target rows only."""
+        """Copies the process learned from target rows only."""
         self.used_source_ = False
         self.rho_ = self.correlation_ = self.difference_ = self.source_noise_ = float("nan")
         self._posteriors = alone._posteriors

@@ -1,1 +1,1 @@
-"""Physical errors of an arm, one file each, behind one protocol."""
+"""Physical errors of an arm, one file each, with one protocol."""

@@ -135,7 +135,7 @@ class Ripple(Term):
         return Effect(drive_shift=(np.sin(phase) * sine + np.cos(phase) * cosine).sum(axis=2))
 
     def _bands(self) -> Iterator[tuple[int, int, int, IntArray]]:
-        """Joint, first N, N behind the last, and parameters (k,) of each band that has cycles."""
+        """Joint, first N, N after the last, and parameters (k,) of each band that has cycles."""
         for joint in range(self.dof):
             for low, high in pairwise(BANDS):
                 chosen = np.flatnonzero((self.cycles >= low) & (self.cycles < high))

@@ -133,7 +133,7 @@ def choose_centres(joints: Array, length: Array, *, most: int, enough: float) ->
 
 
 def add_centres(basis: SmoothBasis, joints: Array, *, most: int, enough: float) -> SmoothBasis:
-    """Returns the basis with centres among some poses behind those it had, by pivoted Cholesky.
+    """Returns the basis with further centres among some poses, by pivoted Cholesky.
 
     The next centre is always the pose carried worst.
 

@@ -52,7 +52,7 @@ class Pass:
         deviation: (n, 3) m in base, touched less run points, before the correction.
         angles: (3,) rad, correction about the model's z, y, x.
         shift: (3,) m, correction of K in base.
-        significance: Squared length of the correction over what touching alone makes of it (the
+        significance: Squared length of the correction over that expected from touching alone (the
             new touches and, after the first pass, those the model was placed on); 6 degrees of
             freedom, so below 12.6 in 95 of 100 passes with nothing left to correct.
     """
@@ -92,8 +92,8 @@ class Adjustment:
             averages out; NaN without one.
         oscillation: m, standard deviation of the worst error over them; NaN with fewer than two.
         swing: m, largest less smallest of them; NaN with fewer than two.
-        distortion: (n,) m, how much longer the way from each point to the next is when touched than
-            drawn, mean over the settled passes: no pose of the model removes it.
+        distortion: (n,) m, touched minus drawn distance from each point to the next, mean over the
+            settled passes: no pose of the model removes it.
     """
 
     T_base_part: Array

@@ -332,7 +332,7 @@ def _check_majority(keep: BoolArray, names: tuple[str, ...], distance: Array, bo
     """Passes if more than half of the touches agree.
 
     Raises:
-        ImplausibleDataError: They do not; names those that disagree, and by how much.
+        ImplausibleDataError: They do not; names those that disagree, and their distances.
     """
     if 2 * int(keep.sum()) > len(keep):
         return

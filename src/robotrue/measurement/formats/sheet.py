@@ -207,7 +207,7 @@ def number_columns(
 
 
 def write_six_digits(value: float) -> str:
-    """Returns a number with six digits behind the point at most."""
+    """Returns a number with at most six decimals."""
     return f"{value:.6f}".rstrip("0").rstrip(".") if value else "0"
 
 

@@ -1,4 +1,4 @@
-"""From named columns of text to a MeasurementSet: the one reader behind every instrument.
+"""From named columns of text to a MeasurementSet: the common reader of all instruments.
 
 Orientations are read in the conventions of controllers and trackers; monuments and repeated shots
 of one pose are treated as the mapping states.

@@ -1,9 +1,9 @@
 """Registers of a Fanuc LS program at its moves, over all control-flow paths.
 
-A block is a run of statements without a label, a jump or a branch. What is known where a block
-begins is what every way to it agrees on; the blocks are gone through until nothing changes any
-more. A statement that is not understood takes away the knowledge of every register it names, a
-program that is called that of all it may set.
+A block is a run of statements without a label, a jump or a branch. A value is known at the start of
+a block where all paths to it agree; the blocks are gone through until nothing changes any more. A
+statement that is not understood takes away the knowledge of every register it names, a program that
+is called that of all it may set.
 """
 
 from __future__ import annotations

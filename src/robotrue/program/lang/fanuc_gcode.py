@@ -1,7 +1,7 @@
 """Fanuc G-code with five axes: tool point control by angles (G43.4) or by a tool axis (G43.5).
 
-What is read: X, Y, Z with A, B, C or I, J, K; G0 to G3 with I, J, K or R; work offsets. What is
-left out is kept from before, and inserted where it no longer holds.
+What is read: X, Y, Z with A, B, C or I, J, K; G0 to G3 with I, J, K or R; work offsets. Omitted
+words keep their previous value, and are inserted where it changes.
 """
 
 from __future__ import annotations

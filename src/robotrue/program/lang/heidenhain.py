@@ -1,7 +1,7 @@
 """Heidenhain conversational programs with five axes: M128, FUNCTION TCPM, LN.
 
 What is read: L and LN with X, Y, Z, A, B, C or a tool axis TX, TY, TZ; CC with C, and CR; MM and
-INCH. What is left out is kept from before, and inserted where it no longer holds.
+INCH. Omitted words keep their previous value, and are inserted where it changes.
 """
 
 from __future__ import annotations

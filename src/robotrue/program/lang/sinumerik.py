@@ -1,7 +1,7 @@
 """Sinumerik: G-code of Siemens controls with five axes or a robot (TRAORI, Run MyRobot).
 
 What is read: X, Y, Z with A, B, C or a tool axis A3, B3, C3; G0 to G3, CIP; zero offsets; axis
-targets JT1 to JT6. What is left out is kept from before, and inserted where it no longer holds.
+targets JT1 to JT6. Omitted words keep their previous value, and are inserted where it changes.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from robotrue.web.page_context import PageContext
 
 PER_PAGE: Final = 100
 GONE: Final = "discarded"
-"""What was done by which an item has no page any more."""
+"""Actions after which an item has no page any more."""
 ALARMS: Final = 1000
 """Of a source that are looked through for those of a page."""
 TONES: Final[Mapping[str, str]] = {

@@ -44,7 +44,7 @@ STAGES: Final[tuple[Stage, ...]] = (
 
 
 def count_items(workspace: Workspace) -> dict[str, int]:
-    """Returns how many items show that each stage was reached, by the stage's name."""
+    """Returns the number of items of each reached stage, by the stage's name."""
     return {
         stage.name: items.search(workspace, stage.noun, ItemQuery(where=stage.where, limit=1)).total
         for stage in STAGES

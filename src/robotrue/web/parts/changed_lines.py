@@ -61,7 +61,7 @@ def list_changed_lines(before: Path, after: Path, most_bytes: int = LARGEST_DRAW
 
 
 def _align(was: list[bytes], now: list[bytes]) -> tuple[int, int, list[Change]]:
-    """Returns how many lines of two windows were compared, and what changed in them.
+    """Returns the number of compared lines of two windows, and their changes.
 
     Lines after the last equal ones wait for the next window, which may hold what they match.
     """

@@ -1,4 +1,4 @@
-"""Reports to hand over: those of an item, those under way, and fields of a form for another."""
+"""Reports to download: those of an item, those in progress, and fields of a form for another."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ MOST_NUMBERS: Final = 6
 TALL: Final = 700
 """Height of a chart next to the 3-D view."""
 CHARTS: Final = ("pose", "sizes")
-"""Charts of a page: errors along the poses or targets, and how large they are."""
+"""Charts of a page: errors along the poses or targets, and their distribution."""
 BOTH: Final = ("before", "after")
 
 
