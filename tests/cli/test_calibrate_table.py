@@ -54,6 +54,18 @@ def test_a_program_on_the_table_is_corrected_at_its_angle(
     assert (apart[1:] > 0.1).all()
 
 
+@pytest.mark.parametrize("option", [("--split", "5"), ("--deviation",)])
+def test_moves_between_targets_on_the_table_are_refused(
+    cli, folder: Path, table: tuple[str, ...], option: tuple[str, ...]
+) -> None:
+    assert cli(*table, "-o", folder / "s.robotrue").code == 0
+    out = folder / "split.src"
+    refused = cli("compensate", folder / "s.robotrue", folder / "part.src", "-o", out, *option)
+    assert refused.code == 1
+    assert f"{option[0]}: targets are on a rotary table whose errors" in refused.err
+    assert not out.exists()
+
+
 def test_what_a_table_file_may_say(cli, folder: Path, table: tuple[str, ...]) -> None:
     rows = (folder / "table.csv").read_text()
     odd = folder / "odd.csv"

@@ -22,10 +22,11 @@ from robotrue.cell.cell import Cell, frame_table
 from robotrue.cell.part import PartFrame
 from robotrue.compensation.between_targets import SplitOptions
 from robotrue.compensation.process_force import DescribedForce
+from robotrue.compensation.settings import is_on_table
 from robotrue.compensation.stance import start_joints
 from robotrue.compensation.steps import StepRule
 from robotrue.core.arrays import Array
-from robotrue.core.conditions import EXTERNAL_AXES, no_conditions
+from robotrue.core.conditions import EXTERNAL_AXES
 from robotrue.core.model_identity import ModelIdentity
 from robotrue.core.provenance import Provenance
 from robotrue.errors import ConfigurationError
@@ -149,16 +150,16 @@ def _why_whole(request: CompensateRequest, ground: Ground) -> str:
         "no model": model is None,
         "--e1-mm": request.e1_mm is not None,
         "a model without flat tables": model is not None and model.mean_tables() is None,
-        "a rotary table": model is not None and _is_on_table(model, ground.table),
+        "a rotary table": model is not None and _has_table(model, ground.table),
     }
     return ", ".join(what for what, asked in asks.items() if asked)
 
 
-def _is_on_table(model: ErrorModel, table: FrameTable) -> bool:
+def _has_table(model: ErrorModel, table: FrameTable) -> bool:
     """Returns whether the model has errors of axes that carry work frames."""
     external = np.full((1, EXTERNAL_AXES), np.nan)
     external[0, [axis.number - 1 for axis in table.external if not axis.carries_robot]] = 0.0
-    return not model.tables_hold(replace(no_conditions(), external=external))
+    return is_on_table(model, external)
 
 
 def _refuse_second_place(request: CompensateRequest, files: Sequence[ProgramFile]) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -13,10 +12,10 @@ from robotrue.app.wrap_request import WrapRequest
 from robotrue.calibration.model import ErrorModel
 from robotrue.cell.cell import Cell
 from robotrue.compensation.region_corrections import RegionArm, open_region
-from robotrue.compensation.settings import CompensationSettings
+from robotrue.compensation.settings import CompensationSettings, is_on_table
 from robotrue.compensation.stance import start_joints
 from robotrue.core.arrays import Array, BoolArray, parse_number_list
-from robotrue.core.conditions import EXTERNAL_AXES, no_conditions
+from robotrue.core.conditions import EXTERNAL_AXES
 from robotrue.core.poses import inverse, pose_from_xyz_abc
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
@@ -82,7 +81,7 @@ def _refuse_on_table(
         carried[0, axis.number - 1] = 0.0 if rides else np.nan
     stated = [program.external for program in programs if program.external is not None]
     external = np.concatenate([carried, *stated])
-    if not model.tables_hold(replace(no_conditions(len(external)), external=external)):
+    if is_on_table(model, external):
         raise ConfigurationError(
             "the work frame is on a rotary table whose errors the model has; a function does not "
             "know the angle of the table.",

@@ -11,7 +11,7 @@ import numpy as np
 from robotrue.calibration.model import ErrorModel
 from robotrue.compensation.compensate import compensate
 from robotrue.compensation.result import Compensation, MeanAndMax, mean_and_max
-from robotrue.compensation.settings import CompensationSettings
+from robotrue.compensation.settings import CompensationSettings, is_on_table
 from robotrue.compensation.split import SplitPlan, plan_split
 from robotrue.compensation.split_apply import Reread, compensate_split, split_job
 from robotrue.compensation.split_deviation import (
@@ -155,6 +155,14 @@ def look_between(
         FormatError: The split job does not read as it should.
     """
     model, moves = _require_model(model, options), find_inserter(job[0].dialect).moves(job)
+    for program in job:
+        if is_on_table(model, program.external):
+            raise ConfigurationError(
+                f"{options.named}: targets are on a rotary table whose errors the model has; what "
+                "lies between them is not known.",
+                source=program.name,
+                hint=f"leave {options.named} away; the targets themselves are compensated.",
+            )
     results = [compensate(model, p, settings=s) for p, s in zip(job, settings, strict=True)]
     whole = job_moves(model, job, moves, results, settings)
     tolerance = None if options.tolerance_um is None else options.tolerance_um * UM

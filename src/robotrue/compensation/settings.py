@@ -142,6 +142,13 @@ class CompensationSetup:
         return state_at(home if stated else self.arm.limits.mean(axis=1), stated=stated)
 
 
+def is_on_table(model: ErrorModel, external: Array | None) -> bool:
+    """Returns whether the model has errors of axes that carry a target; external (n, 6)."""
+    if external is None:
+        return False
+    return not model.tables_hold(replace(no_conditions(len(external)), external=external))
+
+
 def compensation_setup(
     model: ErrorModel,
     T_flange_tool: Array,
@@ -167,10 +174,7 @@ def compensation_setup(
     measured = np.array(
         [np.allclose(t, robot.T_flange_tool, rtol=0.0, atol=SAME_TOOL) for t in T_flange_tool]
     )
-    tables = model.mean_tables()
-    if external is not None:
-        conditions = replace(no_conditions(len(external)), external=external)
-        tables = tables if model.tables_hold(conditions) else None
+    tables = None if is_on_table(model, external) else model.mean_tables()
     return CompensationSetup(
         robot=robot,
         arm=calibrated_arm(tables or rigid_tables(robot), T_flange_tool, measured),
