@@ -23,7 +23,7 @@ from robotrue.program.external_axes import ExternalAxis
 
 MOST_TILT: Final = 2e-3
 MOST_OFFSET: Final = 5.0 * MM
-"""rad and m, of the axis across its stated place: beyond, its motion is not linear to 10 um."""
+"""rad and m, of the axis across its stated place; beyond, its motion is not linear to 10 um."""
 
 
 def choose_axes(

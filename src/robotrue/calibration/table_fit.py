@@ -43,7 +43,7 @@ FEWEST_ANGLES: Final = 5
 LEAST_SPAN: Final = 60.0 * DEG
 FEWEST_POINTS: Final = 3
 LEAST_WIDTH: Final = 0.05
-"""m, of the points across their line: nearer to it they do not show a turn about it."""
+"""m, of the points across their line; nearer to it they do not show a turn about it."""
 SAME_ANGLE: Final = 0.01 * DEG
 PLACE_SD: Final = 0.1
 """m, of a point about its mean place on the table."""

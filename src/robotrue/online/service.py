@@ -32,7 +32,7 @@ _PATIENCE: Final = 10.0
 _ROOM: Final = 0.01
 """s between two looks at whether the record has room, where the sources can wait."""
 _APART: Final = 0.03
-"""s, usual largest lag of joints after the forces: two slow cycles."""
+"""s, usual largest lag of joints after the forces (two slow cycles)."""
 _OTHER: Final = 10.0
 """s; farther apart they are of two clocks, or no joints have come."""
 _ON_THEIR_WAY: Final = 0.05

@@ -77,7 +77,7 @@ class Moves(Columns):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Insertion(Columns):
-    """m targets to insert into moves, each behind the start of its move and those before it here.
+    """m targets to insert into moves, each after the start of its move and those before it here.
 
     A straight move gets ``LIN`` targets, and so does an arc that cannot leave its plane; it becomes
     straight moves, its own last part, too. Another arc gets pairs of ``ARC_VIA`` and ``ARC_END``;
@@ -132,5 +132,5 @@ class Inserter(Protocol):
 
 
 def job_rows(job: Sequence[Program]) -> IntArray:
-    """Returns the first job row of every program, and behind the last (p + 1,)."""
+    """Returns the first job row of every program, and after the last (p + 1,)."""
     return np.concatenate([[0], np.cumsum([len(program) for program in job])]).astype(np.int64)

@@ -29,7 +29,7 @@ from robotrue.errors import ArchiveError, ConvergenceError, ObservabilityError, 
 from robotrue.validation.splits import Split
 
 BASELINE: Final = "nominal"
-"""The method that assumes an arm without errors, which no arm has: any gain replaces it."""
+"""The method that assumes an arm without errors, as no arm is; any gain replaces it."""
 UNKNOWN: Final = float("nan")
 PRIOR_ROWS: Final = 1.0
 """Rows spread evenly: every candidate keeps the share that so few rows cannot deny it."""

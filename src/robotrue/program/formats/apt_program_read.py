@@ -77,7 +77,7 @@ def _plain_points(data: bytes) -> _Points:
     table, begins, ends, last = NumberTable(data, [range(6)], b"$"), array("q"), array("q"), -9
     for match in _PLAIN.finditer(data):
         begin, end = match.span()
-        # Behind another point there is nothing but a line end.
+        # After another point there is nothing but a line end.
         if begin - last <= len(b"\r\n") or not _is_continued(data, begin):
             begins.append(begin)
             ends.append(end)

@@ -48,7 +48,7 @@ def statements(data: bytes, source: str) -> Iterator[AptStatement]:
     pending, start, hidden = "", 0, ""
     lines = _LINE_END.split(_decode(data, source))
     if not lines[-1]:
-        lines.pop()  # behind the last line end
+        lines.pop()  # after the last line end
     for number, raw in enumerate(lines, start=1):
         if not (hidden or pending) and not raw.strip():
             continue

@@ -1,6 +1,6 @@
 """CAMRob: the ``n;X;Y;Z;C;B;A;..`` file that a KRL program hands to ``CR_PROCESS_FILE``.
 
-The seventh number is A: the rotations are printed about X, Y and Z in that order. Behind them are
+The seventh number is A: the rotations are printed about X, Y and Z in that order. After them are
 the line of the tool path, feed, spindle, coolant and tool, and from the fifteenth column on the
 external axes. Only X to A are ever rewritten. Base and tool are those in force where the program
 calls.

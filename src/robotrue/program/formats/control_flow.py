@@ -33,7 +33,7 @@ class Reaching(NamedTuple):
     """The solved data flow of one thing.
 
     Attributes:
-        node: (d,) version or mark at each drawn node, behind its calls and before what is set
+        node: (d,) version or mark at each drawn node, after its calls and before what is set
             between it and the next one.
         relative: The same for all nodes, relative to what their routine was called with; where no
             way leads, as if the program began there.
@@ -307,7 +307,7 @@ class ControlFlow:
         return [self._names[name] for name in self._calls[node] if name in self._names]
 
     def _pass_through(self, key: Hashable, node: int) -> list[int]:
-        """Returns the routines that have run behind a node."""
+        """Returns the routines that have run after a node."""
         return self._enter(key, node)
 
     def _come_from(self, key: Hashable, node: int) -> list[int]:

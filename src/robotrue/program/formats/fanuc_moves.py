@@ -362,7 +362,7 @@ class _Walk:
     def _shift_target(
         self, place: int, target: MoveTarget, tail: bytes, state: State, *, frame: int, arc: bool
     ) -> MoveTarget:
-        """Returns a target as the words behind it shift it; flags its record if they are odd."""
+        """Returns a target as the words after it shift it; flags its record if they are odd."""
         odd = self._options(tail)
         if odd and not self._foreign:
             offset, rest, why = read_offset(cut_timed(tail), state, frame)

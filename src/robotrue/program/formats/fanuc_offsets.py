@@ -181,25 +181,25 @@ def in_another_language(data: bytes, statements: tuple[int, int]) -> bool:
 
 
 def words_behind(tail: bytes) -> bytes:
-    """Returns the words behind a target, in capitals, without the names in brackets.
+    """Returns the words after a target, in capitals, without the names in brackets.
 
     Calls at a time before or after the end of the move come last, and are left out.
     """
     words = tail.upper()
-    closed = words.rfind(b"]") + 1  # brackets behind it are not closed
+    closed = words.rfind(b"]") + 1  # brackets after it are not closed
     words = _BRACKETS.sub(b"[]", words[:closed]) + words[closed:]
     timed = _TIMED.search(words)
     return words[: timed.start()] if timed else words
 
 
 def cut_timed(tail: bytes) -> bytes:
-    """Returns the words behind a target, up to a timed call."""
+    """Returns the words after a target, up to a timed call."""
     words = _BRACKETS.sub(lambda match: b"[" + b" " * (len(match[0]) - 2) + b"]", tail.upper())
     timed = _TIMED.search(words)
     return tail[: timed.start()] if timed else tail
 
 
 def odd_word(words: bytes) -> str:
-    """Returns the first of the words behind a target that may move it, or nothing."""
+    """Returns the first of the words after a target that may move it, or nothing."""
     odd = [word for word in words.split() if not _HARMLESS.fullmatch(word)]
     return odd[0].decode("latin-1") if odd else ""

@@ -114,7 +114,7 @@ class _Builder:
         return self._put_open_first(program)
 
     def _put_open_first(self, program: Program) -> Program:
-        """Returns the program with those rows first, behind the records, that get a record.
+        """Returns the program with those rows first, after the records, that get a record.
 
         So they are in the order in which they are read again once they have one.
         """

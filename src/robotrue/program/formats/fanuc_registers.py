@@ -265,7 +265,7 @@ def _cut_blocks(statements: Sequence[Statement]) -> list[_Block]:
     """Returns the blocks of a program; a branch that cannot be followed leads everywhere."""
     blocks, labels = [_Block()], dict[int, int]()
     jumps: list[tuple[int, bytes]] = []
-    opened: list[list[int]] = []  # of IF .. THEN: blocks that go on behind it; of FOR: its head
+    opened: list[list[int]] = []  # of IF .. THEN: blocks that go on after it; of FOR: its head
 
     def begin(*before: int) -> int:
         blocks.append(_Block())

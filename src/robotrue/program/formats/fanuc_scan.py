@@ -106,7 +106,7 @@ class FanucScan:
 
 
 def find_program(data: bytes) -> tuple[str, int, int] | None:
-    """Returns the name in ``/PROG``, in lower case, the place behind it, and that of ``/POS``."""
+    """Returns the name in ``/PROG``, in lower case, the place after it, and that of ``/POS``."""
     head = _PROG.search(data)
     if head is None:
         return None

@@ -240,6 +240,6 @@ def print_record(
 
 
 def behind_records(data: bytes, last: int) -> int:
-    """Returns the byte behind the record that has a number, or its head, at a place."""
+    """Returns the byte after the record that has a number, or its head, at a place."""
     close = _CLOSE.search(data, last)
     return close.end() if close else last

@@ -264,7 +264,7 @@ class _Builder:
         return np.stack([row, row, np.where(rapid, int(Motion.PTP), motion)], axis=1)
 
     def _behind(self) -> IntArray:
-        """Returns the byte (m,) behind the last word of each row, -1 where none may be inserted."""
+        """Returns the byte (m,) after the last word of each row, -1 where none may be inserted."""
         mine = np.flatnonzero((self.blocks.column < WordColumn.J1) & (self.blocks.start >= 0))
         rows = np.full(len(self.blocks.first), -1)
         rows[self.rows.block] = np.arange(len(self.rows.block))

@@ -19,7 +19,7 @@ NO_STATE: Final = -2
 CODES: Final = 10000
 """Codes are tenths: G43.4 is 434."""
 INDICES: Final = 14
-"""Second index of an address: 0 for none, 1 + digit (A3=), 11 to 13 for X, Y, Z behind it (NX)."""
+"""Second index of an address: 0 for none, 1 + digit (A3=), 11 to 13 for X, Y, Z after it (NX)."""
 
 
 @compile_kernel(AS_WRITTEN)

@@ -95,7 +95,7 @@ class Vocabulary:
         names: Addresses of the columns as they are inserted, by :class:`.path_words.Turn`.
         frames: Names of the zero offsets by their value in ``Modal.FRAME``; the first is none.
         increments: A number without a point may count increments.
-        groups: States that programs can set, and set again behind a call.
+        groups: States that programs can set, and set again after a call.
         holder: Where the control keeps its frames and tools, for sentences.
     """
 

@@ -89,7 +89,7 @@ class ConversationalReader:
     def _statement(self, block: int, first: int, rest: bytes) -> None:
         function, cycle = _FUNCTION.match(rest), _CYCLE.match(rest)
         number = _NUMBERED_PRESET.search(rest) if self._preset else None
-        if number:  # on the line behind the cycle
+        if number:  # on the line after the cycle
             self._call_preset(block, number)
         if not rest or rest.startswith(_SWITCHES) or _PARAMETER.match(rest):
             return

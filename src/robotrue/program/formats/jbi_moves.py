@@ -170,7 +170,7 @@ class _Walk:
                 self._calls.append((called, line))
 
     def _behind_calls(self) -> None:
-        """Flags the P points that are moved to behind a call; all where the job jumps."""
+        """Flags the P points that are moved to after a call; all where the job jumps."""
         used = sorted({row for row in self._variables if row >= 0})
         if not self._calls or not used:
             return

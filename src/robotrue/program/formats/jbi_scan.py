@@ -171,7 +171,7 @@ class _Reader:
         )
 
     def _next(self) -> bytes | None:
-        """Returns the next line without blanks around it, ``None`` behind the last."""
+        """Returns the next line without blanks around it, ``None`` after the last."""
         match = _LINE.match(self.data, self.at)
         if match is None or self.at >= len(self.data):
             return None

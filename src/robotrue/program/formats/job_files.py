@@ -97,7 +97,7 @@ def name_in_job(path: Path, root: Path | None) -> str:
 
 
 def named_last(paths: Sequence[Path], languages: Iterable[Language]) -> list[Path]:
-    """Returns the files with those behind the others that another of them names.
+    """Returns the files with those after the others that another of them names.
 
     Raises:
         FormatError: A file cannot be read.

@@ -119,7 +119,7 @@ class Builder:
         """Joins calls of the same targets (n,): by earlier lines, -1 for none, and by one more.
 
         Returns:
-            The line whose frames hold, that of a call behind a routine in no file if there is one,
+            The line whose frames hold, that of a call after a routine in no file if there is one,
             and where the frames differ.
         """
         first, called = self._state(before), before >= 0

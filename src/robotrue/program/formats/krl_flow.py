@@ -1,7 +1,7 @@
 """Frames in force at each place of a KRL program, over all control-flow paths.
 
-Places are twice the line: there are calls, branches and loops; what a line sets is one behind.
-Behind a call of a routine in no given file base and tool are not known until they are set again.
+Places are twice the line: there are calls, branches and loops; what a line sets is one after. After
+a call of a routine in no given file base and tool are not known until they are set again.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ class KrlFlow(ControlFlow):
             self.set(at, FOREIGN_BASE + key, 0)
 
     def pend(self, at: int, base: int, tool: int, on_robot: bool) -> None:
-        """Remembers what FDAT_ACT hands over."""
+        """Remembers what FDAT_ACT passes."""
         self._pending.append((base, tool, int(on_robot)))
         self.set(at, PENDING, len(self._pending) - 1)
 

@@ -20,7 +20,7 @@ _DATA: Final = re.compile(r"(BASE|TOOL)_DATA\s*\[\s*(\w+)\s*\]$", re.IGNORECASE)
 _OF_FORM: Final = re.compile(
     r"S(TOOL2?|BASE)\s*\(\s*(\w+)\s*(?:\.\s*(?:TOOL|BASE)_NO\s*)?\)$", re.IGNORECASE
 )
-"""What inline forms of KSS 8 write behind ``$TOOL =`` and ``$BASE =``."""
+"""What inline forms of KSS 8 write after ``$TOOL =`` and ``$BASE =``."""
 _EXTERNAL: Final = re.compile(r"EK\s*\(", re.IGNORECASE)
 _EK_FORM: Final = re.compile(r"EK\s*\(\s*K_ROOT\s*\(\s*(\w+)\s*\.\s*BASE_NO\s*\)", re.IGNORECASE)
 _EK_DATA: Final = re.compile(r",\s*BASE_DATA\s*\[\s*(\w+)\s*\]\s*\)\s*$", re.IGNORECASE)
@@ -30,7 +30,7 @@ _IDENTITY: Final = ("$nullframe", "$world", "$robroot")
 
 
 class Inline(NamedTuple):
-    """FDAT: the numbers an inline form hands over; ``None`` is not known."""
+    """FDAT: the numbers an inline form passes; ``None`` is not known."""
 
     tool: str | None
     base: str | None
@@ -83,7 +83,7 @@ class Setting(NamedTuple):
 
 
 def with_settings(code: str) -> list[Setting]:
-    """Returns what a WITH clause sets of frames, up to the comma behind each."""
+    """Returns what a WITH clause sets of frames, up to the comma after each."""
     out = []
     found = list(_SET.finditer(code))
     for k, match in enumerate(found):
@@ -98,7 +98,7 @@ def with_settings(code: str) -> list[Setting]:
 
 
 class Frames:
-    """Work frames and tools as the program sets them, with the cell's table behind it.
+    """Work frames and tools as the program sets them, with the cell's table as fallback.
 
     Attributes:
         matrices: ``base`` and ``tool`` matrices by index; 0 is the default, NaN is not known.

@@ -165,7 +165,7 @@ class _Reader:
         return True
 
     def _advance(self, number: int) -> int:
-        """Returns the first row of the file in a line or behind it."""
+        """Returns the first row of the file in a line or after it."""
         while self.next < len(self.lines) and self.lines[self.next] < number:
             self.next += 1
         return self.next
@@ -308,7 +308,7 @@ def _complete(literal: bytes, position: Array, rotation: Array) -> bytes:
 
 
 def _append(literal: bytes, wanted: Mapping[bytes, float]) -> bytes:
-    """Returns braces with those of some components behind their own that they leave out."""
+    """Returns braces with those of some components after their own that they leave out."""
     printed = {name.upper() for name, _ in _COMPONENT.findall(literal)}
     missing = [name for name in wanted if name not in printed]
     added = b"".join(b",%s %.*f" % (name, _LEAST, wanted[name]) for name in missing)

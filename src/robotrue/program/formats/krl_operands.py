@@ -162,7 +162,7 @@ class KrlPoints:
 
     def taint(self, line: int, code: str) -> None:
         """Marks every name in a text as read by what is not followed."""
-        closed = code.rfind("]") + 1  # a bracket behind it is not closed: it holds no index
+        closed = code.rfind("]") + 1  # a bracket after it is not closed: it holds no index
         for name, _, path in REFERENCE.findall(code[:closed] + code[closed:].replace("[", "(")):
             key = self.values.key(name.lower(), line), without_blanks(path).strip(".")
             self.story.tainted.setdefault(key, line)

@@ -83,7 +83,7 @@ class Scope:
         return name.partition("@")[0] in self._routines
 
     def routine(self, text: str, line: int) -> str:
-        """Returns a routine's name in lower case, behind that of its file where others have it."""
+        """Returns a routine's name in lower case, after that of its file where others have it."""
         lower = text.lower()
         files = self._routines.get(lower, {})
         if len(files) < 2:
@@ -94,6 +94,6 @@ class Scope:
         return f"{lower}@{stem}"
 
     def name(self, text: str) -> str:
-        """Returns a name in lower case, behind that of its file where others have it, too."""
+        """Returns a name in lower case, after that of its file where others have it, too."""
         lower = text.lower()
         return f"{lower}@{self._file}" if lower in self._shared else lower

@@ -3,7 +3,7 @@
 A variable that no statement of the job changes has the value of its declaration. The declaration of
 a changed variable does not count, because data lists keep the last value; its value is then that of
 the one assignment that reaches a statement on every way to it. Parameters have a value where every
-call hands over the same one, or within one call.
+call passes the same one, or within one call.
 """
 
 from __future__ import annotations
@@ -117,7 +117,7 @@ class KrlValues:
         return self._starts[max(at, 0)][1]
 
     def key(self, name: str, line: int) -> str:
-        """Returns a name as it is meant in a line: behind its routine if it is local there."""
+        """Returns a name as it is meant in a line: after its routine if it is local there."""
         routine = self.routine_at(line)
         if name in self._locals.get(routine, ()):
             return f"{routine}:{name}"
@@ -231,7 +231,7 @@ class KrlValues:
         return self.value(*given[0], None, depth + 1)
 
     def _parameter(self, key: str, depth: int) -> KrlValue:
-        """Returns the value every call hands over."""
+        """Returns the value every call passes."""
         routine, _, name = key.rpartition(":")
         names = [parameter for parameter, _ in self.routines[routine].parameters]
         if name not in names:

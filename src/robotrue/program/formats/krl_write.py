@@ -95,7 +95,7 @@ def _controller_values(spans: KrlSpans) -> Array:
 def _insert_owed(
     spans: KrlSpans, data: bytes, start: IntArray, values: Array
 ) -> tuple[bytes, IntArray]:
-    """Returns the bytes with left-out components behind the last of their target, and new starts.
+    """Returns the bytes with left-out components after the last of their target, and new starts.
 
     They get the decimals of the number of their target that has the most.
     """

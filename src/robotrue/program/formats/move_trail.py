@@ -238,7 +238,7 @@ def line_end(data: bytes) -> bytes:
 
 
 def indentation(data: bytes, place: int) -> bytes:
-    """Returns the blanks at the beginning of a line, up to a byte; nothing behind text."""
+    """Returns the blanks at the beginning of a line, up to a byte; nothing after text."""
     text = data[line_start(data, place) : place]
     return b"" if text.strip() else text
 

@@ -122,7 +122,7 @@ def respell(
 ) -> int:
     """Copies ``buf`` to ``out`` with tokens rewritten; returns the bytes written.
 
-    ``index`` (t,) are the tokens in the order of the bytes, places in the tables behind it. A plain
+    ``index`` (t,) are the tokens in the order of the bytes, places in the tables after it. A plain
     token keeps its decimals, or gets ``least`` where it has fewer than ``enough``; it stays where
     it equals the value already. Of others ``texts[slow[t] : slow[t + 1]]`` is what to write. When
     ``aligned``, a token keeps its column where the blanks before it allow.
@@ -162,7 +162,7 @@ def respell(
 
 @compile_kernel(PLAIN, inline=True)
 def _in_a_name(byte: int) -> bool:
-    """Returns whether a digit behind the byte would be a part of a name."""
+    """Returns whether a digit after the byte would be a part of a name."""
     return 48 <= byte <= 57 or 65 <= (byte & 223) <= 90 or byte == 95
 
 

@@ -147,7 +147,7 @@ def respell_tokens(
         enough: (n, w) decimals that can hold a correction.
         least: (n, w) decimals to print where a number has fewer than that.
         aligned: A number after two or more blanks keeps its column where they allow it.
-        apart: A number right behind a name gets a blank where it would become a part of it.
+        apart: A number right after a name gets a blank where it would become a part of it.
         respell_odd: Returns what takes the place of a number that is not plain digits with a point,
             from its bytes, its new value and the decimals to print at least.
     """

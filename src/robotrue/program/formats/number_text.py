@@ -128,7 +128,7 @@ def _parts(token: bytes) -> tuple[bytes, ...]:
 
 
 def _last_decimal(parts: tuple[bytes, ...]) -> int:
-    """Place of the last digit shown behind the point, negative before it."""
+    """Place of the last digit shown after the point, negative before it."""
     exponent = int(parts[5] + parts[6]) if parts[6] else 0
     return len(parts[3]) - exponent
 

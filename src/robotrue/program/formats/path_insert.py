@@ -182,7 +182,7 @@ class _Reader:
         return out
 
     def _behind(self, pattern: re.Pattern[bytes]) -> IntArray:
-        """Returns the rows right behind what a pattern finds."""
+        """Returns the rows right after what a pattern finds."""
         places = np.array([match.start() for match in pattern.finditer(self.data)], dtype=np.int64)
         rows = np.searchsorted(self.begin, places)
         return np.asarray(rows[rows < len(self.begin)])
@@ -291,7 +291,7 @@ def _straighten(program: Program, row: int, s: TrailStatement) -> list[Stretch]:
 
 
 def _resume_arcs(program: Program, rows: IntArray) -> list[Stretch]:
-    """Returns the G2 or G3 that arcs behind those that became lines had left out."""
+    """Returns the G2 or G3 that arcs after those that became lines had left out."""
     if not len(rows):
         return []
     reader, out, gap = _Reader(0, program, 0), [], b" " if program.spans.blank else b""
@@ -311,7 +311,7 @@ def _resume_arcs(program: Program, rows: IntArray) -> list[Stretch]:
 
 
 def _complete_words(program: Program, row: int) -> list[Stretch]:
-    """Returns the words that a row omits, to be written behind its others."""
+    """Returns the words that a row omits, to be written after its others."""
     words: PathWords = program.spans
     missing: IntArray = np.flatnonzero(
         (words.numbers.start[row, : _width(words, row)] < 0)

@@ -17,7 +17,7 @@ def find_cell_numbers(
     Args:
         buf: The table.
         begin: (n,) first byte of each row; each has a number in the cells that are wanted.
-        mark: Between cells; in a cell that begins with a quotation mark only behind the other.
+        mark: Between cells; in a cell that begins with a quotation mark only after the other.
         column: (c,) where the number of each cell goes, -1 where it is not wanted.
         start: (n, w) first byte, -1 before.
         length: (n, w) bytes, without blanks and quotation marks.

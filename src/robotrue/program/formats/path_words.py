@@ -42,7 +42,7 @@ class PathWords:
         unit: (n,) m per printed length.
         turn: (n,) :class:`Turn`.
         skip: (n,) auxiliary points of arcs: nothing is inherited from them.
-        at: (n,) byte behind the last word, where further ones go; -1 where none can.
+        at: (n,) byte after the last word, where further ones go; -1 where none can.
         barred: (n, 6) words that this kind of block does not take.
         names: For each :class:`Turn` the address of every column, as an inserted word has it.
         blank: Words are separated by blanks.

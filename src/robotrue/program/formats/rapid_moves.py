@@ -131,7 +131,7 @@ def read_tail(data: bytes, start: int, end: int, move: Move, *, given: int) -> T
 
 
 def behind_condition(text: str) -> str:
-    """Returns the instruction of ``IF condition instruction``: the word right behind an operand."""
+    """Returns the instruction of ``IF condition instruction``: the word right after an operand."""
     operand = False
     for token in _TOKEN.findall(text):
         word = token[0].isalnum() or token[0] == "_" or token[0] >= "\x80"

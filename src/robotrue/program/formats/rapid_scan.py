@@ -95,7 +95,7 @@ class RapidStatement(NamedTuple):
 
 
 def beginning(data: bytes) -> int:
-    """Returns where the first statement may begin, behind the header."""
+    """Returns where the first statement may begin, after the header."""
     header = _HEADER.match(data)
     return header.end() if header else 0
 

@@ -49,7 +49,7 @@ class RapidModule(NamedTuple):
     Attributes:
         name: Of the file.
         given: Value, and whether it is LOCAL, by name in lower case.
-        changed: Names it changes, or hands over to what may change them.
+        changed: Names it changes, or passes to what may change them.
         words: All names in it.
     """
 

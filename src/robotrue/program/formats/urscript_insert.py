@@ -172,7 +172,7 @@ class _Reader:
         )
 
     def _obstacle(self, word: bytes, places: list[tuple[int, int]], count: int) -> Obstacle:
-        """What of the arguments behind the targets keeps the move whole."""
+        """What of the arguments after the targets keeps the move whole."""
         for number, (a, b) in enumerate(places, count):
             name, equals, value = self.code[a:b].partition(b"=")
             timed = name.strip() == b"t" if equals else word == b"movel" and number == 3

@@ -319,7 +319,7 @@ def _read_routine(routine: Val3Routine, use: CodeUse) -> None:
 
 
 def _cut_moves(routine: Val3Routine) -> tuple[list[Val3Move], list[int], str]:
-    """Returns the plain motions, the code without them, and the place in it behind each."""
+    """Returns the plain motions, the code without them, and the place in it after each."""
     code, moves, places, size, last = routine.code, [], [], 0, 0
     pieces: list[str] = []
     tools: dict[tuple[str, str | None], Reference | None] = {}

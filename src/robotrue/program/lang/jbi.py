@@ -77,7 +77,7 @@ def _recognise_frames(text: str) -> bool:
 
 
 def _read_frames(name: str, text: str) -> ControllerFile:
-    """The first six numbers behind ``//TOOL n``, or ``////BUSER`` behind ``//UFRAME n``.
+    """The first six numbers after ``//TOOL n``, or ``////BUSER`` after ``//UFRAME n``.
 
     User frames are in the base frame unless ``///BASICFRM`` states another.
     """

@@ -30,7 +30,7 @@ _FEED_WORDS: Final = (
 )
 _FEEDS: Final = re.compile(rb"\((?P<inside>[^)\r\n]*+)(?P<closed>\))?|" + _FEED_WORDS, FLAGS)
 _FEEDS_OPEN: Final = re.compile(_FEED_WORDS, FLAGS)
-"""Words behind a bracket that its line does not close, which is no comment."""
+"""Words after a bracket that its line does not close, which is no comment."""
 
 
 G_CODE: Final = "ISO G-code"

@@ -66,7 +66,7 @@ class LineTemplate:
     """One or more lines with fields.
 
     Attributes:
-        parts: Text, and the field behind it; None at the end.
+        parts: Text, and the field after it; None at the end.
     """
 
     parts: tuple[tuple[str, LineField | None], ...]
