@@ -35,6 +35,8 @@ INLINE: Final = re.compile(
     GAP + rb"(Move[LJ])\b\s*+(" + ROBTARGET.pattern + rb")([^;\"![\](){}]*+);", re.IGNORECASE
 )
 """A whole motion to a literal, as a post writes it: word, literal, remainder."""
+UNCOMMENTED: Final = re.compile(INLINE.pattern.replace(GAP, rb"\s*+"), re.IGNORECASE)
+"""The same without comments inside, which is matched in two thirds of the time."""
 WORD: Final = rb"[\w\x80-\xff]++"
 """Of a name, with the letters of whatever encoding the module is in."""
 NAME: Final = re.compile(rb"[A-Za-z\x80-\xff][\w\x80-\xff]*+")

@@ -90,7 +90,7 @@ class RapidWalk(Data):
         self._moves: list[_Motion] = []
         self._barriers = 0
         self._open, self._in_record, self._with_parameters = 0, False, False
-        self._tails: dict[tuple[bytes, bytes], Tail | None] = {}
+        self._tails: dict[tuple[bytes, bytes], tuple[Move | None, Tail | None]] = {}
         self._calls: list[tuple[int, str, int]] = []
         self._routines: set[str] = set()
         self._shifts: list[tuple[int, str]] = []
@@ -100,7 +100,7 @@ class RapidWalk(Data):
         at = scan.beginning(self.data)
         while True:
             self.place += 1
-            inline = scan.INLINE.match(self.data, at)
+            inline = scan.UNCOMMENTED.match(self.data, at) or scan.INLINE.match(self.data, at)
             if inline and self._inline(inline):
                 at = inline.end()
                 continue
@@ -294,12 +294,14 @@ class RapidWalk(Data):
     def _inline(self, match: re.Match[bytes]) -> bool:
         """Enters a motion to a literal; returns whether its other arguments are understood."""
         key = match[1], match[3]
-        move = move_of(key[0].decode("latin-1").lower())
-        if len(self._tails) > _TAILS:
-            self._tails.clear()
-        if move is not None and key not in self._tails:
-            self._tails[key] = read_tail(self.data, *match.span(3), move, given=1)
-        tail = self._tails.get(key)
+        known = self._tails.get(key)
+        if known is None:
+            if len(self._tails) > _TAILS:
+                self._tails.clear()
+            move = move_of(key[0].decode("latin-1").lower())
+            tail = read_tail(self.data, *match.span(3), move, given=1) if move else None
+            known = self._tails[key] = move, tail
+        move, tail = known
         if move is None or tail is None or tail.places:
             return False
         self.story.begun = True
