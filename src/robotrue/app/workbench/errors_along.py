@@ -72,23 +72,32 @@ def describe_errors(errors: ExpectedErrors, files: Sequence[str]) -> dict[str, o
         errors: Of at least one target, all known.
         files: Name of the file of each target of the program.
     """
-    sizes = {"before": errors.before, "after": errors.after}
-    both = np.maximum(np.concatenate([errors.before, errors.after]), SMALLEST)
-    low, high = float(both.min()) / 1.1, float(both.max()) * 1.1
-    edges = np.geomspace(low, high, BINS + 1)
     return {
+        **count_sizes(errors.before, errors.after),
         "rows": [_describe_target(errors, row, files) for row in choose_rows(errors)],
         "thinned": len(errors) > DRAWN,
         "last": int(errors.number[-1]),
-        "low_m": low,
-        "high_m": high,
-        "counts": {
-            name: np.histogram(np.maximum(size, SMALLEST), edges)[0].tolist()
-            for name, size in sizes.items()
-        },
         "movers": [
             _describe_axis(errors, axis) for axis in np.unique(errors.mover[errors.mover >= 0])
         ],
+    }
+
+
+def count_sizes(before: Array, after: Array) -> dict[str, object]:
+    """Returns the ends of a logarithmic scale and a histogram on it; JSON values in m.
+
+    Args:
+        before: (n,) m, one or more errors, all known.
+        after: (n,) m.
+    """
+    both = np.maximum(np.stack([before, after]), SMALLEST)
+    low, high = float(both.min()) / 1.1, float(both.max()) * 1.1
+    edges = np.geomspace(low, high, BINS + 1)
+    counts = [np.histogram(each, edges)[0].tolist() for each in both]
+    return {
+        "low_m": low,
+        "high_m": high,
+        "counts": dict(zip(("before", "after"), counts, strict=True)),
     }
 
 

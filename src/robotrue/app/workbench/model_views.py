@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.app.workbench.arm_body import answer
+from robotrue.app.workbench.errors_along import count_sizes
 from robotrue.app.workbench.file_imports import cell_of
 from robotrue.calibration.model import ErrorModel, provenance_of
 from robotrue.core.arrays import Array
@@ -130,6 +131,7 @@ def judge_measurement(
             "coverage": inside.share,
             "worst": _worst(seen),
             "poses": _errors_by_pose(seen),
+            "sizes": count_sizes(*(np.linalg.norm(e, axis=1) for e in (seen.before, seen.after))),
             "screening": _screen_poses(seen),
         }
     )

@@ -138,7 +138,7 @@ async def _show_residuals(context: PageContext) -> str:
         "calibration_residuals.html",
         set=sets[0],
         seen=seen,
-        residuals=draw_residuals(context, seen["poses"]),
+        residuals=draw_residuals(context, seen["poses"], seen["sizes"]),
     )
 
 

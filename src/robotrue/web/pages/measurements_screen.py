@@ -57,7 +57,7 @@ async def _judge(context: PageContext) -> str:
         calls.judge_measurement, record.id, record.version, model.id, model.version
     )
     source = f"/api/scenes/measurement/{record.id}?model={model.id}&version={record.version}"
-    residuals = draw_residuals(context, found["poses"])
+    residuals = draw_residuals(context, found["poses"], found["sizes"])
     return context.render(
         "measurement_judged.html", found=found, source=source, residuals=residuals
     )

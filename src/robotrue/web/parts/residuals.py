@@ -12,9 +12,6 @@ from markupsafe import Markup
 from robotrue.web.page_context import PageContext
 from robotrue.web.parts.curve import LEFT, STEPS
 
-BINS: Final = 24
-FLOOR: Final = 1e-7
-"""m; lengths below are drawn as this one."""
 FINE_STEPS: Final = (1, 1.1, 1.2, 1.3, 1.4, 1.5, 1.6, 1.8, 2, 2.2, 2.5, 3, 3.5, 4, 5, 6, 7, 8, 9)
 """Round lengths for a scale that spans less than those of ``STEPS``."""
 FEWEST_TICKS: Final = 3
@@ -68,24 +65,22 @@ class ChartArea:
         return found
 
 
-def draw_residuals(context: PageContext, poses: Sequence[Mapping[str, float]]) -> Markup:
+def draw_residuals(
+    context: PageContext, poses: Sequence[Mapping[str, float]], sizes: Mapping[str, Any]
+) -> Markup:
     """Returns both charts of measured poses; lengths on a logarithmic scale.
 
     Args:
         context: Of the page: its unit of errors and its words.
-        poses: ``row``, ``line``, ``before_m``, ``after_m`` of each.
+        poses: ``row``, ``line``, ``before_m``, ``after_m`` of those that are drawn.
+        sizes: Of all, as ``errors_along.count_sizes`` returns them.
     """
-    lengths = [max(each[f"{name}_m"], FLOOR) for each in poses for name in BOTH]
-    paper = ChartArea(low_m=min(lengths) / 1.1, high_m=max(lengths) * 1.1)
-    counts = {name: [0] * BINS for name in BOTH}
-    for each in poses:
-        for name, found in counts.items():
-            found[min(BINS - 1, int(paper.share(each[f"{name}_m"]) * BINS))] += 1
+    paper = ChartArea(low_m=sizes["low_m"], high_m=sizes["high_m"])
     rows = [
         {**each, "number": number, "point": each["row"] - 1}
         for number, each in enumerate(poses, start=1)
     ]
-    return _draw(context, paper, rows, counts, words="residuals")
+    return _draw(context, paper, rows, sizes["counts"], words="residuals")
 
 
 def draw_along(
