@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robotrue.calibration.evidence import PriorGroup, learn, posterior, spread, sums_of
+from robotrue.calibration.evidence import PriorGroup, posterior, spread, sums_of
+from robotrue.calibration.scale_learning import learn
 
 NOISE = 0.3
 

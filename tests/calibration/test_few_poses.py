@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from planted_arm import PAYLOAD, arm, planted, postures, ripple_shift
 
-from robotrue.calibration.evidence import PriorGroup, held_scales, learn, posterior, sums_of
+from robotrue.calibration.evidence import PriorGroup, posterior, sums_of
 from robotrue.calibration.held_out_blocks import HeldOutRows, average_held_out, widen
 from robotrue.calibration.learned import LearnedMethod, LearnedParts, climb_ladder, share_waves
 from robotrue.calibration.methods import FitSettings, fit
 from robotrue.calibration.model import Query
+from robotrue.calibration.scale_learning import held_scales, learn
 from robotrue.calibration.terms.ripple import LAW, Ripple, harmonics
 from robotrue.core.robust import student_factor
 from robotrue.errors import ConfigurationError

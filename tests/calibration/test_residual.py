@@ -11,7 +11,6 @@ from planted_arm import PAYLOAD, arm, planted, postures
 from robotrue.calibration.archive import open_model
 from robotrue.calibration.calibrated_model import LEARNED
 from robotrue.calibration.estimate import estimate
-from robotrue.calibration.evidence import learn
 from robotrue.calibration.held_out_blocks import match_quantile, predict_held_out
 from robotrue.calibration.learned import (
     LearnedMethod,
@@ -22,6 +21,7 @@ from robotrue.calibration.learned import (
 )
 from robotrue.calibration.methods import FitSettings
 from robotrue.calibration.model import Query
+from robotrue.calibration.scale_learning import learn
 from robotrue.calibration.settings import free_groups
 from robotrue.calibration.terms.smooth import SmoothBasis
 from robotrue.core.archive import write_archive

@@ -19,7 +19,6 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.linalg.lapack import dtrtri
 
-from robotrue.calibration.evidence import pulled_scale
 from robotrue.calibration.observations import (
     CHANNELS,
     Linearisation,
@@ -28,6 +27,7 @@ from robotrue.calibration.observations import (
     linearise_all,
 )
 from robotrue.calibration.parameters import ParameterLayout, State, difference, retract
+from robotrue.calibration.scale_learning import pulled_scale
 from robotrue.calibration.settings import Prior, SolverSettings
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.robust import Loss, consistency, robust_variance, weights

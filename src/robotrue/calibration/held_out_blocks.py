@@ -43,7 +43,8 @@ import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
 from robotrue.calibration.design import Design, WhitenedRows
-from robotrue.calibration.evidence import Sums, Weights, find_scales
+from robotrue.calibration.evidence import Sums, Weights
+from robotrue.calibration.scale_learning import find_scales
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.robust import CUT, LEVEL, chi_point, student_factor
 

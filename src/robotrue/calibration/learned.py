@@ -23,10 +23,11 @@ from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.design import Design, WhitenedRows
 from robotrue.calibration.estimate import Estimate, estimate
 from robotrue.calibration.estimator import NOISE_FLOOR
-from robotrue.calibration.evidence import Sums, Weights, learn, posterior
+from robotrue.calibration.evidence import Sums, Weights, posterior
 from robotrue.calibration.held_out_blocks import HeldOutRows, compare_left_out, predict_held_out
 from robotrue.calibration.learned_assembly import LinearFit, WholeFit, day_shift, widen_covariance
 from robotrue.calibration.parameters import retract
+from robotrue.calibration.scale_learning import learn
 from robotrue.calibration.settings import FitSettings, free_groups
 from robotrue.calibration.terms.backlash import Backlash
 from robotrue.calibration.terms.ripple import (

@@ -24,7 +24,7 @@ from robotrue.calibration.belief import Belief
 from robotrue.calibration.calibrated_model import CalibratedModel, model_of
 from robotrue.calibration.design import Design
 from robotrue.calibration.estimate import Estimate
-from robotrue.calibration.evidence import Sums, Weights, learn
+from robotrue.calibration.evidence import Sums, Weights
 from robotrue.calibration.held_out_blocks import (
     HeldOutRows,
     count_freedom,
@@ -33,6 +33,7 @@ from robotrue.calibration.held_out_blocks import (
 )
 from robotrue.calibration.model import describe_rows
 from robotrue.calibration.parameters import retract, station_as_base, target_as_tool
+from robotrue.calibration.scale_learning import learn
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.terms.ripple import Ripple, harmonics
 from robotrue.calibration.terms.smooth import SmoothResidual

@@ -22,7 +22,7 @@ import numpy as np
 
 from robotrue.calibration.belief import Belief
 from robotrue.calibration.drift_scales import Stack
-from robotrue.calibration.evidence import COMMON_HOLD, PriorGroup, Weights, learn, sums_of
+from robotrue.calibration.evidence import PriorGroup, Weights, sums_of
 from robotrue.calibration.new_rows import NewRows, left_out_lengths
 from robotrue.calibration.observations import (
     ArmVisits,
@@ -33,6 +33,7 @@ from robotrue.calibration.observations import (
     seen_points,
 )
 from robotrue.calibration.parameters import ParameterLayout, State
+from robotrue.calibration.scale_learning import COMMON_HOLD, learn
 from robotrue.calibration.settings import LEARNED, Prior
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.poses import inverse
