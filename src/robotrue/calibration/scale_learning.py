@@ -11,7 +11,7 @@ With few rows that is too sure of itself: a group with little information by cha
 Groups that are *held* have a log-normal prior about their scale at rest and one factor in common,
 learned with them; with many rows the fixed point is MacKay's again.
 
-Steps are taken in the directions that the rows show (:mod:`robotrue.calibration.seen_directions`).
+Learning uses the directions that the rows show (:mod:`robotrue.calibration.seen_directions`).
 """
 
 from __future__ import annotations
