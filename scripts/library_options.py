@@ -54,7 +54,7 @@ def option_types() -> str:
     parts = [HEAD]
     for name, stated in STATED.items():
         lines = [f"class {name.title()}Options(TypedDict, total=False):"]
-        lines += [f'    """Options of ``{name}``, beside what the function states."""', ""]
+        lines += [f'    """Further options of ``{name}``."""', ""]
         lines += [
             f"    {field.name}: {annotation_of(field)}"
             for field in command_fields(name)
