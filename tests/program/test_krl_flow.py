@@ -251,3 +251,16 @@ def test_what_stands_behind_a_routine_that_never_returns() -> None:
     assert "part.src:4: the base is unknown: no path through the program leads here" in "".join(
         program.notes
     )
+
+
+def test_a_point_that_is_set_on_two_branches_is_corrected_on_both() -> None:
+    other = P[4:].replace("X ", "X 1")
+    text = f"DEF p()\nIF $IN[1] THEN\na={P[4:]}\nELSE\na={other}\nENDIF\nLIN a\nEND\n"
+    assert read(text, TABLE).reason.tolist() == [Reason.NONE, Reason.NONE]
+
+
+def test_a_point_that_a_loop_carries_into_its_next_turn_is_moved_to_there() -> None:
+    other = P[4:].replace("X ", "X 1")
+    text = f"DEF p()\na={P[4:]}\nWHILE $IN[1]\nLIN a\na={other}\nBAS(#BASE,1)\nENDWHILE\n"
+    program = read(f"{text}BAS(#BASE,2)\nLIN a\nEND\n", TABLE)
+    assert program.reason.tolist() == [Reason.UNKNOWN_FRAME, Reason.UNKNOWN_FRAME]

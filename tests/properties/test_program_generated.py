@@ -117,6 +117,11 @@ FOUND = {
         "part.csv",
         b'x_mm,y_mm,z_mm,I,j,k\n1E308,6,4,.441,".41",.79',
     ),
+    "a computed target with a quaternion beyond the range of doubles": (
+        "rapid",
+        "part.mod",
+        b"CONST robtarget p7:=[[7,7,8],[8,0,1E308,7],[2],[9]];MoveL RelTool(p7,1,2,3);",
+    ),
     "clauses that never end": (
         "krl",
         "part.src",

@@ -250,14 +250,14 @@ class ControlFlow:
         return _JOINED - node
 
     def version_within(
-        self, name: Hashable, span: tuple[int, int], sets: Sequence[tuple[int, int]], place: int
+        self, name: Hashable, span: tuple[int, int], sets: Iterable[tuple[int, int]], place: int
     ) -> int:
         """Returns the version of a variable in force at a place; ``DIFFERS`` where paths disagree.
 
         Args:
             name: Of the variable; its data flow is stored under it.
             span: First place and end between which it is followed.
-            sets: (place, version) pairs.
+            sets: (place, version) pairs; read on the first query of the variable only.
             place: Of the query.
 
         Raises:
@@ -289,7 +289,7 @@ class ControlFlow:
             self._solved[key] = self._solve(key, self._sets[key], range(len(self._place)))
         return self._solved[key]
 
-    def _solve(self, key: Hashable, sets: Sequence[tuple[int, int]], nodes: range) -> Reaching:
+    def _solve(self, key: Hashable, sets: Iterable[tuple[int, int]], nodes: range) -> Reaching:
         ordered = sorted(sets, key=lambda one: one[0])
         at, version = np.array(ordered, np.int64).reshape(-1, 2).T
         set_node = np.searchsorted(self._place[: self._drawn], at, side="right") - 1

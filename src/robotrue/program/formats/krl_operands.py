@@ -21,6 +21,7 @@ REFERENCE: Final = re.compile(r"(\$?[A-Za-z_]\w*)(?:\s*\[([^\]]*)\])?((?:\s*\.\s
 _MEMBER: Final = re.compile(r"(?:\b(\w++)\s*+(?=[\[{}]))?+(?:(\[[^\[\]{}]*+\])\s*+)?+([{}])")
 _LAST: Final = re.compile(r"\b(\w++)\s*+(\[[^\[\]]*+\])?+\s*+$")
 _TAIL: Final = re.compile(r"\bC_|\bWITH\b|\bCA\b", re.IGNORECASE)
+_NUMBERED: Final = re.compile(r"\d+(,\d+)*")
 _MOST_SEARCHED: Final = 50_000
 """Elements that moves to a computed one may mean, in all; with more, none is compensated."""
 
@@ -33,6 +34,11 @@ class Definition(NamedTuple):
     variable: str
     subscript: str
     path: str
+
+    @property
+    def computed(self) -> bool:
+        """Whether its subscript is none of numbers."""
+        return bool(self.subscript) and not _NUMBERED.fullmatch(self.subscript)
 
 
 class Called(NamedTuple):
@@ -230,7 +236,7 @@ class KrlPoints:
         name, index = self.values.key(match[1].lower(), line), without_blanks(match[2])
         path = without_blanks(match[3]).strip(".")
         stored = self.current.get(name, {})
-        if index and not re.fullmatch(r"\d+(,\d+)*", index):
+        if index and not _NUMBERED.fullmatch(index):
             self._searched += len(stored)
             if self._searched <= _MOST_SEARCHED:
                 keys = [(d.file, d.agg) for (_, p), d in stored.items() if p == path]

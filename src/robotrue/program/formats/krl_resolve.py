@@ -10,6 +10,7 @@ alone, and so is every point it reads.
 from __future__ import annotations
 
 import re
+from collections import defaultdict
 from typing import Final
 
 import numpy as np
@@ -24,7 +25,12 @@ from robotrue.program.formats.krl_expression import (
 )
 from robotrue.program.formats.krl_flow import PURE
 from robotrue.program.formats.krl_frames import DeferredFrame
-from robotrue.program.formats.krl_operands import REFERENCE, MotionStatement, Operand
+from robotrue.program.formats.krl_operands import (
+    REFERENCE,
+    Definition,
+    MotionStatement,
+    Operand,
+)
 from robotrue.program.formats.krl_scan import COMPONENTS
 from robotrue.program.formats.krl_values import NO_VALUE, Arguments, KrlCall
 from robotrue.program.formats.krl_walk import COLUMN, KrlWalk
@@ -52,6 +58,9 @@ class _Resolver:
         self.written: list[Written] = []
         self.said: set[str] = set()
         self.sources: dict[str, set[str]] | None = None
+        self.stored: dict[tuple[int, int], Definition] = {}
+        self.settings: dict[tuple[str, str, str], list[tuple[int, int]]] = defaultdict(list)
+        self.set_at: dict[tuple[str, str, str, int | None], list[tuple[int, int]]] = {}
         self.copies: dict[tuple[str, tuple[tuple[str, str], ...]], tuple[int, dict[int, int]]] = {}
         self.by_routine: dict[str, list[DeferredFrame]] = {}
         self.calls: dict[int, list[KrlCall]] = {}
@@ -241,7 +250,7 @@ class _Resolver:
         if plain and operand.keys and not (
             operand.name and self.values.is_computed(operand.name, line)
         ):  # fmt: skip
-            return operand.keys
+            return self._reaching_points(operand, line)
         if not operand.text or (plain and not operand.name):
             return operand.keys
         try:
@@ -251,6 +260,35 @@ class _Resolver:
         except NotConstantError as why:
             return self._leave(motion, operand, why)
         return [self._write_out(motion, operand, value)]
+
+    def _reaching_points(self, operand: Operand, line: int) -> list[tuple[int, int]]:
+        """Returns which of the points that one variable is set to a motion may go to."""
+        if not operand.name or len(operand.keys) != 1:
+            return operand.keys
+        if not self.stored:
+            self._collect_stored()
+        one = self.stored[operand.keys[0]]
+        variable, subscript, path = one[2:]
+        places, others = (
+            self.settings[variable, subscript, path],
+            self.settings[variable, "?", path],
+        )
+        if len(places) + len(others) < 2:
+            return operand.keys
+        at = self.values.find_setting_line(variable, subscript, line)
+        return self.set_at.get((variable, subscript, path, at)) or places + others
+
+    def _collect_stored(self) -> None:
+        """Sorts the stored points by what they set, those with a computed subscript under ``?``."""
+        line_of = self.walk.scans[self.walk.main].agg_line
+        for item in self.walk.story.definitions:
+            point, path = (item.file, item.agg), item.path
+            self.stored.setdefault(point, item)
+            subscript = "?" if item.computed else item.subscript
+            self.settings[item.variable, subscript, path].append(point)
+            if item.file == self.walk.main:
+                at = int(line_of[item.agg])
+                self.set_at[item.variable, subscript, path, at] = [point]
 
     def _write_out(
         self, motion: MotionStatement, operand: Operand, value: KrlRecord

@@ -86,6 +86,9 @@ class KrlValues:
         self._locals: dict[str, set[str]] = defaultdict(set)
         self._starts: list[tuple[int, str]] = [(0, "")]
         self._kept: dict[tuple[str, str, int], KrlValue | NotConstantError] = {}
+        self._settings: dict[tuple[str, str], tuple[list[VariableChange], set[str]]] = {}
+        self._started: set[str] | None = None
+        self._computed: dict[str, bool] = {}
 
     def declare(self, name: str, subscript: str, text: str) -> None:
         """Enters what the data list being read gives a variable."""
@@ -130,10 +133,55 @@ class KrlValues:
 
     def is_computed(self, name: str, line: int) -> bool:
         """Returns whether a statement gives a variable something else than a literal."""
-        return any(
-            change.text is None or change.path or not change.text.lstrip().startswith("{")
-            for change in self._changes.get(self.key(name, line), ())
-        )
+        key = self.key(name, line)
+        if key not in self._computed:
+            self._computed[key] = any(
+                change.text is None or change.path or not change.text.lstrip().startswith("{")
+                for change in self._changes.get(key, ())
+            )
+        return self._computed[key]
+
+    def find_setting_line(self, key: str, index: str, line: int) -> int | None:
+        """Returns the zero-based line that sets a variable on every way to a line.
+
+        None: none does, or more than one may.
+
+        Args:
+            key: As :meth:`key` returns it.
+            index: Subscript without blanks; empty: the whole variable.
+            line: Zero-based.
+        """
+        if (key, index) not in self._settings:
+            self._settings[key, index] = self._collect_settings(key, index)
+        mine, changing = self._settings[key, index]
+        routine = self.routine_at(line)
+        if (
+            not mine
+            or (":" not in key and routine in self.started_by_handlers())
+            or (self.resumes and changing - {routine})
+        ):
+            return None
+        version = self._version(key, index, mine, line)
+        return mine[version - 1].line if version > 0 else None
+
+    def _collect_settings(self, key: str, index: str) -> tuple[list[VariableChange], set[str]]:
+        """Returns the changes of a variable, none if not followed, and the routines with them."""
+        changes = self._changes.get(key, [])
+        changing = {self.routine_at(change.line) for change in changes}
+        if (
+            (key in self.shared and self.foreign)
+            or changing & self.started_by_handlers()
+            or any(each.subscript and not _SUBSCRIPT.fullmatch(each.subscript) for each in changes)
+        ):
+            return [], changing
+        return [each for each in changes if each.subscript in ("", index) or not index], changing
+
+    def _version(self, key: str, index: str, mine: list[VariableChange], line: int) -> int:
+        """Returns which of some changes reaches a line, counted from 1; below: none, or several."""
+        of = key.rpartition(":")[0]
+        sets = ((2 * change.line + 1, k) for k, change in enumerate(mine, start=1))
+        span = self._extent(of) if of else (-1, _LAST)
+        return self._flow.version_within((key, index), span, sets, 2 * line)
 
     def settle(self, harmless: Callable[[str], bool]) -> None:
         """Enters what calls change: arguments that are not handed over by value.
@@ -159,7 +207,9 @@ class KrlValues:
 
     def started_by_handlers(self) -> set[str]:
         """Returns the routines that may run at any place."""
-        out = set(self.handlers)
+        if self._started is not None:
+            return self._started
+        out = self._started = set(self.handlers)
         waiting = list(out)
         calls: dict[str, set[str]] = defaultdict(set)
         for call in self.calls:
@@ -286,10 +336,7 @@ class KrlValues:
             given = self._given.get(name, {}).get(index, [])
             if len(given) == 1:
                 return self.value(*given[0], None, depth + 1)
-        of = key.rpartition(":")[0]
-        sets = [(2 * change.line + 1, k) for k, change in enumerate(mine, start=1)]
-        span = self._extent(of) if of else (-1, _LAST)
-        version = self._flow.version_within((key, index), span, sets, 2 * line)
+        version = self._version(key, index, mine, line)
         if version == DIFFERS:
             raise NotConstantError(
                 f"{shown} has more than one value here", "set it in the line before"

@@ -63,7 +63,7 @@ def pose_of(value: RapidValue) -> Array:
     if not isinstance(value, tuple) or len(value) not in (2, 4):
         raise NotConstantError("a value in place of a pose")
     trans, rot = _vector(value[0], 3), _vector(value[1], 4)
-    length = float(np.linalg.norm(rot))
+    length = math.hypot(*rot.tolist())  # no overflow, however large a number is
     if not 0.5 < length < 2.0:
         raise NotConstantError("a quaternion is far from length 1")
     out: Array = pose(matrix_from_quat_wxyz(rot), trans * MM)
