@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -10,12 +11,14 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "fuzz"))
 
+from executed import find_strays
+from krl_flow_programs import FlowWriter
 from languages import LANGUAGES, frames_of
 from laws import read, require_identity, require_undone, survives
 from mutated import damaged
 from written import Pen
 
-WHOLE, DAMAGED = 25, 100
+WHOLE, DAMAGED, EXECUTED = 25, 100, 25
 
 
 @pytest.mark.parametrize("name", sorted(LANGUAGES))
@@ -41,6 +44,15 @@ def test_damaged_programs_are_read_or_refused(name: str) -> None:
         files[which] = file, damaged(rng, data, language.pieces, other)
         number_read += survives(name, tuple(files), frames_of(name), k, 20.0)
     assert 0 < number_read < DAMAGED
+
+
+def test_an_executed_krl_target_is_left_alone_or_corrected_for_its_own_frames() -> None:
+    count: Counter[str] = Counter()
+    strays = {
+        seed: find_strays(FlowWriter(Pen.of([13, seed])).job(), count) for seed in range(EXECUTED)
+    }
+    assert not any(strays.values()), strays
+    assert count["corrected"] > 20 * EXECUTED
 
 
 FOUND = {
