@@ -134,6 +134,12 @@ FOUND = {
         "part.mod",
         b"CONST robtarget p7:=[[7,7,8],[8,0,1E308,7],[2],[9]];MoveL RelTool(p7,1,2,3);",
     ),
+    "a routine that calls itself before its first motion, and no routine outside": (
+        "urscript",
+        "part.script",
+        b"def\ndef go()\nmovej(q1)\nif\nset_tcp([])\nend\nend\nq1=[1,5,1,0,1,5]\nmovej(q1,)\n"
+        b"while movel(pose_s([]))go()\nend\nend",
+    ),
     "clauses that never end": (
         "krl",
         "part.src",

@@ -136,6 +136,8 @@ class _Builder:
     def _foreign(self) -> None:
         """Flags the targets after routines in no script that may have set the tool; notes why."""
         outside = self.walk.story.outside
+        if not outside:  # the version differs also where no way leads
+            return
         after = self.walk.course.versions(FOREIGN, self.place)
         left = np.zeros(self.count, np.bool_)
         left[self.point[after != 0]] = True
