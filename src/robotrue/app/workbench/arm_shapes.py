@@ -172,15 +172,15 @@ def _in_link(shape: ArmShape, T_link_base: Array) -> ArmShape:
     """Returns a body that is stated in base in the frame of its link."""
     rotation, origin = T_link_base[:3, :3], T_link_base[:3, 3]
 
-    def moved(point: tuple[float, ...], shift: Array) -> tuple[float, ...]:
+    def move(point: tuple[float, ...], shift: Array) -> tuple[float, ...]:
         return tuple(float(v) for v in rotation @ np.array(point) + shift)
 
     return ArmShape(
         link=shape.link,
         kind=shape.kind,
         paint=shape.paint,
-        start=moved(shape.start, origin),
-        end=moved(shape.end, origin),
+        start=move(shape.start, origin),
+        end=move(shape.end, origin),
         radii=(float(shape.radii[0]), float(shape.radii[1])),
-        boom_axis=moved(shape.boom_axis, np.zeros(3)),
+        boom_axis=move(shape.boom_axis, np.zeros(3)),
     )
