@@ -1,12 +1,15 @@
 """Coverage of the stated regions with few poses on the measured UR5 and UR10, drawn at random.
 
     python benchmarks/few_pose_coverage.py [--draws N] [--poses 20 30 60 120] [--arms NAME ...]
-                                           [--record FILE] [--picture FILE]
+                                           [--record FILE] [--picture FILE] [--perfect]
 
 Each draw fits ``auto`` and every method on n rows of a series, in the order they were measured, and
 looks at up to 300 other rows of it. One line of the record holds one draw: a run that is repeated
 goes on where it stopped, and prints the table of everything recorded. The picture shows stated
-against true coverage of ``auto``. Only positions are used; no robot moved again. Data: the folder
+against true coverage of ``auto``. ``--perfect`` prints instead what a faultless width would give:
+true errors drawn from the joint covariance that ``auto`` states for all test rows, their coverage
+per draw and the worst of 20 draws. Rows share the errors of the arm, so a draw is far from 300
+independent tests. Only positions are used; no robot moved again. Data: the folder
 ROBOTRUE_DATA (default ../shared/data).
 """
 
@@ -22,15 +25,17 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from real_arms import ROOT, points
+from scipy.linalg import block_diag
 from scipy.special import chdtri
 
+from robotrue.calibration.calibrated_model import CalibratedModel
 from robotrue.calibration.learned import share_waves
 from robotrue.calibration.methods import METHODS, FitSettings, fit
-from robotrue.calibration.model import ErrorModel
+from robotrue.calibration.model import ErrorModel, Query
 from robotrue.core.units import MM
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.presets import preset
-from robotrue.validation.evaluation import evaluate
+from robotrue.validation.evaluation import evaluate, row_loads
 from robotrue.validation.metrics import squared_distance
 from robotrue.validation.selection import fit_auto
 
@@ -39,6 +44,8 @@ SERIES = {"ur5": "UR5", "A": "UR10", "B": "UR10"}
 SIZES = (20, 30, 60, 120)
 DRAWS = 20
 TEST_ROWS = 300
+PERFECT_DRAWS = 1000
+PERFECT_FITS = 3
 LEVELS = (0.5, 0.8, 0.9, 0.95, 0.99)
 RECORD = Path(__file__).parents[1] / "docs" / "_static" / "few_pose_coverage.jsonl"
 NAMES = ("auto", *METHODS)
@@ -74,6 +81,40 @@ def run(arm: str, rows: MeasurementSet, n: int, draw: int) -> dict[str, Any]:
         for method in METHODS:
             record[method] = examine(fit(robot, train, method=method, settings=settings), test)
     return record
+
+
+def draw_shares(model: CalibratedModel, test: MeasurementSet, seed: int) -> np.ndarray:
+    """Returns the coverage (PERFECT_DRAWS,) of errors drawn from what the model states of them."""
+    stated = model.joint_covariance(
+        Query(joints=test.joints, load=row_loads(test), approach=test.approach)
+    ) + block_diag(*model.in_base(test).covariance)
+    draws = np.random.default_rng(seed).standard_normal((len(stated), PERFECT_DRAWS))
+    errors = (np.linalg.cholesky(stated) @ draws).reshape(len(test), 3, PERFECT_DRAWS)
+    own = np.array([stated[k : k + 3, k : k + 3] for k in range(0, len(stated), 3)])
+    squared = (errors * np.linalg.solve(own, errors)).sum(axis=1)
+    return np.asarray((squared <= chdtri(3.0, 0.05)).mean(axis=0))
+
+
+def print_perfect(arms: list[str], sizes: list[int], fits: int) -> None:
+    """Prints the spread of coverage between draws that faultless widths would have."""
+    print("drawn from the stated joint covariance: coverage of one draw, and worst of 20 draws")
+    print(
+        f"{'series':7s}{'poses':>6s}{'mean':>8s}{'sd':>8s}{'worst, mean':>13s}{'5 % to 95 %':>16s}"
+    )
+    for arm in arms:
+        rows = points(arm)
+        for n in sizes:
+            shares = []
+            for draw in range(fits):
+                train, test = draw_rows(rows, n, draw)
+                model = fit_auto(preset(SERIES[arm]), train)
+                assert isinstance(model, CalibratedModel)
+                shares.append(draw_shares(model, test, draw))
+            joined = np.random.default_rng(0).permutation(np.concatenate(shares))
+            worst = joined.reshape(-1, DRAWS).min(axis=1)
+            low, high = np.quantile(worst, [0.05, 0.95])
+            print(f"{arm:7s}{n:6d}{joined.mean():8.3f}{joined.std():8.3f}{worst.mean():13.3f}"
+                  f"{low:9.2f} to {high:.2f}", flush=True)  # fmt: skip
 
 
 def print_table(records: list[dict[str, Any]]) -> None:
@@ -129,7 +170,11 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--arms", nargs="+", choices=list(SERIES), default=list(SERIES))
     parser.add_argument("--record", type=Path, default=RECORD)
     parser.add_argument("--picture", type=Path)
+    parser.add_argument("--perfect", action="store_true")
     options = parser.parse_args(arguments)
+    if options.perfect:
+        print_perfect(options.arms, options.poses, PERFECT_FITS)
+        return 0
     lines = options.record.read_text("utf-8").splitlines() if options.record.is_file() else []
     records = [json.loads(line) for line in lines]
     known = {(r["arm"], r["n"], r["draw"]) for r in records}
