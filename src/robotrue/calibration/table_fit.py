@@ -21,13 +21,13 @@ from robotrue.calibration.evidence import (
     PriorGroup,
     Sums,
     Weights,
-    find_scales,
     posterior,
     spread,
     sums_of,
 )
 from robotrue.calibration.model import history, merged_document, model_hash
 from robotrue.calibration.observations import station_poses
+from robotrue.calibration.scale_learning import find_scales
 from robotrue.calibration.table_axes import choose_axes, require_small
 from robotrue.calibration.terms.rotary_table import RotaryTable
 from robotrue.core.arrays import Array, BoolArray, IntArray
