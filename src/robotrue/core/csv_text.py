@@ -50,3 +50,8 @@ def _cell(value: object) -> str:
 
 def _apart(found: re.Match[str]) -> str:
     return f"{found[1]}{found[2]}'"
+
+
+def axis_names(dof: int) -> tuple[str, ...]:
+    """Returns the names of columns of displayed axes: ``a1_deg``, ``a2_deg``, ..."""
+    return tuple(f"a{i + 1}_deg" for i in range(dof))

@@ -14,12 +14,11 @@ from typing import Final, Literal, TypeAlias
 import numpy as np
 
 from robotrue.core.arrays import Array
-from robotrue.core.csv_text import csv_text
+from robotrue.core.csv_text import axis_names, csv_text
 from robotrue.core.document_decoder import decode
 from robotrue.core.provenance import Provenance, mark_line
 from robotrue.core.units import DEG
 from robotrue.errors import ConfigurationError
-from robotrue.measurement.formats.canonical import axis_names
 
 State: TypeAlias = Literal["kept", "held", "dropped", "replaced", "skipped", "undone"]
 """``held``: not as expected, the operator decides. ``dropped``: to be touched again. ``replaced``:

@@ -16,9 +16,9 @@ import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.columns import Column, Columns
+from robotrue.core.csv_text import axis_names
 from robotrue.core.units import DEG, UM
 from robotrue.errors import ConfigurationError, ShapeError
-from robotrue.measurement.formats.canonical import axis_names
 
 
 class Doubt(enum.IntFlag):

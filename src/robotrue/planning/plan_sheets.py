@@ -13,10 +13,10 @@ import numpy as np
 
 from robotrue.cell.cell import Cell
 from robotrue.core.arrays import Array
-from robotrue.core.csv_text import csv_text
+from robotrue.core.csv_text import axis_names, csv_text
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ModelMismatchError
-from robotrue.measurement.formats.canonical import axis_names, canonical_mapping
+from robotrue.measurement.formats.canonical import canonical_mapping
 from robotrue.measurement.formats.part_points import PLANNED, point_columns
 from robotrue.measurement.formats.sheet import number_columns, write_six_digits
 from robotrue.measurement.probing_set import ProbingSet

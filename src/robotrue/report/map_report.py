@@ -7,10 +7,9 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array, IntArray
-from robotrue.core.csv_text import csv_text
+from robotrue.core.csv_text import axis_names, csv_text
 from robotrue.core.regions import coordinate_units
 from robotrue.core.units import DEG, MM
-from robotrue.measurement.formats.canonical import axis_names
 from robotrue.report.content import (
     Cell,
     Conclusion,

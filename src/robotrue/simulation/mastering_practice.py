@@ -19,10 +19,11 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array
+from robotrue.core.csv_text import axis_names
 from robotrue.core.provenance import Provenance
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError
-from robotrue.measurement.formats.canonical import axis_names, write_canonical
+from robotrue.measurement.formats.canonical import write_canonical
 from robotrue.measurement.formats.part_points import write_points
 from robotrue.measurement.formats.sheet_file import read_sheet
 from robotrue.measurement.measurement_set import MeasurementSet

@@ -78,11 +78,6 @@ def joint_names(dof: int) -> tuple[str, ...]:
     return tuple(f"j{i + 1}_deg" for i in range(dof))
 
 
-def axis_names(dof: int) -> tuple[str, ...]:
-    """Returns the names of columns of displayed axes: ``a1_deg``, ``a2_deg``, ..."""
-    return tuple(f"a{i + 1}_deg" for i in range(dof))
-
-
 def joints_in(header: Sequence[str]) -> int:
     """Returns how many joint columns a header has."""
     return sum(1 for name in header if _JOINT.fullmatch(column_key(name)))

@@ -12,10 +12,10 @@ import numpy as np
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.columns import Column, Columns
 from robotrue.core.conditions import ArmConditions, join_conditions
+from robotrue.core.csv_text import axis_names
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.formats.canonical import (
     axes_in,
-    axis_names,
     canonical_mapping,
     external_names,
     joint_names,

@@ -23,13 +23,13 @@ import numpy as np
 
 from robotrue.core.arrays import Array, IntArray
 from robotrue.core.columns import Column, Columns
+from robotrue.core.csv_text import axis_names
 from robotrue.core.files import read_bytes
 from robotrue.core.units import DEG, MM
 from robotrue.errors import FormatError
 from robotrue.measurement.formats.canonical import (
     POSITION,
     axes_in,
-    axis_names,
     joint_names,
     joints_in,
 )
