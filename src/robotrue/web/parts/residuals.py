@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 from markupsafe import Markup
 
@@ -22,6 +22,8 @@ TALL: Final = 700
 CHARTS: Final = ("pose", "sizes")
 """Charts of a page: errors along the poses or targets, and their distribution."""
 BOTH: Final = ("before", "after")
+Described: TypeAlias = Mapping[str, Any]
+"""JSON values of a target, an axis or all sizes, lengths in m."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,7 +68,7 @@ class ChartArea:
 
 
 def draw_residuals(
-    context: PageContext, poses: Sequence[Mapping[str, float]], sizes: Mapping[str, Any]
+    context: PageContext, poses: Sequence[Mapping[str, float]], sizes: Described
 ) -> Markup:
     """Returns both charts of measured poses; lengths on a logarithmic scale.
 
@@ -83,9 +85,7 @@ def draw_residuals(
     return _draw(context, paper, rows, sizes["counts"], words="residuals")
 
 
-def draw_along(
-    context: PageContext, along: Mapping[str, Any], *, compared: bool
-) -> dict[str, Markup]:
+def draw_along(context: PageContext, along: Described, *, compared: bool) -> dict[str, Markup]:
     """Returns the charts of a program: ``pose`` by target, ``sizes`` by size and by moving axis.
 
     Args:
@@ -119,7 +119,7 @@ def draw_along(
 def _draw(
     context: PageContext,
     paper: ChartArea,
-    rows: Sequence[Mapping[str, Any]],
+    rows: Sequence[Described],
     counts: Mapping[str, Sequence[int]],
     *,
     words: str,
@@ -128,7 +128,7 @@ def _draw(
     thinned: bool = False,
     last: int | None = None,
     numbers: Sequence[int] = (),
-    movers: Sequence[Mapping[str, Any]] = (),
+    movers: Sequence[Described] = (),
 ) -> Markup:
     """The charts; ``words`` names the texts about poses or targets."""
     return context.render(
