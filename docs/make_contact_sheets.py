@@ -1,4 +1,4 @@
-"""Draws docs/_static/contact_*.jpg: every page of the workbench at four widths.
+"""Draws the pages of the workbench: docs/_static/contact_*.jpg at four widths, workbench_*.png.
 
     python docs/make_contact_sheets.py [--keep FOLDER] [--axe axe.min.js] [--widths 390,820]
 
@@ -45,6 +45,12 @@ THUMB: Final = {1440: 455, 1180: 360, 820: 260, 390: 170}
 SHEET: Final = 1900
 TALLEST: Final = 2.2
 """Longest part of a page that is shown, in widths (in heights of the window on a phone)."""
+COMPOSITES: Final = {
+    1440: ("workbench_cell.png", (1,), (1200, 958)),
+    820: ("workbench_chinese.png", (1, 8, 12), (520, 960)),
+    390: ("workbench_dark.png", (0, 7, 12, 13), (390, 1000)),
+}
+"""By width: picture of the guides, numbers of the pages side by side in it, size of each."""
 SETTLED_MS: Final = 700
 WAIT: Final = 600.0
 """s that a job may take."""
@@ -79,6 +85,8 @@ def main() -> None:
             taken = _take(address, pages, width, folder, script)
             if not asked.only:
                 draw_sheet(taken, width)
+                if width in COMPOSITES:
+                    draw_composite(taken, *COMPOSITES[width])
 
 
 def fill(address: str) -> list[str]:
@@ -185,6 +193,21 @@ def draw_sheet(pictures: list[Path], width: int) -> None:
         pen.text(corner, path.stem.partition("_")[2], fill="white")
         sheet.paste(small, (corner[0], corner[1] + 14))
     sheet.save(OUT / f"contact_{width}.jpg", quality=62, optimize=True)
+
+
+def draw_composite(
+    pictures: list[Path], name: str, numbers: tuple[int, ...], size: tuple[int, int]
+) -> None:
+    """Writes the upper parts of some pages side by side, each of ``size`` pixels."""
+    (wide, tall), gap = size, 10 if len(numbers) > 1 else 0
+    whole = (gap + len(numbers) * (wide + gap), tall + 2 * gap)
+    composite = Image.new("RGB", whole, "#808890")
+    for k, number in enumerate(numbers):
+        with Image.open(pictures[number]) as picture:
+            small = picture.convert("RGB")
+        small = small.resize((wide, round(small.height * wide / small.width)))
+        composite.paste(small.crop((0, 0, wide, tall)), (gap + k * (wide + gap), gap))
+    composite.save(OUT / name, optimize=True)
 
 
 @contextlib.contextmanager
