@@ -22,7 +22,14 @@ from typing import ClassVar, Final, Self
 import numpy as np
 
 from robotrue.calibration.evidence import PriorGroup
-from robotrue.calibration.terms.term import ArmPostures, Effect, MeanTables, Term
+from robotrue.calibration.terms.term import (
+    REST_SHIFT,
+    REST_TURN,
+    ArmPostures,
+    Effect,
+    MeanTables,
+    Term,
+)
 from robotrue.core.arrays import Array
 from robotrue.core.conditions import ArmConditions
 from robotrue.core.document_decoder import decode
@@ -42,9 +49,6 @@ STRAIGHT: Final = 2e-4
 """m, prior sd of the longest cosine; the k-th has that over k^2."""
 TURN: Final = 1e-4
 """rad, the same of the turns of the carriage, its slope too."""
-REST_SHIFT: Final = 1e-6
-REST_TURN: Final = 1e-7
-"""m and rad, sd of cosines for which the data show no effect."""
 HOLD: Final = 0.5
 """Sd of the log scales, where rows are few."""
 LEAST_TRAVEL: Final = 0.2

@@ -25,7 +25,14 @@ from typing import ClassVar, Final, Self
 import numpy as np
 
 from robotrue.calibration.evidence import PriorGroup
-from robotrue.calibration.terms.term import ArmPostures, Effect, MeanTables, Term
+from robotrue.calibration.terms.term import (
+    REST_SHIFT,
+    REST_TURN,
+    ArmPostures,
+    Effect,
+    MeanTables,
+    Term,
+)
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.conditions import ArmConditions
 from robotrue.core.document_decoder import decode
@@ -47,9 +54,6 @@ SCALE: Final = 1e-4
 RUN_OUT: Final = 3e-5
 WOBBLE: Final = 3e-5
 """m and rad, prior sd of the first harmonics; the k-th has that over k^2."""
-REST_SHIFT: Final = 1e-6
-REST_TURN: Final = 1e-7
-"""m and rad, sd of harmonics for which the data show no effect."""
 AXIS: Final = ("tilt1", "tilt2", "offset1", "offset2", "scale")
 MOTIONS: Final = ("across1", "across2", "along", "turn1", "turn2", "turn")
 SIZE: Final = len(AXIS) + 2 * HARMONICS * len(MOTIONS)

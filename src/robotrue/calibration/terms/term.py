@@ -24,7 +24,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, ClassVar, Literal, Self, TypeAlias
+from typing import Annotated, ClassVar, Final, Literal, Self, TypeAlias
 
 import numpy as np
 
@@ -37,6 +37,10 @@ from robotrue.program.external_axes import ExternalAxis
 from robotrue.robot.forward import Sensitivity
 from robotrue.robot.model import RobotModel, parameter_slice
 from robotrue.robot.statics import add_moments
+
+REST_SHIFT: Final = 1e-6
+REST_TURN: Final = 1e-7
+"""Sd of harmonics for which the data show no effect, in m and rad."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -70,7 +70,7 @@ def _list_owners(suffix: str) -> list[Language]:
 def _find_sure(data: bytes, suffix: str) -> Language | None:
     """Returns the language that bytes are in for sure, None if they are in none.
 
-    Owners of the suffix are asked first: most files have it, and each language takes milliseconds.
+    Owners of the suffix are scored first: most files have one; a language takes milliseconds.
     """
     if b"\0" in data[:_LOOKED_AT]:
         return None

@@ -114,7 +114,7 @@ class ScriptWalk:
         self._blocks: list[str] = []
         self._literal_frames: dict[bytes, int] = {}
         self._given = 0  # literals given to variables
-        self._named_frame: tuple[object, int] = None, UNKNOWN  # and what it was asked in
+        self._named_frame: tuple[object, int] = None, UNKNOWN  # of the state it is for
         self._tools: dict[int, int] = {}
         self.moves = 0
 
