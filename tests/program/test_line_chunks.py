@@ -12,10 +12,13 @@ from robotrue.program.program import FrameTable, Program, Reason, Replacement
 from robotrue.program.program_chunk import Whole
 from robotrue.program.program_file import ProgramFile, outline_job, read_chunk, write_chunk
 
+FAR = 90
+"""Number of a target beyond the reach of any arm, the first of its stretch."""
+
 
 def target(k: int) -> str:
     return (
-        f"[[{800 + k % 97:.3f},{-50 + 0.25 * k:.3f},{500 - k % 31:.3f}],"
+        f"[[{(2e6 if k == FAR else 800) + k % 97:.3f},{-50 + 0.25 * k:.3f},{500 - k % 31:.3f}],"
         f"[0.5,{'-' if k % 2 else ''}0.5,0.5,0.5],[0,-1,{k % 3},0],[9E9,9E+09,9E9,9E9,9E9,0]]"
     )
 
@@ -40,8 +43,8 @@ RAPID = [
     'PERS wobjdata wobj1:=[FALSE,TRUE,"",[[500,0,0],[1,0,0,0]],[[0,0,0],[1,0,0,0]]];',
     "PROC main()", "  ConfL\\Off;",
     "MoveAbsJ [[0,10,-20,0,40,5],[9E9,9E9,9E9,9E9,9E9,9E9]]\\NoEOffs,v50,fine,tool1;",
-    *moves(60), "SetDO spindle, 1;", *moves(40, first=60),
-    *moves(50, "Tool1", 100), *moves(30, "tool1 \\WObj:=wobj1", 150), "IF go THEN",
+    *moves(60), "SetDO spindle, 1;", *moves(30, first=60),
+    *moves(60, "Tool1", FAR), *moves(30, "tool1 \\WObj:=wobj1", 150), "IF go THEN",
     "  wobj1.oframe.trans.x:=7;", *moves(20, first=180), "ENDIF", *moves(50, first=200),
     *moves(30, "tool9\\WObj:=wobj1", 250), "ENDPROC", "ENDMODULE",
 ]  # fmt: skip
@@ -49,7 +52,9 @@ RAPID = [
 
 def script() -> list[str]:
     def pose(k: int) -> str:
-        place = f"{0.4 + k * 1e-4:.6f}, {-0.1 + k % 7 * 1e-3:.6f},0.30000"
+        place = (
+            f"{(2e3 if k == FAR + 1 else 0.4) + k * 1e-4:.6f}, {-0.1 + k % 7 * 1e-3:.6f},0.30000"
+        )
         return f"p[{place},0.0,3.141593,{k * 1e-3:.4f}]"
 
     out = [
@@ -59,7 +64,7 @@ def script() -> list[str]:
         "  movej([0.0,-1.57,1.57,-1.2,-1.57,0],a=1.4,v=1)",
     ]
     for k in range(300):
-        if k == 90:
+        if k == FAR:
             out += ["  # next tool", "  set_tcp(p[0,0,0.25,0,0,0.1])"]
         if k == 180:
             out += ["  while go:", "    set_tcp(frame)"]
@@ -122,6 +127,10 @@ def test_blocks_are_the_whole(tmp_path: Path, name: str, lines: list[str], end: 
     assert len(found.chunks) > 10
     assert len(found.content.program) > 4
     assert set(found.content.program.reason.tolist()) >= {Reason.NONE, Reason.UNKNOWN_FRAME}
+    (whole,) = read_job(path, FrameTable())
+    far = (np.abs(whole.position) > 1e3).any(axis=1)
+    assert far.any()
+    assert (whole.reason[far] == Reason.OUT_OF_REACH).all()
 
 
 def test_windows_do_not_show(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -140,6 +140,21 @@ FOUND = {
         b"def\ndef go()\nmovej(q1)\nif\nset_tcp([])\nend\nend\nq1=[1,5,1,0,1,5]\nmovej(q1,)\n"
         b"while movel(pose_s([]))go()\nend\nend",
     ),
+    "a stored point beyond any number, and one computed from it": (
+        "rapid",
+        "part.mod",
+        b"MODULE m\nCONST robtarget p:=[[1,-2,1E308],[1,0,0,0],[1,0,2,0],[0,0,0,0,0,0]];\n"
+        b"CONST robtarget q:=[[1,-2,3],[1,0,0,0],[1,0,2,0],[9E9,9E9,9E9,9E9,9E9,9E9]];\n"
+        b"PROC main()\nMoveL p,v1,z1,tool0;\nMoveL Offs(p,0,0,5),v1,z1,tool0;\n"
+        b"MoveL q,v1,z1,tool0;\nMoveL Offs(q,0,0,1E308),v1,z1,tool0;\nENDPROC\nENDMODULE\n",
+    ),
+    "a coordinate of 100 km, which corrected has a digit more": (
+        "heidenhain",
+        "part.h",
+        b"0 BEGIN PGM P MM\n1 M128\n2 L X+10 Y-5.5 Z+2 A+0 B+0 C+90 R0 FMAX M3\n"
+        b"3 L X+99999999.999 Y+99999999.999 Z-1\n4 L X-99999999.999 Y-99999999.999 Z-1\n5 M129\n"
+        b"6 END PGM P MM\n",
+    ),
     "clauses that never end": (
         "krl",
         "part.src",

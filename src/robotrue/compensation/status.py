@@ -116,6 +116,7 @@ _BY_REASON: Final[Mapping[Reason, str]] = {
     Reason.JOINT_TARGET: "state [robot] maker in the cell",
     Reason.INCOMPLETE: "write the omitted values out at the target",
     Reason.TOOL_ON_FLOOR: "state [controller] fixed_tool in the cell",
+    Reason.OUT_OF_REACH: "correct its numbers, or their unit",
 }
 _BY_STATUS: Final[Mapping[Status, str]] = {
     Status.UNCHANGED_AXIS_TARGET: "compensate with --axis-targets",

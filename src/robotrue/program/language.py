@@ -16,7 +16,7 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.errors import ConfigurationError
 from robotrue.program.insertion import Inserter
-from robotrue.program.program import FrameTable, Program, Replacement
+from robotrue.program.program import FrameTable, Program, Replacement, leave_far
 from robotrue.program.program_chunk import ReadChunk, Skeleton, Whole
 
 if TYPE_CHECKING:
@@ -183,7 +183,7 @@ class Language:
         Raises:
             FormatError: The bytes are not in this language, with the line.
         """
-        return self.reader([(name, data)], frames)[0]
+        return self.read_job([(name, data)], frames=frames)[0]
 
     def read_job(self, files: NamedBytes, *, frames: FrameTable) -> tuple[Program, ...]:
         """Returns one program per (name, bytes), read together: points of one, motions of another.
@@ -191,7 +191,7 @@ class Language:
         Raises:
             FormatError: The bytes are not in this language, with the file and line.
         """
-        return self.reader(files, frames)
+        return tuple(map(leave_far, self.reader(files, frames)))
 
     def write(self, program: Program, replacement: Replacement) -> bytes:
         """Returns the source bytes with the changed numbers, and only those, replaced.

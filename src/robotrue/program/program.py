@@ -7,9 +7,9 @@ as they are; a dialect stores the place of each number and rewrites only changed
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
-from typing import Annotated, Any, Literal, TypeAlias
+from typing import Annotated, Any, Final, Literal, TypeAlias
 
 import numpy as np
 
@@ -22,6 +22,8 @@ from robotrue.program.orientation import OrientationRule
 
 WholeNumbers: TypeAlias = Literal["", "mm", "increment"]
 FixedTool: TypeAlias = Literal["", "tool_in_part", "part_in_tool"]
+_FARTHEST: Final = 1000.0
+"""m; a coordinate beyond is left alone: corrected, it might pass what a language can print."""
 
 
 class Motion(IntEnum):
@@ -47,6 +49,7 @@ class Reason(Explained):
     INCOMPLETE = 6, "what it leaves out, or what is in force there, is not known"
     TOOL_ON_FLOOR = 7, "the robot carries the part, or may do so"  # workpiece on the robot
     UNUSED = 8, "no move of the job goes to it"
+    OUT_OF_REACH = 9, "it is more than 1 km from the origin of its frame"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,6 +116,18 @@ class Program(Columns):
 
     def __len__(self) -> int:
         return len(self.position)
+
+
+def leave_far(program: Program) -> Program:
+    """Returns the program with poses, and arcs, beyond the reach of every arm left alone."""
+    far = np.asarray((np.abs(program.position) > _FARTHEST).any(axis=1))
+    if not far.any():
+        return program
+    via = np.flatnonzero(program.motion[:-1] == Motion.ARC_VIA)
+    far[via] |= far[via + 1]
+    far[via + 1] |= far[via]
+    reason = np.where(far & (program.reason == Reason.NONE), Reason.OUT_OF_REACH, program.reason)
+    return replace(program, reason=reason)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

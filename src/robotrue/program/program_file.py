@@ -27,7 +27,7 @@ from robotrue.program.formats.job_files import companion_paths, gather_files
 from robotrue.program.frames_beside import with_files_beside
 from robotrue.program.lang import find_language
 from robotrue.program.language import Cutter, Language
-from robotrue.program.program import FrameTable, Program, Reason, Replacement
+from robotrue.program.program import FrameTable, Program, Reason, Replacement, leave_far
 from robotrue.program.program_chunk import (
     ChunkLines,
     ProgramChunk,
@@ -226,6 +226,7 @@ def outline_job(
     refused = survey.judge(skeleton, [file for k, file in enumerate(job.files) if k != place])
     if refused is not None:
         return refused
+    reason = np.where(skeleton.reason == Reason.OUT_OF_REACH, Reason.NONE, skeleton.reason)
     outlined = ProgramFile(
         name=longest.name,
         dialect=language.name,
@@ -237,7 +238,7 @@ def outline_job(
         notes=tuple(_COUNT.sub("targets", note) for note in (*skeleton.notes, *beside)),
         chunks=survey.chunks,
         content=Skeleton(
-            program=replace(skeleton, data=b"", spans=None, notes=()),
+            program=replace(skeleton, data=b"", spans=None, notes=(), reason=reason),
             stored=survey.stored,
             external_axes_at_rest=frames.external_axes_at_rest,
         ),
@@ -280,7 +281,7 @@ def read_chunk(data: bytes, lines: ChunkLines, content: Program | Skeleton) -> R
         T_flange_tool=whole.T_flange_tool,
         notes=(),
     )
-    return ReadChunk(stated, head, foot)
+    return ReadChunk(leave_far(stated), head, foot)
 
 
 def write_chunk(chunk: ReadChunk, replacement: Replacement) -> bytes:

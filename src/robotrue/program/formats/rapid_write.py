@@ -51,7 +51,10 @@ def _print_target(
     values: Array, decimals: list[int], columns: tuple[int, ...], *, axis: bool
 ) -> bytes:
     """Returns a target in brackets."""
-    shown = [_print(value, most) for value, most in zip(values.tolist(), decimals, strict=True)]
+    shown = [
+        "9E9" if k > 10 and value > _NOT_CONNECTED else f"{value + 0.0:.{most}f}"
+        for k, (value, most) in enumerate(zip(values.tolist(), decimals, strict=True))
+    ]
 
     def row(first: int, last: int) -> str:
         return "[" + ",".join(shown[first:last]) + "]"
@@ -62,10 +65,6 @@ def _print_target(
         words = "[" + ",".join(str(int(value)) for value in values[7:11]) + "]"
         parts = [row(0, 3), row(3, 7), words, row(11, 17)]
     return ("[" + ",".join(parts) + "]").encode("ascii")
-
-
-def _print(value: float, decimals: int) -> str:
-    return "9E9" if value > _NOT_CONNECTED else f"{value + 0.0:.{decimals}f}"
 
 
 def _choose_sides(rotation: Array, old: Array) -> Array:
