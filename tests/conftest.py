@@ -16,6 +16,7 @@ LONGEST: Final = (
     "web/test_newcomer.py",
     "web/test_story.py",
     "cli/test_marks.py",
+    "docs/test_demo_pages.py",
     "docs/test_dynamic_pages.py",
     "docs/test_shop_pages.py",
     "web/test_registration_page.py",

@@ -34,7 +34,8 @@ from robotrue.cli.main import run
 ROOT = Path(__file__).resolve().parents[2]
 OWN: Final = re.compile(
     r"(?:cd (?P<into>\w+) && )?(?P<words>(?:robotrue|python -m robotrue_reproductions)\b[^|<>&;]*?)"
-    r"(?P<out> >\s*/dev/null)?(?P<err> 2>\s*/dev/null| 2>&1)?(?P<filter> \|[^<>]*)?"
+    r"(?:(?P<out> >\s*/dev/null)| > (?P<log>\w+\.log))?"
+    r"(?P<err> 2>\s*/dev/null| 2>&1)?(?P<filter> \|[^<>]*)?"
 )
 
 
@@ -50,20 +51,21 @@ class Ran:
 _RAN: dict[str, Ran] = {}
 
 
-def check_answers(page: str, folder: Path | None = None) -> list[Result]:
-    """Compares the answers printed on a page of the how-to with those of its commands.
+def check_answers(page: str, folder: Path | None = None, *, guide: str = "howto") -> list[Result]:
+    """Compares the answers printed on a page with those of its commands.
 
     Args:
         page: Name of the page.
         folder: Empty; takes the files. None: a temporary one.
+        guide: Folder of the page below ``docs``.
 
     Returns:
         The results that the commands showed, in order.
     """
     if folder is None:
         with tempfile.TemporaryDirectory() as temporary:
-            return check_answers(page, Path(temporary))
-    text = (ROOT / "docs" / "howto" / f"{page}.md").read_text(encoding="utf-8")
+            return check_answers(page, Path(temporary), guide=guide)
+    text = (ROOT / "docs" / guide / f"{page}.md").read_text(encoding="utf-8")
     results: list[Result] = []
 
     def print_answer(command: str, folder: Path) -> str:
@@ -120,10 +122,12 @@ def _print_here(command: str, folder: Path, results: list[Result]) -> str:
     answer = io.TextIOWrapper(io.BytesIO(), encoding="utf-8", write_through=True)
     dropped = io.TextIOWrapper(io.BytesIO(), encoding="utf-8")
     piped = io.TextIOWrapper(io.BytesIO(), encoding="utf-8", write_through=True)
-    out = dropped if own["out"] else piped if own["filter"] else answer
+    out = dropped if own["out"] else piped if own["filter"] or own["log"] else answer
     err = {" 2>&1": out, None: answer}.get(own["err"], dropped)
     with _process(folder / (own["into"] or ""), out, err), _results_shown(results):
         _run(shlex.split(own["words"]))
+    if own["log"]:
+        (folder / own["log"]).write_text(_text(piped), encoding="utf-8")
     if own["filter"]:
         answer.write(_filter(own["filter"].strip(" |"), _text(piped)))
     return _text(answer)

@@ -14,6 +14,8 @@ from printed_numbers import agree_in_print, assert_answers_agree
         ("0.096", "0.0960", False),
         ("1.75e+06 Nm", "1.76e+06 Nm", True),
         ("1.75e+06 Nm", "1.75e+05 Nm", False),
+        ('"mean": 1409.6322327133928', '"mean": 1409.632232713399', True),
+        ('"mean": 1409.6322327133928', '"mean": 1409.652232713399', False),
         ("47 of 50 poses", "48 of 50 poses", False),
         ("-0.1 mm", "0.0 mm", True),
         ("0.1 mm", "0.1 deg", False),
