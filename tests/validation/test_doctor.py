@@ -30,7 +30,7 @@ from robotrue.validation.evaluation import evaluate
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
 
-from data_doctor import write_section
+from data_doctor import SETS, draw, scale, write_section
 
 PAGE = Path(__file__).parents[2] / "docs/howto/find-wrong-measurements.md"
 
@@ -168,6 +168,27 @@ def test_a_cured_joint_offset_takes_the_zero_error_of_the_arm_along(clean):
 
     alike = replace(held_out, joints=held_out.joints + offset - removed)
     assert error(cured, alike) < 1.15 * error(fitted, held_out)
+
+
+@pytest.mark.parametrize("first", [20, 30])
+def test_a_small_factor_is_not_removed_where_either_part_may_be_wrong(clean, first):
+    rows = replace(clean, position=clean.position * np.where(late(first), 1.0004, 1.0))
+    (finding,) = diagnose(ROBOT, rows).findings
+    text = finding.hypothesis.text
+    assert "-398 um/m" in text
+    assert "+398 um/m" in text
+    assert text.endswith("the rows do not show which")
+    with pytest.raises(ConfigurationError, match="cannot correct rows"):
+        cure_rows(ROBOT, rows, None, "scale")
+
+
+def test_the_lengths_of_the_arm_show_which_part_is_in_inches(data_dir):
+    case = draw(40298, SETS)
+    rows = scale(case.rows, case.robot, np.random.default_rng([40298, 5]))
+    cured, finding = cure_rows(case.robot, rows, case.settings, "scale")
+    wrong = np.flatnonzero((rows.position != case.rows.position).any(axis=1))
+    np.testing.assert_array_equal(finding.hypothesis.rows, wrong)
+    np.testing.assert_allclose(cured.position, case.rows.position, atol=2e-3)
 
 
 def test_exchanged_columns_beyond_limits_are_no_full_turn(clean):

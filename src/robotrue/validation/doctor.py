@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+from scipy.special import expit
 
 from robotrue.calibration.model import ErrorModel, data_hash, history, with_summary, with_warnings
 from robotrue.calibration.parameters import IMPLAUSIBLE
@@ -44,7 +45,7 @@ FEWEST_ROWS: Final = 15
 PRIOR: Final = 0.05
 """Belief that a file has one of the causes, before it is looked at."""
 SURE: Final = 0.995
-"""Probability of a cause from which it is named."""
+"""Probability of a cause from which it is named, and of one of two parts to be the wrong one."""
 REFITTED: Final = 4
 REFINEMENTS: Final = 3
 """Steps by which the effect of a cause that is not linear is estimated again."""
@@ -121,8 +122,9 @@ def diagnose(
     named = _name_best(compared)
     if named is not None:
         best, probability = named
-        best, after = _refine_cure(best, robot, used)
-        if not after > IMPLAUSIBLE * robot.reach:  # still implausible after the correction
+        best, corrected = _decide_part(best, clean)
+        if corrected is None or not _implausible(corrected):
+            after = float("nan") if corrected is None else _mean_error(corrected)
             found.append(
                 NamedCause(hypothesis=best, probability=probability, before=error, after=after)
             )
@@ -159,7 +161,7 @@ def _refit(hypothesis: Hypothesis, clean: Evidence) -> Hypothesis:
     # The effect of the wrong rows was noise before.
     revise = hypothesis.revise
     revised = hypothesis if revise is None else revise(evidence.coefficients())
-    return replace(revised, log_odds=odds)
+    return replace(revised, log_odds=odds, rival=hypothesis.rival)
 
 
 def _name_best(compared: Sequence[Hypothesis]) -> tuple[Hypothesis, float] | None:
@@ -196,15 +198,53 @@ def _error_after(hypothesis: Hypothesis, robot: RobotModel, settings: FitSetting
     return _mean_error(_fit_clean(robot, cured, settings))
 
 
-def _refine_cure(
-    hypothesis: Hypothesis, robot: RobotModel, settings: FitSettings
-) -> tuple[Hypothesis, float]:
-    """The hypothesis with its rows corrected by further steps, and their mean error (m)."""
-    if hypothesis.cured is None or hypothesis.refine is None:
-        return hypothesis, _error_after(hypothesis, robot, settings)
+def _decide_part(best: Hypothesis, clean: Evidence) -> tuple[Hypothesis, Evidence | None]:
+    """The hypothesis, or its rival if that is likelier, and the fit of the corrected rows.
+
+    Where the rows do not show which of both is true it has no cure: half of the cures would make
+    the right rows wrong. Compared are the rows as read: a correction that shrinks lengths would
+    make any rows denser.
+    """
+    if best.rival is None:
+        return _refine_cure(best, clean)
+    trials = [_refine_cure(each, clean) for each in (best, _refit(best.rival(), clean))]
+    odds = [_weigh_correction(clean.case.rows, *trial) for trial in trials]
+    first = int(np.argmax(odds))
+    if odds[first] == -np.inf or expit(odds[first] - odds[1 - first]) > SURE:
+        return trials[first]
+    likelier, other = trials[first][0], trials[1 - first][0]
+    return replace(
+        likelier,
+        text=f"{likelier.text}, or in all other rows {other.text}: the rows do not show which",
+        cure=None,
+        advice=f"{likelier.advice} and of all others, and correct the wrong ones in the file",
+    ), None
+
+
+def _weigh_correction(
+    raw: MeasurementSet, hypothesis: Hypothesis, fitted: Evidence | None
+) -> float:
+    """Log density of the examined rows as read; -inf if they stay implausible once corrected."""
+    if fitted is None or hypothesis.cured is None or _implausible(fitted):
+        return -np.inf
+    rows = np.intersect1d(hypothesis.rows, fitted.case.chosen)
+    corrected, read = hypothesis.cured.position[rows], raw.position[rows]
+    factor = np.linalg.norm(corrected) / np.linalg.norm(read)
+    return float(fitted.log_evidence + read.size * np.log(factor))
+
+
+def _implausible(fitted: Evidence) -> bool:
+    return _mean_error(fitted) > IMPLAUSIBLE * fitted.case.robot.reach
+
+
+def _refine_cure(hypothesis: Hypothesis, clean: Evidence) -> tuple[Hypothesis, Evidence | None]:
+    """The hypothesis with its rows corrected by further steps, and the fit of them."""
+    if hypothesis.cured is None:
+        return hypothesis, None
+    robot, settings = clean.case.robot, clean.case.settings
     best = _fit_clean(robot, hypothesis.cured, settings)
     for _ in range(REFINEMENTS):
-        refined = hypothesis.refine(best)
+        refined = None if hypothesis.refine is None else hypothesis.refine(best)
         if refined is None or refined.cured is None:
             break
         trial = _fit_clean(robot, refined.cured, settings)
@@ -216,7 +256,7 @@ def _refine_cure(
             )
         if gain < WORTHWHILE:
             break
-    return hypothesis, _mean_error(best)
+    return hypothesis, best
 
 
 def cure_rows(

@@ -262,6 +262,7 @@ class Hypothesis:
         revise: From coefficients (q,) of ``columns`` to the hypothesis that has them.
         refine: From corrected rows, fitted again, to the hypothesis that corrects them better: a
             large effect is not linear. Its text, ``cure`` and ``refine`` replace those.
+        rival: Returns the same fault of all other rows instead, where that is another hypothesis.
         advice: Action in the shop, an imperative sentence.
     """
 
@@ -276,6 +277,7 @@ class Hypothesis:
     price: float = 0.0
     revise: Callable[[Array], Hypothesis] | None = None
     refine: Callable[[Evidence], Hypothesis | None] | None = None
+    rival: Callable[[], Hypothesis] | None = None
 
     @cached_property
     def cured(self) -> MeasurementSet | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -109,7 +110,9 @@ class Segment:
             sizes=width * share,
             price=choice_price(first, last, count) + among,
         )
-        return [self.build(residuals, found)]
+        others = np.setdiff1d(np.arange(arm.count), chosen)
+        rival = partial(self.build, residuals, replace(found, inside=~inside, rows=others))
+        return [replace(self.build(residuals, found), rival=rival if self.heads else None)]
 
     def build(self, residuals: Evidence, picked: Picked) -> Hypothesis:
         """Returns the hypothesis of some rows, their effect estimated and subtracted."""
