@@ -1,6 +1,6 @@
-"""Generated KRL programs executed before and after a correction that depends on the flange alone.
+"""Generated programs executed before and after a correction that depends on the flange alone.
 
-    python tests/fuzz/executed.py FIRST LAST
+    python tests/fuzz/executed.py LANGUAGE FIRST LAST
 
 Every executed target must be either where it was, or where the correction of its own frames sends
 it. Prints the seeds of the programs for which one is elsewhere, and leaves with 1 if there are any.
@@ -10,15 +10,21 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 sys.path.insert(0, str(Path(__file__).parent))
 
 import numpy as np
-from krl_controller import KrlController, Move
+from controllers import Controller, Move
+from fanuc_controller import FanucController
+from fanuc_flow_programs import FanucFlowWriter
+from krl_controller import KrlController
 from krl_flow_programs import FlowWriter
 from laws import changed, read, write
+from rapid_controller import RapidController
+from rapid_flow_programs import RapidFlowWriter
 from written import TABLE, Pen
 
 from robotrue.core.poses import inverse
@@ -29,7 +35,29 @@ WAYS, RUNS = 6, 3
 PLACE, TURN = 3e-6, 6e-5
 """m and elements of a matrix: what the printed digits can hold; corrections are about a
 millimetre."""
+FOLLOWING = ("targets computed from it move with its correction", "INC moves by a step")
+"""Notes of a program: such a target is near its correction, not at it."""
+Files = Mapping[str, str]
+
+
+class Executed(NamedTuple):
+    """The writer of the programs of a language, by its name of a file; and what runs them."""
+
+    job: Callable[[Pen], Files]
+    controller: Callable[[Files, np.random.Generator], Controller]
+
+
 FRAMES = {"base": TABLE.bases, "tool": TABLE.tools}
+EXECUTED = {
+    "krl": Executed(
+        lambda pen: FlowWriter(pen).job(), lambda files, rng: KrlController(files, FRAMES, rng)
+    ),
+    "fanuc_ls": Executed(
+        lambda pen: FanucFlowWriter(pen).job(),
+        lambda files, rng: FanucController(files, FRAMES, rng),
+    ),
+    "rapid": Executed(lambda pen: RapidFlowWriter(pen).job(), RapidController),
+}
 
 
 def corrected(base: np.ndarray, tool: np.ndarray, target: np.ndarray) -> np.ndarray:
@@ -43,6 +71,11 @@ def corrected(base: np.ndarray, tool: np.ndarray, target: np.ndarray) -> np.ndar
     return inverse(base) @ flange @ tool
 
 
+def corrected_axes(tool: np.ndarray, axes: np.ndarray) -> np.ndarray:
+    """The axes (6,) moved by a smooth function of themselves and the tool."""
+    return axes + 1e-3 * np.sin(3.0 * axes + 5.0 * tool[0, 3])
+
+
 def correction(program: Program) -> Replacement:
     """The correction of all targets that may be corrected."""
     position, rotation = np.array(program.position), np.array(program.rotation)
@@ -52,57 +85,72 @@ def correction(program: Program) -> Replacement:
         base = program.T_base_frame[program.frame[row]]
         new = corrected(base, program.T_flange_tool[program.tool[row]], target)
         rotation[row], position[row] = new[:3, :3], new[:3, 3]
-    return changed(program, position, rotation, program.axes)
+    axes = np.array(program.axes)
+    for row in np.flatnonzero(program.reason == Reason.JOINT_TARGET).tolist():
+        axes[row] = corrected_axes(program.T_flange_tool[program.tool[row]], axes[row])
+    return changed(program, position, rotation, axes)
 
 
-def execute(files: Mapping[str, str], seed: int) -> list[Move]:
+def execute(language: str, files: Files, seed: int) -> list[Move]:
     """The motions of some runs in a row; inputs are drawn from the seed."""
-    controller = KrlController(files, FRAMES, np.random.default_rng(seed))
+    controller = EXECUTED[language].controller(files, np.random.default_rng(seed))
     for _ in range(RUNS):
-        if not controller.run("part"):
+        if not controller.run():
             break
     return controller.moves
 
 
-def find_strays(files: Mapping[str, str], count: Counter[str]) -> list[str]:
+def find_strays(language: str, files: Files, count: Counter[str]) -> list[str]:
     """One sentence on each executed target that is neither left alone nor corrected."""
-    programs = read("krl", tuple((n, t.encode()) for n, t in files.items()), TABLE)
-    data = write("krl", programs, [correction(program) for program in programs])
+    programs = read(language, tuple((n, t.encode()) for n, t in files.items()), TABLE)
+    data = write(language, programs, [correction(program) for program in programs])
+    announced = any(each in n for p in programs for n in p.notes for each in FOLLOWING)
     after = dict(files) | {name: text.decode() for name, text in data}
     strays = []
     for seed in range(WAYS):
-        one, two = execute(files, seed), execute(after, seed)
+        one, two = execute(language, files, seed), execute(language, after, seed)
         if len(one) != len(two):
             return [f"way {seed}: {len(one)} motions before, {len(two)} after"]
         for number, (was, now) in enumerate(zip(one, two, strict=True)):
             if was.target is None or now.target is None:
                 continue
-            goal = corrected(was.base, was.tool, was.target)
+            if was.target.ndim == 1:
+                goal = corrected_axes(was.tool, was.target)
+            else:
+                goal = corrected(was.base, was.tool, was.target)
             left, moved = _is_same(was, was.target, now), _is_same(was, goal, now)
-            count["corrected" if moved else "left alone" if left else "stray"] += 1
-            if not left and not moved:
-                off = 1e3 * np.abs(now.target - goal)[:3, 3].max()
-                strays.append(f"way {seed}, motion {number}: off by {off:.3f} mm")
+            told = not left and not moved and now.follows and announced
+            kind = "corrected" if moved else "left alone" if left else "told" if told else "stray"
+            count[kind] += 1
+            if kind == "stray":
+                off = [f"{1e3 * float(_apart(goal, x)[0]):.3f}" for x in (now.target, was.target)]
+                strays.append(
+                    f"way {seed}, motion {number}: off by {off[0]} mm of a correction of {off[1]}"
+                )
     return strays
+
+
+def _apart(one: np.ndarray, other: np.ndarray) -> tuple[float, float]:
+    """The largest difference of positions in m and of matrices; of axes as of matrices."""
+    apart = np.abs(one - other)
+    if one.ndim == 1:
+        return 0.0, float(apart.max())
+    return float(apart[:3, 3].max()), float(apart[:3, :3].max())
 
 
 def _is_same(was: Move, goal: np.ndarray, now: Move) -> bool:
     assert now.target is not None
-    apart = np.abs(now.target - goal)
-    return bool(
-        np.array_equal(was.base, now.base)
-        and np.array_equal(was.tool, now.tool)
-        and apart[:3, 3].max() <= PLACE
-        and (was.via or apart[:3, :3].max() <= TURN)
-    )
+    place, turn = _apart(goal, now.target)
+    frames = np.array_equal(was.base, now.base) and np.array_equal(was.tool, now.tool)
+    return frames and place <= PLACE and (was.via or turn <= TURN)
 
 
 def main() -> int:
     """Executes the programs of some seeds."""
     count: Counter[str] = Counter()
-    failed = 0
-    for seed in range(int(sys.argv[1]), int(sys.argv[2])):
-        strays = find_strays(FlowWriter(Pen.of(seed)).job(), count)
+    language, failed = sys.argv[1], 0
+    for seed in range(int(sys.argv[2]), int(sys.argv[3])):
+        strays = find_strays(language, EXECUTED[language].job(Pen.of(seed)), count)
         failed += bool(strays)
         if strays:
             sys.stdout.write(f"{seed}: {strays[0]}\n")

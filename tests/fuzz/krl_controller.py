@@ -10,15 +10,15 @@ import ast
 import operator
 import re
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
+from controllers import MOST_STEPS, Ended, Move, split
 
 from robotrue.core.rotations import matrix_from_abc
 from robotrue.core.units import DEG, MM
 
 COMPONENTS = "xyzabc"
-MOST_STEPS = 600
 OPENING = ("if", "for", "while", "repeat", "loop", "switch")
 CLOSING = ("endif", "endfor", "endwhile", "until", "endloop", "endswitch")
 LOOPS = ("loop", "for", "while", "repeat")
@@ -29,19 +29,6 @@ COMPARE = {
 ARITHMETIC = {ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul}
 NAME = re.compile(r"\$anin\[\d+\]|[a-z_]\w*(?:\[\w+\])?\.[a-z]\b|[a-z_]\w*")
 DECLARED = re.compile(r"(?:decl )?(e6pos|pos|frame|int|real)\s+(\w+)(\[\d+\])?(?:=(.*))?$")
-
-
-class Ended(Exception):
-    """The run ends early: a variable without a value, or too many steps."""
-
-
-class Move(NamedTuple):
-    """A motion: base, tool and target (4, 4), None if components are left out; auxiliary point."""
-
-    base: np.ndarray
-    tool: np.ndarray
-    target: np.ndarray | None
-    via: bool
 
 
 def matrix(value: Mapping[str, float]) -> np.ndarray:
@@ -58,17 +45,6 @@ def components(T: np.ndarray) -> dict[str, float]:
     turns = np.array([np.arctan2(T[1, 0], T[0, 0]), b, np.arctan2(T[2, 1], T[2, 2])])
     values = [*(T[:3, 3] / MM), *(turns / DEG)]
     return dict(zip(COMPONENTS, map(float, values), strict=True))
-
-
-def split(text: str, mark: str) -> list[str]:
-    """The parts between marks outside of brackets."""
-    parts, depth, begin = [], 0, 0
-    for at, sign in enumerate(text):
-        depth += (sign in "{[(") - (sign in "}])")
-        if sign == mark and depth == 0:
-            parts.append(text[begin:at])
-            begin = at + 1
-    return [*parts, text[begin:]]
 
 
 class KrlController:
@@ -107,15 +83,15 @@ class KrlController:
             elif not line.startswith(("defdat", "enddat")):
                 self._declare(line, self.data)
 
-    def run(self, name: str) -> bool:
-        """Runs a program from its start; returns whether it came to its end."""
+    def run(self) -> bool:
+        """Runs the program from its start; returns whether it came to its end."""
         self.base = self.tool = np.eye(4)
         self.handlers: dict[str, str] = {}
         self.active: set[str] = set()
         self.due: list[str] = []
         self.handling, self.steps = False, 0
         try:
-            self._call(name, [], {})
+            self._call("part", [], {})
         except Ended:
             return False
         return True

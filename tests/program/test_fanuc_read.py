@@ -83,6 +83,8 @@ def test_frames_by_number() -> None:
         ("UFRAME_NUM=1 ;\nUFRAME_NUM=1 ;\n" + MOVE, Reason.NONE),
         (MOVE, Reason.UNKNOWN_FRAME),
         ("UFRAME_NUM=1 ;\n" + MOVE + "\nUFRAME_NUM=2 ;", Reason.UNKNOWN_FRAME),
+        (MOVE + "\nUFRAME_NUM=1 ;", Reason.UNKNOWN_FRAME),
+        ("IF (DI[1]) THEN ;\nUFRAME_NUM=1 ;\nENDIF ;\n" + MOVE, Reason.UNKNOWN_FRAME),
         ("UFRAME_NUM=R[5] ;\n" + MOVE, Reason.UNKNOWN_FRAME),
         ("IF (DI[1]),UFRAME_NUM=2 ;\nUFRAME_NUM=1 ;\n" + MOVE, Reason.UNKNOWN_FRAME),
         ("UFRAME_NUM=1 ;\nUFRAME[1:fix]=PR[3] ;\n" + MOVE, Reason.UNKNOWN_FRAME),

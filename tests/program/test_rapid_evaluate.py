@@ -149,3 +149,49 @@ def test_a_target_computed_from_one_that_is_moved_to_is_not_carried_along() -> N
     only = replacement(program, by_mm=(1, 0, 0), changed=np.array([True, False, False]))
     (again,) = read(find_language("rapid").write(program, only).decode())
     np.testing.assert_allclose(world(again, 2), FIXTURE @ shift(0, 0, 50) @ T10, atol=1e-4)
+
+
+def test_a_target_that_another_module_moves_to_keeps_its_numbers() -> None:
+    data = f"VAR robtarget p30:={P10};\n"
+    other = "MODULE other\nPROC go()\n{}ENDPROC\nENDMODULE\n"
+    one, two = read(main(move("p30"), data), other.format("MoveL p30,v1,z1,tool0;\n"))
+    assert one.reason.tolist() == [Reason.UNUSED, 0]
+    assert two.reason.tolist() == [0]
+    text = find_language("rapid").write(one, replacement(one, by_mm=(1, 0, 0))).decode()
+    assert data in text
+    assert "MoveL [[101.0000,20.0000,300.0000]" in text
+    one, two = read(main(move("p30"), data), other.format("p30.trans.x:=7;\n"))
+    assert one.reason.tolist() == [Reason.EXPRESSION]
+
+
+def test_what_another_module_sets_before_it_calls_is_not_known() -> None:
+    path = f"{FRAMES}PROC path()\n{{}}{move(P10)}ENDPROC\nENDMODULE\n"
+    other = (
+        "MODULE other\nPROC main()\n{}\npath;\nMoveL " + P10 + ",v1,z1,tool0;\nENDPROC\nENDMODULE\n"
+    )
+    for setting, reason in (
+        ("", Reason.NONE),
+        ("PDispSet shift;", Reason.RELATIVE),
+        ("fixture.oframe:=[[0,0,20],[1,0,0,0]];", Reason.UNKNOWN_FRAME),
+    ):
+        assert read(path.format(""), other.format(setting))[0].reason.tolist() == [reason]
+    off = path.format("PDispOff;\n")
+    assert read(off, other.format("PDispSet shift;"))[0].reason.tolist() == [Reason.NONE]
+
+
+def test_what_the_end_of_a_run_leaves_holds_for_the_next_one() -> None:
+    for last, first, reason in (
+        ("PDispSet p;", "PDispOff;", Reason.RELATIVE),
+        ("fixture.uframe:=[[1,0,0],[1,0,0,0]];", "fixture.uframe:=[[2,0,0],[1,0,0,0]];", 3),
+    ):
+        assert read(main(f"{move(P10)}{last}"))[0].reason.tolist()[-1] == reason
+        assert read(main(f"{first}\n{move(P10)}{last}"))[0].reason.tolist()[-1] == Reason.NONE
+
+
+def test_targets_that_one_without_a_single_value_is_computed_from_keep_their_numbers() -> None:
+    data = f"{POINTS}VAR robtarget p30:={P10};\n"
+    motions = f"{move('p10')}p30.trans:=p10.trans;\n{move('Offs(p10,0,0,5)')}"
+    end = "IF x THEN\np30.rot:=p20.rot;\nENDIF\n" + move("p30")
+    program = read(main(motions + end, data))[0]
+    text = find_language("rapid").write(program, replacement(program, by_mm=(1, 0, 0))).decode()
+    assert f"CONST robtarget p10:={P10};" in text

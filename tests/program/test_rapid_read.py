@@ -168,7 +168,10 @@ def test_displacements() -> None:
 def test_frames_in_the_order_of_the_program() -> None:
     set_one = "fixture.uframe:=[[100,0,0],[1,0,0,0]];\n"
     set_two = "fixture.oframe:=[[0,200,0],[1,0,0,0]];\nspindle.tload.mass:=3;\n"
-    program = module(move(target(1)) + set_one + move(target(2)) + set_two + move(target(3)))
+    begin = "fixture.uframe:=[[800,-100,450],[1,0,0,0]];\nfixture.oframe:=[[0,0,10],[1,0,0,0]];\n"
+    moves = move(target(1)) + set_one + move(target(2)) + set_two + move(target(3))
+    assert reasons(moves) == [Reason.UNKNOWN_FRAME, Reason.UNKNOWN_FRAME, 0]  # the second run
+    program = module(begin + moves)
     assert program.reason.tolist() == [0, 0, 0]
     places = program.T_base_frame[program.frame][:, :3, 3]
     np.testing.assert_allclose(places, [[0.8, -0.1, 0.46], [0.1, 0, 0.01], [0.1, 0.2, 0]])

@@ -11,14 +11,13 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "fuzz"))
 
-from executed import find_strays
-from krl_flow_programs import FlowWriter
+from executed import EXECUTED, find_strays
 from languages import LANGUAGES, frames_of
 from laws import read, require_identity, require_undone, survives
 from mutated import damaged
 from written import Pen
 
-WHOLE, DAMAGED, EXECUTED = 25, 100, 25
+WHOLE, DAMAGED, RUN = 25, 100, 25
 
 
 @pytest.mark.parametrize("name", sorted(LANGUAGES))
@@ -46,13 +45,13 @@ def test_damaged_programs_are_read_or_refused(name: str) -> None:
     assert 0 < number_read < DAMAGED
 
 
-def test_an_executed_krl_target_is_left_alone_or_corrected_for_its_own_frames() -> None:
+@pytest.mark.parametrize("name", sorted(EXECUTED))
+def test_an_executed_target_is_left_alone_or_corrected_for_its_own_frames(name: str) -> None:
     count: Counter[str] = Counter()
-    strays = {
-        seed: find_strays(FlowWriter(Pen.of([13, seed])).job(), count) for seed in range(EXECUTED)
-    }
+    writer = EXECUTED[name].job
+    strays = {k: find_strays(name, writer(Pen.of([13, k])), count) for k in range(RUN)}
     assert not any(strays.values()), strays
-    assert count["corrected"] > 20 * EXECUTED
+    assert count["corrected"] > 20 * RUN
 
 
 FOUND = {

@@ -228,7 +228,7 @@ class ControlFlow:
 
     def versions(self, key: Hashable, places: IntArray) -> IntArray:
         """Returns the version (n,) in force at places (n,); ``DIFFERS`` where ways disagree."""
-        if key not in self._sets:
+        if key not in self._sets and not self._is_set_outside(key):
             return np.zeros(len(places), np.int64)
         return np.maximum(self.marks(key, places), DIFFERS)
 
@@ -317,6 +317,18 @@ class ControlFlow:
     def _started_anywhere(self, key: Hashable) -> list[int]:
         """Returns the routines that begin with any version."""
         return [self._names[name] for name in self._handlers & self._names.keys()]
+
+    def _is_kept(self, key: Hashable) -> bool:
+        """Returns whether a thing keeps its version from run to run."""
+        return False
+
+    def _is_set_outside(self, key: Hashable) -> bool:
+        """Returns whether another program sets a thing."""
+        return False
+
+    def _is_set_before(self, key: Hashable, routine: int) -> bool:
+        """Returns whether another program may call a routine after it has set a thing."""
+        return False
 
     def _is_certain(self, key: Hashable) -> bool:
         """Returns whether a thing has version 0 wherever no way leads."""
@@ -442,6 +454,12 @@ class _DataFlow:
             0 if routine <= flow._mains or routine not in called else _UNREACHED
             for routine in range(len(flow._first))
         ]
+        started = set(flow._started_anywhere(self.key))
+        ends = {self.effect[r] for r, mark in enumerate(entry) if not mark and r not in started}
+        kept = flow._is_kept(self.key) and bool(ends - {AS_FOUND, _UNREACHED, 0})
+        for routine, mark in enumerate(entry):
+            if not mark and (kept or flow._is_set_before(self.key, routine)):
+                entry[routine] = _JOINED - flow._first[routine]
         for routine in flow._started_anywhere(self.key):
             entry[routine] = self._unsure(flow._first[routine])
         changed = True

@@ -76,7 +76,8 @@ class FanucMoves:
         arcs: Rows that make one arc, or one run of arcs.
         offsets: Offset of the targets of records whose moves all have it, by row.
         written: Targets with separate rows, after those of the records.
-        current: Values of ``UFRAME_NUM`` and ``UTOOL_NUM``: distinct texts by side.
+        current: Values of ``UFRAME_NUM`` and ``UTOOL_NUM``: distinct texts by side, ``?`` for one
+            that is computed, or first set behind a move or a branch.
         changed: Line of the frames that the program computes, by side and number, ``?`` for any.
         calls: Programs called that may set the number of frame and tool.
         path: As ``Program.path``: byte, row or minus the line, motion.
@@ -169,7 +170,7 @@ class _Walk:
         self._foreign = in_another_language(scan.data, scan.statements)
         first, last = scan.statements
         self._leaps = _LEAP.search(scan.data, first, last) is not None
-        self._shifted = self._shifts_all = False
+        self._shifted = self._shifts_all = self._branched = False
         tracking = _TRACKING.search(scan.data, 0, first)
         if tracking:
             self._tell("tracking", tracking.start(), "line tracking schedule "
@@ -191,6 +192,7 @@ class _Walk:
         text = text.lstrip()
         if not text or text.startswith((b"!", b"//", b"--")):
             return
+        self._branched |= text.startswith((b"IF", b"FOR", b"SELECT", b"JMP"))
         move = _MOVE.match(text)
         shift = _SHIFT.match(text.upper())
         if move:
@@ -386,7 +388,9 @@ class _Walk:
     def _other(self, place: int, text: bytes) -> None:
         """Reads a statement that is no move: frames it sets, positions it reads."""
         for kind, number in _FRAME_NUMBER.findall(text):
-            self.out.current[_SIDE[kind]].add(_digits(number))
+            current = self.out.current[_SIDE[kind]]
+            late = bool(self.out.path) or self._branched
+            current.add("?" if late and _digits(number) not in current else _digits(number))
         for called in _CALL.findall(text):
             if called.decode("latin-1").lower() not in self._harmless:
                 self.out.calls.append(called.decode("latin-1"))

@@ -209,7 +209,12 @@ class _Builder:
             return self.frames.number(side, next(iter(current)), line)
         name = _HOLDER[side]
         what = f"is the one in force ({name[:2]} : {number}), which the program does not fix"
-        return self.frames.unknown(side, what, line, f"set {name}_NUM once, or write its number")
+        return self.frames.unknown(
+            side,
+            what,
+            line,
+            f"set {name}_NUM once, before every move and branch, or write its number",
+        )
 
     def _frame_reasons(self, base: IntArray, tool: IntArray) -> IntArray:
         is_axis = self.is_axis == 1

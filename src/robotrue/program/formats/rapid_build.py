@@ -15,8 +15,9 @@ from robotrue.program.external_axes import Carried, mark_described
 from robotrue.program.formats.control_flow import DIFFERS
 from robotrue.program.formats.number_table import Numbers
 from robotrue.program.formats.rapid_data import AXIS, NOTHING
+from robotrue.program.formats.rapid_flow import AXES_SHIFTED, FOREIGN, SHIFTED
 from robotrue.program.formats.rapid_frames import TOOL, WORK
-from robotrue.program.formats.rapid_walk import AXES_SHIFTED, FOREIGN, SHIFTED, RapidWalk
+from robotrue.program.formats.rapid_walk import RapidWalk
 from robotrue.program.formats.shared_fate import flag_lost_frames, pair_arcs
 from robotrue.program.formats.stored_points import firsts, motions_of, moves_to
 from robotrue.program.formats.target_notes import TargetNotes, absent_routine

@@ -192,6 +192,8 @@ class Data:
         elif kind in LITERAL:
             variable = self.variables.declare(self.scope, name, kind)
             variable.is_array = match["sizes"] is not None
+            if not self.scope and statement.word != "local":  # moved to elsewhere, in other frames
+                variable.computed |= self.values.task.is_read_outside(name, self.name)
             if match["given"]:
                 self._give(variable, start, end)
         elif match["given"] and kind in FOLLOWED:

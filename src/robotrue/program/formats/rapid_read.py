@@ -9,9 +9,9 @@ from functools import cached_property
 from typing import Final
 
 from robotrue.errors import FormatError
-from robotrue.program.formats.control_flow import ControlFlow
 from robotrue.program.formats.rapid_build import build
 from robotrue.program.formats.rapid_data import SharedData, read_shared_data
+from robotrue.program.formats.rapid_flow import RapidFlow
 from robotrue.program.formats.rapid_frames import RapidFrames
 from robotrue.program.formats.rapid_values import RapidTask
 from robotrue.program.formats.rapid_walk import RapidWalk
@@ -60,8 +60,10 @@ def _read_module(
     files: Sequence[_Module], number: int, frames: FrameTable, task: RapidTask
 ) -> Program:
     """Returns the program of one file, read with the frames and routines of the others."""
-    own, course = files[number], ControlFlow()
+    own = files[number]
+    course = RapidFlow(task, own.name)
     table = RapidFrames(frames, own.name, course)
+    course.own = table.own
     if number and not own.moves:  # it gives data only
         return build(RapidWalk(own.data, own.name, table, course, task), frames)
     beside = [other for other in files if other.tells and other is not own]

@@ -37,7 +37,14 @@ _DECLARED: Final = re.compile(
     r"(?::=([^;]*+))?+;",
     re.IGNORECASE,
 )
+_ROUTINE: Final = re.compile(r"\b(?:PROC|FUNC|TRAP)\b", re.IGNORECASE)
 _CHANGED: Final = re.compile(r"(?<![\w.\\])(\w++)\s*+(?:\{[^{}]*+\}\s*+)?+(?:\.\s*+\w++\s*+)*+:=")
+_HEADS: Final = re.compile(
+    r"^[ \t]*+(?:LOCAL[ \t]++)?+(?:MODULE|PROC|FUNC|TRAP)\b[^\n]*+"
+    r"|\b(?:THEN|DO|ELSE|ERROR|END\w++)\b|\b(?:CASE\b[^;:]*+|DEFAULT\s*+):",
+    re.IGNORECASE | re.MULTILINE,
+)
+"""What a statement may follow without a semicolon."""
 _CALLED: Final = re.compile(r"(?:^|;)[ \t]*+([A-Za-z_]\w*+)\s++([^;:]*+);", re.MULTILINE)
 _HANDED: Final = re.compile(r"\b(\w++)\s*+\(([^()]*+)\)")
 _NAME: Final = re.compile(r"[A-Za-z_\x80-\xff][\w\x80-\xff]*")
@@ -50,7 +57,7 @@ class RapidModule(NamedTuple):
         name: Of the file.
         given: Value, and whether it is LOCAL, by name in lower case.
         changed: Names it changes, or passes to what may change them.
-        words: All names in it.
+        words: All names in it, without those of the data it declares.
     """
 
     name: str
@@ -69,7 +76,7 @@ def read_module(name: str, data: bytes) -> RapidModule:
         twice |= {variable} & given.keys()
         if match[2].lower() in KINDS and match[5] is not None:
             given[variable] = match[5], (match[1] or "").upper() == "LOCAL"
-    plain = _DECLARED.sub(";", text)
+    plain = _HEADS.sub(";", _DECLARED.sub(";", text))
     changed = {match[1].lower() for match in _CHANGED.finditer(plain)}
     for match in _CALLED.finditer(plain):
         word = match[1].lower()
@@ -78,7 +85,9 @@ def read_module(name: str, data: bytes) -> RapidModule:
     for match in _HANDED.finditer(plain):
         if match[1].lower() not in PURE:
             changed.update(each.lower() for each in _NAME.findall(match[2]))
-    words = frozenset(each.lower() for each in _NAME.findall(text))
+    head = _ROUTINE.split(text, maxsplit=1)[0]
+    own = {match[3].lower() for match in _DECLARED.finditer(head)}
+    words = frozenset(each.lower() for each in _NAME.findall(text)) - own
     return RapidModule(name, given, frozenset(changed | twice), words)
 
 

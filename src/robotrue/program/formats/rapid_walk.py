@@ -13,6 +13,7 @@ from robotrue.program.formats.control_flow import ControlFlow
 from robotrue.program.formats.expression import NotConstantError
 from robotrue.program.formats.rapid_data import LITERAL, NOTHING, POSE, Data
 from robotrue.program.formats.rapid_expression import flat_numbers, pose_of
+from robotrue.program.formats.rapid_flow import AXES_SHIFTED, FOREIGN, SHIFTED, SHIFTS
 from robotrue.program.formats.rapid_frames import TOOL, WORK, RapidFrames
 from robotrue.program.formats.rapid_moves import (
     BUILT_IN,
@@ -28,19 +29,6 @@ from robotrue.program.program import Motion, Reason
 
 _TAILS: Final = 4096
 """Largest number of cached texts of a motion after its literal; a post writes only a few."""
-SHIFTED: Final = "displacement"
-AXES_SHIFTED: Final = "offset of external axes"
-_SHIFTS: Final = {
-    "pdispon": (SHIFTED, 1),
-    "pdispset": (SHIFTED, 1),
-    "pdispoff": (SHIFTED, 0),
-    "eoffson": (AXES_SHIFTED, 1),
-    "eoffsset": (AXES_SHIFTED, 1),
-    "eoffsoff": (AXES_SHIFTED, 0),
-}
-FOREIGN: Final = "routine in no file"
-"""Since it ran its possible changes have not been set again: this, and a key of ``_SHIFTS`` or
-(side, name) of tools and work objects."""
 _BY_NAME: Final = "a call by name"
 _REFERENCE: Final = re.compile(r"([\w\x80-\xff]+)\s*(?:\{([^}]*)\})?$")
 _SHIFTING: Final = re.compile(r"(offs|reltool)\s*\((.*)\)$", re.IGNORECASE | re.DOTALL)
@@ -149,7 +137,7 @@ class RapidWalk(Data):
         move = move_of(word)
         if move is not None:
             self._move(statement.body, statement.end, move)
-        elif word in _SHIFTS:
+        elif word in SHIFTS:
             self._shift(statement, word)
         elif not self._control(statement, word) and not self.declare(statement):
             if not self.assign(statement.start, statement.end):
@@ -157,7 +145,7 @@ class RapidWalk(Data):
 
     def _shift(self, statement: scan.RapidStatement, word: str) -> None:
         """Enters a displacement or offset; one of constants is known when all has been read."""
-        key, version = _SHIFTS[word]
+        key, version = SHIFTS[word]
         text = self._displacement(statement, word)
         if text:
             version = 2 + len(self.story.displaced)
@@ -277,9 +265,9 @@ class RapidWalk(Data):
             text = self._text(statement).lower()
             self.course.call(self.place, re.findall(r"[\w\x80-\xff]+", text))
             word = behind_condition(text)
-            if word in _SHIFTS:
-                self.course.set(self.place, *_SHIFTS[word])
-                self._shifts.append((self.place, _SHIFTS[word][0]))
+            if word in SHIFTS:
+                self.course.set(self.place, *SHIFTS[word])
+                self._shifts.append((self.place, SHIFTS[word][0]))
             if word and word not in BUILT_IN:
                 self._calls.append((self.place, word, statement.start))
         else:
@@ -400,6 +388,8 @@ class RapidWalk(Data):
             except NotConstantError as cause:
                 why = f"{cause}; {cause.cure}" if cause.cure else str(cause)
                 self.story.notes.append((start, f"{text[:40]!r} has no single value: {why}"))
+                if named:  # what it was computed from must keep its numbers
+                    self.read.add(self.values.key(self.scope, named[1].lower()))
         if named:
             variable = self.variables.find(self.scope, named[1].lower())
             if variable is not None and stored is not None and stored[0]:

@@ -1,0 +1,62 @@
+"""The control flow of a RAPID module in its task: what is in force where routines begin."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from functools import cached_property
+from typing import Final
+
+from robotrue.program.formats.control_flow import ControlFlow
+from robotrue.program.formats.rapid_frames import TOOL, WORK
+from robotrue.program.formats.rapid_values import RapidTask
+
+SHIFTED: Final = "displacement"
+AXES_SHIFTED: Final = "offset of external axes"
+SHIFTS: Final = {
+    "pdispon": (SHIFTED, 1),
+    "pdispset": (SHIFTED, 1),
+    "pdispoff": (SHIFTED, 0),
+    "eoffson": (AXES_SHIFTED, 1),
+    "eoffsset": (AXES_SHIFTED, 1),
+    "eoffsoff": (AXES_SHIFTED, 0),
+}
+FOREIGN: Final = "routine in no file"
+"""Since it ran its possible changes have not been set again: this, and a key of ``SHIFTS`` or
+(side, name) of tools and work objects."""
+
+
+class RapidFlow(ControlFlow):
+    """The control flow of a module that runs again and again, and whose routines others may call.
+
+    Args:
+        task: All modules.
+        module: Name of the one that is followed.
+
+    Attributes:
+        own: (side, name) of tools and work objects that no other module can change.
+    """
+
+    def __init__(self, task: RapidTask, module: str) -> None:
+        super().__init__()
+        self.own: set[tuple[str, str]] = set()
+        self._task, self._module = task, module
+
+    @cached_property
+    def _called_outside(self) -> set[int]:
+        """The routines that other modules name."""
+        names = self._names.items()
+        return {k for name, k in names if self._task.is_read_outside(name, self._module)}
+
+    def _is_set_outside(self, key: Hashable) -> bool:
+        if key in (SHIFTED, AXES_SHIFTED):
+            words = (word for word, (what, version) in SHIFTS.items() if version and what == key)
+            return any(self._task.is_read_outside(word, self._module) for word in words)
+        if not isinstance(key, tuple) or key[0] not in (TOOL, WORK) or key[:2] in self.own:
+            return False
+        return self._task.is_changed_outside(key[1], self._module)
+
+    def _is_set_before(self, key: Hashable, routine: int) -> bool:
+        return self._is_set_outside(key) and routine in self._called_outside
+
+    def _is_kept(self, key: Hashable) -> bool:
+        return not isinstance(key, tuple) or key[0] != FOREIGN
