@@ -25,6 +25,8 @@ from krl_flow_programs import FlowWriter
 from laws import changed, read, write
 from rapid_controller import RapidController
 from rapid_flow_programs import RapidFlowWriter
+from urscript_controller import UrController
+from urscript_flow_programs import UrFlowWriter
 from written import TABLE, Pen
 
 from robotrue.core.poses import inverse
@@ -56,6 +58,7 @@ EXECUTED = {
         lambda pen: FanucFlowWriter(pen).job(),
         lambda files, rng: FanucController(files, FRAMES, rng),
     ),
+    "urscript": Executed(lambda pen: UrFlowWriter(pen).job(), UrController),
     "rapid": Executed(lambda pen: RapidFlowWriter(pen).job(), RapidController),
 }
 

@@ -241,3 +241,8 @@ def test_a_function_in_no_script_may_set_the_tool() -> None:
     assert script(text, known).reason.tolist() == [NONE] * 3
     own = "sleep(0.1)\nset_digital_out(1, True)\nif (get_digital_in(1) and x.go(2)):\nend\n"
     assert reasons(f"{own}movel({P})") == [NONE]
+
+
+def test_a_local_variable_of_the_program_is_that_of_its_routines() -> None:
+    text = f"local p1={P}\ndef sub():\nmovel(pose_add(p1,{P}))\nend\nsub()\nmovel(p1)"
+    assert reasons(text) == [EXPRESSION, int(Reason.RELATIVE)]

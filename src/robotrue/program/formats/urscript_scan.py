@@ -43,12 +43,14 @@ class Routine:
         name: As written.
         parameters: Names.
         parallel: A thread.
+        around: Routines are defined inside of it, which see its variables.
         statements: (first byte, end) of each, routines inside left out.
     """
 
     name: str
     parameters: tuple[str, ...] = ()
     parallel: bool = False
+    around: bool = False
     statements: list[tuple[int, int]] = field(default_factory=list)
 
 
@@ -81,6 +83,7 @@ def routines(code: bytes, name: str) -> list[Routine]:
             continue
         opening = _OPENING.match(code, start, at)
         if opening and opening[1] in _ROUTINES:
+            open_routines[-1].around = True
             found.append(_routine(opening))
             open_routines.append(found[-1])
         if opening:

@@ -110,6 +110,7 @@ class ScriptWalk:
         self.table = NumberTable(code, (tuple(range(6)), tuple(range(6))), b"#")
         self.story, self.variables = ParsedScript(), Variables()
         self._at, self._scope, self._routines = 0, "", routines
+        self._shares = False
         self._own = {routine.name for routine in routines if routine.name}
         self._blocks: list[str] = []
         self._literal_frames: dict[bytes, int] = {}
@@ -122,7 +123,7 @@ class ScriptWalk:
         """Reads every routine, the statements outside of all first."""
         for routine in self._routines:
             self._at += 1
-            self._scope, self._blocks = routine.name, []
+            self._scope, self._blocks, self._shares = routine.name, [], routine.around
             self.course.start(self._at, routine.name, handler=routine.parallel)
             for name in routine.parameters:
                 self.variables.declare(self._scope, name, "parameter").outside = True
@@ -221,7 +222,7 @@ class ScriptWalk:
         for pattern, kind, what in LITERALS:
             literal = None if match[3] else pattern.match(self.code, at, end)
             if literal and not self.code[literal.end() : end].strip():
-                scope = self._scope if match[1] == b"local" else ""
+                scope = self._scope if match[1] == b"local" and not self._shares else ""
                 variable = variable or self.variables.declare(scope, name, what)
                 if variable.kind != what:
                     variable.computed = True
