@@ -145,6 +145,7 @@ class UrFlowWriter:
             return f"set_tcp({pen.pick('t1', self._pose(0.2), self._pose(0.2))})"
         return pen.pick(
             "n = 0", "n = 1", "clear = 0.06", "clear = clear+0.01",
-            f"arr[{pen.whole(0, 1)}] = {point}", f"{point} = above({self._point()}, 0.03)", f"t1 = {self._pose(0.2)}",
+            f"arr[{pen.whole(0, 1)}] = {point}", f"{point} = above({self._point()}, 0.03)",
+            f"t1 = {self._pose(0.2)}",
             f"global {point} = {self._pose()}", f"home = {self._axes()}",
         )  # fmt: skip
