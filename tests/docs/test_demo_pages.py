@@ -8,6 +8,7 @@ from page_answers import check_answers
 PAGES = (
     ("tutorial", "first-calibration"),
     ("reference", "cli"),
+    ("howto", "import-a-tracker-file"),
     ("howto", "map-the-workspace"),
     ("howto", "transfer-a-calibration"),
 )
