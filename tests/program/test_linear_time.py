@@ -349,6 +349,24 @@ def test_calls_inside_each_other_take_linear_time() -> None:
     assert not steep(work, nested)
 
 
+@pytest.mark.parametrize(
+    ("begins", "worst", "size"),
+    [
+        (b"", b"C P[1] P[2] 9mm/sec FINE ;\n", 1 << 17),
+        (b"L P[1] 9mm/sec Offset,PR[1", b"IF x\n", 1 << 12),
+        (b"L P[1] 9mm/sec Offset,", b"R[", 1 << 14),
+        (b"L P[1] 9mm/sec Offset,", b"PR[1;", 1 << 14),
+    ],
+)
+def test_fanuc_statements_take_linear_time(begins: bytes, worst: bytes, size: int) -> None:
+    def program(size: int) -> bytes:
+        return filled(FANUC_LS, b"between", b"", 0).replace(
+            b"   2: !", begins + of(worst, size) + b" ;\n   2: !"
+        )
+
+    assert not steep(used("fanuc_ls", "job.ls"), program, size=size, most=4 * size)
+
+
 def test_moves_to_computed_elements_take_linear_time() -> None:
     point = b"P[%d]={X 1,Y 2,Z 3,A 0,B 0,C 0}\n"
 

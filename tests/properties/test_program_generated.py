@@ -154,6 +154,15 @@ FOUND = {
         b"3 L X+99999999.999 Y+99999999.999 Z-1\n4 L X-99999999.999 Y-99999999.999 Z-1\n5 M129\n"
         b"6 END PGM P MM\n",
     ),
+    "a position beyond any number, whose move gets one of its own": (
+        "fanuc_ls",
+        "part.ls",
+        b"/PROG P\n/MN\nR[1]=P[1] ;L P[1] ;PR[9]=LPOS-LPOS ;L P[4] Tool_Offset,PR[9] ;R[2]=P[4] ;\n"
+        + b"/POS\nP[1]{\nGP1:\n UF : 0, UT : 1, CONFIG : 'N U T, 0, 0, 0',\n X= 9 mm, Y= 9 mm,"
+        b" Z= 1E308 mm, W= 7 deg, P= 3 deg, R= 5 deg\n};\nP[4]{\nGP1:\n UF : 0, UT : 1, CONFIG : "
+        b"'N U T, 0, 0, 0',\n X= 0 mm, Y= 9 mm, Z= 858 mm, W= -2 deg, P= -4 deg, R= 18 deg\n};\n"
+        b"/END\n",
+    ),
     "clauses that never end": (
         "krl",
         "part.src",

@@ -268,7 +268,7 @@ class _Walk:
             span = (0, 0) if found is None else found.span()
             if match is not None:
                 span = match.start(2) - 2, match.start(3)
-            target = MoveTarget(row, line_at(self.data, place), (span,))
+            target = MoveTarget(row, self._line(place), (span,))
         return target
 
     def _close_run(self) -> None:
@@ -286,7 +286,7 @@ class _Walk:
         if letter != b"A":
             self._close_run()
         if not any(targets):
-            line, how = line_at(self.data, place), _MOTION.get(letter, Motion.ARC_END)
+            line, how = self._line(place), _MOTION.get(letter, Motion.ARC_END)
             self.out.path.extend((place, -line, int(how)))
         ways = {b"C": (Motion.ARC_VIA, Motion.ARC_END), b"A": (self._next_of_run(),)}
         uses = [
@@ -332,7 +332,7 @@ class _Walk:
         self, place: int, match: re.Match[bytes], tail: bytes, state: State, *, arc: bool
     ) -> MoveTarget | None:
         """Returns a target of a move; None where it is no record and no known register."""
-        text, line = match[2].strip(), line_at(self.data, place)
+        text, line = match[2].strip(), self._line(place)
         span = place + match.start(), place + match.end()
         if not text.isdigit() or len(text) > 6:
             if match[1] == b"P":
@@ -401,7 +401,7 @@ class _Walk:
                 number = given[holder.end() : -1].partition(b":")[0]
                 key = _SIDE[holder[1]], _digits(number)
                 if key not in self.out.changed:
-                    self.out.changed[key] = int(np.searchsorted(self._starts, place, "right"))
+                    self.out.changed[key] = self._line(place)
         for match in _POINT.finditer(text, 0, text.rfind(b"]") + 1):
             found, plain = match[1], _digits(match[1])
             sets = _SETS.match(text, match.end()) is not None
@@ -443,13 +443,16 @@ class _Walk:
         if before is None or how == Motion.PTP:
             self.out.motion[row] = how
 
+    def _line(self, place: int) -> int:
+        return int(np.searchsorted(self._starts, place, "right"))
+
     def _flag(self, row: int, reason: Reason) -> None:
         self.out.flags.setdefault(row, reason)
 
     def _tell(self, key: str, place: int, text: str) -> None:
         if key not in self._told:
             self._told.add(key)
-            self.out.notes.append(f"{self.name}:{line_at(self.data, place)}: {text}.")
+            self.out.notes.append(f"{self.name}:{self._line(place)}: {text}.")
 
 
 def _digits(text: bytes) -> str:

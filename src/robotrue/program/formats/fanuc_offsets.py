@@ -185,17 +185,16 @@ def words_behind(tail: bytes) -> bytes:
 
     Calls at a time before or after the end of the move come last, and are left out.
     """
-    words = tail.upper()
-    closed = words.rfind(b"]") + 1  # brackets after it are not closed
-    words = _BRACKETS.sub(b"[]", words[:closed]) + words[closed:]
-    timed = _TIMED.search(words)
-    return words[: timed.start()] if timed else words
+    words = cut_timed(tail).upper()
+    closed = words.rfind(b"]") + 1
+    return _BRACKETS.sub(b"[]", words[:closed]) + words[closed:]
 
 
 def cut_timed(tail: bytes) -> bytes:
     """Returns the words after a target, up to a timed call."""
-    words = _BRACKETS.sub(lambda match: b"[" + b" " * (len(match[0]) - 2) + b"]", tail.upper())
-    timed = _TIMED.search(words)
+    closed = tail.rfind(b"]") + 1  # brackets after it are not closed
+    words = _BRACKETS.sub(lambda match: b"[%b]" % (b" " * (len(match[0]) - 2)), tail[:closed])
+    timed = _TIMED.search((words + tail[closed:]).upper())
     return tail[: timed.start()] if timed else tail
 
 

@@ -22,7 +22,7 @@ from robotrue.program.formats.numbered_frames import NumberedFrames
 from robotrue.program.formats.shared_fate import flag_lost_frames, share_fate
 from robotrue.program.formats.target_tokens import TargetTokens, values_of
 from robotrue.program.formats.text_lines import line_starts
-from robotrue.program.program import FrameTable, Motion, Program, Reason
+from robotrue.program.program import FrameTable, Motion, Program, Reason, leave_far
 
 _HOLDER: Final = {"base": "UFRAME", "tool": "UTOOL"}
 
@@ -111,7 +111,7 @@ class _Builder:
                 written=tuple(self.walk.written),
             ),
         )
-        return self._put_open_first(program)
+        return self._put_open_first(leave_far(program))
 
     def _put_open_first(self, program: Program) -> Program:
         """Returns the program with those rows first, after the records, that get a record.

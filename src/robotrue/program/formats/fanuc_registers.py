@@ -40,7 +40,7 @@ _CONDITION: Final = re.compile(
     re.IGNORECASE,
 )
 _NAMED: Final = re.compile(rb"\b(PR|R)\[[ \t]*([^\]:,]*)")
-_ASSIGNS: Final = re.compile(rb"\b(PR|R)\[([^\]:,]*)[^\]=]*\][ \t]*=(?!=)")
+_ASSIGNS: Final = re.compile(rb"\b(PR|R)\[([^\]:,;]{0,99}+)[^\]=;]{0,99}+\][ \t]*=(?!=)")
 _SETS_FRAME: Final = re.compile(rb"\b(?:UFRAME|UTOOL|BENUTZER|WKZ)_NUM[ \t]*=")
 _CALLED: Final = re.compile(rb"\b(?:CALL|RUN|MONITOR)[ \t]+([\w.\-]+)")
 _BESIDE: Final = re.compile(rb"\b(?:RUN|MONITOR)[ \t]+([\w.\-]+)")
