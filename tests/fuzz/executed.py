@@ -3,7 +3,7 @@
     python tests/fuzz/executed.py LANGUAGE FIRST LAST
 
 Every executed target must be either where it was, or where the correction of its own frames sends
-it. Prints the seeds of the programs for which one is elsewhere, and leaves with 1 if there are any.
+it, whether all targets are corrected or some are declined. Prints the seeds of the programs for which one is elsewhere, and leaves with 1 if there are any.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from __future__ import annotations
 import sys
 from collections import Counter
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -34,6 +35,8 @@ from robotrue.core.rotations import matrix_from_abc
 from robotrue.program.program import Program, Reason, Replacement
 
 WAYS, RUNS = 6, 3
+TAKEN = 0.75
+"""Of the targets, where the model declines some."""
 PLACE, TURN = 3e-6, 6e-5
 """m and elements of a matrix: what the printed digits can hold; corrections are about a
 millimetre."""
@@ -79,8 +82,13 @@ def corrected_axes(tool: np.ndarray, axes: np.ndarray) -> np.ndarray:
     return axes + 1e-3 * np.sin(3.0 * axes + 5.0 * tool[0, 3])
 
 
-def correction(program: Program) -> Replacement:
-    """The correction of all targets that may be corrected."""
+def correction(program: Program, kept: np.random.Generator | None) -> Replacement:
+    """The correction of all targets that may be corrected, or of most of them.
+
+    Args:
+        program: As it was read.
+        kept: Decides which the model declines, a quarter; None: none.
+    """
     position, rotation = np.array(program.position), np.array(program.rotation)
     for row in np.flatnonzero(program.reason == Reason.NONE).tolist():
         target = np.eye(4)
@@ -91,7 +99,10 @@ def correction(program: Program) -> Replacement:
     axes = np.array(program.axes)
     for row in np.flatnonzero(program.reason == Reason.JOINT_TARGET).tolist():
         axes[row] = corrected_axes(program.T_flange_tool[program.tool[row]], axes[row])
-    return changed(program, position, rotation, axes)
+    out = changed(program, position, rotation, axes)
+    if kept is None:
+        return out
+    return replace(out, changed=out.changed & (kept.random(len(program)) < TAKEN))
 
 
 def execute(language: str, files: Files, seed: int) -> list[Move]:
@@ -106,12 +117,17 @@ def execute(language: str, files: Files, seed: int) -> list[Move]:
 def find_strays(language: str, files: Files, count: Counter[str]) -> list[str]:
     """One sentence on each executed target that is neither left alone nor corrected."""
     programs = read(language, tuple((n, t.encode()) for n, t in files.items()), TABLE)
-    data = write(language, programs, [correction(program) for program in programs])
     announced = any(each in n for p in programs for n in p.notes for each in FOLLOWING)
-    after = dict(files) | {name: text.decode() for name, text in data}
+    corrected_files = []
+    for kept in (None, np.random.default_rng(len(programs[0].data))):
+        data = write(language, programs, [correction(program, kept) for program in programs])
+        corrected_files.append(dict(files) | {name: text.decode() for name, text in data})
     strays = []
     for seed in range(WAYS):
-        one, two = execute(language, files, seed), execute(language, after, seed)
+        one, two = (
+            execute(language, files, seed),
+            execute(language, corrected_files[seed % 2], seed),
+        )
         if len(one) != len(two):
             return [f"way {seed}: {len(one)} motions before, {len(two)} after"]
         for number, (was, now) in enumerate(zip(one, two, strict=True)):

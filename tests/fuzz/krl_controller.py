@@ -28,7 +28,9 @@ COMPARE = {
 }  # fmt: skip
 ARITHMETIC = {ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul}
 NAME = re.compile(r"\$anin\[\d+\]|[a-z_]\w*(?:\[\w+\])?\.[a-z]\b|[a-z_]\w*")
-DECLARED = re.compile(r"(?:decl )?(e6pos|pos|frame|int|real)\s+(\w+)(\[\d+\])?(?:=(.*))?$")
+DECLARED = re.compile(
+    r"(?:decl )?(?:global )?(e6pos|pos|frame|int|real)\s+(\w+)(\[\d+\])?(?:=(.*))?$"
+)
 
 
 def matrix(value: Mapping[str, float]) -> np.ndarray:

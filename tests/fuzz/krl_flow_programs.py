@@ -16,17 +16,19 @@ class FlowWriter:
         self.points = [f"xp{k}" for k in range(1, pen.whole(2, 5))]
         self.routines = [f"sub{k}" for k in range(pen.whole(0, 2))]
         self.local: list[str] = []
+        self.shared = [f"gp{k}" for k in range(pen.whole(1, 3))] if pen.chance(0.35) else []
+        self.points += self.shared
 
     def job(self) -> dict[str, str]:
         """The files of a job by name."""
         pen = self.pen
-        kinds = [
-            f"DECL {pen.pick('E6POS', 'FRAME', 'POS')} {p}={self._pose()}" for p in self.points
-        ]
+        own = [point for point in self.points if point not in self.shared]
+        kinds = [f"DECL {pen.pick('E6POS', 'FRAME', 'POS')} {p}={self._pose()}" for p in own]
         data = [
-            "DEFDAT part PUBLIC", *kinds, *(f"DECL FRAME {f}={self._pose(80.0)}" for f in FRAMES),
+            "DEFDAT part PUBLIC", *kinds, *(f"DECL GLOBAL FRAME {f}={self._pose(80.0)}" for f in FRAMES),
             "DECL FRAME arr[2]", f"arr[1]={self._pose()}", f"arr[2]={self._pose()}",
-            "INT n=1", "INT nb=1", "INT i=0", "REAL clear=50.0", "ENDDAT",
+            "DECL GLOBAL INT n=1", "DECL GLOBAL INT nb=1", "INT i=0", "DECL GLOBAL REAL clear=50.0",
+            "ENDDAT",
         ]  # fmt: skip
         body = ["DEF part( )"]
         if pen.chance(0.4):
@@ -41,7 +43,20 @@ class FlowWriter:
             lines = self._block(1, "n", pen.whole(1, 3))
             body += [f"DEF {name}( )", *(x for x in lines if not x.startswith(barred)), "END"]
         body += [*self._by_reference(), *self._by_value()]
-        return {"part.src": "\n".join(body) + "\n", "part.dat": "\n".join(data) + "\n"}
+        files = {"part.src": body, "part.dat": data, **(self._other() if self.shared else {})}
+        return {name: "\n".join(lines) + "\n" for name, lines in files.items()}
+
+    def _other(self) -> dict[str, list[str]]:
+        """Another program with the points that both use."""
+        points, self.points, self.routines = self.points, self.shared, []
+        lines = [x for x in self._block(1, "n", self.pen.whole(1, 4)) if "arr" not in x]
+        lines = [x for x in lines if not x.startswith(("by", "INTERRUPT", "TRIGGER"))]
+        self.points = points
+        data = [f"DECL GLOBAL E6POS {point}={self._pose()}" for point in self.shared]
+        return {
+            "other.src": ["DEF other( )", *lines, "END"],
+            "other.dat": ["DEFDAT other PUBLIC", *data, "ENDDAT"],
+        }
 
     def _by_reference(self) -> list[str]:
         pose = self._pose()
@@ -141,6 +156,8 @@ class FlowWriter:
             return ["SWITCH n", "CASE 1", *one, "CASE 2", *two, *other, "ENDSWITCH"]
         if kind == 25:
             return [pen.pick(*(f"bypar({p})" for p in self.points), f"byval({self._pose()})")]
+        if self.shared and depth > 1 and self.pen.chance(0.5):
+            return ["other()"]
         if not self.routines:
             return [f"byval({self._point()})"]
         first = self.routines[0]

@@ -61,7 +61,6 @@ class Builder:
         self.scans, self.story, self.frames = walk.scans, walk.story, walk.frames
         self._places, self._states = self._solved_frames()
         self._flags = self.story.flag_tainted()
-        self._leave_sources()
 
     def _solved_frames(self) -> tuple[IntArray, IntArray]:
         """Returns from which place on which (base, tool, on robot, foreign base, tool) hold."""
@@ -92,20 +91,6 @@ class Builder:
         first = calls[calls > 0].min(initial=np.iinfo(np.int64).max)
         calls[calls < 0] = first
         return places, table
-
-    def _leave_sources(self) -> None:
-        """Leaves points of other files alone from which a target without a frame is computed.
-
-        That target keeps its text while nothing in its own file changes, and would follow them.
-        """
-        for (file, agg), (_, _, names) in self.story.written.items():
-            states = np.array([self._state(line) for line, _ in self.story.uses[file, agg]])
-            reason, _ = self._frame_reasons(states, np.zeros(len(states), np.bool_))
-            if (reason == Reason.NONE).all():
-                continue
-            for item in self.story.definitions:
-                if item.file != file and item.variable in names:
-                    self._flags.setdefault((item.file, item.agg), Reason.UNKNOWN_FRAME)
 
     def _state(self, line: IntArray | int) -> IntArray:
         place = 2 * np.asarray(line) + 1

@@ -78,6 +78,7 @@ class _Resolver:
             self._settle_frames()
         found = [[self._points(motion, one) for one in motion.operands] for motion in walk.motions]
         moved = {key for motion in found for keys in motion for key in keys}
+        self._taint_sources()
         self._taint_derived(
             {d.variable for d in walk.story.definitions if (d.file, d.agg) in moved}
         )
@@ -354,6 +355,19 @@ class _Resolver:
             waiting = {new for name in waiting for new in self.sources.get(name, ())} - out
             out = out | waiting
         return out
+
+    def _taint_sources(self) -> None:
+        """Keeps the numbers of points from which targets in other files are computed.
+
+        Those targets keep their text while nothing in their own file changes.
+        """
+        files: dict[str, set[int]] = defaultdict(set)
+        for target in self.written:
+            for name in target.names:
+                files[name].add(target.file)
+        for item in self.walk.story.definitions:
+            if files[item.variable] - {item.file}:
+                self.walk.story.tainted.setdefault((item.variable, ""), 0)
 
     def _taint_derived(self, moved: set[str]) -> None:
         """Leaves points alone that are read by what is not followed, over any number of steps."""
