@@ -3,7 +3,8 @@
     python tests/fuzz/executed.py LANGUAGE FIRST LAST
 
 Every executed target must be either where it was, or where the correction of its own frames sends
-it, whether all targets are corrected or some are declined. Prints the seeds of the programs for which one is elsewhere, and leaves with 1 if there are any.
+it, whether all targets are corrected or some are declined. Prints the seeds of the programs for
+which one is elsewhere, and leaves with 1 if there are any.
 """
 
 from __future__ import annotations

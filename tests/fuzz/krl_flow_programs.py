@@ -25,7 +25,8 @@ class FlowWriter:
         own = [point for point in self.points if point not in self.shared]
         kinds = [f"DECL {pen.pick('E6POS', 'FRAME', 'POS')} {p}={self._pose()}" for p in own]
         data = [
-            "DEFDAT part PUBLIC", *kinds, *(f"DECL GLOBAL FRAME {f}={self._pose(80.0)}" for f in FRAMES),
+            "DEFDAT part PUBLIC", *kinds,
+            *(f"DECL GLOBAL FRAME {f}={self._pose(80.0)}" for f in FRAMES),
             "DECL FRAME arr[2]", f"arr[1]={self._pose()}", f"arr[2]={self._pose()}",
             "DECL GLOBAL INT n=1", "DECL GLOBAL INT nb=1", "INT i=0", "DECL GLOBAL REAL clear=50.0",
             "ENDDAT",
