@@ -12,6 +12,7 @@ from pathlib import Path
 import cases
 import numpy as np
 import pytest
+from test_path_programs import MAKERS, spin_of, table
 from test_rapid_urscript_programs import rapid, urscript
 
 from robotrue.calibration.calibrated_model import CalibratedModel
@@ -20,6 +21,7 @@ from robotrue.compensation.compensate import compensate
 from robotrue.compensation.compensate_file import CompensatedFile, compensate_file, worker_count
 from robotrue.compensation.settings import CompensationSettings
 from robotrue.core.files import atomic_stream
+from robotrue.core.poses import inverse
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ConfigurationError, FormatError, MissingExtraError
@@ -32,6 +34,11 @@ from robotrue.robot.statics import Load
 
 COUNT = 2000
 BLOCK = 300
+NO_FRAMES = FrameTable()
+NAMES = {
+    "sinumerik": "part.mpf", "fanuc_gcode": "part.nc", "heidenhain": "part.h", "apt": "part.apt",
+    "toolpath_csv": "part.csv",
+}  # fmt: skip
 
 
 def aggregate(T: np.ndarray) -> str:
@@ -76,16 +83,24 @@ def settings(**more: object) -> CompensationSettings:
     return CompensationSettings(home=cases.path_joints(COUNT)[0], **more)  # type: ignore[arg-type]
 
 
-def whole(source: Path, model: object, how: CompensationSettings) -> tuple[bytes, dict]:
-    (program,) = read_job(source, FrameTable())
+def whole(
+    source: Path, model: object, how: CompensationSettings, *, frames: FrameTable = NO_FRAMES
+) -> tuple[bytes, dict]:
+    (program,) = read_job(source, frames)
     result = compensate(model, program, settings=how)
-    return write_program(program, result.replacement), dict(result.summary())
+    return write_program(program, result.replacement), dict(result.tally(program).summary())
 
 
 def streamed(
-    source: Path, model: object, how: CompensationSettings, *, block: int = BLOCK, **options: object
+    source: Path,
+    model: object,
+    how: CompensationSettings,
+    *,
+    block: int = BLOCK,
+    frames: FrameTable = NO_FRAMES,
+    **options: object,
 ) -> tuple[bytes, CompensatedFile]:
-    (found,) = outline_job(source, FrameTable(), targets=block)
+    (found,) = outline_job(source, frames, targets=block)
     target = source.with_name("out.src")
     with atomic_stream(target) as writing:
         result = compensate_file(model, found, source, writing, settings=how, **options)
@@ -130,6 +145,27 @@ def test_other_languages(tmp_path: Path, make: Callable[..., bytes], arm: str) -
     found, result = streamed(path, model, how, block=90, workers=1)
     assert found == data != path.read_bytes()
     assert result.chunks == 7
+    require_equal_summaries(dict(result.summary()), expected)
+
+
+@pytest.mark.parametrize("name", sorted(MAKERS))
+def test_languages_of_words(tmp_path: Path, name: str) -> None:
+    robot = cases.kr160()
+    joints = np.array([5, -60, 70, 20, 50, 30]) * DEG + np.linspace(0, 0.4, 600)[:, None]
+    T = inverse(cases.FRAME) @ forward(robot, joints)
+    T[300:303, :3, 3] *= 9.0  # out of reach
+    path, frames = tmp_path / NAMES[name], table(cases.FRAME, spin_of(T))
+    path.write_text(MAKERS[name](T))
+    model, how = cases.rigid_model(robot=robot), CompensationSettings(home=joints[0])
+    data, expected = whole(path, model, how, frames=frames)
+    assert len(expected["notes"]) > (name != "sinumerik")
+    found, result = streamed(path, model, how, block=90, frames=frames, workers=1)
+    assert found == data != path.read_bytes()
+    assert result.chunks > 5
+    require_equal_summaries(dict(result.summary()), expected)
+    found, result = streamed(path, model, how, block=90, frames=frames, workers=2)
+    assert found == data
+    assert (result.workers, result.again) == (2, 0)
     require_equal_summaries(dict(result.summary()), expected)
 
 

@@ -20,6 +20,7 @@ from robotrue.core.arrays import Array, IntArray
 from robotrue.core.columns import Column, Columns, Rows
 from robotrue.core.units import DEG, UM
 from robotrue.program.formats import list_unfollowed
+from robotrue.program.language import Unfollowed
 from robotrue.program.program import Program, Replacement
 
 SIZES: Final = (
@@ -44,6 +45,7 @@ class Tally:
         remarks: Further notes, one sentence each.
         stance: Stance of the arm at the first target of the program, if it is among these.
         steps: Between targets left alone and compensated ones.
+        losses: What the written targets cannot hold of the new ones.
     """
 
     status: IntArray
@@ -54,6 +56,7 @@ class Tally:
     steps: Steps
     remarks: tuple[str, ...] = ()
     stance: Stance | None = None
+    losses: tuple[Unfollowed, ...] = ()
 
     def counts(self) -> dict[str, int]:
         """Returns the number of targets of each status, by lower-case name, zeros left out."""
@@ -76,7 +79,7 @@ class Tally:
                 out[name] = {"mean": total / done, "max": largest} if done else None
         if self.stance is not None:
             out["configuration"] = self.stance.document()
-        return {**out, "notes": [*map(str, self.notes), *self.remarks]}
+        return {**out, "notes": [*map(str, self.notes), *self.remarks, *map(str, self.losses)]}
 
 
 def sum_tallies(parts: Iterable[Tally]) -> Tally:
@@ -86,6 +89,7 @@ def sum_tallies(parts: Iterable[Tally]) -> Tally:
     notes: tuple[RowNote, ...] = ()
     remarks: dict[str, None] = {}
     stance, steps = None, NO_STEPS
+    losses: dict[str, Unfollowed] = {}
     for part in parts:
         status += part.status
         total += part.total
@@ -95,6 +99,10 @@ def sum_tallies(parts: Iterable[Tally]) -> Tally:
         remarks |= dict.fromkeys(part.remarks)
         stance = stance or part.stance
         steps = join_steps([steps, part.steps])
+        for loss in part.losses:
+            before = losses.get(loss.text, replace(loss, count=0))
+            worse = loss if loss.worst > before.worst else before
+            losses[loss.text] = replace(worse, count=before.count + loss.count)
     return Tally(
         status=status,
         total=total,
@@ -104,6 +112,7 @@ def sum_tallies(parts: Iterable[Tally]) -> Tally:
         steps=steps,
         remarks=tuple(remarks),
         stance=stance,
+        losses=tuple(losses.values()),
     )
 
 
@@ -167,10 +176,10 @@ class Compensation(Columns):
         ]
         if len(self.covariance):
             sizes[-1] = np.sqrt(np.trace(self.covariance[done], axis1=1, axis2=2)) / UM
-        steps, remarks = NO_STEPS, self.remarks
+        steps, losses = NO_STEPS, tuple[Unfollowed, ...]()
         if program is not None:
             steps = steps_of([(program, self.status, self.shift)])
-            remarks += list_unfollowed(program, self.replacement)
+            losses = list_unfollowed(program, self.replacement)
         return Tally(
             status=np.bincount(self.status, minlength=len(Status)).astype(np.int64),
             total=np.array([size.sum() for size in sizes]),
@@ -178,8 +187,9 @@ class Compensation(Columns):
             sigma=len(self.covariance) > 0,
             notes=self.row_notes,
             steps=steps,
-            remarks=remarks,
+            remarks=self.remarks,
             stance=self.stance,
+            losses=losses,
         )
 
     def counts(self) -> dict[str, int]:

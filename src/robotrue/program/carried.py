@@ -20,14 +20,26 @@ def carried_frames(axis: Array, side: Array, *, before: Array | None = None) -> 
         side: (3,) unit vector across the first of them: x of the first frame.
         before: (3,) the axis that ``side`` is across instead, where the path comes from.
     """
-    from robotrue.program.carried_kernels import carry_sides  # most programs carry nothing
-
     axis = np.ascontiguousarray(axis, dtype=np.float64)
-    sides = np.empty_like(axis)
-    sides[0] = side
-    carry_sides(axis, axis[0] if before is None else before, sides)
+    sides = carried_sides(axis, side, axis[0] if before is None else before)
     z = -axis
     return np.stack([sides, np.cross(z, sides), z], axis=-1)
+
+
+def carried_sides(axis: Array, side: Array, before: Array) -> Array:
+    """Returns x (n, 3) of frames carried along tool axes (n, 3), n > 0.
+
+    Args:
+        axis: (n, 3) unit vectors, contiguous.
+        side: (3,) unit vector: x of the frame that comes in.
+        before: (3,) the tool axis there.
+    """
+    from robotrue.program.carried_kernels import carry_sides  # most programs carry nothing
+
+    sides = np.empty_like(axis)
+    sides[0] = side
+    carry_sides(axis, before, sides)
+    return sides
 
 
 def about_z(angle: Array) -> Array:

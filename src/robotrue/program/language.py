@@ -17,7 +17,7 @@ from robotrue.core.arrays import Array
 from robotrue.errors import ConfigurationError
 from robotrue.program.insertion import Inserter
 from robotrue.program.program import FrameTable, Program, Replacement, leave_far
-from robotrue.program.program_chunk import ReadChunk, Skeleton, Whole
+from robotrue.program.program_chunk import ChunkLines, ReadChunk, Skeleton, Whole
 
 if TYPE_CHECKING:
     from robotrue.program.controller_files import ControllerFile
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 NamedBytes: TypeAlias = Sequence[tuple[str, bytes]]
 """Files of a job: name and bytes."""
+LONG: Final = 32 << 20
+"""Bytes from which a file is cut."""
 ANY: Final = 1_000_000
 """Last number of a table whose entries have names."""
 
@@ -36,9 +38,32 @@ class Cutter(Protocol):
         """Returns the survey of a file of this name, not yet run, or why it cannot be cut."""
         ...
 
-    def read_lines(self, data: bytes, skeleton: Skeleton) -> ReadChunk:
-        """Returns the targets of some lines; lines, frames and reasons are those of the lines."""
+    def read_lines(self, data: bytes, lines: ChunkLines, skeleton: Skeleton) -> ReadChunk:
+        """Returns the targets of some lines; lines, frames and reasons are those of the lines.
+
+        Frames and reasons are those of the file if the skeleton has a splice.
+        """
         ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unfollowed:
+    """What a written file cannot hold of new targets.
+
+    Attributes:
+        count: Number of targets.
+        worst: Largest deviation, in the unit of the sentence.
+        line: One-based line where it is.
+        text: Sentence with the fields ``count``, ``worst`` and ``line``.
+    """
+
+    count: int
+    worst: float
+    line: int
+    text: str
+
+    def __str__(self) -> str:
+        return self.text.format(count=self.count, worst=self.worst, line=self.line)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,7 +123,7 @@ def _no_names(_: str) -> tuple[str, ...]:
     return ()
 
 
-def _no_losses(_: Program, __: Replacement) -> tuple[str, ...]:
+def _no_losses(_: Program, __: Replacement) -> tuple[Unfollowed, ...]:
     return ()
 
 
@@ -124,11 +149,12 @@ class Language:
         name_files: Names of files next to a program that its text names; None where it names none.
         inserter: Returns the inserter of targets into its programs; None without one.
         cutter: Returns the reader of its long files in chunks; None where they are read whole.
+        long: Bytes from which a file is cut.
         feeds: Returns the feed (n,) m/s as the text states it, infinite for rapids, NaN where it is
             not known.
         frame_files: Files of its controllers that hold frames.
         frame_form: Format of a frame in its controllers.
-        losses: Returns what a written file cannot hold of the new targets, one sentence each.
+        losses: Returns what a written file cannot hold of the new targets.
         print_move: Returns one straight move to a pose (4, 4), tool in base, that stops there.
         prints_attitude: Its targets print the rotation about the tool axis in full.
         steps_from_command: Its relative targets start from the command before.
@@ -149,10 +175,11 @@ class Language:
     name_files: Callable[[bytes], tuple[str, ...]] | None = None
     inserter: Callable[[], Inserter] | None = None
     cutter: Callable[[], Cutter] | None = None
+    long: int = LONG
     feeds: Callable[[Program], Array] = _no_feeds
     frame_files: FrameFiles | None = None
     frame_form: FrameForm | None = None
-    losses: Callable[[Program, Replacement], tuple[str, ...]] = _no_losses
+    losses: Callable[[Program, Replacement], tuple[Unfollowed, ...]] = _no_losses
     print_move: Callable[[Array], str] | None = None
     prints_attitude: bool = False
     steps_from_command: bool = False

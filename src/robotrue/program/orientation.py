@@ -8,16 +8,24 @@ print a tool axis or nothing. Neither is a pose of a robot's tool. The cell stat
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
-from robotrue.core.arrays import Array, frozen
+from robotrue.core.arrays import Array, IntArray, frozen
 from robotrue.errors import ConfigurationError, ShapeError
 from robotrue.program.carried import about_z, carried_frames, to_z
 
 Angles: TypeAlias = Literal["", "rpy", "kuka"]
 """``rpy``: A, B, C turn about X, Y, Z, R = Rz(C) Ry(B) Rx(A); ``kuka``: R = Rz(A) Ry(B) Rx(C)."""
+
+
+class CarriedFrame(NamedTuple):
+    """The carried frame before a one-based line of a program: its x (3,) and the tool axis (3,)."""
+
+    line: int
+    side: Array
+    axis: Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,11 +40,13 @@ class OrientationRule:
             carried along the program, whose x is that of the work frame where the tool axis is
             that frame's z, right-handed about the cutter. None: not stated, targets that print
             only an axis are not compensated.
+        carried: The carried frame in the middle of a text that is a part of a program.
     """
 
     angles: Angles = ""
     cutter: Array = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     spin: float | None = None
+    carried: CarriedFrame | None = None
 
     def __post_init__(self) -> None:
         """Checks and normalises.
@@ -60,11 +70,12 @@ class OrientationRule:
         """True if anything but the default is stated."""
         return bool(self.angles) or self.spin is not None or not self.cutter[2] == 1.0
 
-    def rotations(self, axis: Array) -> Array:
+    def rotations(self, axis: Array, line: IntArray | None = None) -> Array:
         """Returns the tool frame (n, 3, 3) of tool axes (n, 3); NaN where the axis is.
 
         Args:
             axis: Unit vectors from the tip to the spindle, in the order of motion.
+            line: (n,) one-based line of each, rising; needed where ``carried`` is stated.
         """
         out = np.full((len(axis), 3, 3), np.nan)
         known = np.asarray(np.isfinite(axis).all(axis=1))
@@ -72,7 +83,13 @@ class OrientationRule:
             return out
         x, _, z = np.eye(3)
         turn = about_z(np.array(self.spin)) @ to_z(self.cutter)
-        out[known] = carried_frames(axis[known], x, before=z) @ turn
+        parts = [CarriedFrame(0, x, z), *filter(None, [self.carried])]
+        of_line = np.zeros(len(axis), np.int64) if line is None else line
+        first = np.searchsorted(of_line, [each.line for each in parts])
+        for each, rows in zip(parts, np.split(np.arange(len(axis)), first[1:]), strict=True):
+            mine = rows[known[rows]]
+            if len(mine):
+                out[mine] = carried_frames(axis[mine], each.side, before=each.axis) @ turn
         return out
 
     def axes_of(self, rotation: Array) -> Array:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from robotrue.program.program import Program
+from robotrue.core.arrays import Array, IntArray
+from robotrue.program.program import FrameTable, Program
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,6 +50,39 @@ class ProgramChunk(NamedTuple):
     targets: int
 
 
+class SpliceStart(NamedTuple):
+    """Begin of a chunk.
+
+    Attributes:
+        mode: Lines that set the modes in force there.
+        point: First line of the chunk; empty for that of a lead.
+        carried: Side and tool axis (2, 3) of the carried frame before it.
+    """
+
+    mode: bytes
+    point: bytes
+    carried: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Splice:
+    """The text of a skeleton whose lines are read together with those of a chunk.
+
+    Attributes:
+        text: Its lines, each with its end.
+        edge: (k + 1,) first byte of each of them, and the size of the text.
+        line: (k,) zero-based line of each in the file, rising.
+        starts: What is in force at the zero-based first line of every chunk and lead.
+        frames: What the program names but does not hold.
+    """
+
+    text: bytes
+    edge: IntArray
+    line: IntArray
+    starts: Mapping[int, SpliceStart]
+    frames: FrameTable
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Skeleton:
     """Input for reading a chunk besides its bytes; small, the same for every chunk.
@@ -57,11 +92,13 @@ class Skeleton:
             targets are in the file; the last one not after another has the settings there.
         stored: The targets are stored points: the program states their motions.
         external_axes_at_rest: As in :class:`~robotrue.program.program.FrameTable`.
+        splice: Its text, where chunks are read together with it.
     """
 
     program: Program
     stored: bool
     external_axes_at_rest: bool
+    splice: Splice | None = None
 
 
 class ReadChunk(NamedTuple):

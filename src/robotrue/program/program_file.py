@@ -23,10 +23,11 @@ from robotrue.core.arrays import Array
 from robotrue.core.files import sha256
 from robotrue.errors import ConfigurationError, FormatError
 from robotrue.program.formats import detect, read_job
+from robotrue.program.formats.file_survey import Survey
 from robotrue.program.formats.job_files import companion_paths, gather_files
 from robotrue.program.frames_beside import with_files_beside
 from robotrue.program.lang import find_language
-from robotrue.program.language import Cutter, Language
+from robotrue.program.language import LONG, Cutter, Language
 from robotrue.program.program import FrameTable, Program, Reason, Replacement, leave_far
 from robotrue.program.program_chunk import (
     ChunkLines,
@@ -38,8 +39,6 @@ from robotrue.program.program_chunk import (
 
 CHUNK: Final = 50_000
 """Targets of a chunk of a long file."""
-LONG: Final = 32 << 20
-"""Bytes from which a file is cut."""
 BYTES_HELD: Final = 4, 230
 """Bytes of memory for each byte, and for each decimal number, of a program that is held whole."""
 LEAST_HELD: Final = 10
@@ -47,8 +46,10 @@ LEAST_HELD: Final = 10
 BESIDE: Final = 250 << 20
 """Bytes of memory besides."""
 _LOOKED_AT: Final = 1 << 20
-_COUNT: Final = re.compile(r"\b\d+ targets")
+_COUNT: Final = re.compile(r"(?:\b\d+ (?=targets)|(?<= and )\d+ (?=more lines)| \(\d+ times\))")
 """In a note on the skeleton: too few."""
+_PLACE: Final = re.compile(r"(?<=:)\d+(?:, \d+)*(?=:| and )|(?<=\bline )\d+")
+"""Lines in a note."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -134,9 +135,9 @@ def open_job(
         FormatError: A file cannot be read, or is not in its dialect.
     """
     if len(paths) == 1 and not paths[0].is_dir():
-        longest = find_longest(paths[0])[0]
+        longest, language = find_longest(paths[0])
         size = longest.stat().st_size
-        if size >= LONG or several:
+        if size >= min(LONG, language.long) or several:
             why = why_whole()
             files = Whole(why=why) if why else outline_job(paths[0], frames)
             if not isinstance(files, Whole):
@@ -220,9 +221,13 @@ def outline_job(
     if refused is not None:
         return refused
     job = gather_files([path], language, instead={longest.name: survey.skeleton})
-    programs = language.read_job(job.files, frames=frames)
     place = [name for name, _ in job.files].index(longest.name)
-    skeleton = programs[place]
+    try:
+        programs = language.read_job(job.files, frames=frames)
+    except FormatError as cause:
+        line = None if cause.line is None else survey.locate(cause.line)
+        raise FormatError(cause.message, source=cause.source, line=line, hint=cause.hint) from None
+    skeleton = _in_file(programs[place], survey)
     refused = survey.judge(skeleton, [file for k, file in enumerate(job.files) if k != place])
     if refused is not None:
         return refused
@@ -235,12 +240,13 @@ def outline_job(
         targets=survey.targets,
         T_flange_tool=skeleton.T_flange_tool,
         start=skeleton.start,
-        notes=tuple(_COUNT.sub("targets", note) for note in (*skeleton.notes, *beside)),
+        notes=tuple(_COUNT.sub("", note) for note in (*skeleton.notes, *beside)),
         chunks=survey.chunks,
         content=Skeleton(
             program=replace(skeleton, data=b"", spans=None, notes=(), reason=reason),
             stored=survey.stored,
             external_axes_at_rest=frames.external_axes_at_rest,
+            splice=survey.splice(),
         ),
     )
     return tuple(
@@ -248,6 +254,17 @@ def outline_job(
         for k, program in enumerate(programs)
         if k == place or k < job.given or len(program)
     )
+
+
+def _in_file(skeleton: Program, survey: Survey) -> Program:
+    """Returns the skeleton with the lines of the file."""
+
+    def lines(match: re.Match[str]) -> str:
+        return ", ".join(str(survey.locate(int(each))) for each in match[0].split(", "))
+
+    line = np.array([survey.locate(each) for each in skeleton.line.tolist()], np.int64)
+    notes = tuple(_PLACE.sub(lines, note) for note in skeleton.notes)
+    return replace(skeleton, line=line, notes=notes)
 
 
 def read_chunk(data: bytes, lines: ChunkLines, content: Program | Skeleton) -> ReadChunk:
@@ -266,8 +283,10 @@ def read_chunk(data: bytes, lines: ChunkLines, content: Program | Skeleton) -> R
     if isinstance(content, Program):
         return ReadChunk(content)
     whole = content.program
-    program, head, foot = _require_cutter(whole.dialect).read_lines(data, content)
+    program, head, foot = _require_cutter(whole.dialect).read_lines(data, lines, content)
     line = program.line + lines.line
+    if content.splice is not None:
+        return ReadChunk(replace(program, line=line, notes=()), head, foot)
     same = np.searchsorted(whole.line, line, side="right") - 1
     own = ~np.isin(program.reason, (Reason.NONE, Reason.JOINT_TARGET))
     stated = replace(

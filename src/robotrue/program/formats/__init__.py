@@ -25,7 +25,7 @@ from robotrue.errors import FormatError
 from robotrue.program.formats.job_files import gather_files, named_last, paths_of
 from robotrue.program.frames_beside import with_files_beside
 from robotrue.program.lang import find_language, language_names
-from robotrue.program.language import Language
+from robotrue.program.language import Language, Unfollowed
 from robotrue.program.program import FrameTable, Program, Replacement
 
 _INSTEAD: Final = {
@@ -208,8 +208,8 @@ def read_program(path: str | Path, frames: FrameTable | None = None) -> Program:
     return job[0]
 
 
-def list_unfollowed(program: Program, replacement: Replacement) -> tuple[str, ...]:
-    """Returns what the written program cannot hold of a replacement, one sentence each."""
+def list_unfollowed(program: Program, replacement: Replacement) -> tuple[Unfollowed, ...]:
+    """Returns what the written program cannot hold of a replacement."""
     return find_language(program.dialect).losses(program, replacement)
 
 

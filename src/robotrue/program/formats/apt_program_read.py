@@ -30,8 +30,8 @@ from robotrue.program.formats.text_lines import line_starts, require_text
 from robotrue.program.program import FrameTable, Motion, Program, Reason
 
 _NUMBER: Final = re.compile(WHOLE_NUMBER)
-_CELL: Final = rb"[ \t]*+[+-]?(?:\d++(?:\.\d*+)?|\.\d++)[ \t]*+"
-_THREE: Final = b",".join([_CELL] * 3)
+CELL: Final = rb"[ \t]*+[+-]?(?:\d++(?:\.\d*+)?|\.\d++)[ \t]*+"
+_THREE: Final = b",".join([CELL] * 3)
 _PLAIN: Final = re.compile(
     rb"^[ \t]*+GOTO[ \t]*+/(" + _THREE + rb"(?:," + _THREE + rb")?)(?=\r?$)",
     re.IGNORECASE | re.MULTILINE,
@@ -78,7 +78,7 @@ def _plain_points(data: bytes) -> _Points:
     for match in _PLAIN.finditer(data):
         begin, end = match.span()
         # After another point there is nothing but a line end.
-        if begin - last <= len(b"\r\n") or not _is_continued(data, begin):
+        if begin - last <= len(b"\r\n") or not is_continued(data, begin):
             begins.append(begin)
             ends.append(end)
             table.add(*match.span(1), 0)
@@ -95,7 +95,7 @@ def _plain_points(data: bytes) -> _Points:
     return _Points(line, numbers.start, numbers.length, numbers.value, rest)
 
 
-def _is_continued(data: bytes, begin: int) -> bool:
+def is_continued(data: bytes, begin: int) -> bool:
     """Returns whether the line before a byte that begins one ends with a dollar sign."""
     return data[data.rfind(b"\n", 0, max(begin - 1, 0)) + 1 : begin].rstrip().endswith(b"$")
 
@@ -321,7 +321,7 @@ class _Reader:
         n, notes = len(line), TargetNotes(self.name, line)
         fixed = turn == Turn.FIXED
         value[fixed, 3:] = tool_axes(value[fixed, 3:])
-        position, rotation, axes = poses(value, unit, turn, frames.orientation)
+        position, rotation, axes = poses(value, unit, turn, frames.orientation, line)
         tool, tools = self._tools(frames, of_tool, reason, notes)
         self._close(frames, reason, position, rotation, notes)
         share_fate(reason, self.groups)

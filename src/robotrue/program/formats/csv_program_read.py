@@ -39,7 +39,7 @@ def read_csv_program(data: bytes, name: str, frames: FrameTable) -> Program:
         value[:, 3:] = (0.0, 0.0, 1.0)
     turn = np.full(n, int(Turn.VECTOR if by_axis else Turn.FIXED))
     unit, rule = np.full(n, MM), frames.orientation
-    position, rotation, axes = poses(value, unit, turn, rule)
+    position, rotation, axes = poses(value, unit, turn, rule, path.line)
     reason, notes = np.zeros(n, np.int64), TargetNotes(name, path.line)
     odd = np.asarray(~np.isfinite(position).all(axis=1) | ~np.isfinite(value).all(axis=1))
     reason[odd] = Reason.EXPRESSION

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import hashlib
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import BinaryIO, ClassVar, Final, NamedTuple
 
@@ -18,7 +18,7 @@ import numpy as np
 
 from robotrue.core.arrays import BoolArray, IntArray
 from robotrue.program.program import Motion, Program
-from robotrue.program.program_chunk import ChunkLines, ProgramChunk, Whole
+from robotrue.program.program_chunk import ChunkLines, ProgramChunk, Splice, Whole
 
 WINDOW: Final = 1 << 23
 """Bytes looked at at a time."""
@@ -27,7 +27,8 @@ LEAD: Final = 256
 MOST_STRETCHES: Final = 50_000
 NO_KEY: Final = -1
 _LONGEST_LINE: Final = 1 << 26
-_LONGEST_CHUNK: Final = 4  # times the requested targets
+LONGEST_CHUNK: Final = 4
+"""Times the requested targets."""
 
 
 class WindowLines(NamedTuple):
@@ -92,6 +93,10 @@ class Survey(ABC):
     def _sort_lines(self, data: bytes) -> WindowLines | Whole:
         """Returns the lines of a window, or why they cannot be cut."""
 
+    def _find_end(self, data: bytes) -> int:
+        """Returns the byte after the last line that a window can end with; 0 without one."""
+        return data.rfind(b"\n") + 1
+
     def _stand_in(self, lines: WindowLines, line: int) -> tuple[bytes, int]:
         """Returns the code that represents a stretch that starts with a line, and its targets."""
         return lines.code(line), int(lines.targets[line])
@@ -103,7 +108,7 @@ class Survey(ABC):
             FormatError: The bytes are not in the dialect.
         """
         with path.open("rb") as stream:
-            for data in _windows(stream, WINDOW):
+            for data in _windows(stream, WINDOW, self._find_end):
                 refused = self._take_window(data)
                 if refused is not None:
                     return refused
@@ -137,7 +142,7 @@ class Survey(ABC):
         self.lines += len(lines.start)
         self.targets += int(lines.targets.sum())
         since = self.targets - self._cuts[-1][2]
-        if since > _LONGEST_CHUNK * self._asked:
+        if since > LONGEST_CHUNK * self._asked:
             return Whole(
                 why=f"{since} targets after it without a complete one",
                 line=self._cuts[-1][1] + 1,
@@ -204,6 +209,14 @@ class Survey(ABC):
             self._leads.append((int(known[lead, 0]), int(known[lead, 1])))
         self._places = known[-4 * LEAD :]
 
+    def locate(self, line: int) -> int:
+        """Returns the line of the file that a line of the skeleton is; both are one-based."""
+        return line
+
+    def splice(self) -> Splice | None:
+        """Returns the text that chunks are read together with; None if they need none."""
+        return None
+
     def _check_end(self) -> Whole | None:
         """Returns why the whole file cannot be cut, if so."""
         if not self.targets:
@@ -249,12 +262,12 @@ class Survey(ABC):
         )
 
 
-def _windows(stream: BinaryIO, window: int) -> Iterator[bytes]:
+def _windows(stream: BinaryIO, window: int, find_end: Callable[[bytes], int]) -> Iterator[bytes]:
     """Yields the bytes in windows of whole lines."""
     rest = b""
     while chunk := stream.read(window):
         data = rest + chunk
-        cut = data.rfind(b"\n") + 1
+        cut = find_end(data)
         if cut:
             yield data[:cut]
         rest = data[cut:]

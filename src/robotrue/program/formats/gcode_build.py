@@ -167,11 +167,12 @@ class _Builder:
         arcs = arc_rows(rows, self.words, base, absolute=bool(self.vocabulary.signs[3]))
         reason = self._reasons(base, tool, arcs)
         table = arcs.spread
+        line = table.rows_of(rows.block) + 1
         value = table.rows_of(rows.value)
         turn, unit = table.rows_of(rows.turn), table.rows_of(rows.unit)
         numbers = arcs.numbers(rows.numbers)
         arcs.fill(value)
-        position, rotation, axes = poses(value, unit, turn, self.rule)
+        position, rotation, axes = poses(value, unit, turn, self.rule, line)
         arcs.turn_middles(rotation)
         reason = table.rows_of(reason)
         known = np.isfinite(value).all(axis=1)
@@ -189,7 +190,7 @@ class _Builder:
             position=position, rotation=rotation, axes=axes,
             motion=arcs.motion(self._motion()), reason=reason,
             words=words, words_of="kuka" if words.shape[1] else "",
-            line=table.rows_of(rows.block) + 1,
+            line=line,
             frame=table.rows_of(base), tool=table.rows_of(tool),
             T_base_frame=self.frames.stack_matrices("base"),
             T_flange_tool=self.frames.stack_matrices("tool"),

@@ -41,7 +41,7 @@ from robotrue.program.formats.krl_scan import (
 )
 from robotrue.program.formats.krl_walk import KrlWalk
 from robotrue.program.program import FrameTable, Program
-from robotrue.program.program_chunk import ReadChunk, Skeleton, Whole
+from robotrue.program.program_chunk import ChunkLines, ReadChunk, Skeleton, Whole
 
 NOTHING, FULL, PARTIAL, ODD, MIXED = 0, 1, 2, 3, 4
 """What a line holds: no plain motion; one that leaves nothing out; one that leaves something out;
@@ -379,13 +379,13 @@ class KrlCutter:
         of_file = PointSurvey if name.lower().endswith(".dat") else MotionSurvey
         return of_file(name, targets, axes_at_rest=frames.external_axes_at_rest)
 
-    def read_lines(self, data: bytes, skeleton: Skeleton) -> ReadChunk:
+    def read_lines(self, data: bytes, lines: ChunkLines, skeleton: Skeleton) -> ReadChunk:
         """Returns the targets of some lines of a ``.src`` or ``.dat``."""
         frames = FrameTable(external_axes_at_rest=skeleton.external_axes_at_rest)
         name = skeleton.program.name
-        lines = scan(data, name=name)
-        lines = as_motions(lines) if skeleton.stored else with_clauses(lines)
-        walk = KrlWalk([lines], [name], Frames(frames, name))
+        found = scan(data, name=name)
+        found = as_motions(found) if skeleton.stored else with_clauses(found)
+        walk = KrlWalk([found], [name], Frames(frames, name))
         return ReadChunk(Builder(walk, 0, frames).program(0))
 
 

@@ -16,12 +16,11 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from robotrue.core.arrays import IntArray
 from robotrue.program.formats.file_survey import NO_KEY, Survey, WindowLines
-from robotrue.program.formats.text_lines import line_starts
+from robotrue.program.formats.text_lines import line_edges
 from robotrue.program.lang import find_language
 from robotrue.program.program import FrameTable
-from robotrue.program.program_chunk import ReadChunk, Skeleton, Whole
+from robotrue.program.program_chunk import ChunkLines, ReadChunk, Skeleton, Whole
 
 Key: TypeAlias = tuple[bytes, ...]
 
@@ -55,11 +54,11 @@ class LineCutter:
             return Whole(why="external axes in the kinematic chain need every target at once")
         return LineSurvey(name, targets, self)
 
-    def read_lines(self, data: bytes, skeleton: Skeleton) -> ReadChunk:
+    def read_lines(self, data: bytes, lines: ChunkLines, skeleton: Skeleton) -> ReadChunk:
         """Returns the targets of some lines; their data are between a head and a foot."""
         keys: set[Key] = set()
         text = np.frombuffer(data, np.uint8).copy()
-        for start, end in pairwise(_line_edges(data).tolist()):
+        for start, end in pairwise(line_edges(data).tolist()):
             plain = self.plain.fullmatch(data, start, end)
             if plain:
                 keys.add(self.key(plain))
@@ -86,7 +85,7 @@ class LineSurvey(Survey):
         self._numbers: dict[Key, int] = {}
 
     def _sort_lines(self, data: bytes) -> WindowLines:
-        cutter, edges = self._cutter, _line_edges(data)
+        cutter, edges = self._cutter, line_edges(data)
         targets, key = np.zeros(len(edges) - 1, np.int64), np.full(len(edges) - 1, NO_KEY)
         event = np.zeros(len(targets), np.bool_)
         for line, (start, end) in enumerate(pairwise(edges.tolist())):
@@ -100,12 +99,6 @@ class LineSurvey(Survey):
             data=data, start=edges[:-1], end=edges[1:], targets=targets, opens=targets > 0,
             partial=np.zeros_like(event), event=event, key=key,
         )  # fmt: skip
-
-
-def _line_edges(data: bytes) -> IntArray:
-    """Returns the first byte of every line, and the byte after the last (l + 1,)."""
-    starts = line_starts(data)
-    return np.append(starts[starts < len(data)], len(data))
 
 
 def _list_items(item: bytes, count: int) -> bytes:

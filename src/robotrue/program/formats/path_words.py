@@ -6,7 +6,7 @@ and leave out what stays the same: G-code, APT, CSV. What is inherited is resolv
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Final
 
@@ -65,7 +65,24 @@ class PathWords:
     marks: IntArray
 
 
-def poses(value: Array, unit: Array, turn: IntArray, rule: OrientationRule) -> tuple[Array, ...]:
+def take_words(words: PathWords, rows: slice) -> PathWords:
+    """Returns the words of consecutive points with the arcs that end at them."""
+    arcs, first = words.arcs, int(rows.start)
+    own = np.flatnonzero((arcs.end >= first) & (arcs.end < rows.stop))
+    moved = {name: getattr(arcs, name)[own] - first for name in ("start", "via", "end")}
+    same = {name: getattr(arcs, name)[own] for name in ("kind", "plane", "left", "value")}
+    columns = ("value", "unit", "turn", "skip", "at", "barred", "marks")
+    return replace(
+        words,
+        numbers=words.numbers.rows(np.arange(first, rows.stop)),
+        arcs=replace(arcs, numbers=arcs.numbers.rows(own), **moved, **same),
+        **{name: getattr(words, name)[rows] for name in columns},
+    )
+
+
+def poses(
+    value: Array, unit: Array, turn: IntArray, rule: OrientationRule, line: IntArray
+) -> tuple[Array, ...]:
     """Returns position (n, 3) m, rotation (n, 3, 3) and axes (n, 6) rad, NaN where not known.
 
     Args:
@@ -73,6 +90,7 @@ def poses(value: Array, unit: Array, turn: IntArray, rule: OrientationRule) -> t
         unit: (n,) m per printed length.
         turn: (n,) :class:`Turn`.
         rule: Convention of angles and axes.
+        line: (n,) one-based line of each, rising.
     """
     is_axes = (turn == Turn.AXES)[:, None]
     position = np.where(is_axes, np.nan, value[:, :3] * unit[:, None])
@@ -82,7 +100,7 @@ def poses(value: Array, unit: Array, turn: IntArray, rule: OrientationRule) -> t
     if len(rows) and rule.angles:
         rotation[rows] = matrices_from_abc(_abc(value[rows, 3:], rule), DEG)
     rows = np.flatnonzero((turn == Turn.VECTOR) | (turn == Turn.FIXED))
-    rotation[rows] = rule.rotations(tool_axes(value[rows, 3:]))
+    rotation[rows] = rule.rotations(tool_axes(value[rows, 3:]), line[rows])
     return position, rotation, axes
 
 

@@ -31,6 +31,7 @@ from robotrue.program.formats.pose_write import (
     require_printable,
     spans_of,
 )
+from robotrue.program.language import Unfollowed
 from robotrue.program.program import Program, Replacement
 
 _MILLIMETRES: Final = (3, 3)
@@ -42,6 +43,14 @@ _UNSEEN: Final = b"0.0000"
 _ARC_NAMES: Final = (b"I", b"J", b"K")
 _SLIGHT: Final = 0.5 * UM
 _SLIGHT_TURN: Final = 1e-4 * DEG
+_IN_PLANE: Final = (
+    "{count} arcs stay in their plane: in the middle they deviate by up to {worst:.1f} um "
+    "(line {line})."
+)
+_UNSAID: Final = (
+    "{count} points print no word for all of their turn: up to {worst:.3f} deg are not written "
+    "(line {line})."
+)
 
 
 def write_path(program: Program, replacement: Replacement) -> bytes:
@@ -258,8 +267,8 @@ def _marks(program: Program, replacement: Replacement, words: PathWords) -> list
     ]
 
 
-def path_losses(program: Program, replacement: Replacement) -> tuple[str, ...]:
-    """Returns what is not followed, one sentence each with the line where it is worst.
+def path_losses(program: Program, replacement: Replacement) -> tuple[Unfollowed, ...]:
+    """Returns what is not followed.
 
     Raises:
         ShapeError: The program is not a path of words.
@@ -268,21 +277,17 @@ def path_losses(program: Program, replacement: Replacement) -> tuple[str, ...]:
     changed = changed_rows(program, replacement)
     out = []
     rows, off = arc_deviation(program, replacement, words, changed)
-    if len(rows) and off.max() > _SLIGHT:
+    if off.max(initial=0.0) > _SLIGHT:
         worst = int(np.argmax(off))
-        out.append(
-            f"{len(rows)} arcs stay in their plane: in the middle they deviate by up to "
-            f"{off[worst] / UM:.1f} um (line {program.line[rows[worst]]})."
-        )
+        count, line = int((off > _SLIGHT).sum()), int(program.line[rows[worst]])
+        out.append(Unfollowed(count=count, worst=off[worst] / UM, line=line, text=_IN_PLANE))
     quiet = np.isin(words.turn, (Turn.FIXED, Turn.VECTOR)) & changed & ~words.skip
     turn = np.zeros(len(program))
     turn[quiet] = _unsaid(program, replacement, words, quiet)
     if turn.max(initial=0.0) > _SLIGHT_TURN:
         worst = int(np.argmax(turn))
-        out.append(
-            f"{int((turn > _SLIGHT_TURN).sum())} points print no word for all of their turn: up to "
-            f"{turn[worst] / DEG:.3f} deg are not written (line {program.line[worst]})."
-        )
+        count, line = int((turn > _SLIGHT_TURN).sum()), int(program.line[worst])
+        out.append(Unfollowed(count=count, worst=turn[worst] / DEG, line=line, text=_UNSAID))
     return tuple(out)
 
 

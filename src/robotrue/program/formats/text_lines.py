@@ -54,6 +54,12 @@ def line_starts(data: bytes) -> IntArray:
     return np.asarray(np.sort(ends) + 1, dtype=np.int64)
 
 
+def line_edges(data: bytes) -> IntArray:
+    """Returns the first byte of every line, and the byte after the last (l + 1,)."""
+    starts = line_starts(data)
+    return np.append(starts[starts < len(data)], len(data))
+
+
 def line_at(data: bytes, place: int) -> int:
     """Returns the one-based line of a byte."""
     before = data[:place]

@@ -11,12 +11,13 @@ from typing import Final
 
 from robotrue.core.arrays import Array
 from robotrue.program.lang.word_languages import (
+    LONG_PATH,
     list_losses,
     path_inserter,
     toolpath_feeds,
     write_words,
 )
-from robotrue.program.language import Language, read_each
+from robotrue.program.language import Cutter, Language, read_each
 from robotrue.program.program import FrameTable, Program
 
 _POINT: Final = re.compile(
@@ -40,6 +41,12 @@ def _feeds(program: Program) -> Array:
     return toolpath_feeds(program, read_apt)
 
 
+def _cutter() -> Cutter:
+    from robotrue.program.formats.path_chunks import APT
+
+    return APT
+
+
 LANGUAGE: Final = Language(
     name="apt",
     suffixes=(".apt", ".cls", ".cl", ".ncl", ".aptsource"),
@@ -49,6 +56,8 @@ LANGUAGE: Final = Language(
     called="APT or CL data",
     sign=re.compile(rb"(?m)^[^\S\n]*+GOTO\s*/"),
     inserter=path_inserter,
+    cutter=_cutter,
+    long=LONG_PATH,
     feeds=_feeds,
     losses=list_losses,
     steps_from_command=True,

@@ -10,12 +10,13 @@ from typing import Final
 from robotrue.core.arrays import Array
 from robotrue.program.formats.toolpath_csv import is_toolpath_header, read_toolpath_csv
 from robotrue.program.lang.word_languages import (
+    LONG_PATH,
     list_losses,
     path_inserter,
     toolpath_feeds,
     write_words,
 )
-from robotrue.program.language import Language, read_each
+from robotrue.program.language import Cutter, Language, read_each
 from robotrue.program.program import FrameTable, Program
 
 
@@ -33,6 +34,12 @@ def _feeds(program: Program) -> Array:
     return toolpath_feeds(program, read_toolpath_csv)
 
 
+def _cutter() -> Cutter:
+    from robotrue.program.formats.path_chunks import CSV
+
+    return CSV
+
+
 LANGUAGE: Final = Language(
     name="toolpath_csv",
     suffixes=(),
@@ -40,6 +47,8 @@ LANGUAGE: Final = Language(
     reader=read_each(_read),
     writer=write_words,
     inserter=path_inserter,
+    cutter=_cutter,
+    long=LONG_PATH,
     feeds=_feeds,
     losses=list_losses,
     table_suffixes=(".csv",),

@@ -12,12 +12,13 @@ from typing import Final
 from robotrue.program.lang.sinumerik import score_g_code
 from robotrue.program.lang.word_languages import (
     G_CODE,
+    LONG_PATH,
     g_code_feeds,
     list_losses,
     path_inserter,
     write_words,
 )
-from robotrue.program.language import Language, read_each
+from robotrue.program.language import Cutter, Language, read_each
 from robotrue.program.program import FrameTable, Program
 
 _OWN: Final = re.compile(
@@ -37,12 +38,20 @@ def _read(data: bytes, name: str, frames: FrameTable) -> Program:
     return read_gcode(data, name, FANUC, frames)
 
 
+def _cutter() -> Cutter:
+    from robotrue.program.formats.gcode_chunks import FANUC_GCODE
+
+    return FANUC_GCODE
+
+
 LANGUAGE: Final = Language(
     name="fanuc_gcode",
     suffixes=(".nc", ".tap", ".cnc", ".ngc"),
     score=_score,
     reader=read_each(_read),
     writer=write_words,
+    cutter=_cutter,
+    long=LONG_PATH,
     inserter=path_inserter,
     feeds=g_code_feeds,
     losses=list_losses,

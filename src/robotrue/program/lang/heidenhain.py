@@ -15,8 +15,8 @@ from robotrue.core.arrays import Array
 from robotrue.core.units import MM
 from robotrue.program.formats.stated_feeds import FLAGS, PLAIN, RAPID, last_stated
 from robotrue.program.formats.text_lines import line_starts
-from robotrue.program.lang.word_languages import list_losses, write_words
-from robotrue.program.language import Language, read_each
+from robotrue.program.lang.word_languages import LONG_PATH, list_losses, write_words
+from robotrue.program.language import Cutter, Language, read_each
 from robotrue.program.program import FrameTable, Program
 
 _HEAD: Final = re.compile(rb"(?im)^[ \t]*+(?:0++[ \t]++)?BEGIN PGM\b")
@@ -51,12 +51,20 @@ def _feeds(program: Program) -> Array:
     return feed
 
 
+def _cutter() -> Cutter:
+    from robotrue.program.formats.gcode_chunks import HEIDENHAIN
+
+    return HEIDENHAIN
+
+
 LANGUAGE: Final = Language(
     name="heidenhain",
     suffixes=(".h",),
     score=_score,
     reader=read_each(_read),
     writer=write_words,
+    cutter=_cutter,
+    long=LONG_PATH,
     feeds=_feeds,
     losses=list_losses,
     steps_from_command=True,

@@ -14,13 +14,14 @@ from robotrue.core.arrays import Array
 from robotrue.program.controller_files import print_abc, print_mm
 from robotrue.program.lang.word_languages import (
     G_CODE,
+    LONG_PATH,
     g_code_feeds,
     is_other_language,
     list_losses,
     path_inserter,
     write_words,
 )
-from robotrue.program.language import FrameForm, Language, TableForm, read_each
+from robotrue.program.language import Cutter, FrameForm, Language, TableForm, read_each
 from robotrue.program.program import FrameTable, Program
 
 _OWN: Final = re.compile(
@@ -69,12 +70,20 @@ def _print_frame(xyz: Array, R: Array, name: str, number: int) -> str:
     )
 
 
+def _cutter() -> Cutter:
+    from robotrue.program.formats.gcode_chunks import SINUMERIK
+
+    return SINUMERIK
+
+
 LANGUAGE: Final = Language(
     name="sinumerik",
     suffixes=(".mpf", ".spf", ".arc"),
     score=_score,
     reader=read_each(_read),
     writer=write_words,
+    cutter=_cutter,
+    long=LONG_PATH,
     called=G_CODE,
     sign=re.compile(rb"(?im)^[^\S\n]*+(%|N?\d*+[^\S\n]*+G0?[0-3]\b)"),
     inserter=path_inserter,

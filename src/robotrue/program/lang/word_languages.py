@@ -13,6 +13,7 @@ from robotrue.core.units import MM
 from robotrue.errors import RobotrueError
 from robotrue.program.formats.stated_feeds import FLAGS, RAPID, last_stated
 from robotrue.program.insertion import Inserter
+from robotrue.program.language import Unfollowed
 from robotrue.program.program import Program, Replacement
 
 if TYPE_CHECKING:
@@ -33,6 +34,8 @@ _FEEDS_OPEN: Final = re.compile(_FEED_WORDS, FLAGS)
 """Words after a bracket that its line does not close, which is no comment."""
 
 
+LONG_PATH: Final = 8 << 20
+"""Bytes from which a file is cut: some 180,000 points."""
 G_CODE: Final = "ISO G-code"
 """Family of the languages that go by each other's suffixes."""
 
@@ -60,8 +63,8 @@ def write_words(program: Program, replacement: Replacement) -> bytes:
     return write_path(program, replacement)
 
 
-def list_losses(program: Program, replacement: Replacement) -> tuple[str, ...]:
-    """Returns what the written file cannot hold of the new points, one sentence each."""
+def list_losses(program: Program, replacement: Replacement) -> tuple[Unfollowed, ...]:
+    """Returns what the written file cannot hold of the new points."""
     from robotrue.program.formats.path_write import path_losses
 
     return path_losses(program, replacement)
