@@ -8,6 +8,7 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 import subprocess
 import sys
@@ -24,7 +25,9 @@ def main(name: str, command: list[str]) -> None:
     print(shlex.join(command), flush=True)
     done = subprocess.run([program, *command[1:]], stdout=subprocess.PIPE, text=True, check=True)
     head = f"$ {shlex.join(command)}\n{machine()}\n\n"
-    (RECORDS / f"{name}.txt").write_text(head + done.stdout, encoding="utf-8")
+    (RECORDS / f"{name}.txt").write_text(
+        head + re.sub(r" +$", "", done.stdout, flags=re.MULTILINE), encoding="utf-8"
+    )
 
 
 if __name__ == "__main__":

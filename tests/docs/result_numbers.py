@@ -1,8 +1,8 @@
 """Finds where each number printed on a page comes from.
 
 Numbers are decimals, whole numbers with a unit, "N of M" and cells of tables. Each is in a block of
-code of its page (console blocks are run, the others are input), in a record, or listed in
-``docs/records/sources.toml`` as a quotation or a setting. A record is a file that holds what a
+code of its page (console blocks are run, those of another language are input), in a record, or
+listed in ``docs/records/sources.toml`` as a quotation or a setting. A record holds what a
 benchmark printed, with its command and date, or a test that asserts the number. Some are copied
 from the page that printed them first, with the date and commit of that page. ``tests`` of a page
 names tests that compare the page: numbers, or ``text`` for its blocks of that kind.
@@ -63,7 +63,7 @@ def pages() -> list[Path]:
 
 
 def page_text(page: Path, *, text_is_run: bool) -> tuple[str, str]:
-    """Returns prose and code of a page; ``text`` blocks are prose unless a test compares them."""
+    """Returns prose and code; blocks without a language are prose unless a test compares them."""
     text = page.read_text(encoding="utf-8")
     if page.suffix == ".ipynb":
         cells = json.loads(text)["cells"]
@@ -71,9 +71,9 @@ def page_text(page: Path, *, text_is_run: bool) -> tuple[str, str]:
         return CODE.sub(" ", "\n".join(prose)), json.dumps(
             [c for c in cells if c["cell_type"] != "markdown"]
         )
-    shown = "text" if not text_is_run else None
-    code = "\n".join(b[0] for b in BLOCK.finditer(text) if b[1] != shown)
-    prose = BLOCK.sub(lambda b: b[0] if b[1] == shown else "\n" * b[0].count("\n"), text)
+    shown = () if text_is_run else ("", "text", "diff")
+    code = "\n".join(b[0] for b in BLOCK.finditer(text) if b[1] not in shown)
+    prose = BLOCK.sub(lambda b: b[0] if b[1] in shown else "\n" * b[0].count("\n"), text)
     return CODE.sub(" ", prose), code
 
 

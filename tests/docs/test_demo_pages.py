@@ -8,6 +8,8 @@ from page_answers import check_answers
 PAGES = (
     ("tutorial", "first-calibration"),
     ("reference", "cli"),
+    ("howto", "compensate-a-program"),
+    ("howto", "g-code"),
     ("howto", "import-a-tracker-file"),
     ("howto", "map-the-workspace"),
     ("howto", "transfer-a-calibration"),
