@@ -11,6 +11,7 @@ import pytest
 
 from robotrue.app.files_context import FilesContext
 from robotrue.app.operations import doctor
+from robotrue.app.presentation import Table
 from robotrue.app.reporting import Silent
 from robotrue.version import __version__
 
@@ -54,7 +55,10 @@ def test_libraries_that_are_missing_or_too_old_are_named(monkeypatch) -> None:
         return "0.1" if name == "scipy" else real(name)
 
     monkeypatch.setattr(metadata, "version", version)
-    found = values()
+    shown = doctor.run(doctor.DoctorRequest(), FilesContext(Silent()))
+    found = dict(shown.document())
+    (extras,) = (each for each in shown.blocks() if isinstance(each, Table))
+    assert [row[2] for row in extras.rows if row[0] == "pdf"] == ["typst missing"]
     assert found["extras"]["pdf"] is False
     assert found["lacking"] == {"pdf": ["typst"]}
     (fault,) = found["faults"]

@@ -43,8 +43,7 @@ CHILDREN: dict[str, str] = {
     "statement": "name? description? countryCodeISO3166_1* convention? traceable? norm* "
     "reference* link* declaration? valid? date? period? respAuthority? conformity? data? "
     "nonSIDefinition? nonSIUnit? location?",
-    "measurementResults": "usedMethods? usedSoftware? measuringEquipments? influenceConditions? "
-    "measurementMetaData? measurementResult+",
+    "measurementResults": "measurementResult+",
     "usedMethods": "usedMethod+",
     "usedMethod": "name description? norm* reference* link* usedMethodQuantities?",
     "measuringEquipments": "name? equipmentClass* description? owner? identifications? "
@@ -53,13 +52,18 @@ CHILDREN: dict[str, str] = {
     "identifications? measuringEquipmentQuantities? installedSoftware?",
     "influenceConditions": "influenceCondition+",
     "influenceCondition": "name description? status? certificate? data",
-    "measurementResult": "name description? usedMethods? usedSoftware? measuringEquipments? "
-    "influenceConditions? results measurementMetaData?",
+    "measurementResult": "name description? usedMethods usedSoftware measuringEquipments? "
+    "influenceConditions results measurementMetaData?",
     "results": "result+",
     "result": "name description? data",
     "quantity": "name? description? (real|realListXMLList) relativeUncertainty? usedMethods? "
     "usedSoftware? measuringEquipments? influenceConditions? measurementMetaData?",
+    "list": "name? description? quantity+",
     "name": "content+",
+    "description": "content+",
+    "declaration": "content+",
+    "text": "content+",
+    "further": "content+",
     "real": "label? quantityTypeQUDT? value unit significantDigit? dateTime? "
     "measurementUncertaintyUnivariate?",
     "realListXMLList": "labelXMLList? quantityTypeQUDTXMLList? valueXMLList unitXMLList "
@@ -70,9 +74,11 @@ CHILDREN: dict[str, str] = {
 }
 """Children of each element that a certificate of ours may have, in the order of the schema.
 
-From schema 3.3.0 of the Digital Calibration Certificate and 2.2.1 of the Digital SI.
+From schema 3.3.0 of the Digital Calibration Certificate and 2.2.1 of the Digital SI. Method,
+software and conditions of a result are required by PTB's Schematron rules (package dcclib).
 """
 VALUES = {
+    "release": r"[a-zA-Z] ?(\d{1,3}\.){0,3}\d{1,3}",
     "countryCodeISO3166_1": "[A-Z]{2}",
     "usedLangCodeISO639_1": "[a-z]{2}",
     "mandatoryLangCodeISO639_1": "[a-z]{2}",
@@ -116,12 +122,39 @@ def check_structure(element: ET.Element) -> int:
     return 1 + sum(map(check_structure, element))
 
 
+def with_required_keys_only(certified):
+    stated = [each for each in STATED if each.partition("=")[0] in REQUIRED]
+    return replace(certified, head=read_certificate_head(None, stated))
+
+
 @pytest.mark.parametrize("lang", ["en", "zh"])
 def test_the_structure_is_that_of_the_schema(certified, lang):
     root = ET.fromstring(dcc_xml(certified, tolerance=2e-4, lang=lang))  # noqa: S314  our own
     assert root.tag == f"{{{DCC}}}digitalCalibrationCertificate"
     assert root.get("schemaVersion") == "3.3.0"
     assert check_structure(root) > 150
+
+
+def test_conditions_that_are_not_stated_are_named_as_such(certified):
+    root = ET.fromstring(dcc_xml(with_required_keys_only(certified)))  # noqa: S314  our own
+    check_structure(root)
+    (condition,) = root.iter(f"{{{DCC}}}influenceCondition")
+    assert [text for text in condition.itertext() if text.strip()] == ["temperature", "not stated"]
+
+
+def test_ids_are_referred_to(certified):
+    root = ET.fromstring(dcc_xml(certified))  # noqa: S314  our own
+    referred = {name for each in root.iter() for name in each.get("refId", "").split()}
+    assert {each.get("id") for each in root.iter()} - {None} == referred
+
+
+def test_rules_of_ptb_find_no_error(certified):
+    schematron = pytest.importorskip("dcclib.validation.schematron", reason="pip install dcclib")
+    rules = schematron.SchematronValidator.for_dcc()
+    for facts in (certified, with_required_keys_only(certified)):
+        found = rules.validate_str(dcc_xml(facts, tolerance=2e-4).decode())
+        reports = (*found.failed_assertions, *found.successful_reports)
+        assert [each.text for each in reports if each.role != "information"] == []
 
 
 def test_a_child_out_of_order_is_noticed(certified):

@@ -66,7 +66,7 @@ def dcc_xml(
     root = _dcc(
         "digitalCalibrationCertificate",
         _dcc("administrativeData", *writer.administrative_data(facts.check, tolerance)),
-        _dcc("measurementResults", *writer.measurement_results(facts.check)),
+        _dcc("measurementResults", writer.measurement_results(facts.check)),
     )
     root.set("schemaVersion", SCHEMA)
     root.set(f"{{{XSI}}}schemaLocation", f"{DCC} {DCC}/v{SCHEMA}/dcc.xsd")
@@ -91,8 +91,7 @@ class _Writer:
         self, check: ValidationReport, tolerance: float | None
     ) -> Iterator[ET.Element]:
         head = self.facts.head
-        software = _dcc("software", self._name("name", "robotrue"), _text("release", __version__))
-        yield _dcc("dccSoftware", software)
+        yield _dcc("dccSoftware", self._software())
         yield _dcc("coreData", *self._core_data())
         item = _dcc(
             "item",
@@ -100,7 +99,6 @@ class _Writer:
             *self._manufacturer(head.robot_maker),
             _text("model", head.robot_type),
             _dcc("identifications", *self._identifications("robot_serial", "controller_serial")),
-            id="robot",
         )
         yield _dcc("items", item)
         laboratory = self._contact(
@@ -111,10 +109,25 @@ class _Writer:
         yield self._contact("customer", head.customer, head.customer_address)
         yield _dcc("statements", *self._statements(check, tolerance))
 
-    def measurement_results(self, check: ValidationReport) -> Iterator[ET.Element]:
+    def measurement_results(self, check: ValidationReport) -> ET.Element:
+        """The result with its method, software, instrument and conditions, which PTB requires."""
+        description = self._contents(self.t("cert.subtitle", method=self.facts.method))
+        return _dcc(
+            "measurementResult",
+            self._name("name", self.t("cal.section")),
+            _dcc("description", *description),
+            _dcc("usedMethods", _dcc("usedMethod", self._name("name", self.facts.method))),
+            _dcc("usedSoftware", self._software()),
+            *self._instruments(),
+            _dcc("influenceConditions", *self._conditions()),
+            _dcc("results", self._summary(check), self._poses(check)),
+        )
+
+    def _software(self) -> ET.Element:
+        return _dcc("software", self._name("name", "robotrue"), _text("release", f"v{__version__}"))
+
+    def _instruments(self) -> Iterator[ET.Element]:
         head = self.facts.head
-        method = _dcc("usedMethod", self._name("name", self.facts.method))
-        yield _dcc("usedMethods", method)
         if head.instrument_type or head.instrument_serial:
             numbers = list(self._identifications("instrument_serial", "instrument_certificate"))
             instrument = _dcc(
@@ -124,15 +137,6 @@ class _Writer:
                 *([_dcc("identifications", *numbers)] if numbers else []),
             )
             yield _dcc("measuringEquipments", instrument)
-        conditions = list(self._conditions())
-        if conditions:
-            yield _dcc("influenceConditions", *conditions)
-        yield _dcc(
-            "measurementResult",
-            self._name("name", self.t("cal.section")),
-            _dcc("description", *self._contents(self.t("cert.subtitle", method=self.facts.method))),
-            _dcc("results", self._summary(check), self._poses(check)),
-        )
 
     def _core_data(self) -> Iterator[ET.Element]:
         head, lang = self.facts.head, self.t.lang
@@ -166,16 +170,20 @@ class _Writer:
 
     def _conditions(self) -> Iterator[ET.Element]:
         head = self.facts.head
-        for key, value, unit in (
-            ("temperature", head.temperature_degC, r"\degreecelsius"),
-            ("temperature_span", head.temperature_span_degC, r"\kelvin"),
-            ("load", head.load_kg, r"\kilogram"),
-            ("speed", head.speed_mm_per_s, r"\milli\metre\second\tothe{-1}"),
-        ):
-            if value is not None:
-                quantity = _dcc("quantity", _real(value, unit))
-                name = self._name("name", self.t(f"head.{key}"))
-                yield _dcc("influenceCondition", name, _dcc("data", quantity))
+        stated = {
+            key: _dcc("quantity", _real(value, unit))
+            for key, value, unit in (
+                ("temperature", head.temperature_degC, r"\degreecelsius"),
+                ("temperature_span", head.temperature_span_degC, r"\kelvin"),
+                ("load", head.load_kg, r"\kilogram"),
+                ("speed", head.speed_mm_per_s, r"\milli\metre\second\tothe{-1}"),
+            )
+            if value is not None
+        }
+        unknown = {"temperature": _dcc("text", *self._contents(self.t("head.not_stated")))}
+        for key, value in (stated or unknown).items():
+            name = self._name("name", self.t(f"head.{key}"))
+            yield _dcc("influenceCondition", name, _dcc("data", value))
 
     def _summary(self, check: ValidationReport) -> ET.Element:
         before, after = check.before_aligned or check.before, check.after

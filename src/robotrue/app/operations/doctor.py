@@ -72,7 +72,7 @@ def run(request: DoctorRequest, context: Context) -> PlainResult:
             "NUMBA_CACHE_DIR=a folder you may write."
         )
     extra_rows = tuple(
-        (name, EXTRAS[name], "installed" if not lacks else f"lacks {', '.join(map(str, lacks))}")
+        (name, EXTRAS[name], ", ".join(map(str, lacks)) or "installed")
         for name, lacks in extras.items()
     )
     facts = (
@@ -102,7 +102,7 @@ def run(request: DoctorRequest, context: Context) -> PlainResult:
         shown=(
             Facts(title="installation", rows=facts),
             Table(
-                title="extras: pip install 'robotrue[NAME]', or all of them: 'robotrue[all]'",
+                title="extras: pip install 'robotrue[NAME]', or all but postgres: 'robotrue[all]'",
                 columns=("name", "for", "state"),
                 rows=extra_rows,
                 words=True,
