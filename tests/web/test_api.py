@@ -14,6 +14,7 @@ from robotrue.app.job_kinds import job_kinds
 from robotrue.store import items
 from robotrue.store.nouns import CELL
 from robotrue.web import uploads
+from robotrue.web.static_files import STATIC_ROOT
 from robotrue.web.uploads import FOLDER, safe_name
 
 
@@ -65,8 +66,8 @@ def test_refusals_say_what_was_wrong_and_what_to_try(client: Client, filled: Sho
         "/api/jobs/none",
         "/api/files/../../etc/passwd",
         "/reports/model/none/" + "0" * 64,
-        "/static/../server.py",
-        "/static/%2e%2e/server.py",
+        f"{STATIC_ROOT}/../../server.py",
+        f"{STATIC_ROOT}/%2e%2e/server.py",
     ],
 )
 def test_what_is_not_there_is_not_found(client: Client, path: str) -> None:

@@ -16,6 +16,7 @@ from robotrue.web.gate import COOKIE
 from robotrue.web.pages import SCREENS
 from robotrue.web.serve_settings import ServeSettings
 from robotrue.web.sessions import LIFETIME, TRIES, WINDOW, Sessions, Tries
+from robotrue.web.static_files import STATIC_ROOT
 
 PASSWORD = "correct horse"  # noqa: S105
 TOKEN = "0123456789abcdef0123"  # noqa: S105
@@ -93,7 +94,7 @@ def test_off_loopback_nobody_is_let_in_without_a_secret(client: Client) -> None:
         answer = far.get(path)
         assert answer.status_code == 401, path
         assert answer.headers["www-authenticate"] == "Bearer"
-    for path in ("/", "/programs", "/static/bench.js", "/reports/model/a/b"):
+    for path in ("/", "/programs", f"{STATIC_ROOT}/bench.js", "/reports/model/a/b"):
         assert far.get(path, follow_redirects=False).headers["location"] == "/login", path
     assert far.post("/api/files?name=a", content=b"x").status_code == 401
     assert (
@@ -112,15 +113,15 @@ def test_no_route_whatever_answers_a_stranger(client: Client) -> None:
     assert len(routes) > 25
     routes += [(m, page.path) for page in SCREENS for m in ("get", "post")]
     routes += [
-        ("get", "/vendor/vue/vue.esm-browser.prod.js"),
-        ("get", "/vendor/three/index.js"),
+        ("get", f"{STATIC_ROOT}/vue/vue.esm-browser.prod.js"),
+        ("get", f"{STATIC_ROOT}/three/index.js"),
         ("get", "/tools/predict"),
         ("get", "/tools/predict?job=a"),
         ("get", "/programs?id=a&part=judged"),
         ("get", "/reports/model/a/" + "0" * 64),
         ("get", "//api/items/cell"),
         ("get", "/login/../api/items/cell"),
-        ("get", "/static/icon.svg/../../api/items/cell"),
+        ("get", f"{STATIC_ROOT}/icon.svg/../../api/items/cell"),
         ("get", "/%61pi/items/cell"),
         ("get", "/API/items/cell"),
     ]

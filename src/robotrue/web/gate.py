@@ -25,9 +25,10 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from robotrue.web.problems import problem
 from robotrue.web.serve_settings import MB, ServeSettings
 from robotrue.web.sessions import Sessions, same_secret
+from robotrue.web.static_files import STATIC_ROOT
 
 COOKIE: Final = "robotrue_session"
-OPEN_PATHS: Final = frozenset({"/login", "/static/icon.svg"})
+OPEN_PATHS: Final = frozenset({"/login", f"{STATIC_ROOT}/icon.svg"})
 """Paths that are answered before a login."""
 POLICY_VIOLATION: Final = 1008
 """Why a WebSocket is closed (RFC 6455)."""

@@ -32,8 +32,6 @@ Item = TypeVar("Item", bound=ItemRecord)
 Usual = TypeVar("Usual", float, None)
 KEPT_CHOICES: Final = ("model", "registration", "tolerance_mm")
 """Parts of an address that a person states once and that hold for what is opened from there."""
-LIVE_FILES: Final = "/live/files"
-"""Where scripts and style of the live view are served."""
 JUST_NOW: Final = timedelta(seconds=15)
 """Ago."""
 
@@ -180,7 +178,7 @@ class Screen:
     Attributes:
         name: Also of its file, and the key of its texts and of its icon.
         path: Address.
-        styles: Addresses of its additional style sheets.
+        styles: Its additional style sheets, below the folder of static files.
         below: Further address; names in braces are in the query.
         stage: Of the project it belongs to; empty: none, or all.
         operations: Operations with special forms.

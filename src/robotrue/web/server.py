@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import gc
-import os
 import socket
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
@@ -16,7 +15,6 @@ from fastapi import FastAPI, Request, Response
 from fastapi.responses import HTMLResponse
 from starlette.exceptions import HTTPException
 from starlette.routing import BaseRoute
-from starlette.staticfiles import PathLike, StaticFiles
 from starlette.types import Lifespan, Receive, Scope, Send
 
 from robotrue.errors import ConfigurationError, RobotrueError
@@ -29,21 +27,19 @@ from robotrue.web.language import Wording
 from robotrue.web.live_relay import Relays
 from robotrue.web.login import is_page, login_router, missing_page
 from robotrue.web.models import shown_model
-from robotrue.web.page_context import LIVE_FILES, PageContext, Screen, ServerContext
+from robotrue.web.page_context import PageContext, Screen, ServerContext
 from robotrue.web.pages import SCREENS
 from robotrue.web.pages.overview_screen import count_items
 from robotrue.web.preferences import preferences_from
 from robotrue.web.problems import DOCUMENTED, answer_with_problems, refusal
 from robotrue.web.serve_settings import ServeSettings
 from robotrue.web.sessions import Sessions, Tries
+from robotrue.web.static_files import add_static_files
 from robotrue.web.uploads import forget_old
 from robotrue.web.workers import Answers, QueryWorkers
 
 INTERFACE: Final = ("/api/", "/reports/")
 """What the addresses of the HTTP interface begin with."""
-STATIC: Final = Path(__file__).parent / "static"
-VENDORED: Final = {"vue": "static", "three": "elements/scene/dist"}
-"""Folders of the wheel of NiceGUI, of which nothing else is used: it brings Vue and Three.js."""
 
 
 def serve(settings: ServeSettings, *, ready: Callable[[str], None]) -> None:
@@ -188,10 +184,7 @@ def core_app(server: ServerContext) -> FastAPI:
     sessions = Sessions()
     answer_with_problems(app)
     app.include_router(login_router(server.settings, sessions, Tries()))
-    app.mount(LIVE_FILES, StaticFiles(packages=[("robotrue.online", "live")]))
-    app.mount("/static", StaticFiles(directory=STATIC), name="static")
-    for name, folder in VENDORED.items():
-        app.mount(f"/vendor/{name}", CachedFiles(packages=[("nicegui", folder)]))
+    add_static_files(app)
     _add_pages(app, server)
     app.add_middleware(Gate, settings=server.settings, sessions=sessions)
     return app
@@ -244,15 +237,3 @@ async def _build_page(context: PageContext, part: str) -> str:
             return refusal(context.say, error)
         title = context.say("frame.not_found") if isinstance(error, ConfigurationError) else ""
         return context.render("refused.html", card=refusal(context.say, error, title=title))
-
-
-class CachedFiles(StaticFiles):
-    """Files of other projects, which a browser may keep for a while."""
-
-    def file_response(
-        self, full_path: PathLike, stat_result: os.stat_result, scope: Scope, status_code: int = 200
-    ) -> Response:
-        """Returns a file, or that it has not changed."""
-        answer = super().file_response(full_path, stat_result, scope, status_code)
-        answer.headers["Cache-Control"] = "public, max-age=3600"
-        return answer

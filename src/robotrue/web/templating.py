@@ -15,6 +15,7 @@ from robotrue.report.theme import DARK, LIGHT, STYLE, css_variables
 from robotrue.store.records import ItemRecord, provenance_of_record
 from robotrue.version import __version__
 from robotrue.web.language import LANGUAGES
+from robotrue.web.static_files import STATIC_ROOT
 
 FOLDER: Final = Path(__file__).parent / "templates"
 ICONS: Final = {
@@ -88,6 +89,7 @@ def _environment() -> Environment:
     made.tests["simulated"] = _is_simulated
     made.globals.update(
         version=__version__,
+        static=STATIC_ROOT,
         icons=ICONS,
         languages=LANGUAGES,
         palette=_palette(),

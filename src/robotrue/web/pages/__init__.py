@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from typing import Final
 
-from robotrue.web.page_context import LIVE_FILES, Screen
+from robotrue.web.page_context import Screen
 
-PLAN_STYLES: Final = ("/static/plan.css",)
+PLAN_STYLES: Final = ("plan.css",)
 SCREENS: Final[tuple[Screen, ...]] = (
-    Screen(name="overview", path="/", styles=("/static/overview.css",)),
-    Screen(name="cell", path="/cell", stage="setup", styles=("/static/cell.css",)),
+    Screen(name="overview", path="/", styles=("overview.css",)),
+    Screen(name="cell", path="/cell", stage="setup", styles=("cell.css",)),
     Screen(name="plan", path="/plan", stage="measure", styles=PLAN_STYLES, operations=("plan",)),
     Screen(name="measurements", path="/measurements", stage="measure"),
     Screen(
@@ -28,7 +28,7 @@ SCREENS: Final[tuple[Screen, ...]] = (
         name="registration",
         path="/registration",
         stage="use",
-        styles=("/static/touch.css",),
+        styles=("touch.css",),
         operations=("register", "probe_plan", "report"),
     ),
     Screen(
@@ -49,14 +49,14 @@ SCREENS: Final[tuple[Screen, ...]] = (
         name="drilling",
         path="/drilling",
         stage="monitor",
-        styles=("/static/drilling.css",),
+        styles=("drilling.css",),
         operations=("drill_fit", "drill_report"),
     ),
     Screen(
         name="live",
         path="/live",
         stage="monitor",
-        styles=(f"{LIVE_FILES}/live.css", "/static/live.css"),
+        styles=("live/live.css", "live.css"),
     ),
     Screen(name="tools", path="/tools", below="/tools/{operation}", styles=PLAN_STYLES),
     Screen(name="history", path="/history"),

@@ -6,8 +6,9 @@ from importlib import resources
 from typing import Final
 
 from robotrue.web.live_sources import is_allowed, sources
-from robotrue.web.page_context import LIVE_FILES, PageContext
+from robotrue.web.page_context import PageContext
 from robotrue.web.serve_settings import SENSE_PORT
+from robotrue.web.static_files import STATIC_ROOT
 
 ADDRESS: Final = f"ws://127.0.0.1:{SENSE_PORT}"
 COMMAND: Final = f"robotrue sense cell.toml --robot rsi://... --force rdt://... --out {ADDRESS}"
@@ -24,7 +25,7 @@ async def _build(context: PageContext) -> str:
         shown=shown,
         allowed=shown is not None and is_allowed(shown.address, context.server.settings.sense),
         markup=_view_markup(),
-        files=LIVE_FILES,
+        files=f"{STATIC_ROOT}/live",
         address=ADDRESS,
         command=COMMAND,
     )

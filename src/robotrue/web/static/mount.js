@@ -1,8 +1,8 @@
 // Puts components where the page leaves places for them, and fills its parts that come later.
-import { createApp } from "/vendor/vue/vue.esm-browser.prod.js";
+import { createApp } from "./vue/vue.esm-browser.prod.js";
 
 async function mount(place) {
-  const { default: component } = await import(`/static/components/${place.dataset.component}.js`);
+  const { default: component } = await import(`./components/${place.dataset.component}.js`);
   createApp(component, JSON.parse(place.dataset.props)).mount(place);
 }
 

@@ -3,9 +3,9 @@
 // and all is whole again at rest.
 "use strict";
 
-import { fitCamera } from "/static/camera_fit.js";
-import { drawBeam, drawInstruments } from "/static/instrument.js";
-import { RobotBody } from "/static/robot_body.js";
+import { fitCamera } from "./camera_fit.js";
+import { drawBeam, drawInstruments } from "./instrument.js";
+import { RobotBody } from "./robot_body.js";
 
 const RAMP = [[47, 109, 179], [63, 167, 160], [140, 194, 106], [240, 176, 64], [216, 67, 43]].map((c) => c.map((v) => (v / 255) ** 2.2));
 const REST_MS = 160;

@@ -1,6 +1,6 @@
 // The 3-D view as an element of a page: fetches what is to be seen, and the controls beside it.
-import * as three from "/vendor/three/index.js";
-import { drawObstacles } from "/static/obstacles.js";
+import * as three from "../three/index.js";
+import { drawObstacles } from "../obstacles.js";
 
 const UNITS = { mm: 1e3, um: 1e6 };
 const STEPS = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000, 10000];
@@ -60,7 +60,7 @@ export default {
     this.onHover = (e) => this.view?.hover(e.detail);
     addEventListener("bench-hover", this.onHover);
     try {
-      const tools = await import("/static/scene_view.js");
+      const tools = await import("../scene_view.js");
       const response = await fetch(this.src);
       const doc = await response.json();
       if (!response.ok) throw doc;
