@@ -13,11 +13,13 @@ from robotrue.core.units import MM
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.report.warning_groups import (
     PREFIX,
+    count_warnings,
     group_unseen,
     group_warnings,
     region_costs,
     without_unseen,
 )
+from robotrue.report.words import ReportTexts
 from robotrue.robot.forward import forward
 from robotrue.robot.presets import preset
 
@@ -43,6 +45,26 @@ def test_each_cure_is_one_line_and_no_other_warning_is_lost(model):
     assert lines[-1] == "something else."
     assert without_unseen(model, [*warnings, "something else."]) == ("something else.",)
     assert len(group_unseen(model)) < len(model.training_summary().unseen)
+
+
+def test_a_reader_sees_counts_and_asks_for_names(model):
+    """Parameters are named apart from the sentence; the rest of it stays."""
+    warnings = model.training_summary().warnings
+    counted = count_warnings(model, [*warnings, "something else."])
+    lines = group_warnings(model, [*warnings, "something else."])
+    assert counted[-1] == ("something else.", [])
+    named = [(text, names) for text, names in counted if names]
+    assert len(named) == len([line for line in lines if line.startswith(PREFIX)])
+    for (text, names), line in zip(counted, lines, strict=True):
+        assert (
+            text.partition(": ")[2].partition(": ")[2] == line.partition(": ")[2].partition(": ")[2]
+        )
+        assert not any(name in text.partition(" parameters")[0] for name in names)
+    for text, names in named:
+        several = "" if len(names) == 1 else "s"
+        assert text.startswith(f"{PREFIX}{len(names)} combination{several} of parameters")
+        chinese = ReportTexts(lang="zh").sentence(text)
+        assert chinese.startswith(f"数据未能确定：{len(names)} 个参数组合")
 
 
 def test_the_cost_is_that_of_the_covariance_it_comes_from(model):

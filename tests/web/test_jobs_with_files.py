@@ -18,6 +18,7 @@ from robotrue.app.job_kinds import job_kinds
 from robotrue.app.registry import operation_of
 from robotrue.app.reporting import Silent
 from robotrue.core.provenance import Provenance
+from robotrue.simulation import table_practice
 from robotrue.store import cells, items, jobs, models
 from robotrue.store.jobs_claim import claim
 from robotrue.store.jobs_work import attempt
@@ -204,6 +205,27 @@ def test_a_table_of_another_layout_is_calibrated_with_its_mapping(
 MAPPING = """joints = ["A1", "A2", "A3", "A4", "A5", "A6"]
 position = ["X", "Y", "Z"]
 """
+
+
+def test_points_on_a_rotary_table_are_sent_with_the_page_of_calibrations(
+    here: Any, own: Shop, tmp_path: Path
+) -> None:
+    table_practice.main([str(tmp_path)])
+    cell = cells.add(own.workspace, tmp_path / "cell.toml", name="Arm and table")
+    form = unescape(here.get("/calibration", headers=ENGLISH).text)
+    assert '<input type="file" name="table" data-testid="table">' in form
+    assert "Points on a rotary table (optional)" in form
+    done = do(
+        here, own, "calibrate", cell=cell.id, method="elastic",
+        measurements=[send(here, tmp_path / "measured.csv")],
+        table=send(here, tmp_path / "table.csv"),
+    )  # fmt: skip
+    assert done.result is not None, done.error
+    record = items.get(own.workspace, MODEL, done.result["model"]["id"])
+    learned = models.model_of(own.workspace, record).model.training_summary()
+    assert learned["table"]["points"] == 4
+    page = unescape(here.get(f"/calibration?model={record.id}&part=learned", headers=ENGLISH).text)
+    assert "table E2: axis off by" in page
 
 
 def test_a_hierarchical_plan_is_made_by_a_job(here: Any, own: Shop, design: Path) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -30,18 +30,31 @@ def group_warnings(model: ErrorModel, warnings: Sequence[str]) -> list[str]:
         model: Its summary lists the undetermined combinations of parameters.
         warnings: Sentences, as the summary or a validation lists them.
     """
+    return [line for line, _ in _group_lines(model, warnings)]
+
+
+def count_warnings(model: ErrorModel, warnings: Sequence[str]) -> list[tuple[str, list[str]]]:
+    """Returns the same warnings with combinations counted, not named, and with their names."""
+    return [
+        (line.replace(_name_group(group), _count(group), 1), [each.name for each in group])
+        if group
+        else (line, [])
+        for line, group in _group_lines(model, warnings)
+    ]
+
+
+def _group_lines(
+    model: ErrorModel, warnings: Sequence[str]
+) -> Iterator[tuple[str, Sequence[Unseen]]]:
+    """Yields each line with the combinations that it is about, if any."""
     unseen = {f"{PREFIX}{each.name}: {each.cure}.": each for each in _list_harmful(model)}
     by_cure = _group_by_cure(unseen[line] for line in warnings if line in unseen)
     described = _describe_groups(model, by_cure)
-    lines: list[str] = []
     for line in warnings:
         if line not in unseen:
-            lines.append(line)
-            continue
-        description = described.pop(unseen[line].cure, "")
-        if description:
-            lines.append(f"{PREFIX}{description}.")
-    return lines
+            yield line, ()
+        elif description := described.pop(unseen[line].cure, ""):
+            yield f"{PREFIX}{description}.", by_cure[unseen[line].cure]
 
 
 def group_unseen(model: ErrorModel) -> list[str]:
@@ -77,6 +90,10 @@ def _name_group(group: Sequence[Unseen]) -> str:
     more = len(names) - NAMED
     shown = ", ".join(names[:NAMED] if more > 1 else names)
     return f"{shown}, {more} more combinations" if more > 1 else shown
+
+
+def _count(group: Sequence[Unseen]) -> str:
+    return f"{len(group)} combination{'' if len(group) == 1 else 's'} of parameters"
 
 
 def _describe_groups(model: ErrorModel, groups: Mapping[str, Sequence[Unseen]]) -> dict[str, str]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal
 from robotrue.app.context import Context
 from robotrue.app.operation import Operation
 from robotrue.app.presentation import Block, Facts, Note, PlainResult, Table
-from robotrue.app.request import ON_COMMAND_LINE, InputFile, Item, Option, Reference, Request
+from robotrue.app.request import ALL, ON_COMMAND_LINE, InputFile, Item, Option, Reference, Request
 from robotrue.app.request_fields import (
     CellFile,
     ForeignColumns,
@@ -63,8 +63,10 @@ class CalibrateRequest(Request):
     table: Annotated[
         Path | None,
         InputFile(
+            shells=ALL,
+            advanced=True,
             help="Points on a rotary table, measured at several angles (CSV: point, e2_deg, x_mm, "
-            "y_mm, z_mm): its errors are learned, too."
+            "y_mm, z_mm): its errors are learned, too.",
         ),
     ] = None
     report: SavedPage = None

@@ -23,7 +23,7 @@ from robotrue.report.model_view import (
     list_geometric_errors,
     stiffness,
 )
-from robotrue.report.warning_groups import group_warnings
+from robotrue.report.warning_groups import count_warnings
 from robotrue.robot.configuration import controller_axes
 from robotrue.robot.model import RobotModel
 from robotrue.store import items, measurements, models
@@ -52,11 +52,10 @@ def show_model(workspace: Workspace, model_id: str, version: int) -> bytes:
             "held_out_m": summary.held_out_mean,
             "rms_m": summary.rms,
             "noise_m": summary.white_sd,
-            "warnings": group_warnings(model, summary.warnings),
-            "unseen": [
-                {"name": unseen.name, "cure": unseen.cure}
-                for unseen in summary.unseen
-                if not unseen.harmless
+            "terms": list(summary.terms),
+            "warnings": [
+                {"text": text, "names": names}
+                for text, names in count_warnings(model, summary.warnings)
             ],
             "parameters": list_geometric_errors(model),
             "stiffness": _stiffness(model),

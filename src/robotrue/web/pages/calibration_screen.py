@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Final
 
-from markupsafe import Markup, escape
-
 from robotrue.app.operations.calibrate import CalibrateRequest
-from robotrue.app.request import FORM, fields_of
+from robotrue.app.request import fields_of
 from robotrue.app.workbench import workbench_calls as calls
-from robotrue.core.document_decoder import decode
 from robotrue.report.words import ReportTexts
 from robotrue.store.nouns import CELL, MEASUREMENT, MODEL, ModelRecord
 from robotrue.store.records import ItemQuery
@@ -30,7 +26,7 @@ async def _build(context: PageContext) -> str:
         model=context.model,
         reports=None if context.model is None else await _certificate(context, context.model),
         missing=await _find_missing_page(context),
-        form=await _form(context),
+        **await _form(context),
         models=await context.items(MODEL, ItemQuery(limit=50)),
     )
 
@@ -61,15 +57,16 @@ async def _form(context: PageContext) -> dict[str, object]:
         request=CalibrateRequest,
         group="calibration",
         records={"cell": cells, "measurement": sets},
-        marks={"measurements": "pick-set", "method": "method"},
+        marks={"measurements": "pick-set", "method": "method", "table": "table"},
         values={"measurements": picked},
+        without=frozenset({"measurements"}),
     )
-    picks, *others = (
-        form.control(each)
-        for each in sorted(fields_of(CalibrateRequest), key=lambda each: not each.many)
-        if each.is_in(FORM)
-    )
-    return {"picks": picks, "others": [*others, form.name_field()]}
+    (picked_from,) = (each for each in fields_of(CalibrateRequest) if each.name == "measurements")
+    return {
+        "picks": form.control(picked_from),
+        "plain": form.fields(advanced=False) + form.name_field(),
+        "advanced": form.fields(advanced=True),
+    }
 
 
 async def _show_learned(context: PageContext) -> str:
@@ -88,36 +85,8 @@ async def _show_learned(context: PageContext) -> str:
         found=found,
         spans=spans,
         known=KNOWN,
-        warnings=_warnings(context, decode(_Warnings, found)),
+        sentence=ReportTexts(lang="zh" if context.say.language == "zh" else "en").sentence,
     )
-
-
-@dataclass(frozen=True, slots=True)
-class _Warnings:
-    """Sentences on undetermined parameters, and the combinations they name."""
-
-    warnings: list[str]
-    unseen: list[dict[str, str]]
-
-
-def _warnings(context: PageContext, stated: _Warnings) -> list[Markup]:
-    """Warnings about undetermined combinations, in the reader's language.
-
-    The combination of parameters is the same in every language, and is highlighted.
-    """
-    words = ReportTexts(lang="zh" if context.say.language == "zh" else "en")
-    names = {each["name"] for each in stated.unseen}
-    marked = []
-    for warning in stated.warnings:
-        sentence = words.sentence(warning)
-        name = max((each for each in names if each in sentence), key=len, default="")
-        text = escape(sentence)
-        if name:
-            shown = context.render("mono.html", text=name)
-            before, _, after = sentence.partition(name)
-            text = escape(before) + shown + escape(after)
-        marked.append(text)
-    return marked
 
 
 async def _show_residuals(context: PageContext) -> str:

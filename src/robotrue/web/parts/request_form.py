@@ -12,7 +12,16 @@ from dataclasses import dataclass, field
 from annotated_types import Ge, Gt, Le, Lt
 from markupsafe import Markup
 
-from robotrue.app.request import FORM, JOB, Item, Output, Request, RequestField, fields_of
+from robotrue.app.request import (
+    FORM,
+    JOB,
+    InputFile,
+    Item,
+    Output,
+    Request,
+    RequestField,
+    fields_of,
+)
 from robotrue.store.records import ItemRecord
 from robotrue.web.page_context import PageContext
 from robotrue.web.templating import macro
@@ -64,6 +73,8 @@ class RequestForm:
         """The macro that writes a field."""
         if each.kind is bool or isinstance(each.entry, Output):
             return "tick"
+        if isinstance(each.entry, InputFile):
+            return "sent"
         if isinstance(each.entry, Item):
             return "picks" if each.many and each.is_required(JOB) else "items"
         if each.choices:
