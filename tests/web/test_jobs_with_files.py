@@ -19,12 +19,13 @@ from robotrue.app.registry import operation_of
 from robotrue.app.reporting import Silent
 from robotrue.core.provenance import Provenance
 from robotrue.simulation import table_practice
-from robotrue.store import cells, items, jobs, models
+from robotrue.store import cells, items, jobs, models, programs
 from robotrue.store.jobs_claim import claim
 from robotrue.store.jobs_work import attempt
 from robotrue.store.model_file import read_model
 from robotrue.store.nouns import CELL, DOCUMENT, MEASUREMENT, MODEL
 from robotrue.store.records import ItemQuery
+from robotrue.web.language import LANGUAGES, Wording
 from robotrue_reproductions.deng2022.design_files import write_design
 
 ENGLISH = {"accept-language": "en"}
@@ -226,6 +227,27 @@ def test_points_on_a_rotary_table_are_sent_with_the_page_of_calibrations(
     assert learned["table"]["points"] == 4
     page = unescape(here.get(f"/calibration?model={record.id}&part=learned", headers=ENGLISH).text)
     assert "table E2: axis off by" in page
+
+
+def test_the_table_of_a_job_advises_fields_of_the_page(
+    here: Any, own: Shop, tmp_path: Path
+) -> None:
+    """A command line would be advised its options."""
+    text = (own.folder / "part.src").read_text()
+    files = [tmp_path / name for name in ("first.src", "second.src")]
+    for file in files:
+        file.write_text(text.replace("DEF part", f"DEF {file.stem}"))
+    program = programs.add(own.workspace, files, name="Job")
+    done = do(here, own, "compensate", model=own.model.id, program=program.id)
+    assert done.result is not None, done.error
+    page = f"/programs?id={done.result['program']['id']}"
+    for language in LANGUAGES:
+        told = unescape(here.get(page, headers={"accept-language": language}).text)
+        tables = told.partition('data-testid="job-tables"')[2].partition('data-testid="left-as')[0]
+        label = Wording(language)("programs.axis_targets")
+        assert f"compensate with “{label}”" in tables
+        assert "--" not in tables
+    assert "compensate with “" in shown(here, done)
 
 
 def test_a_hierarchical_plan_is_made_by_a_job(here: Any, own: Shop, design: Path) -> None:

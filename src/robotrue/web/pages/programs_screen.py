@@ -6,6 +6,7 @@ from typing import Final
 
 from robotrue.app.compensation_request import CompensateRequest
 from robotrue.app.job_files import BLOCKS
+from robotrue.app.request import FORM, fields_of
 from robotrue.app.serve_defaults import LARGEST_DRAWN
 from robotrue.app.workbench import workbench_calls as calls
 from robotrue.store.nouns import (
@@ -20,7 +21,7 @@ from robotrue.store.records import ItemQuery
 from robotrue.web.page_context import PageContext
 from robotrue.web.parts.changed_lines import SHOWN, list_changed_lines
 from robotrue.web.parts.reports import Reports, find_reports
-from robotrue.web.parts.request_form import RequestForm
+from robotrue.web.parts.request_form import RequestForm, name_options
 from robotrue.web.parts.residuals import draw_along
 
 AFTER: Final = "after"
@@ -49,7 +50,15 @@ async def _build(context: PageContext) -> str:
         form=None if after or context.model is None else await _form(context, context.model),
         jobs=jobs,
         notes=[str(each) for each in record.detail.get("notes") or ()] if after else [],
-        tables=record.detail.get(BLOCKS) or [],
+        tables=name_options(
+            record.detail.get(BLOCKS) or [],
+            (
+                each
+                for each in fields_of(CompensateRequest)
+                if each.is_in(FORM) and each.name not in CHOSEN_BY_PAGE
+            ),
+            lambda name: context.say(f"programs.{name}"),
+        ),
         most=NOTES,
         reports=await _reports(context, record) if after else None,
         tolerance=_tolerance(context),

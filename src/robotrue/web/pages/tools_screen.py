@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from typing import Final
 
 from robotrue.app.job_files import BLOCKS, INPUT, job_fields, takes_files
@@ -15,7 +16,8 @@ from robotrue.store.nouns import DOCUMENT, NOUNS, DocumentRecord
 from robotrue.store.records import ItemQuery, ItemRecord, Ref, provenance_of_record
 from robotrue.web.page_context import PageContext, Screen
 from robotrue.web.pages.history_screen import PAGES_OF
-from robotrue.web.parts.generated_form import GeneratedForm
+from robotrue.web.parts.generated_form import GeneratedForm, field_words
+from robotrue.web.parts.request_form import name_options
 from robotrue.web.problems import fault_card, kind_words
 
 OFFERED: Final = 50
@@ -145,12 +147,16 @@ async def _show_run(context: PageContext, listing: Listing, id: str) -> str:
     if job.kind != listing.name:
         raise ConfigurationError(f"job {id[:8]!r} is of another kind, {job.kind}.")
     record, error, fault = await _document(context, job), job.error, ""
+    fields, say = job_fields(job_operations()[job.kind]), partial(field_words, context.say)
+    reword = partial(name_options, fields=fields, words=say)
     if error is not None:
         source = str(error.get("source") or "").rpartition("/")[2]
         line = f":{error['line']}" if error.get("line") else ""
         place = f"{source}{line}: " if source else ""
         kind = kind_words(error["kind"])
-        fault = fault_card(context.say, kind, place + error["message"], error.get("hint"))
+        fault = fault_card(
+            context.say, kind, place + error["message"], str(reword(error.get("hint") or ""))
+        )
     result = job.result or {}
     made = [each for each in result.values() if isinstance(each, Mapping)]
     left = [Ref(id=each["id"], version=each["version"]) for each in made if "version" in each]
@@ -166,13 +172,13 @@ async def _show_run(context: PageContext, listing: Listing, id: str) -> str:
         title=listing.words,
         job=job,
         record=record,
-        blocks=result.get(BLOCKS, []) if record is None else record.detail[BLOCKS],
+        blocks=reword(result.get(BLOCKS, []) if record is None else record.detail[BLOCKS]),
         simulated=result.get("simulated") is True
         if record is None
         else provenance_of_record(record).simulated,
         jobs=running,
         fault=fault,
-        remarks=record.detail["remarks"] if record else job.remarks,
+        remarks=reword(record.detail["remarks"] if record else job.remarks),
         linked=[(heading, rows) for heading, rows in shown if rows],
     )
 

@@ -19,7 +19,8 @@ from robotrue.app.job_parameters import is_list
 from robotrue.app.operation import AnyOperation
 from robotrue.app.request import JOB, InputFile, Item, Output, RequestField
 from robotrue.store.records import ItemRecord
-from robotrue.web.parts.request_form import RequestForm
+from robotrue.web.language import Wording
+from robotrue.web.parts.request_form import RequestForm, name_options
 from robotrue.web.templating import macro
 
 TEMPLATE: Final = "generated_form.html"
@@ -31,7 +32,6 @@ UNITS: Final[Mapping[str, str]] = {
 MORE_TEXTS: Final = 3
 """Fields of a list of texts."""
 _COMMAND: Final = re.compile(r"`([^`]+)`")
-_OPTION: Final = re.compile(r"--([a-z][a-z-]+)")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,24 +78,13 @@ class GeneratedForm(RequestForm):
 
     def words(self, name: str) -> str:
         """Returns the label of a field: its words, or its name with the unit in brackets."""
-        key = f"tools.field_{name}"
-        if self.context.say.has(key):
-            return self.context.say(key)
-        for end, unit in UNITS.items():
-            if name.endswith(f"_{end}"):
-                return f"{_as_words(name.removesuffix(f'_{end}'))} ({unit})"
-        return _as_words(name)
+        return field_words(self.context.say, name)
 
     def hint(self, name: str) -> str:
         """Returns the help of a field, with labels in place of options of the command line."""
         fields = {each.name: each for each in job_fields(self.operation)}
-        options = {each.option: each.name for each in fields.values()}
-
-        def label(found: re.Match[str]) -> str:
-            known = options.get(found[0], found[1].replace("-", "_"))
-            return f"“{self.words(known)}”" if known in fields else found[0]
-
-        return _OPTION.sub(label, _COMMAND.sub(r"“\1”", fields[name].entry.help))
+        stated = _COMMAND.sub(r"“\1”", fields[name].entry.help)
+        return str(name_options(stated, fields.values(), self.words))
 
     def list_offers(self, each: RequestField) -> list[tuple[str, Sequence[ItemRecord]]]:
         """Returns the items that a field may refer to, by their noun in the reader's words."""
@@ -174,6 +163,17 @@ class GeneratedForm(RequestForm):
     def file_value(self, record: ItemRecord, file: str) -> str:
         """Returns the parameter that means a file of an item."""
         return json.dumps({"id": record.id, "version": record.version, "file": file})
+
+
+def field_words(say: Wording, name: str) -> str:
+    """Returns the label of a field: its words, or its name with the unit in brackets."""
+    key = f"tools.field_{name}"
+    if say.has(key):
+        return say(key)
+    for end, unit in UNITS.items():
+        if name.endswith(f"_{end}"):
+            return f"{_as_words(name.removesuffix(f'_{end}'))} ({unit})"
+    return _as_words(name)
 
 
 def _part(each: RequestField) -> str:

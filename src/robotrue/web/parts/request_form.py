@@ -6,8 +6,10 @@ text of an item that may be left out ``<group>.<field>_none``, a hint ``<group>.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Final
 
 from annotated_types import Ge, Gt, Le, Lt
 from markupsafe import Markup
@@ -27,6 +29,29 @@ from robotrue.web.page_context import PageContext
 from robotrue.web.templating import macro
 
 TEMPLATE = "request_form.html"
+_OPTION: Final = re.compile(r"--[a-z][a-z0-9-]*")
+
+
+def name_options(
+    stated: object, fields: Iterable[RequestField], words: Callable[[str], str]
+) -> object:
+    """Returns a text, or JSON values with texts, with labels of fields in place of options.
+
+    Args:
+        stated: As the command states it.
+        fields: Of the form; options of others stay.
+        words: The label of a field.
+    """
+    labels = {each.option: words(each.name) for each in fields}
+
+    def reword(value: object) -> object:
+        if isinstance(value, str):
+            return _OPTION.sub(lambda o: f"“{labels[o[0]]}”" if o[0] in labels else o[0], value)
+        if isinstance(value, Mapping):
+            return {key: reword(each) for key, each in value.items()}
+        return [reword(each) for each in value] if isinstance(value, list | tuple) else value
+
+    return reword(stated)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
