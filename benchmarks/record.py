@@ -20,14 +20,15 @@ RECORDS = Path(__file__).parents[1] / "docs" / "records"
 
 
 def main(name: str, command: list[str]) -> None:
-    """Writes the record if the command succeeds."""
+    """Writes the record unless the command crashes; 1 is the exit status of a missed aim."""
     program = sys.executable if command[0] == "python" else command[0]
     print(shlex.join(command), flush=True)
-    done = subprocess.run([program, *command[1:]], stdout=subprocess.PIPE, text=True, check=True)
+    done = subprocess.run([program, *command[1:]], capture_output=True, text=True)
+    if done.returncode not in (0, 1) or not done.stdout or "Traceback" in done.stderr:
+        raise SystemExit(done.stderr)
     head = f"$ {shlex.join(command)}\n{machine()}\n\n"
-    (RECORDS / f"{name}.txt").write_text(
-        head + re.sub(r" +$", "", done.stdout, flags=re.MULTILINE), encoding="utf-8"
-    )
+    text = re.sub(r" +$", "", head + done.stdout, flags=re.MULTILINE)
+    (RECORDS / f"{name}.txt").write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":
