@@ -28,6 +28,7 @@ MEMBERS = {
     )
     for place, name in enumerate(names.split())
 }  # fmt: skip
+CHANGES = {"incr": 1.0, "decr": -1.0, "clear": 0.0, "add": 0.0}
 CLOSING = {"endif": "if", "endfor": "for", "endwhile": "while", "endtest": "test"}
 UNTURNED = [1.0, 0.0, 0.0, 0.0]
 OUTSIDE = {
@@ -373,6 +374,11 @@ class RapidController:
             self.traps[number] = self.names[number]
         elif word == "idelete":
             self.traps.pop(rest, None)
+        elif word in CHANGES:
+            name, *more = split(rest, ",")
+            place = self._place(ast.parse(_python(name), mode="eval").body, scope)
+            step = self.value(more[0], scope) if more else CHANGES[word]
+            place.table[place.key] = step + (place.table[place.key] if word != "clear" else 0.0)
         elif match := ASSIGNED.match(line):
             value = copy.deepcopy(self.value(match[2], scope))
             place = self._place(ast.parse(_python(match[1]), mode="eval").body, scope)

@@ -67,7 +67,8 @@ class RapidFlowWriter:
             seen = [n for n, k in self.kinds.items() if "LOCAL" not in k and "CONST" not in k]
             if seen:
                 change = pen.pick(f"{seen[0]}:={self._target()};", f"MoveL {seen[0]}{self._tail()}")
-                two += ["PROC other()", change, "ENDPROC"]
+                number = pen.pick("n:=n;", "Incr clear;", "Add clear,3;")
+                two += ["PROC other()", change, number, "ENDPROC"]
                 one[-2:-2] = ["other;"] if one[-2] == "ENDPROC" and pen.chance(0.7) else []
         two += ["ENDMODULE"]
         return {"part.mod": "\n".join(one) + "\n", "cell.mod": "\n".join(two) + "\n"}
@@ -193,7 +194,8 @@ class RapidFlowWriter:
                 f"{free}.trans:={self._point()}.trans+[0,0,10];", "off1:=off2;",
             )  # fmt: skip
         return pen.pick(
-            "n:=2;", "n:=1;", "clear:=40;", "clear:=clear+1;", "st.lift:=clear;", "i:=2;",
+            "n:=2;", "n:=1;", "clear:=40;", "Incr clear;", "Add clear,-2;", "Add st.lift,3;",
+            "clear:=clear+1;", "st.lift:=clear;", "i:=2;",
             f"{free}:=arr{{n}};", f"st:=[{self._target()},9];",
         )  # fmt: skip
 

@@ -195,3 +195,21 @@ def test_targets_that_one_without_a_single_value_is_computed_from_keep_their_num
     program = read(main(motions + end, data))[0]
     text = find_language("rapid").write(program, replacement(program, by_mm=(1, 0, 0))).decode()
     assert f"CONST robtarget p10:={P10};" in text
+
+
+@pytest.mark.parametrize(
+    ("statement", "changes"),
+    [
+        ("Incr lift;", True),
+        ("IF x Add lift,3;", True),
+        ('ReadCfgData "/MOC","x",lift;', True),
+        ("SearchL di1,p30,p10,v1,tool0;", True),
+        ("IF lift>1 THEN\nMoveL p30,v1,z1,tool0;\nENDIF", False),
+        ("WHILE lift<2 DO\nWaitTime lift;\nENDWHILE", False),
+    ],
+)
+def test_what_other_modules_change(statement: str, changes: bool) -> None:
+    data = f"PERS robtarget p30:={P10};\nPERS num lift:=5;\n"
+    other = f"MODULE other\nPROC go()\n{statement}\nENDPROC\nENDMODULE\n"
+    program, _ = read(main(move("Offs(p30,0,0,lift)"), data), other)
+    assert (program.reason[-1] == Reason.RELATIVE) == changes

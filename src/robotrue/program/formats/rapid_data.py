@@ -13,6 +13,7 @@ from robotrue.program.formats.control_flow import ControlFlow
 from robotrue.program.formats.number_table import NumberTable
 from robotrue.program.formats.rapid_expression import PURE
 from robotrue.program.formats.rapid_frames import KINDS, TOOL, WORK, RapidFrames
+from robotrue.program.formats.rapid_moves import READING
 from robotrue.program.formats.rapid_values import KINDS as FOLLOWED
 from robotrue.program.formats.rapid_values import RapidChange, RapidTask, RapidValues
 from robotrue.program.formats.stored_points import ParsedPoints, Variable, Variables
@@ -54,13 +55,6 @@ _WORDS: Final = re.compile(
 )
 _SIZE_OF: Final = re.compile(rb"\bDim\s*\(\s*[\w\x80-\xff]+", re.IGNORECASE)
 _HANDED: Final = re.compile(rb"(?<![\w\x80-\xff])([\w\x80-\xff]++)\s*+\(([^()]*+)\)")
-READING: Final = frozenset(
-    """tpwrite waittime setdo setgo setao pulsedo accset velset confl confj singarea waitdi waitdo
-    waituntil speedlim pdispset pdispon pdispoff eoffson eoffsset eoffsoff errwrite write tperase
-    actunit deactunit gripload set reset if stop break exit return triggio triggequip triggspeed
-    movel movej movec moveabsj""".split()
-)
-"""Instructions that change nothing they name."""
 _READS_FRAMES: Final = re.compile(
     r"(?:move|trigg|search|arc|spot|paint|disp|cap|pdisp|eoffs|waitwobj|dropwobj|gripload|tp|err|egm)"
     r"[\w\x80-\xff]*$"

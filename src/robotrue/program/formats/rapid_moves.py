@@ -90,6 +90,13 @@ BUILT_IN: Final = frozenset(
     safetycontrollersyncrequest comment""".lower().split()
 )
 """Instructions of the controller that change no tool, work object or program displacement."""
+READING: Final = frozenset(
+    """tpwrite waittime setdo setgo setao pulsedo accset velset confl confj singarea waitdi waitdo
+    waituntil speedlim pdispset pdispon pdispoff eoffson eoffsset eoffsoff errwrite write tperase
+    actunit deactunit gripload set reset if stop break exit return triggio triggequip triggspeed
+    movel movej movec moveabsj""".split()
+)
+"""Instructions that change nothing they name."""
 _TOKEN: Final = re.compile(r'"(?:[^"]|"")*"|[\w\x80-\xff]+|\S')
 _OPERATORS: Final = frozenset("and or xor not div mod".split())
 _SWALLOWED: Final = re.compile(

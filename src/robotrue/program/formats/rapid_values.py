@@ -23,7 +23,7 @@ from robotrue.program.formats.rapid_expression import (
     RapidValue,
     evaluate_rapid,
 )
-from robotrue.program.formats.rapid_moves import BUILT_IN, move_of
+from robotrue.program.formats.rapid_moves import READING, behind_condition, move_of
 
 KINDS: Final = frozenset(
     "num dnum pos orient pose robtarget jointtarget confdata extjoint robjoint".split()
@@ -41,7 +41,8 @@ _ROUTINE: Final = re.compile(r"\b(?:PROC|FUNC|TRAP)\b", re.IGNORECASE)
 _CHANGED: Final = re.compile(r"(?<![\w.\\])(\w++)\s*+(?:\{[^{}]*+\}\s*+)?+(?:\.\s*+\w++\s*+)*+:=")
 _HEADS: Final = re.compile(
     r"^[ \t]*+(?:LOCAL[ \t]++)?+(?:MODULE|PROC|FUNC|TRAP)\b[^\n]*+"
-    r"|\b(?:THEN|DO|ELSE|ERROR|END\w++)\b|\b(?:CASE\b[^;:]*+|DEFAULT\s*+):",
+    r"|\b(?:IF|ELSEIF|WHILE|FOR)\b[^;]*?\b(?:THEN|DO)\b|\b(?:ELSE|ERROR|UNDO|END\w++)\b"
+    r"|\b(?:CASE\b[^;:]*+|DEFAULT\s*+):",
     re.IGNORECASE | re.MULTILINE,
 )
 """What a statement may follow without a semicolon."""
@@ -76,11 +77,12 @@ def read_module(name: str, data: bytes) -> RapidModule:
         twice |= {variable} & given.keys()
         if match[2].lower() in KINDS and match[5] is not None:
             given[variable] = match[5], (match[1] or "").upper() == "LOCAL"
-    plain = _HEADS.sub(";", _DECLARED.sub(";", text))
+    plain = _DECLARED.sub(";", text)
     changed = {match[1].lower() for match in _CHANGED.finditer(plain)}
-    for match in _CALLED.finditer(plain):
+    for match in _CALLED.finditer(_HEADS.sub(";", plain)):
         word = match[1].lower()
-        if move_of(word) is None and word not in BUILT_IN:
+        word = behind_condition(match[2].lower()) if word == "if" else word
+        if move_of(word) is None and word not in READING:
             changed.update(each.lower() for each in _NAME.findall(match[2]))
     for match in _HANDED.finditer(plain):
         if match[1].lower() not in PURE:
