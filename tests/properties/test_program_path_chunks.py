@@ -22,6 +22,7 @@ from robotrue.program.formats import (
     splice_chunks,
     write_program,
 )
+from robotrue.program.line_note import join_notes
 from robotrue.program.program import Program, Reason, Replacement
 from robotrue.program.program_chunk import Whole
 from robotrue.program.program_file import ProgramFile, outline_job, read_chunk, write_chunk
@@ -95,6 +96,8 @@ def require_same(path: Path, whole: Program, found: ProgramFile) -> None:
             pairs = zip(given, parts, strict=True)
             joined = np.concatenate([T[getattr(p, index)] for T, p in pairs])
             np.testing.assert_array_equal(joined, expected)
+    noted = join_notes(each for p in parts for each in p.noted)
+    assert {*found.notes, *(each.sentence(found.name) for each in noted)} == set(whole.notes)
     moves = [p.path if len(p.path) else _rows_of(p) for p in parts]
     shifts = [np.array([c.first, c.first, 0]) for c in found.chunks]
     moves = [move + by for move, by in zip(moves, shifts, strict=True)]

@@ -63,6 +63,7 @@ class Rewritten:
     Attributes:
         sha256: Of the bytes.
         counts: JSON values.
+        notes: Notes of the reader besides those of the file.
         steps: Of the file by itself.
         held: The program with what became of its targets; None of a file that is cut, or without a
             model.
@@ -70,6 +71,7 @@ class Rewritten:
 
     sha256: str
     counts: Counts
+    notes: tuple[str, ...] = ()
     steps: Steps = NO_STEPS
     held: tuple[Program, Compensation] | None = None
 
@@ -183,7 +185,7 @@ def _require_steps(
         ground.steps.require(steps, ground.programs[0].name)
     except StepError:
         for file, made in zip(files, rewritten, strict=True):
-            notes = [*file.notes, *made.counts["notes"]]
+            notes = [*file.notes, *made.notes, *made.counts["notes"]]
             _tell_each([], [place_in_file(file.name, note) for note in notes], context)
         raise
 
@@ -263,7 +265,12 @@ def _rewritten(
     for text in (*remarks, *result.notes):
         context.note(place_in_file(file.name, text))
     context.inform(f"{file.name}: {result.chunks} blocks by {result.workers} at a time")
-    return Rewritten(sha256=result.sha256, counts=result.summary(), steps=result.tally.steps)
+    return Rewritten(
+        sha256=result.sha256,
+        counts=result.summary(),
+        notes=tuple(each.sentence(file.name) for each in result.noted),
+        steps=result.tally.steps,
+    )
 
 
 def _write_held(
@@ -318,6 +325,7 @@ def _finish(
     frame, document = ground.frame, {"source": file.name, **made.counts}
     notes = [
         *file.notes,
+        *made.notes,
         *_frame_notes(file.frames_in_use, frame),
         *note_rigid_model(force, ground.model),
     ]

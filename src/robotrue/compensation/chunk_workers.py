@@ -26,6 +26,7 @@ from robotrue.compensation.status import row_note
 from robotrue.core.archive import archive_from
 from robotrue.core.progress import Progress, unheard
 from robotrue.errors import ConfigurationError, RobotrueError
+from robotrue.program.line_note import LineNote
 from robotrue.program.program import Program, Reason
 from robotrue.program.program_chunk import ChunkLines, Skeleton
 from robotrue.program.program_file import read_chunk, write_chunk
@@ -90,6 +91,7 @@ class CompensatedChunk:
         start: Where the arm was taken to be before its first target.
         end: Where it is after the last.
         tally: Sums over its targets.
+        noted: Notes of the reader on its lines.
         held: What became of every target of a file that is held whole; None of a part of a file.
     """
 
@@ -97,6 +99,7 @@ class CompensatedChunk:
     start: ArmState
     end: ArmState
     tally: Tally
+    noted: tuple[LineNote, ...]
     held: Compensation | None
 
 
@@ -129,6 +132,7 @@ def compensate_chunk(
         start=start,
         end=state,
         tally=tally,
+        noted=() if held else program.noted,
         held=result if held else None,
     )
 

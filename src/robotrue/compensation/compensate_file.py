@@ -37,6 +37,7 @@ from robotrue.compensation.settings import CompensationSettings, compensation_se
 from robotrue.core.archive import archive_bytes
 from robotrue.core.progress import Progress, unheard
 from robotrue.errors import ConfigurationError, FormatError
+from robotrue.program.line_note import LineNote, join_notes
 from robotrue.program.program_chunk import ChunkLines
 from robotrue.program.program_file import ProgramFile
 from robotrue.robot.statics import NO_LOAD, Load
@@ -59,6 +60,7 @@ class CompensatedFile:
         again: Number of chunks solved again, since the arm came from elsewhere.
         workers: Number of workers.
         notes: What happened on the way.
+        noted: Notes of the reader on lines of a file that is cut.
         held: What became of every target of a file that is held whole; None of one that is cut.
     """
 
@@ -68,6 +70,7 @@ class CompensatedFile:
     again: int
     workers: int
     notes: tuple[str, ...]
+    noted: tuple[LineNote, ...]
     held: Compensation | None
 
     def summary(self) -> Mapping[str, object]:
@@ -123,6 +126,7 @@ def compensate_file(
     alone = ALONE_SURE if settings.covariance else ALONE
     count = worker_count(file.targets, workers, alone=alone) if closed else 1
     digest, tallies, again = hashlib.sha256(), [], 0
+    noted: tuple[LineNote, ...] = ()
     held: Compensation | None = None
     with (
         _workers(job, file, count, dask if closed else None, progress) as staff,
@@ -132,6 +136,7 @@ def compensate_file(
             writing.write(solved.data)
             digest.update(solved.data)
             tallies.append(solved.tally)
+            noted = join_notes([*noted, *solved.noted])
             again += repeated
             held = solved.held
             chunk = file.chunks[len(tallies) - 1]
@@ -144,6 +149,7 @@ def compensate_file(
             again=again,
             workers=staff.count,
             notes=(*notes, *staff.notes),
+            noted=noted,
             held=held,
         )
 

@@ -18,6 +18,7 @@ from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.columns import EMPTY, Column, Columns
 from robotrue.core.explained import Explained
 from robotrue.program.external_axes import ExternalAxis
+from robotrue.program.line_note import LineNote
 from robotrue.program.orientation import OrientationRule
 
 WholeNumbers: TypeAlias = Literal["", "mm", "increment"]
@@ -82,6 +83,7 @@ class Program(Columns):
         start: (dof,) rad, the controller's axis values before the first target, where another file
             of the job states them; empty if not known.
         notes: Notes of the reader for the user, one sentence each, with line numbers.
+        noted: Those of them on lines of targets, in a language that is read with a splice.
         spans: Dialect's own table of byte positions; opaque to everyone else.
         path: (k, 3) the moves in the order of the text: a place that grows from move to move (in
             the files of one KRL job the same), the row moved to, or the line of a target that is
@@ -107,6 +109,7 @@ class Program(Columns):
     held: Annotated[BoolArray, Column("n", fill=False)] = EMPTY
     start: Annotated[Array, Column("_", unit="rad")] = EMPTY
     notes: tuple[str, ...] = ()
+    noted: tuple[LineNote, ...] = ()
     spans: Any = None
     path: Annotated[IntArray, Column("_ 3")] = EMPTY
 

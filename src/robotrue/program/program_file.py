@@ -46,7 +46,7 @@ LEAST_HELD: Final = 10
 BESIDE: Final = 250 << 20
 """Bytes of memory besides."""
 _LOOKED_AT: Final = 1 << 20
-_COUNT: Final = re.compile(r"(?:\b\d+ (?=targets)|(?<= and )\d+ (?=more lines)| \(\d+ times\))")
+_COUNT: Final = re.compile(r"\b\d+ targets")
 """In a note on the skeleton: too few."""
 _PLACE: Final = re.compile(r"(?<=:)\d+(?:, \d+)*(?=:| and )|(?<=\bline )\d+")
 """Lines in a note."""
@@ -64,7 +64,8 @@ class ProgramFile:
         targets: How many there are.
         T_flange_tool: (t, 4, 4) as in :class:`Program`.
         start: As in :class:`Program`.
-        notes: What the reader wants the user to know; of a file that is cut, without counts.
+        notes: What the reader wants the user to know; of a file that is cut, without counts, and
+            without those that its chunks have (:attr:`Program.noted`).
         chunks: In file order; together they are the file.
         content: The program, where it is held whole; else how a chunk is read.
         held: The program of a file that is held whole.
@@ -240,7 +241,7 @@ def outline_job(
         targets=survey.targets,
         T_flange_tool=skeleton.T_flange_tool,
         start=skeleton.start,
-        notes=tuple(_COUNT.sub("", note) for note in (*skeleton.notes, *beside)),
+        notes=tuple(_COUNT.sub("targets", note) for note in (*skeleton.notes, *beside)),
         chunks=survey.chunks,
         content=Skeleton(
             program=replace(skeleton, data=b"", spans=None, notes=(), reason=reason),
@@ -263,7 +264,8 @@ def _in_file(skeleton: Program, survey: Survey) -> Program:
         return ", ".join(str(survey.locate(int(each))) for each in match[0].split(", "))
 
     line = np.array([survey.locate(each) for each in skeleton.line.tolist()], np.int64)
-    notes = tuple(_PLACE.sub(lines, note) for note in skeleton.notes)
+    of_lines = {note.sentence(skeleton.name) for note in skeleton.noted}  # chunks have them
+    notes = tuple(_PLACE.sub(lines, note) for note in skeleton.notes if note not in of_lines)
     return replace(skeleton, line=line, notes=notes)
 
 

@@ -335,7 +335,7 @@ class _Reader:
             words=np.empty((n, 0), np.int64), words_of="", line=line,
             frame=np.zeros(n, np.int64), tool=tool,
             T_base_frame=np.asarray(frames.T_base_frame)[None], T_flange_tool=tools,
-            notes=notes.notes(),
+            notes=notes.notes(), noted=notes.on_lines(),
             spans=PathWords(
                 numbers=Numbers(start=start, length=length, value=printed),
                 value=value, unit=unit, turn=turn, skip=np.zeros(n, np.bool_), at=at,

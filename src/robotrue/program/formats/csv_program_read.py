@@ -54,6 +54,7 @@ def read_csv_program(data: bytes, name: str, frames: FrameTable) -> Program:
         frame=np.zeros(n, np.int64), tool=np.zeros(n, np.int64),
         T_base_frame=np.asarray(frames.T_base_frame)[None],
         T_flange_tool=np.asarray(frames.T_flange_tool)[None], notes=notes.notes(),
+        noted=notes.on_lines(),
         spans=PathWords(
             numbers=numbers, value=value, unit=unit, turn=turn, skip=np.zeros(n, np.bool_),
             at=np.full(n, -1), barred=np.ones((n, 6), np.bool_), names=(_NAMES,) * 4, blank=False,

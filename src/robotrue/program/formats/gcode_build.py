@@ -195,6 +195,7 @@ class _Builder:
             T_base_frame=self.frames.stack_matrices("base"),
             T_flange_tool=self.frames.stack_matrices("tool"),
             notes=(*self.frames.notes, *self.notes.notes()),
+            noted=self.notes.on_lines(),
             path=self._moves(arcs),
             spans=PathWords(
                 numbers=numbers, value=value, unit=unit, turn=turn, skip=arcs.skip,

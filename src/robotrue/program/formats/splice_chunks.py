@@ -29,6 +29,7 @@ from robotrue.program.formats.file_survey import (
 from robotrue.program.formats.path_words import Turn, take_words, tool_axes
 from robotrue.program.formats.text_lines import line_edges
 from robotrue.program.lang import find_language
+from robotrue.program.line_note import cut_note, join_notes
 from robotrue.program.orientation import CarriedFrame
 from robotrue.program.program import FrameTable, Program
 from robotrue.program.program_chunk import (
@@ -274,7 +275,9 @@ class SpliceCutter:
         if not np.array_equal(program.T_flange_tool, whole.T_flange_tool, equal_nan=True):
             raise FormatError("the file changed since it was outlined.", source=whole.name)
         rows = slice(*np.searchsorted(program.line - 1, [before, before + count]).tolist())
-        return ReadChunk(_take_targets(program, rows, before), len(head), len(foot))
+        own = _take_targets(program, rows, before)
+        noted = [cut_note(each, before, count, lines.line - before) for each in program.noted]
+        return ReadChunk(replace(own, noted=join_notes(noted)), len(head), len(foot))
 
 
 def _take_targets(program: Program, rows: slice, before: int) -> Program:

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from typing import Final
 
 import numpy as np
 
 from robotrue.core.arrays import BoolArray, IntArray
-
-TOLD: Final = 5
-"""Lines named one by one before the others are counted."""
+from robotrue.program.line_note import TOLD, LineNote
 
 
 def absent_routine(place: str, names: Sequence[str], what: str) -> str:
@@ -36,7 +33,7 @@ class TargetNotes:
 
     def __init__(self, name: str, line: IntArray) -> None:
         self._name, self._line = name, line
-        self._all: list[str] = []
+        self._all: list[str | LineNote] = []
 
     def say(self, sentence: str) -> None:
         """Adds a whole sentence."""
@@ -44,11 +41,9 @@ class TargetNotes:
 
     def rows(self, rows: BoolArray, what: str) -> None:
         """Adds the lines of some targets and what is true of them."""
-        found = np.unique(self._line[np.flatnonzero(rows)]).tolist()
-        if found:
-            shown = ", ".join(str(each) for each in found[:TOLD])
-            more = f" and {len(found) - TOLD} more lines" if len(found) > TOLD else ""
-            self.say(f"{self._name}:{shown}{more}: {what}.")
+        found = np.unique(self._line[np.flatnonzero(rows)])
+        if len(found):
+            self._all.append(LineNote(lines=found, count=len(found), what=what))
 
     def each(self, found: list[tuple[int, str]], starts: IntArray) -> None:
         """Adds notes on (byte, what), each text once; ``starts`` are the first bytes of lines."""
@@ -56,9 +51,16 @@ class TargetNotes:
         for offset, what in found:
             told.setdefault(what, []).append(int(np.searchsorted(starts, offset, side="right")))
         for what, lines in told.items():
-            more = f" ({len(lines)} times)" if len(lines) > 1 else ""
-            self.say(f"{self._name}:{lines[0]}: {what}; it is not compensated{more}.")
+            at = np.array(lines)
+            self._all.append(LineNote(lines=at, count=len(at), what=what, first=True))
 
     def notes(self) -> tuple[str, ...]:
         """Returns all sentences."""
-        return tuple(dict.fromkeys(self._all))
+        sentences = (
+            each if isinstance(each, str) else each.sentence(self._name) for each in self._all
+        )
+        return tuple(dict.fromkeys(sentences))
+
+    def on_lines(self) -> tuple[LineNote, ...]:
+        """Returns those on lines."""
+        return tuple(each for each in self._all if isinstance(each, LineNote))
