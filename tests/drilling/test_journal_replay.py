@@ -27,7 +27,7 @@ Work = tuple[NormalModel, Campaign]
 
 @pytest.fixture(scope="module")
 def work() -> Work:
-    """A model (simulated machine) and holes it has not seen."""
+    """A model (simulated machine) and holes that its fit did not use."""
     machine = drilling_machine(2)
     random = np.random.default_rng(2)
     head = Head(p_pivot_tip=np.array([0.0, 0.0, -350.0]) * MM)

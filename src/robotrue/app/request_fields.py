@@ -180,8 +180,8 @@ RunTime: TypeAlias = Annotated[
         names=("--time",),
         metavar="S",
         advanced=True,
-        help="When the program runs, on the clock of the calibration's time_s, where no "
-        "temperature was measured.",
+        help="Time of the run on the clock of the calibration's time_s, if no temperature was "
+        "measured.",
     ),
 ]
 RailPosition: TypeAlias = Annotated[

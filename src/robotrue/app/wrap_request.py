@@ -62,7 +62,7 @@ class WrapRequest(Request):
     ] = None
     cell: Annotated[
         Reference | None,
-        Item(noun="cell", advanced=True, help="Cell that knows frames, tools and payload."),
+        Item(noun="cell", advanced=True, help="Cell with frames, tools and payload."),
     ] = None
     start: Annotated[
         str | None,
@@ -85,7 +85,7 @@ class WrapRequest(Request):
         float, Option(help="Largest difference from the model's own correction.")
     ] = TOLERANCE_MM
     max_numbers: Annotated[
-        int, Option(advanced=True, help="Most numbers (REAL, num) that the controller may hold.")
+        int, Option(advanced=True, help="Maximum count of numbers (REAL, num) in the table.")
     ] = MOST_NUMBERS
     wrap_computed: Annotated[
         Path | None,

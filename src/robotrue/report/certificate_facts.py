@@ -54,7 +54,7 @@ def certificate_facts(
     Args:
         model: The error model.
         cell: Of the model file; with its part frames, if a registered cell was given.
-        check: Poses the model has not seen; None without.
+        check: Poses that the fit did not use; None without.
         part: Which part frame counts; the only one if None.
         force_sigma: N per axis.
         simulated: Whether the data are; also taken from the provenance of model and check.

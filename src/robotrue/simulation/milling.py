@@ -127,7 +127,7 @@ def dry_run(
 
     Args:
         cell: The virtual cell; its tracker must be registered to base.
-        wanted: The program as CAM made it.
+        wanted: The program from CAM.
         driven: The program the controller runs: the same one, or its compensated copy.
         rows: (m,) targets to stop at.
         campaign: Number of the campaign, for noise and drift.

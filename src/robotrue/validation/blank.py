@@ -173,7 +173,7 @@ class BlankCheck(Columns):
 
     @property
     def least(self) -> BlankFace:
-        """The face with least left."""
+        """The face with the smallest allowance."""
         return min(self.faces, key=lambda face: face.allowance)
 
 

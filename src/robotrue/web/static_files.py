@@ -1,6 +1,6 @@
 """Scripts, styles and pictures of the pages, at addresses that change with their content.
 
-A browser keeps them without asking again, and loads all of them anew after an update. Scripts
+A browser keeps them without asking again, and loads all of them again after an update. Scripts
 import each other by relative addresses, and so by those of the same release.
 """
 

@@ -31,9 +31,7 @@ COLUMNS: Final = (
 class DiffRequest(Request):
     """Programs to compare, and the model that predicts their errors."""
 
-    before: Annotated[
-        Reference, Item(noun="program", argument="BEFORE", help="Program as CAM made it.")
-    ]
+    before: Annotated[Reference, Item(noun="program", argument="BEFORE", help="Program from CAM.")]
     after: Annotated[
         Reference, Item(noun="program", argument="AFTER", help="The compensated program.")
     ]

@@ -1,4 +1,4 @@
-"""A model of a foot on clamps that its fit has not seen."""
+"""A model of a foot on clamps that its fit did not use."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ class DrillReportRequest(Request):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DrillJudged:
-    """Residual tilt after one move, on clamps that the fit has not seen.
+    """Residual tilt after one move, on clamps that the fit did not use.
 
     Attributes:
         result: The tilts.

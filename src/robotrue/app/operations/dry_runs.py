@@ -36,7 +36,7 @@ class DryRunPlanRequest(Request):
     """The program, the number of points, and the model that predicts their errors."""
 
     program: Annotated[
-        Reference, Item(noun="program", argument="PROGRAM", help="Program as CAM made it.")
+        Reference, Item(noun="program", argument="PROGRAM", help="Program from CAM.")
     ]
     output: Annotated[
         Path,
@@ -205,7 +205,7 @@ class DryRunRequest(Request):
         Path,
         InputFile(
             argument="BEFORE",
-            help="Measured with the program as CAM made it: point, x_mm, y_mm, z_mm in base.",
+            help="Measured with the program from CAM: point, x_mm, y_mm, z_mm in base.",
         ),
     ]
     after: Annotated[

@@ -175,12 +175,12 @@ def _blank_blocks(check: BlankCheck) -> tuple[Block, ...]:
         Facts(
             title="part in its blank",
             rows=(
-                ("verdict", f"{check.verdict}, {check.required / MM:g} mm asked"),
-                ("least left", f"{least.allowance / MM:.3f} mm at {least.name}"),
-                ("there, in the part", f"{x:.2f}, {y:.2f}, {z:.2f} mm"),
+                ("verdict", f"{check.verdict}, {check.required / MM:g} mm required"),
+                ("least allowance", f"{least.allowance / MM:.3f} mm at {least.name}"),
+                ("place, in the part", f"{x:.2f}, {y:.2f}, {z:.2f} mm"),
                 *_turn_row(check),
                 ("shift that balances it", f"{dx:+.3f}, {dy:+.3f}, {dz:+.3f} mm in the part"),
-                ("least left then", f"{float(check.after.min()) / MM:.3f} mm"),
+                ("least allowance then", f"{float(check.after.min()) / MM:.3f} mm"),
             ),
         ),
         Table(

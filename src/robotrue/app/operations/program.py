@@ -85,7 +85,7 @@ class ProgramRequest(Request):
         tuple[str, ...],
         Option(
             names=("--pass",),
-            help="rough or finish, once for each tool path; default: finish, cut as it is.",
+            help="rough or finish, once for each tool path; default: finish, cut unchanged.",
         ),
     ] = ()
     stock_mm: Annotated[float, Option(help="Stock of roughing passes along the tool axis.")] = (

@@ -170,7 +170,7 @@ def _rounds_document(rounds: RoundsResult) -> dict[str, object]:
 
 
 def _rounds_blocks(rounds: RoundsResult) -> Iterable[Block]:
-    """Returns a row a round, and where they ended."""
+    """Returns one row per round, and the result."""
     import numpy as np
 
     end = rounds.adjustment
@@ -195,7 +195,7 @@ def _rounds_blocks(rounds: RoundsResult) -> Iterable[Block]:
         )
     if np.isfinite(end.oscillation):
         facts.append(("oscillation", f"{end.oscillation / MM:.3f} mm: scatter of the touches"))
-    yield Facts(title="where they ended", rows=tuple(facts))
+    yield Facts(title="result", rows=tuple(facts))
     yield from (
         Note(
             f"note: before round {m.round} the part moved by {m.shift / MM:.3f} mm and "

@@ -130,9 +130,7 @@ REPORT_CALIBRATION: Final = Operation(
 class ReportProgramRequest(Request):
     """Program to check, the model, the tolerance, and the force."""
 
-    before: Annotated[
-        Reference, Item(noun="program", argument="BEFORE", help="Program as CAM made it.")
-    ]
+    before: Annotated[Reference, Item(noun="program", argument="BEFORE", help="Program from CAM.")]
     after: Annotated[Reference, Item(noun="program", argument="AFTER", help="Compensated program.")]
     model: Annotated[
         Reference,

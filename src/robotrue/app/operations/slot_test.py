@@ -211,7 +211,7 @@ def _trial_table(trial: SlotTrial) -> Table:
 def _sight(found: SlotEvaluation) -> tuple[Facts, Facts]:
     """Returns what the steps can detect, and what they cannot."""
     return (
-        Facts(title="The steps see", rows=tuple(("", text) for text in found.sees)),
+        Facts(title="Detected by the steps", rows=tuple(("", text) for text in found.sees)),
         Facts(title="Not detected by the steps", rows=tuple(("", text) for text in found.blind)),
     )
 

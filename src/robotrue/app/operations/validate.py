@@ -39,7 +39,7 @@ class ValidateRequest(Request):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Validated:
-    """Error statistics of a model on poses it has not seen.
+    """Error statistics of a model on poses that its fit did not use.
 
     Attributes:
         report: The numbers.

@@ -255,7 +255,7 @@ class WorkspaceEmptyBinRequest(Request):
         float,
         Option(names=("--older-than-days",), help="Minimum days since the deletion.", least=0.0),
     ] = 30.0
-    yes: Annotated[bool, Option(help="Do not ask.")] = False
+    yes: Annotated[bool, Option(help="Do not ask for confirmation.")] = False
     folder: WorkspaceFolder = HERE
 
 

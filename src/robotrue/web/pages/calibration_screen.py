@@ -90,7 +90,7 @@ async def _show_learned(context: PageContext) -> str:
 
 
 async def _show_residuals(context: PageContext) -> str:
-    """Errors of the newest poses the model has not seen, before and after; else of those it has."""
+    """Errors of the newest held-out poses, before and after; without them, of poses of the fit."""
     model = context.model
     if model is None:
         return ""
