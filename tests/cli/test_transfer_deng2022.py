@@ -7,8 +7,15 @@ import re
 import pandas as pd
 import pytest
 
+from robotrue.app.registered import open_model
 from robotrue.calibration.deng2022.readings import DengReadings, parse_readings
-from robotrue.errors import ConfigurationError
+from robotrue.calibration.deng2022.transfer_gpr import fit_pose_gpr
+from robotrue.cell.config import read_cell
+from robotrue.core.regions import bound_cylinder
+from robotrue.errors import ConfigurationError, ModelMismatchError
+from robotrue.measurement.formats.measured_files import read_measurements
+from robotrue.planning.information import settings_of
+from robotrue.store.model_file import write_model
 from robotrue_reproductions.deng2022.design_files import write_design
 
 
@@ -98,3 +105,20 @@ def test_readings_of_texts():
         parse_readings(["rounds=many"])
     with pytest.raises(ConfigurationError, match="shrink_to 'nowhere'; readings are"):
         parse_readings(["shrink_to=nowhere"])
+
+
+def test_another_payload_than_the_measured_one_is_refused(design, tmp_path):
+    """No load enters a model of poses: its error would be silently that of the measured one."""
+    text = (design / "cell.toml").read_text()
+    cell, rows = read_cell(design / "cell.toml"), read_measurements(design / "source.csv")
+    robot, region = cell.measured_robot, bound_cylinder(rows.position)
+    model = fit_pose_gpr(robot, rows, region, settings_of(cell))
+    write_model(tmp_path / "poses.robotrue", model, cell)
+    for mass in ("50", "70"):
+        (tmp_path / f"{mass}.toml").write_text(text.replace("mass_kg = 50", f"mass_kg = {mass}"))
+    assert open_model(tmp_path / "poses.robotrue", tmp_path / "50.toml")[1] is not None
+    with pytest.raises(ModelMismatchError) as refused:
+        open_model(tmp_path / "poses.robotrue", tmp_path / "70.toml")
+    assert "states 70 kg at (0, 0, 84) mm, and the model was measured under 50 kg" in str(
+        refused.value
+    )

@@ -6,7 +6,14 @@ import os
 from functools import partial
 from pathlib import Path
 
-from robotrue.calibration.model import ErrorModel, identity_of, provenance_of
+import numpy as np
+
+from robotrue.calibration.model import (
+    ErrorModel,
+    UnconditionalModel,
+    identity_of,
+    provenance_of,
+)
 from robotrue.calibration.nominal import NominalModel
 from robotrue.cell.cell import Cell, overlay_cell
 from robotrue.cell.cell_text import cell_text
@@ -20,6 +27,7 @@ from robotrue.core.provenance import Provenance, merge
 from robotrue.core.rotations import abc_from_matrix
 from robotrue.core.units import DEG, MM
 from robotrue.errors import ArchiveError, ConfigurationError, ModelMismatchError
+from robotrue.robot.statics import Load
 from robotrue.store.model_file import ZIP, read_model
 
 
@@ -35,7 +43,7 @@ def open_model(path: Path, registered: Path | None = None) -> tuple[Cell, ErrorM
         ConfigurationError: As :func:`~robotrue.cell.cell.overlay_cell`; or two registered
             cells.
         ModelMismatchError: The frames were registered with another model, or it is missing; or the
-            other cell has another arm.
+            other cell has another arm, or another payload where no load enters the model.
     """
     cell, model = _cell_and_model(path)
     if registered is None:
@@ -43,8 +51,11 @@ def open_model(path: Path, registered: Path | None = None) -> tuple[Cell, ErrorM
             model = model_of_part(cell.part, path)
         return cell, model
     place = read_cell(registered)
+    whole = overlay_cell(cell, place)
+    if model is not None:
+        _require_measured_payload(model, cell.payload, whole.payload, registered)
     if place.part is None:
-        return overlay_cell(cell, place), model
+        return whole, model
     if cell.part is not None:
         raise ConfigurationError(
             "two registered cells: one with --cell is enough.",
@@ -53,7 +64,32 @@ def open_model(path: Path, registered: Path | None = None) -> tuple[Cell, ErrorM
         )
     used = identity_of(model or NominalModel(robot=cell.robot))
     require_same_model(place.part.identity, used, what="the part frame", source=str(registered))
-    return overlay_cell(cell, place), model
+    return whole, model
+
+
+def _require_measured_payload(
+    model: ErrorModel, measured: Load, stated: Load, source: Path
+) -> None:
+    """Refuses another payload for a calibrated model that no load enters.
+
+    Raises:
+        ModelMismatchError: It is another one.
+    """
+    if not (model.calibrated and isinstance(model, UnconditionalModel)):
+        return
+    pairs = ((measured.mass, stated.mass), (measured.com, stated.com))
+    if not all(np.allclose(was, now, rtol=1e-6, atol=1e-9) for was, now in pairs):
+        raise ModelMismatchError(
+            f"[payload] states {_describe_payload(stated)}, and the model was measured under "
+            f"{_describe_payload(measured)}; no load enters a {type(model).__name__}.",
+            source=source,
+            hint="leave [payload] out, or calibrate with --method elastic, ripple or gp.",
+        )
+
+
+def _describe_payload(load: Load) -> str:
+    x, y, z = load.com[0] / MM
+    return f"{load.mass[0]:g} kg at ({x:g}, {y:g}, {z:g}) mm"
 
 
 def open_arm(path: Path) -> tuple[Cell, ErrorModel]:
