@@ -86,10 +86,15 @@ def test_sample_project_to_go_and_certificate(browser: Any, sample: Served) -> N
         with me.step("certificate on the held-out poses"):
             me.click("nav-calibration")
             me.pick("report-set", "50 poses to check it")
+            me.click(watched.find("report-head").locator("summary"))
+            me.write(page.locator("[data-key=customer]"), "Shop 4")
+            me.write(page.locator("[data-key=load_kg]"), "50")
             me.click("report-make")
             with page.expect_download() as coming:
                 me.click(me.wait("report-pdf"))
             assert coming.value.suggested_filename.endswith(".pdf")
+        page.goto(watched.find("report-html").first.get_attribute("href"))
+        assert {"Shop 4", "50 kg"} <= set(page.locator("dd").all_inner_texts())
         sys.stdout.write(me.table("sample project to GO and certificate"))
 
 

@@ -35,7 +35,7 @@ def budget_section(budget: Budget, t: ReportTexts) -> Section:
                     column(t, "budget.distribution"),
                     column(t, "budget.divisor", digits=3),
                     *columns(t, "budget.sensitivity", "budget.evaluation"),
-                    column(t, "budget.u", "um", 1),
+                    column(t, "budget.u", "µm", 1),
                     column(t, "budget.counts"),
                 ),
                 rows=tuple(rows),
@@ -58,10 +58,10 @@ def _row(c: Contribution, t: ReportTexts) -> tuple[Cell, ...]:
     length = c.unit == "m"
     return (
         t(f"source.{c.name}"),
-        f"{c.value / UM:.1f} um" if length else f"{c.value:.1f} {c.unit}",
+        f"{c.value / UM:.1f} µm" if length else f"{c.value:.1f} {c.unit}",
         t(f"distribution.{c.distribution}"),
         c.divisor,
-        f"{c.sensitivity:.3f}" if length else f"{c.sensitivity / UM:.3f} um/{c.unit}",
+        f"{c.sensitivity:.3f}" if length else f"{c.sensitivity / UM:.3f} µm/{c.unit}",
         c.evaluation,
         c.standard_uncertainty / UM,
         t("budget.target" if c.in_target else "budget.check"),

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Final
 
 from markupsafe import Markup
 
 from robotrue.app.operations.report import ReportRequest
 from robotrue.app.request import fields_of
+from robotrue.report.certificate_head import CertificateHead
+from robotrue.report.dcc import REQUIRED
 from robotrue.store.jobs import Job
 from robotrue.store.nouns import DOCUMENT, DocumentRecord
 from robotrue.store.records import ItemQuery, ItemRecord
@@ -17,6 +19,8 @@ from robotrue.web.page_context import PageContext
 from robotrue.web.parts.request_form import RequestForm
 
 KIND: Final = "report"
+TYPED: Final = {"str": "text", "float | None": "number", "datetime.date | None": "date"}
+"""How a key of the head of a certificate is typed; a logo is a file and is not."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,11 +31,14 @@ class Reports:
         jobs: That make further ones.
         documents: The newest first.
         fields: HTML of fields of the form.
+        head: Keys of the head of a certificate, how each is typed, and whether a Digital
+            Calibration Certificate needs it.
     """
 
     jobs: Sequence[Job]
     documents: Sequence[DocumentRecord]
     fields: Markup
+    head: Sequence[tuple[str, str, bool]] = ()
 
 
 async def find_reports(
@@ -66,4 +73,10 @@ async def find_reports(
         jobs=await context.jobs(KIND, **{subject: about.id}),
         documents=await context.items(DOCUMENT, asked),
         fields=Markup().join(wanted),
+        head=_list_head() if subject == "model" else (),
     )
+
+
+def _list_head() -> list[tuple[str, str, bool]]:
+    stated = ((each.name, str(each.type)) for each in fields(CertificateHead))
+    return [(name, TYPED[kind], name in REQUIRED) for name, kind in stated if kind in TYPED]

@@ -160,7 +160,7 @@
       own((await ask("POST", "/api/jobs", { kind, parameters })).id);
       location.reload();
     });
-  // The values of a form; a name that ends in [] is a list, a checked box true, a file is sent and named by its upload.
+  // The values of a form; a name that ends in [] is a list, a checked box true, a file is sent and named by its upload, data-key is stated with the value.
   const stated = async (form) => {
     const found = {}, bar = form.querySelector("[data-progress]");
     const put = (name, value) => (name.endsWith("[]") ? (found[name.slice(0, -2)] ??= []).push(value) : (found[name] = value));
@@ -175,7 +175,8 @@
         else if (field.defaultChecked && !name.endsWith("[]")) put(name, false);
       } else if (type === "select-multiple") {
         for (const option of field.selectedOptions) put(name, "json" in field.dataset ? JSON.parse(option.value) : option.value);
-      } else if (value !== "" && (type !== "radio" || field.checked)) put(name, type === "number" ? Number(value) : "json" in field.dataset ? JSON.parse(value) : value);
+      } else if (value !== "" && field.dataset.key) put(name, `${field.dataset.key}=${value}`);
+      else if (value !== "" && (type !== "radio" || field.checked)) put(name, type === "number" ? Number(value) : "json" in field.dataset ? JSON.parse(value) : value);
     }
     return found;
   };
