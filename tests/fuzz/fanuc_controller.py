@@ -229,7 +229,10 @@ class FanucController:
     def _go(self, line: str, at: int, routine: Routine, given: list[float]) -> int:
         """Executes a statement; returns the place of the next one."""
         if line.startswith("JMP "):
-            return routine.lines.index(line[4:]) + 1
+            label = f"LBL[{int(self.value(line[8:-1], routine, given))}]"
+            if label not in routine.lines:
+                raise Ended
+            return routine.lines.index(label) + 1
         if line.startswith("CALL "):
             match = re.match(r"CALL (\w+)(?:\((.*)\))?$", line)
             assert match, line

@@ -10,16 +10,18 @@ class FanucFlowWriter:
 
     def __init__(self, pen: Pen) -> None:
         self.pen, self.labels = pen, 0
+        self.calm = pen.chance(0.6)
         self.subs = [f"SUB{k}" for k in range(pen.whole(0, 2))]
         self.points, self.axes = 0, set[int]()
-        self.frames = pen.pick("1", "1", "1", "F")
+        self.frames = pen.pick("1", "1", "2", "F")
 
     def job(self) -> dict[str, str]:
         """The files of a job by name."""
-        begin = ["UFRAME_NUM=1", "UTOOL_NUM=1"] if self.pen.chance(0.85) else []
+        frame = self.frames.replace("F", "1")
+        begin = [f"UFRAME_NUM={frame}", "UTOOL_NUM=1"] if self.pen.chance(0.85) else []
         out = {"part.ls": self._program("PART", begin, 2, self.pen.whole(3, 10))}
         for name in self.subs:
-            begin = ["UFRAME_NUM=1"] if self.pen.chance(0.3) else []
+            begin = [f"UFRAME_NUM={frame}"] if self.pen.chance(0.3) else []
             out[f"{name.lower()}.ls"] = self._program(name, begin, 1, self.pen.whole(1, 4))
         return out
 
@@ -35,8 +37,9 @@ class FanucFlowWriter:
 
     def _record(self, number: int) -> str:
         rng = self.pen.rng
-        tool = self.pen.pick("1", "1", self.frames)
-        head = f"P[{number}]{{\n   GP1:\n\tUF : {self.frames}, UT : {tool},"
+        tool = self.pen.pick("1", "1", self.frames.replace("2", "1"))
+        comment = self.pen.pick("", "", ':"home"')
+        head = f"P[{number}{comment}]{{\n   GP1:\n\tUF : {self.frames}, UT : {tool},"
         if number in self.axes:
             values = [f"J{k + 1} = {v:.3f} deg" for k, v in enumerate(rng.uniform(-90, 90, 6))]
             return head + "\n\t" + ",\t".join(values) + "\n};"
@@ -86,6 +89,8 @@ class FanucFlowWriter:
 
     def _statement(self, depth: int, name: str) -> list[str]:
         kind, pen = self.pen.whole(0, 26), self.pen
+        if self.calm and 11 <= kind <= 17 and pen.chance(0.75):
+            kind = 0
         if kind <= 9:
             return [self._move()]
         if kind == 10:
@@ -99,10 +104,12 @@ class FanucFlowWriter:
     def _setting(self, kind: int) -> str:
         pen, place, one = self.pen, self._place(), self._register()
         if kind == 11:
-            other = "1" if self.frames == "1" and pen.chance(0.7) else pen.pick("1", "2", "R[3]")
-            return f"{pen.pick('UFRAME_NUM', 'UTOOL_NUM')}={other}"
+            if self.frames != "F" and pen.chance(0.7):
+                return pen.pick(f"UFRAME_NUM={self.frames}", "UTOOL_NUM=1")
+            return f"{pen.pick('UFRAME_NUM', 'UTOOL_NUM')}={pen.pick('1', '2', 'R[3]')}"
         if kind <= 13:
-            return f"{one}={pen.pick(place, place, place + '+PR[10]', self._register(), 'LPOS')}"
+            sums = place + "+PR[10]", one + "-PR[10]", "PR[10]+" + place
+            return f"{one}={pen.pick(place, place, *sums, self._register(), 'LPOS')}"
         if kind <= 15:
             return f"{one[:-1]},{pen.whole(1, 4)}]={self._number()}"
         if kind == 16:
@@ -112,7 +119,9 @@ class FanucFlowWriter:
             )  # fmt: skip
         return pen.pick(
             "R[1]=2", "R[1]=1", "R[4]=R[4]+1", "R[3]=1", "R[4]=AR[1]", "UFRAME[2]=PR[1]",
-            f"{place}={self._register()}", "R[4]=15",
+            f"{place}={self._register()}", "R[4]=15", "UTOOL[2]=PR[11]",
+            f"IF (DI[6]=ON),{one[:-1]},1]=(5)", f"IF (R[1]=2),{one}={place}",
+            "IF (DI[7]=ON),R[1]=(2)",
         )  # fmt: skip
 
     def _structure(self, kind: int, depth: int, name: str) -> list[str]:
@@ -126,7 +135,8 @@ class FanucFlowWriter:
         if kind == 20:
             return ["FOR R[1]=1 TO 2", *one, "ENDFOR"]
         if kind == 21:
-            return [f"IF DI[2]=ON,JMP {label}", *one, label]
+            label = label if pen.chance(0.9) or self.labels > 2 else "LBL[R[1]]"
+            return [f"IF DI[2]=ON,JMP {label}", *one, f"LBL[{self.labels}]"]
         if kind == 22:
             return [label, *one, f"IF DI[3]=ON,JMP {label}"]
         if kind == 23:

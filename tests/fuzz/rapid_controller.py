@@ -328,7 +328,7 @@ class RapidController:
     def _count(self, at: int, partner: dict[int, int], last: Any, scope: Any) -> int:
         """The loop variable is one of the loop alone, and hides others of its name."""
         start = min(at, partner[at])
-        match = re.match(r"for (\w+) from (.*) to (.*) do$", self.lines[start])
+        match = re.match(r"for (\w+) from (.*) to (\S+)(?: step (\S+))? do$", self.lines[start])
         assert match
         local, name = scope[0], match[1]
         if at == start:
@@ -336,8 +336,9 @@ class RapidController:
             last[start] = to, local.get(name)
             local[name] = first
         else:
-            local[name] += 1
-        if local[name] <= last[start][0]:
+            local[name] += float(match[4] or 1)
+        step, left = float(match[4] or 1), last[start][0] - local[name]
+        if left * step >= 0:
             return start + 1
         hidden = last[start][1]
         del local[name]
@@ -394,11 +395,14 @@ class RapidController:
             assert word in ("eoffsset", "eoffsoff", "tpwrite", "") or line.endswith(":"), line
 
     def _displace(self, rest: str, scope: Any) -> None:
-        """From a programmed target to another, in place; the position alone."""
-        match = re.match(r"\\exep:=(\w+),(\w+),", rest)
+        """From a programmed target to another, in place or in place and attitude."""
+        match = re.match(r"(\\rot)?\\exep:=(\w+),(\w+),", rest)
         assert match, rest
-        there, given = (self.value(each, scope)[0] for each in match.groups())
-        self.shift = pose_of([np.subtract(there, given), UNTURNED])
+        there, given = (self.value(each, scope) for each in match.groups()[1:])
+        if match[1]:
+            self.shift = pose_of(there) @ np.linalg.inv(pose_of(given))
+        else:
+            self.shift = pose_of([np.subtract(there[0], given[0]), UNTURNED])
 
     def _move(self, word: str, rest: str, scope: tuple[dict[str, Any], str]) -> None:
         parts = split(rest, ",")

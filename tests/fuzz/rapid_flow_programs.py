@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 from written import Pen
 
@@ -14,6 +16,7 @@ class RapidFlowWriter:
 
     def __init__(self, pen: Pen) -> None:
         self.pen, self.labels = pen, 0
+        self.calm = pen.chance(0.6)
         self.kinds = {f"xp{k}": pen.pick(*KINDS) for k in range(1, pen.whole(2, 5))}
         self.array = pen.pick("PERS", "VAR", "CONST")
         self.beside = [f"yp{k}" for k in range(pen.whole(0, 2))]
@@ -47,9 +50,17 @@ class RapidFlowWriter:
         body += [*self._block(2, "", pen.whole(3, 9)), "ENDPROC"]
         self.local = []
         for number, name in enumerate(self.routines):
+            self.local = ["loc"] if pen.chance(0.3) else []
+            begin = [f"VAR robtarget loc:={self._target()};"] if self.local else []
             barred = ("sub", "%", "CONNECT", "ISignal", *(SETS_FRAMES if not number else ()))
             lines = self._block(1, "", pen.whole(1, 3))
-            body += [f"PROC {name}()", *(x for x in lines if not x.startswith(barred)), "ENDPROC"]
+            body += [
+                f"PROC {name}()",
+                *begin,
+                *(x for x in lines if not x.startswith(barred)),
+                "ENDPROC",
+            ]
+        self.local = []
         if self.routines:
             body += ["TRAP halt", f"{pen.pick(self.routines[0] + ';', self._move(''))}", "ENDTRAP"]
         more = [*self._by_reference(), *self._by_value(), *self._function(), *self._with_frames()]
@@ -58,6 +69,9 @@ class RapidFlowWriter:
             return {"part.mod": "\n".join(whole) + "\n"}
         kept = [f"{pen.pick('CONST', 'PERS', 'VAR')} robtarget {name}:={self._target()};"
                 for name in self.beside]  # fmt: skip
+        if "LOCAL" in self.kinds["xp1"]:  # data of each module of one name
+            kept += [f"LOCAL PERS robtarget xp1:={self._target()};"]
+            more = [*more, "PROC alone()", f"MoveL xp1{self._tail()}", "ENDPROC"]
         cut = pen.whole(4, len(data)) if pen.chance(0.4) else 4
         one = ["MODULE part", *data[:4], *data[cut:], *body, "ENDMODULE"]
         kept += [line for line in data[4:cut] if not line.startswith("LOCAL")]
@@ -86,11 +100,15 @@ class RapidFlowWriter:
             f"MoveL q{self._tail()}", f"q.trans.z:=q.trans.z+20;\nMoveL q{self._tail()}",
             f"MoveL Offs(q,0,0,5){self._tail()}",
         )  # fmt: skip
-        return ["PROC byval(robtarget q)", *choice.split("\n"), "ENDPROC"]
+        name = self.pen.pick("q", "q", "xp1")  # a parameter may hide data
+        lines = re.sub(r"\bq\b", name, choice).split("\n")
+        return [f"PROC byval(robtarget {name})", *lines, "ENDPROC"]
 
     def _function(self) -> list[str]:
         choice = self.pen.pick("RETURN Offs(q,0,h,0);", "q.trans.z:=q.trans.z+h;\nRETURN q;")
-        return ["FUNC robtarget above(robtarget q,num h)", *choice.split("\n"), "ENDFUNC"]
+        side = self.pen.pick("n:=3-n;", "clear:=clear+1;", "n:=n;")
+        return ["FUNC robtarget above(robtarget q,num h)", *choice.split("\n"), "ENDFUNC",
+                "FUNC robtarget nxt()", side, "RETURN arr{n};", "ENDFUNC"]  # fmt: skip
 
     def _with_frames(self) -> list[str]:
         move = "MoveL q,v1,z1,t\\WObj:=w;"
@@ -148,7 +166,17 @@ class RapidFlowWriter:
             return f"RelTool({self._point()},0,{self._number(counter)},5\\Rz:=30)"
         if kind == 11:
             return f"above({self._point()},{self._number(counter)})"
-        return self.pen.pick("Offs(arr{n},5,0,0)", f"Offs({self._target()},0,4,0)", *self.kinds)
+        one, two = self._point(), self._point()
+        mixed = f"[{one}.trans,{two}.rot,[0,0,0,0],{one}.extax]"
+        nested = f"Offs(RelTool({one},0,0,{self._number(counter)}),0,9,0)"
+        return self.pen.pick(
+            "Offs(arr{n},5,0,0)",
+            mixed,
+            nested,
+            "nxt()",
+            f"Offs({self._target()},0,4,0)",
+            *self.kinds,
+        )
 
     def _move(self, counter: str) -> str:
         return f"{self.pen.pick('MoveL', 'MoveL', 'MoveJ')} {self._goal(counter)}{self._tail()}"
@@ -159,6 +187,8 @@ class RapidFlowWriter:
 
     def _statement(self, depth: int, counter: str) -> list[str]:
         kind, pen = self.pen.whole(0, 27), self.pen
+        if self.calm and 11 <= kind <= 16 and pen.chance(0.75):
+            kind = 0
         if kind <= 8:
             return [self._move(counter)]
         if kind == 9:
@@ -174,11 +204,12 @@ class RapidFlowWriter:
     def _setting(self, kind: int, counter: str) -> str:
         pen, free = self.pen, self.pen.pick(*self._free())
         if kind == 11:
+            turned = pen.pick("", "\\Rot")
             return pen.pick(
                 f"PDispSet {pen.pick('off1', 'off2', self._pose(40.0))};", "PDispOff;", "PDispOff;",
-                f"PDispOn \\ExeP:={pen.pick(*self.kinds)},{pen.pick(*self.kinds)},t1;",
+                f"PDispOn {turned}\\ExeP:={pen.pick(*self.kinds)},{pen.pick(*self.kinds)},t1;",
                 "EOffsSet [10,0,0,0,0,0];", "EOffsOff;", f"w1.uframe:={self._pose(300.0)};",
-                "w1.oframe.trans.x:=clear;", "w2:=w1;", "t2:=t1;",
+                "w1.oframe.trans.x:=clear;", "t1.tframe.trans.z:=99;", "w2:=w1;", "t2:=t1;",
                 f"t1.tframe:={self._pose(90.0)};", "w1.oframe:=off1;",
             )  # fmt: skip
         if kind <= 13:
@@ -209,7 +240,8 @@ class RapidFlowWriter:
                 other = ["ELSEIF di7=1 THEN", *two]
             return [f"IF {condition} THEN", *one, *other, "ENDIF"]
         if kind == 19 and not counter:
-            return ["FOR i FROM 1 TO 2 DO", *self._block(depth - 1, "i"), "ENDFOR"]
+            count = pen.pick("1 TO 2", "1 TO 2", "2 TO 1 STEP -1", "1 TO n")
+            return [f"FOR i FROM {count} DO", *self._block(depth - 1, "i"), "ENDFOR"]
         if kind == 20:
             return ["WHILE di3=1 DO", *one, "ENDWHILE"]
         if kind == 21:
@@ -230,7 +262,8 @@ class RapidFlowWriter:
                 pen.pick(f"byref {free};", f"byref {free};", f"byval {self._target()};", within)
             ]
         if not self.routines:
-            return [f"byval {self._point()};"]
+            alone = self.beside and "LOCAL" in self.kinds["xp1"]
+            return ["alone;" if alone and pen.chance(0.5) else f"byval {self._point()};"]
         name = pen.pick(*self.routines)
         if kind == 26:
             return [pen.pick(f"{name};", f"{name};", f'%"{self.routines[0]}"%;')]

@@ -12,6 +12,7 @@ class UrFlowWriter:
 
     def __init__(self, pen: Pen) -> None:
         self.pen = pen
+        self.calm = pen.chance(0.6)
         self.points = [f"xp{k}" for k in range(1, pen.whole(2, 5))]
         self.local: list[str] = []
 
@@ -104,6 +105,8 @@ class UrFlowWriter:
 
     def _statement(self, depth: int) -> list[str]:
         kind, pen = self.pen.whole(0, 24), self.pen
+        if self.calm and 10 <= kind <= 16 and pen.chance(0.75):
+            kind = 0
         if kind <= 9:
             return [self._move()]
         if kind <= 16:
@@ -147,5 +150,8 @@ class UrFlowWriter:
             "n = 0", "n = 1", "clear = 0.06", "clear = clear+0.01",
             f"arr[{pen.whole(0, 1)}] = {point}", f"{point} = above({self._point()}, 0.03)",
             f"t1 = {self._pose(0.2)}",
+            f"{point} = arr[{pen.pick('0', 'n')}]",
+            f"{point} = pose_sub({point}, {self._pose(0.1)})",
+            f"{point} = pose_trans(f1, {self._point()})",
             f"global {point} = {self._pose()}", f"home = {self._axes()}",
         )  # fmt: skip
