@@ -102,17 +102,17 @@ def compensate_files(request: CompensateRequest, context: Context) -> PlainResul
         report = None
         if ground.model is not None:
             report = report_job(_file_results(files, rewritten, steps))
-        told = context if report is None or request.verbose else None
+        reporter = context if report is None or request.verbose else None
         documents = []
         for file, target, force, made, stack in zip(
             files, outputs, forces, rewritten, stacks, strict=True
         ):
             stack.close()
-            documents.append(_finish(ground, file, target, force, made, told))
+            documents.append(_finish(ground, file, target, force, made, reporter))
     document = documents[0] if len(documents) == 1 else _together(documents)
     if report is not None:
         document |= report.document()
-        if told is None:
+        if reporter is None:
             notes = [(str(each["source"]), note) for each in documents for note in each["notes"]]
             _tell_each([], common_notes(notes), context)
     if ground.model is not None:

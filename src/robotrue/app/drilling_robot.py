@@ -101,9 +101,11 @@ class DrillingRobot:
         """
         robot = self._model.robot
         joints = self._standing(now)
-        told = robot.controller.to_model(joints)
+        model_joints = robot.controller.to_model(joints)
         normal = normal_from_tilt(self._order, found.tilt)
-        move = squaring_joints(self._model, told, normal, R_tool_foot=self._seat, load=self._load)
+        move = squaring_joints(
+            self._model, model_joints, normal, R_tool_foot=self._seat, load=self._load
+        )
         shown = robot.controller.to_controller(move.joints)
         a, b, c = (abc_from_matrix(move.T_base_tool[:3, :3]) / DEG).tolist()
         return {

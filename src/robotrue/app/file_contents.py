@@ -185,10 +185,10 @@ def cell_document(cell: Cell) -> dict[str, object]:
 
 
 def _controller_document(cell: Cell) -> dict[str, object]:
-    told = cell.controller
+    controller = cell.controller
     return {
-        "bases": sorted(told.bases),
-        "tools": sorted(told.tools),
+        "bases": sorted(controller.bases),
+        "tools": sorted(controller.tools),
         "external": [
             {
                 "axis": axis.number,
@@ -196,14 +196,14 @@ def _controller_document(cell: Cell) -> dict[str, object]:
                 "direction": axis.direction.tolist(),
                 "carries": ["robot"] if axis.carries_robot else list(axis.frames),
             }
-            for axis in told.external
+            for axis in controller.external
         ],
-        "external_axes_at_rest": told.external_axes_at_rest,
-        "fixed_tool": told.fixed_tool or None,
-        "start_deg": (told.start / DEG).tolist() if len(told.start) else None,
+        "external_axes_at_rest": controller.external_axes_at_rest,
+        "fixed_tool": controller.fixed_tool or None,
+        "start_deg": (controller.start / DEG).tolist() if len(controller.start) else None,
         "pulses_per_degree": None
-        if told.pulses_per_degree is None
-        else np.asarray(told.pulses_per_degree).tolist(),
+        if controller.pulses_per_degree is None
+        else np.asarray(controller.pulses_per_degree).tolist(),
     }
 
 
@@ -344,7 +344,7 @@ def document_blocks(
         document: JSON values.
         words: Facts by key, where the values alone are not enough.
     """
-    told = Facts(
+    facts = Facts(
         title=f"{name}: {document['holds']}",
         rows=tuple(
             (key.replace("_", " "), words[key] if key in words else _words(value))
@@ -357,7 +357,7 @@ def document_blocks(
         for key in REMARKS
         for line in decode(list[str], document.get(key, ()), key=key)
     )
-    return (told, *map(Note, lines))
+    return (facts, *map(Note, lines))
 
 
 def _tell_part(part: PartTable) -> str:

@@ -107,10 +107,10 @@ def _tell() -> None:
     """Shows log messages of the packages, e.g. that kernels are compiled, on the terminal."""
     import logging
 
-    told = logging.StreamHandler()
-    told.setFormatter(logging.Formatter("robotrue: %(message)s"))
+    handler = logging.StreamHandler()
+    handler.setFormatter(logging.Formatter("robotrue: %(message)s"))
     room = logging.getLogger("robotrue")
-    room.addHandler(told)
+    room.addHandler(handler)
     room.setLevel(logging.INFO)
 
 

@@ -60,12 +60,12 @@ class RemoteStream(Generic[B]):
 
     Attributes:
         inbox: Blocks received.
-        told: Counters of the process.
+        counters: Counters of the process.
     """
 
     def __init__(self, name: str, waiting: int, restart: Callable[[], Awaitable[None]]) -> None:
         self._waiting, self._restart = waiting, restart
-        self.told = Health(name=name, connected=False)
+        self.counters = Health(name=name, connected=False)
         self.begin()
 
     def begin(self) -> None:
@@ -75,7 +75,7 @@ class RemoteStream(Generic[B]):
 
     def end(self, fault: RobotrueError | None) -> None:
         """Closes the stream: no more blocks will come."""
-        self.told = replace(self.told, connected=False)
+        self.counters = replace(self.counters, connected=False)
         self._fault = "" if fault is None else fault.message
         self.inbox.close(fault)
 
@@ -96,8 +96,8 @@ class RemoteStream(Generic[B]):
 
     def health(self) -> Health:
         """Returns the counters of the latest report."""
-        fault = self.inbox.crowding or self._fault or self.told.last_fault
-        return replace(self.told, last_fault=fault)
+        fault = self.inbox.crowding or self._fault or self.counters.last_fault
+        return replace(self.counters, last_fault=fault)
 
 
 class AnsweringLink:
@@ -307,9 +307,9 @@ class AnsweringLink:
             self._guard.take_state(report.guard)
         if report.link is not None and report.health is not None:
             self._link, self.preferred = report.link, report.preferred
-            self._joints.told = report.health
+            self._joints.counters = report.health
             if self._force is not None and report.force is not None:
-                self._force.told = report.force
+                self._force.counters = report.force
         elif report.watch is not None:
             self._link = replace(self._link, watch=report.watch, peer=report.peer)
 

@@ -179,11 +179,11 @@ def begin_note(peer: str, limit: float, *, confirmed: bool) -> None:
     if path.exists() and not confirmed:
         try:
             before = json.loads(path.read_bytes())
-            told = f"up to {before['may_hold_mm']:.3f} mm since {before['since']}"
+            correction = f"up to {before['may_hold_mm']:.3f} mm since {before['since']}"
         except (ValueError, KeyError, TypeError):
-            told = "an unknown correction"
+            correction = "an unknown correction"
         raise ConfigurationError(
-            f"the controller {peer} may still apply {told}: corrections did not end at zero.",
+            f"the controller {peer} may still apply {correction}: corrections did not end at zero.",
             source=path,
             hint="restart RSI or EGM on the controller, then --confirm-zero.",
         )

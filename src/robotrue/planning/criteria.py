@@ -57,9 +57,9 @@ class _Posterior:
         self.directions = vectors * np.sqrt(np.maximum(values, 0.0))  # V with V V' = W
         self.rows, self.flat = rows, rows.reshape(n * m, size)
         seen = self.flat if covariance is None else self.flat @ self.covariance
-        self.told = seen @ self.directions  # A P V
-        told = self.told.reshape(n, m, -1)
-        self.outer = np.einsum("nik,njk->nij", told, told)  # A P W P A'
+        self.projected = seen @ self.directions  # A P V
+        projected = self.projected.reshape(n, m, -1)
+        self.outer = np.einsum("nik,njk->nij", projected, projected)  # A P W P A'
         self.inner = np.einsum("nik,njk->nij", seen.reshape(n, m, size), rows) + np.eye(m)
 
     @property
@@ -87,8 +87,8 @@ class _Posterior:
         common = self.flat @ ahead  # A P a'
         shown = share @ self.directions
         # (T - C S)(T - C S)' = T T' - C (T S' - C S S' / 2)' - (...) C'
-        half = self.told @ shown.T - common @ (0.5 * shown @ shown.T)
-        self.told -= common @ shown
+        half = self.projected @ shown.T - common @ (0.5 * shown @ shown.T)
+        self.projected -= common @ shown
         cross = _blocks(common, half, m)
         self.outer -= cross + np.swapaxes(cross, 1, 2)
         self.inner -= _blocks(common, common @ inverse, m)
@@ -110,7 +110,7 @@ def greedy(
     covariance: Array | None = None,
     allowed: BoolArray | None = None,
     enough: float = 0.0,
-    told: Callable[[int], None] | None = None,
+    on_step: Callable[[int], None] | None = None,
 ) -> Choice:
     """Returns up to n candidates, each the best after those before; none is used twice.
 
@@ -122,7 +122,7 @@ def greedy(
         covariance: (k, k) P before the first; I if not given.
         allowed: (c,) allowed candidates; all if not given.
         enough: m^2; stops when the best candidate lowers the mean variance by less.
-        told: Called with the number chosen, before each.
+        on_step: Called with the number chosen, before each.
 
     Raises:
         ConfigurationError: More poses are requested than there are candidates.
@@ -137,8 +137,8 @@ def greedy(
     chosen: list[int] = []
     variance, log_det = [at.variance], [0.0]
     while len(chosen) < n:
-        if told is not None:
-            told(len(chosen))
+        if on_step is not None:
+            on_step(len(chosen))
         gains = np.where(free, at.gains(criterion), -np.inf)
         best = int(np.argmax(gains))
         step = float(np.linalg.slogdet(at.inner[best])[1])
@@ -164,7 +164,7 @@ def exchange_poses(
     *,
     criterion: Criterion = CRITERION,
     sweeps: int | None = None,
-    told: Callable[[int], None] | None = None,
+    on_step: Callable[[int], None] | None = None,
 ) -> Choice:
     """Returns the start with single poses exchanged as long as the criterion improves.
 
@@ -177,7 +177,7 @@ def exchange_poses(
         start: (n,) rows of the candidates to start from.
         criterion: ``"I"`` or ``"D"``.
         sweeps: Most passes over the plan; as many as :data:`EXCHANGES` allow if not given.
-        told: Called with the number of exchanges tried, before each.
+        on_step: Called with the number of exchanges tried, before each.
     """
     free = np.ones(len(rows), dtype=bool)
     chosen = [int(k) for k in start]
@@ -186,8 +186,8 @@ def exchange_poses(
     for sweep in range(most):
         moved = False
         for place, old in enumerate(chosen):
-            if told is not None:
-                told(sweep * len(chosen) + place)
+            if on_step is not None:
+                on_step(sweep * len(chosen) + place)
             others = rows[chosen[:place] + chosen[place + 1 :]]
             without = _Posterior(rows, weight, covariance_after(others, None))
             gains = without.gains(criterion)

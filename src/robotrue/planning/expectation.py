@@ -72,7 +72,7 @@ def predict_accuracy(
     order: IntArray,
     *,
     seed: int,
-    told: Callable[[int], None] | None = None,
+    on_step: Callable[[int], None] | None = None,
 ) -> ExpectedAccuracy:
     """Returns the accuracy expected after each pose of an order, and after random poses.
 
@@ -81,7 +81,7 @@ def predict_accuracy(
         rows: (c, 3, k) whitened rows of the candidates.
         order: (n,) chosen candidates, in the order of choice.
         seed: Of the random plans.
-        told: Called with the number of random plans done, before each.
+        on_step: Called with the number of random plans done, before each.
     """
     fixed = work.rest + work.instrument
     rms, mean = _curve(work, rows, order, fixed)
@@ -89,8 +89,8 @@ def predict_accuracy(
     n = len(order)
     random = np.empty((RANDOM, n + 1))
     for k in range(RANDOM):
-        if told is not None:
-            told(k)
+        if on_step is not None:
+            on_step(k)
         other = rng.choice(len(rows), n, replace=False)
         random[k] = _curve(work, rows, other, fixed)[1]
     low, middle, high = np.percentile(random, [25, 50, 75], axis=0)
@@ -116,8 +116,8 @@ def _curve(work: WorkErrorPrior, rows: Array, order: IntArray, fixed: Array) -> 
             ahead = now @ mine.T
             inverse = np.linalg.inv(np.eye(len(mine)) + mine @ ahead)
             now = now - ahead @ inverse @ ahead.T
-            told = flat @ ahead
-            left, right = told.reshape(m, 3, -1), (told @ inverse).reshape(m, 3, -1)
+            common = flat @ ahead
+            left, right = common.reshape(m, 3, -1), (common @ inverse).reshape(m, 3, -1)
             spread = spread - left @ np.swapaxes(right, 1, 2)
         rms.append(np.sqrt(np.trace(spread, axis1=1, axis2=2).mean()))
         mean.append(mean_length(spread).mean())

@@ -134,8 +134,8 @@ def _choose(
     for _ in range(count):
         spread = gain @ np.swapaxes(columns, 1, 2) + np.eye(3)
         zeros = gain[:, :, theta]
-        told = np.einsum("mit,mij,mjt->m", zeros, np.linalg.inv(spread), zeros)
-        best = int(np.argmax(np.where(left, told, -np.inf)))
+        information = np.einsum("mit,mij,mjt->m", zeros, np.linalg.inv(spread), zeros)
+        best = int(np.argmax(np.where(left, information, -np.inf)))
         chosen.append(best)
         left[best] = False
         gain = gain - (columns @ gain[best].T) @ np.linalg.solve(spread[best], gain[best])

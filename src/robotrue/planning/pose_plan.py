@@ -202,7 +202,11 @@ def plan_poses(
         position=scene.tubes(ordered)[1],
         rank=order,
         expected=predict_accuracy(
-            wanted, rows, choice.chosen, seed=settings.seed, told=meter.phase("comparing plans", 4)
+            wanted,
+            rows,
+            choice.chosen,
+            seed=settings.seed,
+            on_step=meter.phase("comparing plans", 4),
         ),
         criterion=settings.criterion,
         candidates=len(joints),
@@ -321,10 +325,10 @@ def _choose_poses(
 ) -> tuple[Choice, bool]:
     """Greedy, then exchanged, then sorted so that each pose is the best after those before."""
     weight, text = work.weight, "choosing poses"
-    first = greedy(rows, weight, n, criterion=settings.criterion, told=meter.phase(text, 1))
+    first = greedy(rows, weight, n, criterion=settings.criterion, on_step=meter.phase(text, 1))
     better = exchange_poses(
         rows, weight, first.chosen, criterion=settings.criterion,
-        told=meter.phase("exchanging poses", 2, 2),
+        on_step=meter.phase("exchanging poses", 2, 2),
     )  # fmt: skip
     sorted_rows = greedy(rows[better.chosen], weight, n, criterion=settings.criterion)
     chosen = better.chosen[sorted_rows.chosen]

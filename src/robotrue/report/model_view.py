@@ -74,10 +74,10 @@ def stiffness(model: ErrorModel) -> dict[str, StiffnessRow]:
         if not name.startswith("compliance"):
             continue
         value, sd = row.value, row.sd
-        told = value > 0.0 and sd < 0.5 * value
+        determined = value > 0.0 and sd < 0.5 * value
         out[f"joint {name.removeprefix('compliance')}"] = {
-            "Nm_per_rad": 1.0 / value if told else None,
-            "sd_Nm_per_rad": sd / value**2 if told else None,
+            "Nm_per_rad": 1.0 / value if determined else None,
+            "sd_Nm_per_rad": sd / value**2 if determined else None,
             "compliance_rad_per_Nm": value,
             "compliance_sd_rad_per_Nm": sd,
             "known": row.kind,

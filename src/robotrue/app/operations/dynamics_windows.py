@@ -119,10 +119,10 @@ def run(request: DynamicsWindowsRequest, context: Context) -> PlainResult:
         context.note(f"{count(len(whole), 'window')}: `dynamics fit` needs {FEWEST} or more")
     output = context.output(request.output)
     write_windows(output, whole)
-    told = (records, read, windows, len(whole), output)
+    result = (records, read, windows, len(whole), output)
     return PlainResult(
-        values=_document(*told),
-        shown=(_facts(*told),),
+        values=_document(*result),
+        shown=(_facts(*result),),
         provenance=merge([whole.provenance]),
     )
 

@@ -288,11 +288,11 @@ def _sentence(found: MasteringCheck) -> str:
         return "none detected; an offset below the angles in the table is not detectable"
     if found.verdict == "lost":
         return " and ".join(f"A{j + 1}" for j in found.lost.joints)
-    told = [
+    undetermined = [
         f"{' and '.join(f'A{j + 1}' for j in h.joints) or 'no axis'} {100.0 * h.probability:.0f} %"
         for h in found.hypotheses[:LISTED]
     ]
-    return ", ".join(told) + ": touch the point in more postures"
+    return ", ".join(undetermined) + ": touch the point in more postures"
 
 
 def _notes(found: MasteringCheck, robot: RobotModel, *, calibrated: bool) -> list[str]:

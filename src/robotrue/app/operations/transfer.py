@@ -177,15 +177,15 @@ def run(request: TransferRequest, context: Context) -> Transferred:
     output = context.output(request.output)
     write_model(output, model, cell)
     context.wrote("model", output)
-    told = verdict_from_summary(model.training_summary())
-    if told is None:
+    verdict = verdict_from_summary(model.training_summary())
+    if verdict is None:
         raise ModelMismatchError("the model cannot carry the evidence of its contest.")
     page = None if request.report is None else context.output(request.report)
     result = Transferred(
         model=model,
         output=output,
-        verdict=told[0],
-        selection=told[1],
+        verdict=verdict[0],
+        selection=verdict[1],
         curve=curve,
         page=page,
         provenance=provenance_of(model),
