@@ -41,6 +41,9 @@ class Numbers:
         if len(index) == len(self.start) and (index == np.arange(len(index))).all():
             return self
         none = np.asarray(index < 0)[:, None]
+        if not none.any():
+            start, length, value = self.start[index], self.length[index], self.value[index]
+            return Numbers(start=start, length=length, value=value)
         if not len(self.start):
             shape = (len(index), self.start.shape[1])
             return Numbers(
@@ -73,6 +76,14 @@ class NumberTable:
         self._last.append(end)
         self._kind.append(kind)
         return len(self._first) - 1
+
+    def extend(self, edges: array[int], kind: int) -> range:
+        """Returns the rows of literals of one kind, from their first bytes and ends in turn."""
+        rows = range(len(self._first), len(self._first) + len(edges) // 2)
+        self._first.extend(edges[::2])
+        self._last.extend(edges[1::2])
+        self._kind.extend([kind] * len(rows))
+        return rows
 
     def numbers(self) -> Numbers:
         """Returns the whole table."""

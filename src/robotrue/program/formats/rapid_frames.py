@@ -183,13 +183,15 @@ class RapidFrames:
             return np.full(len(places), one), np.zeros(len(places), np.bool_)
         members = _MEMBERS[side]
         found = np.stack([self._course.versions((side, name, m), places) for m in members])
-        kinds, inverse = np.unique(found, axis=1, return_inverse=True)
+        first = np.flatnonzero(np.diff(found, axis=1, prepend=found[:, :1] - 1).any(axis=0))
+        kinds, run = np.unique(found[:, first], axis=1, return_inverse=True)
+        inverse = np.repeat(run.reshape(-1), np.diff(first, append=len(places)))
         index = np.empty(kinds.shape[1], np.int64)
         swapped = np.zeros(kinds.shape[1], np.bool_)
         for column in range(kinds.shape[1]):
             version = dict(zip(members, kinds[:, column].tolist(), strict=True))
             index[column], swapped[column] = self._one(side, name, variable, version)
-        return index[inverse.reshape(-1)], swapped[inverse.reshape(-1)]
+        return index[inverse], swapped[inverse]
 
     def _one(
         self, side: str, name: str, variable: _Variable, version: dict[str, int]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from array import array
 from collections.abc import Container
 from typing import Final, NamedTuple
 
@@ -85,12 +86,14 @@ class RapidWalk(Data):
 
     def all(self) -> None:
         """Reads every statement."""
-        at = scan.beginning(self.data)
+        at, ahead = scan.beginning(self.data), None
         while True:
             self.place += 1
-            inline = scan.UNCOMMENTED.match(self.data, at) or scan.INLINE.match(self.data, at)
-            if inline and self._inline(inline):
-                at = inline.end()
+            inline = ahead or scan.UNCOMMENTED.match(self.data, at)
+            inline = inline or scan.INLINE.match(self.data, at)
+            end, ahead = self._inline(inline) if inline else (at, None)
+            if end > at:
+                at = end
                 continue
             statement, at = scan.next_statement(self.data, at, self.name)
             if statement is None:
@@ -279,8 +282,11 @@ class RapidWalk(Data):
         self.place += 1
         self.course.join(self.place)
 
-    def _inline(self, match: re.Match[bytes]) -> bool:
-        """Enters a motion to a literal; returns whether its other arguments are understood."""
+    def _inline(self, match: re.Match[bytes]) -> tuple[int, re.Match[bytes] | None]:
+        """Enters motions to literals, alike otherwise; returns their end and the motion there.
+
+        The end is that of the statement before where their other arguments are not understood.
+        """
         key = match[1], match[3]
         known = self._tails.get(key)
         if known is None:
@@ -290,13 +296,22 @@ class RapidWalk(Data):
             tail = read_tail(self.data, *match.span(3), move, given=1) if move else None
             known = self._tails[key] = move, tail
         move, tail = known
+        at, edges = match.start(), array("q")
         if move is None or tail is None or tail.places:
-            return False
+            return at, None
         self.story.begun = True
-        start, end = match.span(2)
-        point = self.story.add(start, self.table.add(start, end, POSE), POSE)
-        self._use(point, move.motion, tail, start)
-        return True
+        ahead: re.Match[bytes] | None = match
+        while ahead and ahead.group(1, 3) == key:
+            edges.extend(ahead.span(2))
+            at = ahead.end()
+            ahead = scan.UNCOMMENTED.match(self.data, at)
+        begins = edges[::2]
+        points = self.story.extend(begins, self.table.extend(edges, POSE), POSE)
+        places = range(self.place, self.place + len(points))
+        number = self._number_setting(tail, begins[0])
+        self.story.uses.extend(points, places, move.motion, number)
+        self.place = places[-1]
+        return at, ahead
 
     def _move(self, start: int, end: int, move: Move) -> None:
         self.story.begun = True
@@ -356,9 +371,12 @@ class RapidWalk(Data):
             self.story.arcs += [(a, last[0]) for a in via] + [(via[0], b) for b in last]
 
     def _use(self, point: int, motion: int, tail: Tail, start: int) -> None:
+        self.story.uses.add(point, self.place, motion, self._number_setting(tail, start))
+
+    def _number_setting(self, tail: Tail, start: int) -> int:
+        """Returns the number of the tool and work object of a motion."""
         settings = self.story.settings
-        number, _ = settings.setdefault(self._name_setting(tail), (len(settings), start))
-        self.story.uses.add(point, self.place, motion, number)
+        return settings.setdefault(self._name_setting(tail), (len(settings), start))[0]
 
     def _name_setting(self, tail: Tail) -> tuple[str, str]:
         """Returns the names of tool and work object of a motion, parameters with their routine."""

@@ -7,6 +7,7 @@ a variable that takes part in a computation is not certain anywhere.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -114,6 +115,13 @@ class Uses:
         self.motion.append(motion)
         self.setting.append(setting)
 
+    def extend(self, points: range, places: range, motion: int, setting: int) -> None:
+        """Adds motions of one kind to points in turn."""
+        self.point.extend(points)
+        self.place.extend(places)
+        self.motion.extend([motion] * len(points))
+        self.setting.extend([setting] * len(points))
+
 
 @dataclass(slots=True)
 class ParsedPoints:
@@ -143,6 +151,14 @@ class ParsedPoints:
         self.row.append(row)
         self.kind.append(kind)
         return len(self.offset) - 1
+
+    def extend(self, offsets: Sequence[int], rows: range, kind: int) -> range:
+        """Returns the numbers of new points of one kind."""
+        points = range(len(self.offset), len(self.offset) + len(rows))
+        self.offset.extend(offsets)
+        self.row.extend(rows)
+        self.kind.extend([kind] * len(rows))
+        return points
 
 
 def moves_to(uses: Uses, rows: IntArray) -> IntArray:
