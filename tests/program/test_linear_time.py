@@ -17,6 +17,7 @@ from path_samples import SAMPLES, TABLE
 
 from robotrue.errors import RobotrueError
 from robotrue.program.formats import detect, write_program
+from robotrue.program.formats.rapid_values import read_module
 from robotrue.program.formats.stated_feeds import stated_feeds
 from robotrue.program.frames_beside import read_controller_file
 from robotrue.program.insertion import Inserter
@@ -365,6 +366,14 @@ def test_fanuc_statements_take_linear_time(begins: bytes, worst: bytes, size: in
         )
 
     assert not steep(used("fanuc_ls", "job.ls"), program, size=size, most=4 * size)
+
+
+@pytest.mark.parametrize("worst", [b"IF a ", b"CASE 1 ", b"FOR i FROM ", b"PROC a\n", b"ELSE "])
+def test_data_of_a_rapid_module_are_read_in_linear_time(worst: bytes) -> None:
+    def read(data: bytes) -> None:
+        read_module("job.mod", data)
+
+    assert not steep(read, lambda size: of(worst, size))
 
 
 def test_moves_to_computed_elements_take_linear_time() -> None:

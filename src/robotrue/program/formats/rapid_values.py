@@ -41,8 +41,8 @@ _ROUTINE: Final = re.compile(r"\b(?:PROC|FUNC|TRAP)\b", re.IGNORECASE)
 _CHANGED: Final = re.compile(r"(?<![\w.\\])(\w++)\s*+(?:\{[^{}]*+\}\s*+)?+(?:\.\s*+\w++\s*+)*+:=")
 _HEADS: Final = re.compile(
     r"^[ \t]*+(?:LOCAL[ \t]++)?+(?:MODULE|PROC|FUNC|TRAP)\b[^\n]*+"
-    r"|\b(?:IF|ELSEIF|WHILE|FOR)\b[^;]*?\b(?:THEN|DO)\b|\b(?:ELSE|ERROR|UNDO|END\w++)\b"
-    r"|\b(?:CASE\b[^;:]*+|DEFAULT\s*+):",
+    r"|\b(?:IF|ELSEIF|WHILE|FOR)\b[^;]{0,500}?\b(?:THEN|DO)\b|\b(?:ELSE|ERROR|UNDO|END\w++)\b"
+    r"|\b(?:CASE\b[^;:]{0,500}+|DEFAULT\s*+):",
     re.IGNORECASE | re.MULTILINE,
 )
 """What a statement may follow without a semicolon."""
@@ -105,6 +105,8 @@ class RapidTask:
     modules: Sequence[RapidModule] = ()
     changes: dict[str, list[str]] = field(default_factory=dict)
     _given: dict[str, list[RapidModule]] = field(default_factory=dict)
+    _readers: dict[str, str] = field(default_factory=dict)
+    """The module that names a variable of others; empty if several do."""
 
     @classmethod
     def of(cls, files: Iterable[tuple[str, bytes]]) -> RapidTask:
@@ -113,6 +115,8 @@ class RapidTask:
         for module in out.modules:
             for name in module.given:
                 out._given.setdefault(name, []).append(module)
+            for name in module.words:
+                out._readers[name] = "" if name in out._readers else module.name
             for name in module.changed:
                 out.changes.setdefault(name, []).append(module.name)
         return out
@@ -127,7 +131,7 @@ class RapidTask:
 
     def is_read_outside(self, name: str, module: str) -> bool:
         """Returns whether another module than this names a variable."""
-        return any(each.name != module and name in each.words for each in self.modules)
+        return self._readers.get(name, module) != module
 
     def value(self, name: str, asking: str, depth: int = 0) -> RapidValue:
         """Returns the value of data that another module declares.
