@@ -7,7 +7,8 @@ One file per language, every target a pose, is read, compensated for a simulated
 long and its language can be cut. Every job is a process of its own with one thread: it does a small
 program first, which loads and compiles, and then the file once. CPU time is user and system of that
 process, the best of the rounds, in which the languages take turns, so that a ratio to KRL compares
-jobs of one machine state. Peak memory is that of the process beyond what the small program took.
+jobs of one machine state. Memory per target is the peak of the process beyond what the small
+program took.
 
 The floor reads the same bytes, parses each number once, formats each once with four decimals, and
 writes: one pass from buffer to buffer with the product's own kernels for a number, nothing found
@@ -197,7 +198,8 @@ def job(name: str, count: int, folder: Path) -> dict[str, Any]:
     floor(small, target)
     before = peak_mib()
     took = do_job(case, source, target, case.joints(count))
-    took["mib"] = peak_mib() - before
+    took["peak"] = peak_mib()
+    took["mib"] = took["peak"] - before
     return took | {"floor": floor(source, target)}
 
 
@@ -226,11 +228,11 @@ def report(
     """Prints the stages, and the speed beside KRL of the same run."""
     stages = {stage: min(run[stage] for run in runs) for stage in ("read", "compensate", "write")}
     ours, least = best_of(runs), min(run["floor"] for run in runs)
-    mib = min(run["mib"] for run in runs)
+    mib, peak = (min(run[key] for run in runs) for key in ("mib", "peak"))
     told = ", ".join(f"{stage} {took:.2f}" for stage, took in stages.items())
     print(
         f"{name}: {size / 1e6:.1f} MB, {runs[0]['compensated']} compensated, {runs[0]['route']}; "
-        f"{ours:.2f} CPU-s ({told}), floor {least:.2f}"
+        f"{ours:.2f} CPU-s ({told}), floor {least:.2f}; peak {peak:.0f} MiB"
     )
     rate, reach = count / ours / 1e6, REACH.get(name, OTHERS)
     print(

@@ -145,6 +145,22 @@ def test_what_is_held_whole_says_so(
     assert not (work / "out.src").exists()
 
 
+def test_notes_of_a_tool_path_are_those_of_the_whole(
+    cli, work: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rows = [f"{1200 - k % 40:.3f},{200 - k:.3f},{900 + k % 7:.3f},0.0,0.0,1.0" for k in range(250)]
+    (work / "long.csv").write_text("\n".join(["x_mm,y_mm,z_mm,i,j,k", *rows, ""]))
+    call = ("compensate", work / "model.rtm", work / "long.csv", "--allow-steps", "--json", "-o")
+    whole = cli(*call, work / "whole.csv")
+    monkeypatch.setattr(program_file, "LONG", 1)
+    monkeypatch.setattr(program_file, "outline_job", partial(outline_job, targets=60))
+    blocks = cli(*call, work / "blocks.csv")
+    assert (whole.code, blocks.code) == (0, 0), blocks.err
+    assert (blocks.document["route"], blocks.document["blocks"]) == ("blocks", 4)
+    assert blocks.document["notes"] == whole.document["notes"]
+    assert "long.csv:2, 3, 4, 5, 6 and 245 more lines: only the tool axis" in blocks.err
+
+
 def test_requests_that_cannot_be(cli, work: Path) -> None:
     (work / "long.src").write_text(program(20).replace("LIN P9\n", ""))
     call = ("compensate", work / "model.rtm", work / "long.src", "-o", work / "out.src")

@@ -27,7 +27,7 @@ from robotrue.program.program import Program, Reason, Replacement
 from robotrue.program.program_chunk import Whole
 from robotrue.program.program_file import ProgramFile, outline_job, read_chunk, write_chunk
 
-SEEDS = 40
+SEEDS = 20
 NAMES = ("sinumerik", "fanuc_gcode", "heidenhain", "apt", "toolpath_csv")
 
 

@@ -123,7 +123,7 @@ def compensate_chunk(
     result = compensate_targets(job.setup, program, task.load, state, progress)
     tally = result.tally(program)
     incomplete = np.flatnonzero(program.reason == Reason.INCOMPLETE)
-    if len(incomplete) and not held:
+    if isinstance(job.content, Skeleton) and len(incomplete) and job.content.splice is None:
         text = "components are left out, and their inherited values are unknown."
         note = row_note(program, incomplete, text, rank=_INCOMPLETE)
         tally = replace(tally, notes=(note, *tally.notes))
