@@ -211,10 +211,16 @@ def test_own_pendant_file_to_a_compensated_registered_part(
 
 
 WIDTHS: Final = (1440, 1180, 820, 390)
+TABLET: Final = 820
 AUDITED: Final = (1440, 390)
 """Widths at which all rules are checked; dark, contrast alone."""
 OVERFLOW: Final = """() => ['html', '#sheet'].map((name) => document.querySelector(name))
   .filter((each) => each && each.scrollWidth > each.clientWidth).map((each) => each.id || 'html')"""
+ALONE: Final = """() => [...document.querySelectorAll('.tiles')].filter((each) => {
+  const rows = [...each.children].map((tile) => tile.offsetTop);
+  return rows.length > 1 && rows.filter((row) => row === rows.at(-1)).length === 1;
+}).length"""
+"""Groups of tiles whose last row is one tile."""
 SERIOUS: Final = """async (rules) => {
   const found = await axe.run(document, rules ? {runOnly: rules} : {});
   return found.violations.filter((each) => ['serious', 'critical'].includes(each.impact))
@@ -265,6 +271,8 @@ def audit(watched: Watched, address: str, axe: str) -> list[str]:
     for width in WIDTHS:
         page.set_viewport_size({"width": width, "height": 1000})
         faults += [f"{address} at {width}: {name} too wide" for name in page.evaluate(OVERFLOW)]
+        if width == TABLET and (alone := page.evaluate(ALONE)):
+            faults.append(f"{address} at {width}: {alone} tiles alone in a row")
         for theme, rules in (("light", None), ("dark", ["color-contrast"])):
             if width in AUDITED:
                 page.evaluate("theme => document.documentElement.dataset.theme = theme", theme)
