@@ -58,7 +58,9 @@ def pages() -> list[Path]:
     """Returns the pages in English and the notebooks; a decision keeps the figures of its day."""
     top = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CONVENTIONS.md")]
     docs = ROOT / "docs"
-    found = [*docs.rglob("*.md"), *(docs / "notebooks").glob("*.ipynb")]
+    notebooks = list((docs / "notebooks").glob("*.ipynb"))
+    made = {path.with_suffix(".md") for path in notebooks}  # by a build of the documentation
+    found = [*notebooks, *(path for path in docs.rglob("*.md") if path not in made)]
     return [*top, *sorted(p for p in found if not {"_build", "zh", "adr"} & set(p.parts))]
 
 
