@@ -29,12 +29,16 @@ from robotrue.program.formats.fanuc_offsets import (
     target_of,
     words_behind,
 )
-from robotrue.program.formats.fanuc_scan import FanucScan, find_program, list_statements
+from robotrue.program.formats.fanuc_scan import STATEMENT, FanucScan, find_program
 from robotrue.program.formats.fanuc_values import State
 from robotrue.program.formats.text_lines import line_at, line_starts
 from robotrue.program.program import Motion, Reason
 
-_PLAIN: Final = re.compile(rb"[ \t]*([JLS])[ \t]+P\[(\d{1,6})(?::[^\]]*)?\](.*)", re.DOTALL)
+_PLAIN: Final = re.compile(
+    rb"\s*+(?:\d{0,6}+\s*+:)?+()[ \t]*+([JLS])[ \t]++P\[(\d{1,6})(?::[^\];]*+)?\]([^;]*+);"
+    rb"[ \t]*+(?:\r\n|\n|\r)?"
+)
+"""A statement that moves to a record; the first group is where its text begins."""
 _MOVE: Final = re.compile(rb"\s*([JLCAS])\s+(P|PR)\s*\[(.*)", re.DOTALL)
 _TARGET: Final = re.compile(rb"\b(P|PR)\s*+\[\s*+([^\]:]*+)(?::[^\]]*+)?\]")
 _POINT: Final = re.compile(rb"(?<![\w$])P\s*+\[\s*+([^\]:]*+)(?::[^\]]*+)?\]")
@@ -130,9 +134,10 @@ def moves(
     """
     walk = _Walk(scan, name, harmless, registers or {})
     at, end = scan.statements
-    for match in list_statements(scan.data, at, end):
+    at = walk.plain_moves(at, end)
+    while match := STATEMENT.match(scan.data, at, end):
         walk.statement(match.start(2), match[2])
-        at = match.end()
+        at = walk.plain_moves(match.end(), end)
     rest = scan.data[at:end]
     if rest.strip():
         at += len(rest) - len(rest.lstrip())
@@ -179,15 +184,21 @@ class _Walk:
             self.out.flags |= dict.fromkeys(self._row.values(), Reason.UNKNOWN_FRAME)
             self._set.update(self._row.values())
 
+    def plain_moves(self, at: int, end: int) -> int:
+        """Reads moves to records without words that modify them; returns the byte after them."""
+        if self._run or self._shifted:
+            return at
+        while plain := _PLAIN.match(self.data, at, end):
+            letter, number, tail = plain.group(2, 3, 4)
+            row, options = self._row.get(int(number)), self._tails.get(tail)
+            if row is None or (self._options(tail) if options is None else options):
+                break
+            self._use(plain.start(1), row, _MOTION[letter])
+            at = plain.end()
+        return at
+
     def statement(self, place: int, text: bytes) -> None:
         """Reads one; comments and remarked statements are skipped."""
-        plain = _PLAIN.match(text)
-        if plain and not self._run and not self._shifted:
-            letter, number, tail = plain.groups()
-            row, options = self._row.get(int(number)), self._options(tail)
-            if row is not None and not options:
-                self._use(place, row, _MOTION[letter])
-                return
         place += len(text) - len(text.lstrip())
         text = text.lstrip()
         if not text or text.startswith((b"!", b"//", b"--")):
@@ -267,7 +278,7 @@ class _Walk:
             found = match if match is not None else _TARGET.search(self.data, place)
             span = (0, 0) if found is None else found.span()
             if match is not None:
-                span = match.start(2) - 2, match.start(3)
+                span = match.start(3) - 2, match.start(4)
             target = MoveTarget(row, self._line(place), (span,))
         return target
 

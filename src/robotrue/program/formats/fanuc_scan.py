@@ -184,9 +184,7 @@ class _Reader:
         """Reads the records between two places."""
         data = self.data
         while True:
-            while plain := _PLAIN.match(data, at, end):
-                self._plain_record(plain)
-                at = plain.end()
+            at = self._plain_records(at, end)
             match = _HEAD.match(data, at, end)
             if match is None:
                 break
@@ -196,12 +194,21 @@ class _Reader:
         if at < end:
             self._refuse(f"{_show(data, at)} is no position record", "correct it", at)
 
-    def _plain_record(self, match: re.Match[bytes]) -> None:
-        _, number, frame, tool, _, _ = match.groups()
-        first, last = match.span(5)
-        frames = self._frame(frame), self._frame(tool)
-        self.rows.extend((int(number), match.start(1), 0, first, last - first, *frames))
-        self.table.add(*match.span(6), 0)
+    def _plain_records(self, at: int, end: int) -> int:
+        """Reads the poses of group 1 alone from a byte on; returns the byte after them."""
+        edges, frames = array("q"), dict[tuple[bytes, ...], tuple[int, int]]()
+        while match := _PLAIN.match(self.data, at, end):
+            written = match.group(3, 4)
+            if written not in frames:
+                frames[written] = self._frame(match[3]), self._frame(match[4])
+            first, last = match.span(5)
+            self.rows.extend(
+                (int(match[2]), match.start(1), 0, first, last - first, *frames[written])
+            )
+            edges.extend(match.span(6))
+            at = match.end()
+        self.table.extend(edges, 0)
+        return at
 
     def _frame(self, text: bytes) -> int:
         number = self.frames.get(text)
