@@ -1,6 +1,8 @@
-"""Blocks left out in closed form, with and without a smooth residual. Simulated."""
+"""Blocks left out, in closed form and by refits, with and without a smooth residual. Simulated."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,12 +16,18 @@ from robotrue.calibration.held_out_blocks import (
     label_blocks,
     sums_without,
 )
-from robotrue.calibration.learned import LearnedParts, climb_ladder, first_design
+from robotrue.calibration.learned import (
+    LearnedMethod,
+    LearnedParts,
+    climb_ladder,
+    first_design,
+)
 from robotrue.calibration.methods import FitSettings
 from robotrue.calibration.settings import free_groups
 from robotrue.calibration.terms.smooth import choose_centres
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.statics import deflect_arm
+from robotrue.validation.evaluation import evaluate
 
 SETTINGS = FitSettings(payload=PAYLOAD, repeatability=6e-5)
 ROWS = 210
@@ -27,20 +35,24 @@ AMPLITUDE = 2e-4
 
 
 @pytest.fixture(scope="module")
-def fit():
+def data():
     rng = np.random.default_rng(5)
     joints = postures(arm(), ROWS, rng)
     state, _ = deflect_arm(planted(arm(), rng), joints, PAYLOAD)
     bump = 2e-4 * np.stack([np.sin(2 * joints[:, 0]), np.cos(3 * joints[:, 1]), joints[:, 2]], 1)
-    data = MeasurementSet(
+    return MeasurementSet(
         joints=joints,
         position=state.position + bump + 2e-5 * rng.standard_normal((ROWS, 3)),
         covariance=np.tile(4e-10 * np.eye(3), (ROWS, 1, 1)),
     )
+
+
+@pytest.fixture(scope="module")
+def fit(data):
     parts = LearnedParts(highest=16)
     physical = estimate(arm(), data, SETTINGS, free_groups("elastic"))
     at = climb_ladder(first_design(physical, data, SETTINGS, parts), parts)
-    basis = choose_centres(joints, np.full(12, 1.5), most=20, enough=0.05)
+    basis = choose_centres(data.joints, np.full(12, 1.5), most=20, enough=0.05)
     return at, at.design.with_centres(basis)
 
 
@@ -69,3 +81,18 @@ def test_blocks_left_out_in_closed_form_are_refits_without_them(fit):
         found.append(refit_error(richer, sums, groups, noise))
     assert smooth == pytest.approx(min(found), rel=1e-6)
     assert smooth < plain  # there is a smooth error
+
+
+def test_a_block_is_predicted_as_by_the_refit_without_it(data):
+    method = LearnedMethod(name="gp", parts=LearnedParts(highest=16))
+    whole = method.fit_whole(arm(), data, replace(SETTINGS, repeatability=1e-5))
+    assert whole.base is not None  # it has a smooth residual
+    block = label_blocks(ROWS) == 2
+    refit = whole.refit(block, whole.base.refit(block))
+    seen = evaluate(
+        whole.model_of(refit, block), data.subset(np.flatnonzero(block)), payload=PAYLOAD
+    )
+    found = whole.held_out_block(block)
+    np.testing.assert_allclose(found.error, seen.after, atol=1e-6)
+    np.testing.assert_allclose(found.covariance, seen.covariance, rtol=0.02, atol=1e-11)
+    assert whole.held_out_block(label_blocks(ROWS) < 2) is None

@@ -96,6 +96,11 @@ class Design(StandardTerms):
         """Physical parameters that are estimated."""
         return np.flatnonzero(self.prior.free)
 
+    @property
+    def physical(self) -> int:
+        """Number of active physical parameters; they come first."""
+        return int(self.active[: len(self.free)].sum())
+
     def place(self, name: str) -> slice:
         """Returns the columns of a term.
 

@@ -5,6 +5,10 @@ measured; the scales, the noise and the weights are learned again without each b
 predicted. Common to all blocks are linearisation, robust weights, and the lengths of the smooth
 part.
 
+From :data:`MANY` rows each block is learned from initial scales, like any held-out part, and serves
+as one in the choice of the method: learning that begins at the scales of all rows retains some of
+the block.
+
 The covariance gets one factor f from these predictions. A factor is a variance, which few rows
 determine poorly: with a prior of :data:`PRIOR_NUMBERS` numbers about one it is where
 
@@ -35,7 +39,7 @@ block gives the same at a hundred times the cost.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -52,6 +56,10 @@ BLOCKS: Final = 5
 """As in validation: a contiguous fifth is held out at a time."""
 STEPS: Final = 6
 """Of learning without a block, from the scales of all rows."""
+REFIT_STEPS: Final = 12
+"""Of learning without some rows, from initial scales."""
+LEAST_GAIN: Final = 3.0
+"""Log evidence that a step of it must gain for another: 20 to 1, as a richer model must."""
 PRIOR_NUMBERS: Final = 20.0
 """Weight of the prior of the factor, in numbers."""
 NUMBERS_PER_ROW: Final = 3.0
@@ -71,6 +79,21 @@ HALF: Final = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class LearnedScales:
+    """Scales and noise of a fit without some rows.
+
+    Attributes:
+        scales: By the name of the group.
+        noise: (c,) tau of each channel.
+        freedom: That the width of the fit rests on; see :func:`count_freedom`.
+    """
+
+    scales: Mapping[str, float]
+    noise: Array
+    freedom: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class HeldOutRows:
     """Rows predicted from the other blocks, base or tracker frame, in the rows' order.
 
@@ -82,6 +105,7 @@ class HeldOutRows:
         counted: (n,) rows that are not screened out.
         freedom: That the width of the fit rests on; see :func:`count_freedom`.
         inflation: Factor on ``learned + white``.
+        fits: The fit without each block, where those began at initial scales.
     """
 
     error: Array
@@ -91,6 +115,7 @@ class HeldOutRows:
     counted: BoolArray
     freedom: float = np.inf
     inflation: float = 1.0
+    fits: tuple[LearnedScales, ...] = ()
 
     def part(self, chosen: BoolArray) -> HeldOutRows:
         """Returns some of the rows (n,)."""
@@ -109,10 +134,14 @@ class HeldOutRows:
         return float(np.linalg.norm(self.error, axis=1).mean())
 
     @property
+    def covariance(self) -> Array:
+        """(n, 3, 3) m^2 of the error."""
+        return self.inflation * (self.learned + self.white) + self.instrument
+
+    @property
     def coverage(self) -> float:
         """Share of rows in their 95 % region."""
-        covariance = self.inflation * (self.learned + self.white) + self.instrument
-        solved = np.linalg.solve(covariance, self.error[:, :, None])[:, :, 0]
+        solved = np.linalg.solve(self.covariance, self.error[:, :, None])[:, :, 0]
         squared = (self.error * solved).sum(axis=1)
         return float((squared <= chi_point(LEVEL, 3) ** 2).mean())
 
@@ -126,6 +155,7 @@ def predict_held_out(
     *,
     kept: Sequence[WhitenedRows] = (),
     shift: float = 0.0,
+    begin: Sequence[LearnedScales] | None = None,
 ) -> HeldOutRows:
     """Returns every row predicted from the other blocks, with a factor of one.
 
@@ -137,6 +167,8 @@ def predict_held_out(
         repeatability: m, sd per axis, part of the rows' stated covariance.
         kept: All rows, from :meth:`Design.keep_rows`.
         shift: m, sd per axis of a shift between blocks caused by the time between them alone.
+        begin: The fits without each block from which learning begins, initial scales if there are
+            none; None: it begins at ``fit``.
     """
     count = len(design.weights)
     fold = label_blocks(count)
@@ -144,10 +176,15 @@ def predict_held_out(
         np.zeros((count, 3)),
         *np.zeros((3, count, 3, 3)),
     )
+    fits: list[LearnedScales] = []
     for k in np.unique(fold):
         chosen = fold == k
         others = sums_without(design, sums, chosen, kept)
-        weights = find_scales(others, fit.groups, fit.noise, steps=STEPS)
+        if begin is None:
+            weights = find_scales(others, fit.groups, fit.noise, steps=STEPS)
+        else:
+            weights = learn_without(design, others, begin[k] if begin else None)
+            fits.append(list_scales(others, weights, design.physical))
         for item in design.rows(chosen, kept):
             lower, columns = item.lower[:, :3, :3], item.columns[:, :3]
             back = np.swapaxes(lower, 1, 2)
@@ -164,6 +201,31 @@ def predict_held_out(
         white=white,
         instrument=instrument,
         counted=design.weights > 0.0,
+        fits=tuple(fits),
+    )
+
+
+def learn_without(
+    design: Design, others: Sequence[Sums], begin: LearnedScales | None = None
+) -> Weights:
+    """Returns the weights that the sums of some rows give, all scales learned from the start.
+
+    Args:
+        design: Of all rows.
+        others: Sums of the rows that are not left out.
+        begin: Where learning begins; initial scales if None.
+    """
+    groups = design.groups({} if begin is None else dict(begin.scales))
+    noise = np.ones(len(others)) if begin is None else begin.noise
+    return find_scales(others, groups, noise, steps=REFIT_STEPS, least_gain=LEAST_GAIN)
+
+
+def list_scales(sums: Sequence[Sums], fit: Weights, physical: int) -> LearnedScales:
+    """Returns scales, noise and freedom of a fit; arguments as of :func:`count_freedom`."""
+    return LearnedScales(
+        scales={group.name: group.sd for group in fit.groups},
+        noise=fit.noise,
+        freedom=count_freedom(sums, fit, physical),
     )
 
 

@@ -24,8 +24,19 @@ from robotrue.calibration.design import Design, WhitenedRows
 from robotrue.calibration.estimate import Estimate, estimate
 from robotrue.calibration.estimator import NOISE_FLOOR
 from robotrue.calibration.evidence import Sums, Weights, posterior
-from robotrue.calibration.held_out_blocks import HeldOutRows, compare_left_out, predict_held_out
-from robotrue.calibration.learned_assembly import LinearFit, WholeFit, day_shift, widen_covariance
+from robotrue.calibration.held_out_blocks import (
+    HeldOutRows,
+    LearnedScales,
+    compare_left_out,
+    predict_held_out,
+)
+from robotrue.calibration.learned_assembly import (
+    LinearFit,
+    WholeFit,
+    day_shift,
+    widen_covariance,
+    within_campaign,
+)
 from robotrue.calibration.parameters import retract
 from robotrue.calibration.scale_learning import learn
 from robotrue.calibration.settings import FitSettings, free_groups
@@ -67,8 +78,6 @@ MANY_ROWS: Final = 200
 """Rows from which the ladder starts at its second rung, and each band has its own scale."""
 FEWEST_SMOOTH: Final = 60
 """Rows below which a smooth residual cannot be separated from other errors; it is not tried."""
-LONG_CAMPAIGN: Final = 1000
-"""Rows of a campaign so long that half of a day's shift is seen within it."""
 LADDER_STEPS: Final = 8
 SEED: Final = 20
 
@@ -197,7 +206,8 @@ def _fit_waves(
         at = climb_ladder(first_design(physical, measurements, settings, parts), parts)
         for steps in ROUNDS:
             at = renew_linearisation(at, steps=steps)
-        known[chosen] = physical, at, _predict_blocks(at, settings)
+        begin = None if at.design.few else ()
+        known[chosen] = physical, at, _predict_blocks(at, settings, begin=begin)
     return known[chosen]
 
 
@@ -337,7 +347,10 @@ def _without_idle(at: LinearFit) -> LinearFit:
 
 
 def _predict_blocks(
-    at: LinearFit, settings: FitSettings, kept: Sequence[WhitenedRows] | None = None
+    at: LinearFit,
+    settings: FitSettings,
+    kept: Sequence[WhitenedRows] | None = None,
+    begin: Sequence[LearnedScales] | None = None,
 ) -> HeldOutRows:
     design = at.design
     uncarried = np.zeros(len(design.weights))
@@ -353,7 +366,8 @@ def _predict_blocks(
         uncarried,
         settings.repeatability_sd,
         kept=design.keep_rows() if kept is None else kept,
-        shift=day_shift(settings) * float(np.sqrt(_within(len(design.weights)))),
+        shift=day_shift(settings) * float(np.sqrt(within_campaign(len(design.weights)))),
+        begin=begin,
     )
 
 
@@ -372,11 +386,6 @@ def hold_out_physical(
     fit = posterior(sums, design.groups({}), np.ones(len(sums))).with_root()
     at = LinearFit(design=design, sums=sums, weights=fit)
     return widen_covariance(at, _predict_blocks(at, replace(settings, campaign_shift=0.0), kept))
-
-
-def _within(rows: int) -> float:
-    """Returns the share of the variance between days that blocks of one campaign show already."""
-    return rows / (rows + LONG_CAMPAIGN)
 
 
 def _with_smooth(
@@ -413,7 +422,7 @@ def _with_smooth(
     if weights.evidence < at.weights.evidence + WORTH:
         return at, found, {**notes, "smooth": "no evidence for it beside the other terms"}
     richer = renew_linearisation(LinearFit(design=design, sums=sums, weights=weights), steps=5)
-    better = _predict_blocks(richer, settings)
+    better = _predict_blocks(richer, settings, begin=found.fits or None)
     notes["held_out_mean_without_smooth_m"] = found.mean
     notes["held_out_mean_with_smooth_m"] = better.mean
     if better.mean >= found.mean:

@@ -28,12 +28,14 @@ from robotrue.calibration.evidence import Sums, Weights
 from robotrue.calibration.held_out_blocks import (
     HeldOutRows,
     count_freedom,
+    label_blocks,
+    learn_without,
+    list_scales,
     sums_without,
     widen,
 )
 from robotrue.calibration.model import describe_rows
 from robotrue.calibration.parameters import retract, station_as_base, target_as_tool
-from robotrue.calibration.scale_learning import learn
 from robotrue.calibration.settings import FitSettings
 from robotrue.calibration.terms.ripple import Ripple, harmonics
 from robotrue.calibration.terms.smooth import SmoothResidual
@@ -53,6 +55,15 @@ class LinearFit:
     design: Design
     sums: list[Sums]
     weights: Weights
+
+
+LONG_CAMPAIGN: Final = 1000
+"""Rows of a campaign so long that half of a day's shift is seen within it."""
+
+
+def within_campaign(rows: int) -> float:
+    """Returns the share of the variance between days that blocks of one campaign show already."""
+    return rows / (rows + LONG_CAMPAIGN)
 
 
 def day_shift(settings: FitSettings) -> float:
@@ -205,12 +216,6 @@ def describe_width(held_out: HeldOutRows) -> dict[str, object]:
     }
 
 
-STEPS: Final = 12
-"""Of learning without the rows left out."""
-LEAST_GAIN: Final = 3.0
-"""Log evidence that a step of it must gain for another: 20 to 1, as a richer model must."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WholeFit:
     """A learned fit of all rows.
@@ -244,13 +249,29 @@ class WholeFit:
         """
         design = self.at.design
         others = sums_without(design, self.at.sums, left_out)
-        scales: dict[str, float] = {}
-        noise = np.ones(len(others))
+        known = None
         if begin is not None:
-            scales = {group.name: group.sd for group in begin.weights.groups}
-            noise = begin.weights.noise
-        weights = learn(others, design.groups(scales), noise, steps=STEPS, least_gain=LEAST_GAIN)
+            known = list_scales(begin.sums, begin.weights, begin.design.physical)
+        weights = learn_without(design, others, known).with_root()
         return LinearFit(design=design, sums=others, weights=weights)
+
+    def held_out_block(self, left_out: BoolArray) -> HeldOutRows | None:
+        """Returns the prediction of rows that are left out, if they are one of the blocks.
+
+        As from :meth:`refit`, in base or tracker frame, with the width that the other blocks give
+        and the whole shift between days; None for other rows.
+
+        Args:
+            left_out: Mask over the rows of the fit.
+        """
+        blocks, found = label_blocks(len(left_out)), self.held_out
+        block = int(blocks[np.argmax(left_out)])
+        if not found.fits or not np.array_equal(blocks == block, left_out):
+            return None
+        others = replace(found.part(~left_out), freedom=found.fits[block].freedom)
+        rows = replace(found.part(left_out), inflation=widen(others).inflation)
+        unseen = (1.0 - within_campaign(len(left_out))) * day_shift(self.settings) ** 2
+        return replace(rows, instrument=rows.instrument + unseen * np.eye(3))
 
     def model_of(self, refit: LinearFit, left_out: BoolArray) -> CalibratedModel:
         """Returns the error model of a refit, with the width of its held-out rows."""
@@ -265,6 +286,5 @@ class WholeFit:
 
 def widen_covariance(at: LinearFit, found: HeldOutRows) -> HeldOutRows:
     """Returns the held-out rows with the factor that the covariance of the fit gets."""
-    physical = int(at.design.active[: len(at.design.free)].sum())
-    freedom = count_freedom(at.sums, at.weights, physical)
+    freedom = count_freedom(at.sums, at.weights, at.design.physical)
     return widen(replace(found, counted=at.design.weights > 0.0, freedom=freedom))

@@ -34,7 +34,7 @@ from robotrue.calibration.methods import METHODS
 from robotrue.calibration.methods import FitFunction as MethodFunction
 from robotrue.calibration.model import ErrorModel, with_summary
 from robotrue.calibration.settings import FitSettings
-from robotrue.core.arrays import BoolArray, IntArray
+from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.progress import Progress
 from robotrue.core.units import MM
 from robotrue.errors import ConvergenceError, RobotrueError, ShapeError
@@ -53,7 +53,7 @@ from robotrue.validation.contest import (
     find_voters,
     paired_gain,
 )
-from robotrue.validation.evaluation import Evaluation, evaluate
+from robotrue.validation.evaluation import evaluate
 from robotrue.validation.metrics import coverage, log_density, student_scores
 from robotrue.validation.splits import (
     Split,
@@ -165,12 +165,13 @@ def hold_out(
     contest = [
         _Fold(
             name=fold.name,
-            fits=partial(_fold_fits, candidates, refits or {}, measurements, fold, train),
-            unseen=measurements.subset(test),
+            predictions=partial(
+                _fold_predictions, candidates, refits or {}, measurements, fold, rows, payload
+            ),
         )
-        for fold, (train, test) in zip(folds, parts, strict=True)
+        for fold, rows in zip(folds, parts, strict=True)
     ]
-    hold = partial(_hold_folds, contest, candidates, _stop_hopeless(refits or {}), payload)
+    hold = partial(_hold_folds, contest, candidates, _stop_hopeless(refits or {}))
     held, leaders = hold(progress, race=len(measurements) > MOST_TRAIN)
     if any(isinstance(held[leader], RobotrueError) for leader in leaders):
         held, _ = hold(progress, race=False)  # without losses to failed candidates
@@ -188,38 +189,43 @@ class _Fold:
 
     Attributes:
         name: Of the split.
-        fits: Returns how each candidate is fitted without it.
-        unseen: Its rows.
+        predictions: Returns how each candidate that was fitted without it predicts its rows.
     """
 
     name: str
-    fits: Callable[[], Mapping[str, Callable[[], ErrorModel]]]
-    unseen: MeasurementSet
+    predictions: Callable[[], Mapping[str, Callable[[], _FoldErrors]]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _FoldErrors:
+    """Errors (n, 3) m of a candidate at held-out rows, and their covariance (n, 3, 3) m^2."""
+
+    error: Array
+    covariance: Array
 
 
 def _hold_folds(
     folds: Sequence[_Fold],
     candidates: Collection[str],
     hopeless: Mapping[str, StoppedCandidate],
-    payload: Load | None,
     progress: Progress | None,
     *,
     race: bool,
 ) -> tuple[dict[str, CandidateResults | StoppedCandidate | RobotrueError], set[str]]:
     """Results by candidate, and those that others lost to and left the race for."""
     total = len(candidates) * len(folds)
-    done: dict[str, list[Evaluation]] = {name: [] for name in candidates}
+    done: dict[str, list[_FoldErrors]] = {name: [] for name in candidates}
     failed: dict[str, RobotrueError | StoppedCandidate] = {**hopeless}
     leaders: set[str] = set()
     for k, fold in enumerate(folds):
         with share_waves():
-            for index, (name, fit) in enumerate(fold.fits().items()):
+            for index, (name, predict) in enumerate(fold.predictions().items()):
                 if name in failed:
                     continue
                 if progress is not None:
                     progress(f"{name}, {fold.name}", k * len(candidates) + index, total)
                 try:
-                    done[name].append(evaluate(fit(), fold.unseen, payload=payload))
+                    done[name].append(predict())
                 except RobotrueError as cause:
                     failed[name] = cause
         if race and 0 < k < len(folds) - 1:
@@ -235,36 +241,58 @@ def _hold_folds(
     }, leaders
 
 
-def _fold_fits(
+def _fold_predictions(
     candidates: Mapping[str, FitFunction],
     refits: Mapping[str, WholeFit],
     measurements: MeasurementSet,
     fold: Split,
-    train: IntArray,
-) -> dict[str, Callable[[], ErrorModel]]:
-    """Returns a model without the fold for each candidate: a refit, or a fit of its ``train`` rows.
+    used: tuple[IntArray, IntArray],
+    payload: Load | None,
+) -> dict[str, Callable[[], _FoldErrors]]:
+    """Returns the errors of each candidate at rows of a fold that it was fitted without.
 
-    Candidates whose fits of all rows are one and the same share one refit.
+    It is a refit, or a fit of the first of the rows ``used``; predicted are the second. Candidates
+    whose fits of all rows are one and the same share one refit. A block that a fit of all rows was
+    held out of is predicted already.
     """
-    rows = measurements.subset(train)
+    rows, unseen = (measurements.subset(part) for part in used)
     left_out = np.ones(len(measurements), dtype=bool)
     left_out[fold.train] = False
     # A refit knows a station that no row of the fold shows from the start of the fit alone.
     placed = np.isin(measurements.station[fold.test], measurements.station[fold.train]).all()
     refit: dict[int, Callable[[], LinearFit]] = {}
     models: dict[int, Callable[[], ErrorModel]] = {}
-    fits: dict[str, Callable[[], ErrorModel]] = {}
+    predictions: dict[str, Callable[[], _FoldErrors]] = {}
     for name, fit in candidates.items():
         whole = refits.get(name) if placed else None
         if whole is None:
-            fits[name] = partial(fit, rows)
+            predictions[name] = partial(_predict_fold, partial(fit, rows), unseen, payload)
             continue
         base = None if whole.base is None else refit.get(id(whole.base.at))
         key = id(whole.at)
         refit.setdefault(key, cache(partial(_refit, whole, left_out, base)))
         models.setdefault(key, cache(partial(_build_refit, whole, left_out, refit[key])))
-        fits[name] = models[key]
-    return fits
+        model = partial(_predict_fold, models[key], unseen, payload)
+        predictions[name] = partial(_predict_block, whole, left_out, used[1], model)
+    return predictions
+
+
+def _predict_fold(
+    fit: Callable[[], ErrorModel], unseen: MeasurementSet, payload: Load | None
+) -> _FoldErrors:
+    seen = evaluate(fit(), unseen, payload=payload)
+    return _FoldErrors(error=seen.after, covariance=seen.covariance)
+
+
+def _predict_block(
+    whole: WholeFit, left_out: BoolArray, test: IntArray, otherwise: Callable[[], _FoldErrors]
+) -> _FoldErrors:
+    """The prediction of a block by the fit without it; of another part by a fit made for it."""
+    found = whole.held_out_block(left_out)
+    if found is None:
+        return otherwise()
+    chosen = np.searchsorted(np.flatnonzero(left_out), test)
+    return _FoldErrors(error=found.error[chosen], covariance=found.covariance[chosen])
 
 
 def _refit(whole: WholeFit, left_out: BoolArray, base: Callable[[], LinearFit] | None) -> LinearFit:
@@ -301,17 +329,17 @@ def _stop_hopeless(refits: Mapping[str, WholeFit]) -> dict[str, StoppedCandidate
 
 
 def _find_losers(
-    done: Mapping[str, Sequence[Evaluation]], parts: int
+    done: Mapping[str, Sequence[_FoldErrors]], parts: int
 ) -> tuple[str, dict[str, StoppedCandidate]]:
     """The best candidate on the folds so far, and those that clearly lose to it."""
     errors = {
-        name: np.concatenate([np.linalg.norm(r.after, axis=1) for r in results])
+        name: np.concatenate([np.linalg.norm(r.error, axis=1) for r in results])
         for name, results in done.items()
     }
     leader = min(errors, key=lambda name: float(errors[name].mean()), default="")
     lost: dict[str, StoppedCandidate] = {}
     for name, error in errors.items():
-        sizes = [len(result.after) for result in done[name]]
+        sizes = [len(result.error) for result in done[name]]
         fold = np.repeat(np.arange(len(sizes)), sizes)
         gain, noise = paired_gain(error - errors[leader], fold)
         if gain > LOST * noise:
@@ -322,9 +350,9 @@ def _find_losers(
     return leader, lost
 
 
-def _join_folds(results: Sequence[Evaluation]) -> CandidateResults:
+def _join_folds(results: Sequence[_FoldErrors]) -> CandidateResults:
     """The held-out results of a candidate that was fitted without every fold."""
-    residual = np.concatenate([r.after for r in results])
+    residual = np.concatenate([r.error for r in results])
     covariance = np.concatenate([r.covariance for r in results])
     return CandidateResults(
         error=np.linalg.norm(residual, axis=1),
