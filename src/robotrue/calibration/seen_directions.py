@@ -17,7 +17,7 @@ import numpy as np
 from robotrue.calibration.evidence import PriorGroup, Sums, Weights
 from robotrue.core.arrays import Array, IntArray
 
-FAINT: Final = 1e-5
+FAINT: Final = 1e-4
 """Information on a direction, over that of its prior, below which it is not seen."""
 GROWTH: Final = 100.0
 """Times its scale at rest that a group may reach while it is learned."""
