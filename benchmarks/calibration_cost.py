@@ -3,9 +3,10 @@
     python benchmarks/calibration_cost.py [--quick]
 
 Fresh processes, one thread, compiled kernels warm. Measured arms: the UR5's 1,000 grid poses
-(points) and 505 full poses of the UR10's series B, evenly spaced. ``auto`` prints what it chose and
-its held-out error, so that no speed is bought with accuracy. The last column is the time of one
-Cholesky decomposition of as many columns as the model keeps: the floor of one step of learning.
+(points), 505 full poses of the UR10's series B and 2,218 of its series A, evenly spaced. ``auto``
+prints what it chose and its held-out error, so that no speed is bought with accuracy. The last
+column is the time of one Cholesky decomposition of as many columns as the model keeps: the floor of
+one step of learning.
 Data: the folder ROBOTRUE_DATA (default ../shared/data).
 """
 
@@ -39,14 +40,17 @@ frame = "unknown"
 mm = 0.03
 """
 ARMS = {
-    "UR5": ("ur5-jacobi/3D_UR5_uncalibrated_grid_cleaned.csv", 31.0),
-    "UR10": ("ur10-landgraf/Series_B/measurements_joint_configurations.csv", 93.1),
+    "UR5": ("UR5", "ur5-jacobi/3D_UR5_uncalibrated_grid_cleaned.csv", 31.0),
+    "UR10": ("UR10", "ur10-landgraf/Series_B/measurements_joint_configurations.csv", 93.1),
+    "UR10 A": ("UR10", "ur10-landgraf/Series_A/measurements_grid.csv", 109.0),
 }
+"""Preset, file and mm from the flange to the reflector."""
 CASES = (
     ("UR10", 60, "elastic"),
     ("UR10", 60, "auto"),
     ("UR10", 505, "auto"),
     ("UR5", 1000, "auto"),
+    ("UR10 A", 2218, "auto"),
 )
 QUICK = 2
 
@@ -96,11 +100,11 @@ def main() -> None:
           f"{'covered':>9}{'columns':>9}{'Cholesky s':>12}")  # fmt: skip
     with tempfile.TemporaryDirectory() as folder:
         for arm, count, method in CASES[: QUICK if quick else None]:
-            source, z = ARMS[arm]
+            robot, source, z = ARMS[arm]
             cell, rows, model = (
                 Path(folder) / name for name in ("cell.toml", f"{arm}.csv", "m.robotrue")
             )
-            cell.write_text(CELL.format(robot=arm, z=z))
+            cell.write_text(CELL.format(robot=robot, z=z))
             cut_rows(ROOT / source, count, rows)
             told, used = run_command(
                 ["calibrate", str(cell), str(rows), "--method", method, "-o", str(model)]

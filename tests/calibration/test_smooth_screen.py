@@ -1,4 +1,4 @@
-"""Blocks left out, in closed form and by refits, with and without a smooth residual. Simulated."""
+"""Blocks left out, by refits and in closed form, and linearisation of the fit. Simulated."""
 
 from __future__ import annotations
 
@@ -21,11 +21,15 @@ from robotrue.calibration.learned import (
     LearnedParts,
     climb_ladder,
     first_design,
+    measure_bend,
+    settle_linearisation,
 )
 from robotrue.calibration.methods import FitSettings
+from robotrue.calibration.parameters import retract
 from robotrue.calibration.settings import free_groups
 from robotrue.calibration.terms.smooth import choose_centres
 from robotrue.measurement.measurement_set import MeasurementSet
+from robotrue.robot.model import parameter_slice
 from robotrue.robot.statics import deflect_arm
 from robotrue.validation.evaluation import evaluate
 
@@ -96,3 +100,15 @@ def test_a_block_is_predicted_as_by_the_refit_without_it(data):
     np.testing.assert_allclose(found.error, seen.after, atol=1e-6)
     np.testing.assert_allclose(found.covariance, seen.covariance, rtol=0.02, atol=1e-11)
     assert whole.held_out_block(label_blocks(ROWS) < 2) is None
+
+
+def test_a_linearisation_far_from_the_fit_is_renewed_until_the_arm_follows_it(data):
+    parts = LearnedParts(highest=16)
+    physical = estimate(arm(), data, SETTINGS, free_groups("elastic"))
+    design = first_design(physical, data, SETTINGS, parts)
+    step = np.zeros(design.layout.size)
+    step[parameter_slice(arm().dof, "theta")][1:3] = 0.02, -0.02
+    far = replace(design, state=retract(design.layout, design.state, step))
+    at = climb_ladder(far, parts)
+    assert measure_bend(at) > 1e-4
+    assert measure_bend(settle_linearisation(at)) < 5e-6

@@ -37,6 +37,7 @@ from robotrue.calibration.learned_assembly import (
     widen_covariance,
     within_campaign,
 )
+from robotrue.calibration.observations import linearise_all
 from robotrue.calibration.parameters import retract
 from robotrue.calibration.scale_learning import learn
 from robotrue.calibration.settings import FitSettings, free_groups
@@ -63,6 +64,9 @@ from robotrue.robot.model import RobotModel
 
 ROUNDS: Final = (8, 5)
 """Steps of learning in each renewal of linearisation, weights and noise after the ladder."""
+MOST_RENEWALS: Final = 6
+BEND: Final = 0.1
+"""Miss of the linear prediction, over the noise of a row, that a settled linearisation has."""
 SAMPLE: Final = 500
 """Rows on which the lengths of the smooth residual are learned."""
 MOST_CENTRES: Final = 200
@@ -206,6 +210,7 @@ def _fit_waves(
         at = climb_ladder(first_design(physical, measurements, settings, parts), parts)
         for steps in ROUNDS:
             at = renew_linearisation(at, steps=steps)
+        at = settle_linearisation(at)
         begin = None if at.design.few else ()
         known[chosen] = physical, at, _predict_blocks(at, settings, begin=begin)
     return known[chosen]
@@ -291,6 +296,39 @@ def renew_linearisation(at: LinearFit, *, steps: int) -> LinearFit:
     sums = moved.sums()
     weights = learn(sums, moved.groups(_scales(fit)), np.ones(len(sums)), steps=steps)
     return LinearFit(design=moved, sums=sums, weights=weights)
+
+
+def settle_linearisation(at: LinearFit) -> LinearFit:
+    """Returns the fit with its linearisation renewed until the arm follows it.
+
+    The effect of a mass moment on a compliant joint is a product of two parameters: where poses
+    determine it poorly, a step is large, and the arm that was moved by it misses the points that
+    the linear model fits (measured UR10, 2,218 poses: 0.28 mm instead of 0.06 mm).
+    """
+    for _ in range(MOST_RENEWALS):
+        design = at.design
+        noise = at.weights.noise[0] * (design.instrument()[0] + design.noise[0])
+        if measure_bend(at) <= BEND * float(np.sqrt(noise)):
+            break
+        at = renew_linearisation(at, steps=ROUNDS[-1])
+    return at
+
+
+def measure_bend(at: LinearFit) -> float:
+    """Returns the rms per axis, m, by which the arm at the fit misses the linear prediction."""
+    design = at.design
+    step = np.zeros(design.layout.size)
+    step[design.free] = at.weights.mean[: len(design.free)] - design.offset
+    moved = retract(design.layout, design.state, step)
+    squares, count = 0.0, 0
+    for before, after in zip(
+        linearise_all(design.observations, design.layout, design.state),
+        linearise_all(design.observations, design.layout, moved),
+        strict=True,
+    ):
+        missed = after.residual - before.residual + before.jacobian @ step
+        squares, count = squares + float((missed[:, :3] ** 2).sum()), count + 3 * len(missed)
+    return float(np.sqrt(squares / count))
 
 
 def _rung(
@@ -421,7 +459,9 @@ def _with_smooth(
     notes["smooth_evidence_gain"] = weights.evidence - at.weights.evidence
     if weights.evidence < at.weights.evidence + WORTH:
         return at, found, {**notes, "smooth": "no evidence for it beside the other terms"}
-    richer = renew_linearisation(LinearFit(design=design, sums=sums, weights=weights), steps=5)
+    richer = settle_linearisation(
+        renew_linearisation(LinearFit(design=design, sums=sums, weights=weights), steps=ROUNDS[-1])
+    )
     better = _predict_blocks(richer, settings, begin=found.fits or None)
     notes["held_out_mean_without_smooth_m"] = found.mean
     notes["held_out_mean_with_smooth_m"] = better.mean

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, partial
 from typing import Final, TypeAlias
 
@@ -60,7 +60,9 @@ from robotrue.validation.splits import (
     contiguous_blocks,
     leave_one_set_out,
     random_folds,
+    space_rows,
     spatial_regions,
+    without_unseen_targets,
 )
 
 FitFunction: TypeAlias = Callable[[MeasurementSet], ErrorModel]
@@ -158,10 +160,11 @@ def hold_out(
     folds = tuple(default_splits(measurements) if splits is None else splits)
     if not candidates or not folds:
         raise ShapeError("nothing to select: no candidates or no splits.")
-    folds = tuple(f for f in map(partial(_predictable, measurements), folds) if f is not None)
+    known = (without_unseen_targets(measurements, fold) for fold in folds)
+    folds = tuple(fold for fold in known if fold is not None)
     if not folds:
         raise ShapeError("no split leaves rows of the reflectors that it holds out.")
-    parts = [(_space_rows(f.train, MOST_TRAIN), _space_rows(f.test, MOST_TEST)) for f in folds]
+    parts = [(space_rows(f.train, MOST_TRAIN), space_rows(f.test, MOST_TEST)) for f in folds]
     contest = [
         _Fold(
             name=fold.name,
@@ -360,21 +363,6 @@ def _join_folds(results: Sequence[_FoldErrors]) -> CandidateResults:
         log_density=float(log_density(residual, covariance).mean()),
         scores=student_scores(residual, covariance),
     )
-
-
-def _predictable(measurements: MeasurementSet, split: Split) -> Split | None:
-    """The split without held-out rows of reflectors it has no other rows of; None if none stay."""
-    target = measurements.target
-    seen = np.isin(target[split.test], target[split.train])
-    if seen.all():
-        return split
-    return replace(split, test=split.test[seen]) if seen.any() else None
-
-
-def _space_rows(rows: IntArray, most: int) -> IntArray:
-    if len(rows) <= most:
-        return rows
-    return rows[np.linspace(0, len(rows) - 1, most).astype(np.int64)]
 
 
 def _rule(

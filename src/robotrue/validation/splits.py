@@ -9,7 +9,7 @@ region split: print both.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Literal, TypeAlias
 
 import numpy as np
@@ -154,3 +154,22 @@ def _by_label(
         )
         for k in range(count)
     )
+
+
+def without_unseen_targets(measurements: MeasurementSet, split: Split) -> Split | None:
+    """Returns the split without held-out rows of reflectors it has no other rows of.
+
+    None if none stay.
+    """
+    target = measurements.target
+    seen = np.isin(target[split.test], target[split.train])
+    if seen.all():
+        return split
+    return replace(split, test=split.test[seen]) if seen.any() else None
+
+
+def space_rows(rows: IntArray, most: int) -> IntArray:
+    """Returns at most ``most`` of some rows (k,), evenly spaced."""
+    if len(rows) <= most:
+        return rows
+    return rows[np.linspace(0, len(rows) - 1, most).astype(np.int64)]
