@@ -62,6 +62,13 @@ def test_a_project_shows_its_stages_and_the_next_step(client: Client, tmp_path: 
         assert form.count(" checked") == 1  # the set that was imported last
 
 
+def test_hashes_of_a_set_are_closed(client: Client, filled: Shop) -> None:
+    page = client().get(f"/measurements?id={filled.measured.id}").text
+    closed = page.partition('<details class="card more" data-testid="provenance">')[2]
+    assert filled.measured.data in closed.partition("</details>")[0]
+    assert page.count(filled.measured.data) == 1
+
+
 def test_what_is_not_there_is_said_on_the_page(client: Client) -> None:
     here = client()
     for path in ("/measurements?id=nothing", "/programs?id=nothing", "/drift?id=nothing"):

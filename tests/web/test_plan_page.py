@@ -60,6 +60,8 @@ def test_a_plan_tells_how_the_instrument_sees_its_poses(client: Client, filled: 
     tips = unpacked(plan["scene"]["robot"]["tool"])[:, 0]
     assert abs(tips - unpacked(plan["scene"]["points"]["position"])).max() < 1e-5
     assert here.get(f"/api/plans/{filled.cell.id}").status_code == 404
+    page = here.get(f"/plan?id={made.result['document']['id']}").text
+    assert len(re.findall(r'class="act" data-testid="download"', page)) == 1  # the next step
 
 
 def test_sheets_and_tables_show_the_axes_of_the_controller(client: Client, filled: Shop) -> None:
