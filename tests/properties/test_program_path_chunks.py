@@ -139,3 +139,14 @@ def test_blocks_are_the_whole(tmp_path: Path, name: str, monkeypatch: pytest.Mon
         monkeypatch.setattr(file_survey, "WINDOW", (60, 200, 1 << 20)[seed % 3])
         done += [compare(path, name, seed, targets) for targets in (1, 4)]
     assert sum(each in ("3 blocks", "4 blocks", "5 blocks") for each in done) > SEEDS // 2
+
+
+def test_a_number_beyond_all_coordinates_is_read_as_in_the_whole(tmp_path: Path) -> None:
+    rows = [f"GOTO/{k}.5,1.0,2.0,0.0,{0.6 if k % 2 else -0.6},0.8" for k in range(300)]
+    rows[150] = "GOTO/" + 300 * "9" + ",1.0,2.0,0.6,0.0,0.8"
+    path = tmp_path / "part.apt"
+    path.write_text("\n".join(["UNITS/MM", *rows, "FINI", ""]))
+    (whole,) = read_job(path, PATHS)
+    (found,) = outline_job(path, PATHS, targets=40)
+    assert len(found.chunks) > 5
+    require_same(path, whole, found)

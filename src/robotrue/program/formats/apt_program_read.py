@@ -30,8 +30,8 @@ from robotrue.program.formats.text_lines import line_starts, require_text
 from robotrue.program.program import FrameTable, Motion, Program, Reason
 
 _NUMBER: Final = re.compile(WHOLE_NUMBER)
-CELL: Final = rb"[ \t]*+[+-]?(?:\d++(?:\.\d*+)?|\.\d++)[ \t]*+"
-_THREE: Final = b",".join([CELL] * 3)
+_CELL: Final = rb"[ \t]*+[+-]?(?:\d++(?:\.\d*+)?|\.\d++)[ \t]*+"
+_THREE: Final = b",".join([_CELL] * 3)
 _PLAIN: Final = re.compile(
     rb"^[ \t]*+GOTO[ \t]*+/(" + _THREE + rb"(?:," + _THREE + rb")?)(?=\r?$)",
     re.IGNORECASE | re.MULTILINE,

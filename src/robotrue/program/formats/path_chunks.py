@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 from array import array
 from typing import Final
@@ -9,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from robotrue.core.arrays import Array, BoolArray, IntArray
-from robotrue.program.formats.apt_program_read import CELL, is_continued
+from robotrue.program.formats.apt_program_read import is_continued
 from robotrue.program.formats.number_table import NumberTable, read_tokens
 from robotrue.program.formats.path_kernels import find_cell_numbers
 from robotrue.program.formats.splice_chunks import (
@@ -22,7 +23,9 @@ from robotrue.program.formats.splice_chunks import (
 from robotrue.program.formats.text_lines import line_edges
 
 _GAP: Final = rb"(?:\$[ \t]*+\r?\n[ \t]*+)?+,(?:[ \t]*+\$[ \t]*+\r?\n)?+"
-_THREE: Final = _GAP.join([CELL] * 3)
+_CELL: Final = rb"[ \t]*+[+-]?(?:\d{1,7}+(?:\.\d*+)?|\.\d++)[ \t]*+"
+"""A number that any coordinate can be; larger ones are left alone by the reader."""
+_THREE: Final = _GAP.join([_CELL] * 3)
 _POINT: Final = re.compile(
     rb"^[ \t]*+GOTO[ \t]*+/" + _THREE + rb"(" + _GAP + _THREE + rb")?(?=\r?$)",
     re.IGNORECASE | re.MULTILINE,
@@ -30,9 +33,10 @@ _POINT: Final = re.compile(
 """A statement that is nothing but a point of three or six numbers, also over several lines."""
 _CONTINUED: Final = re.compile(rb"\$[ \t]*+\r?\n")
 _IDLE: Final = re.compile(
-    rb"[ \t]*+(?:(?:FEDRAT|RAPID|SPINDL|COOLNT|PPRINT|PAINT)\b[^$\r\n]*+)?+[\r\n]*+", re.IGNORECASE
+    rb"[ \t]*+(?:(?:FEDRAT|RAPID|SPINDL|COOLNT|PPRINT|PAINT)\b[^$\r\n\x80-\xff]*+)?+[\r\n]*+",
+    re.IGNORECASE,
 )
-"""Statements without effect on points."""
+"""Statements without effect on points, nor on the encoding of the file."""
 
 
 class AptSurvey(SpliceSurvey):
@@ -132,7 +136,8 @@ class CsvSurvey(SpliceSurvey):
             find_cell_numbers(
                 np.frombuffer(data, np.uint8), begin[mine], self._mark, self._columns, start, length
             )
-            out[mine] = read_tokens(data, start, length)
+            with contextlib.suppress(ValueError):  # no number: the reader refuses its block
+                out[mine] = read_tokens(data, start, length)
         return out
 
 

@@ -30,7 +30,7 @@ from robotrue.program.formats.path_words import Turn, take_words, tool_axes
 from robotrue.program.formats.text_lines import line_edges
 from robotrue.program.lang import find_language
 from robotrue.program.line_note import cut_note, join_notes
-from robotrue.program.orientation import CarriedFrame
+from robotrue.program.orientation import CarriedFrame, OrientationRule
 from robotrue.program.program import FrameTable, Program
 from robotrue.program.program_chunk import (
     ChunkLines,
@@ -276,8 +276,24 @@ class SpliceCutter:
             raise FormatError("the file changed since it was outlined.", source=whole.name)
         rows = slice(*np.searchsorted(program.line - 1, [before, before + count]).tolist())
         own = _take_targets(program, rows, before)
+        if after.point and not _ends_at(own, frames.orientation, after):
+            raise FormatError(
+                "a tool axis in these lines is read in another way than in the whole.",
+                source=whole.name, line=lines.line + 1, hint="split the program before them.",
+            )  # fmt: skip
         noted = [cut_note(each, before, count, lines.line - before) for each in program.noted]
         return ReadChunk(replace(own, noted=join_notes(noted)), len(head), len(foot))
+
+
+def _ends_at(program: Program, rule: OrientationRule, after: SpliceStart) -> bool:
+    """Returns whether the frame carried along the last tool axes is that of the next chunk."""
+    carried = np.isin(program.spans.turn, (Turn.VECTOR, Turn.FIXED))
+    rows = np.flatnonzero(carried & np.isfinite(program.rotation).all(axis=(1, 2)))
+    if not len(rows):
+        return True
+    rule = replace(rule, carried=CarriedFrame(0, *after.carried))
+    frame = rule.rotations(after.carried[1:])[0]
+    return bool(np.allclose(program.rotation[rows[-1]], frame, rtol=0.0, atol=1e-9))
 
 
 def _take_targets(program: Program, rows: slice, before: int) -> Program:
