@@ -203,10 +203,10 @@ def _only_smooth(beliefs: Sequence[Belief]) -> SmoothResidual | None:
         return None
     longest = max(found, key=lambda smooth: smooth.size)
     for smooth in found:
-        begun = longest.basis.centres[: len(smooth.basis.centres)]
+        first = longest.basis.centres[: len(smooth.basis.centres)]
         if not (
             np.array_equal(smooth.basis.scale, longest.basis.scale)
-            and np.array_equal(smooth.basis.centres, begun)
+            and np.array_equal(smooth.basis.centres, first)
         ):
             raise ConfigurationError("models with different smooth residuals cannot be averaged.")
     return longest

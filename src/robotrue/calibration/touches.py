@@ -338,30 +338,30 @@ def learn_scales(
     new = np.zeros(len(sd))
     for group in found.groups:
         new[group.columns] = group.sd * group.unit
-    told = sum(
+    determined = sum(
         float(seen) for g, seen in zip(found.groups, found.determined, strict=True) if g.learned
     )
     # What the touches determine hardly depends on the scales; what they do not (a side that was
     # never touched) is as uncertain as the scales themselves, which the default holds loosely.
     # A scale that was lowered is widened so far, but not beyond the default.
-    beyond = float(np.sqrt(few_factor(told, COMMON_HOLD) / few_factor(told)))
+    beyond = float(np.sqrt(few_factor(determined, COMMON_HOLD) / few_factor(determined)))
     for group in found.groups:
         if group.learned:
             new[group.columns] *= max(min(beyond, 1.0 / group.sd), 1.0)
     wider = replace(
-        belief, root=np.diag(new)[new > 0.0], inflation=belief.inflation * few_factor(told)
+        belief, root=np.diag(new)[new > 0.0], inflation=belief.inflation * few_factor(determined)
     )
     return wider, float(found.noise[0])
 
 
-def few_factor(told: float, worth: float = WORTH) -> float:
+def few_factor(determined: float, worth: float = WORTH) -> float:
     """Returns the factor on a covariance whose scale was learned from some weights.
 
     Args:
-        told: Number of weights of learned groups that the touches determine.
+        determined: Number of weights of learned groups that the touches determine.
         worth: Weight of the default scales.
     """
-    return student_factor(told + worth)
+    return student_factor(determined + worth)
 
 
 def noise_factor(belief: Belief, stack: Stack, noise: Array) -> float:

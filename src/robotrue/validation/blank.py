@@ -236,11 +236,11 @@ def check_blank(
     return BlankCheck(
         faces=faces,
         required=required,
-        verdict=_judge(faces, after, required, turn),
+        verdict=_verdict(faces, after, required, turn),
         shift=shift,
         turn=turn,
         after=after,
-        doubts=tuple(_doubts(faces)),
+        doubts=tuple(_warnings(faces)),
     )
 
 
@@ -349,7 +349,9 @@ def _balance(faces: Sequence[BlankFace], allowances: Array) -> Array:
     return np.asarray(np.linalg.lstsq(rows, apart, rcond=1e-6)[0])
 
 
-def _judge(faces: Sequence[BlankFace], after: Array, required: float, turn: Array) -> BlankVerdict:
+def _verdict(
+    faces: Sequence[BlankFace], after: Array, required: float, turn: Array
+) -> BlankVerdict:
     now = np.array([face.allowance for face in faces])
     slack = SIGMAS * np.array([face.known for face in faces])
     if (now - slack >= required).all():
@@ -361,7 +363,7 @@ def _judge(faces: Sequence[BlankFace], after: Array, required: float, turn: Arra
     return "does not fit"
 
 
-def _doubts(faces: Sequence[BlankFace]) -> list[str]:
+def _warnings(faces: Sequence[BlankFace]) -> list[str]:
     out = []
     flat = [face for face in faces if not face.tilted]
     if flat:

@@ -400,9 +400,9 @@ def with_cure(model: ErrorModel, finding: NamedCause, raw: MeasurementSet) -> Er
         "sources": list(raw.sources),
         "settings": document,
     }
-    told = (
+    warning = (
         f"{name_lines(finding, raw)} corrected before the fit (--cure "
         f"{finding.hypothesis.cause}): {finding.hypothesis.text}."
     )
     more = {"verdict": "conditional", "cure": document, "lineage": [step, *history(model)]}
-    return with_warnings(with_summary(model, more), [told])
+    return with_warnings(with_summary(model, more), [warning])

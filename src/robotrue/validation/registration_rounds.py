@@ -142,9 +142,9 @@ def _check_round(
         fit, _ = fit_by_method("touches", touches, found.in_base, noise=found.noise)
         if fit.outliers:
             far = dict(zip(fit.names, fit.distances, strict=True))
-            told = ", ".join(f"{n} ({far[n] / MM:.2f} mm)" for n in fit.outliers)
+            listed = ", ".join(f"{n} ({far[n] / MM:.2f} mm)" for n in fit.outliers)
             raise ImplausibleDataError(
-                f"touches that contradict the others of their round: {told}.",
+                f"touches that contradict the others of their round: {listed}.",
                 hint="probe them again.",
             )
         return found

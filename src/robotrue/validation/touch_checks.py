@@ -244,9 +244,9 @@ def check_exchanged(
         if i != j and apart[i, j] <= tolerance
     ]
     if len(moved) > 1:
-        told = ", ".join(f"{a} was touched at {b}" for a, b in moved)
+        listed = ", ".join(f"{a} was touched at {b}" for a, b in moved)
         raise ImplausibleDataError(
-            f"names are exchanged: {told}, each within {tolerance / MM:.2f} mm.",
+            f"names are exchanged: {listed}, each within {tolerance / MM:.2f} mm.",
             source=file_of(touches),
             line=int(touches.lines[rows[0]]),
             hint="correct the names of these touches.",

@@ -218,7 +218,7 @@ class Thermal(Term):
         for driver, values in measured.items():
             if len(values) >= FEWEST_ROWS and np.ptp(values) >= LEAST_SPAN[driver]:
                 span = np.array([values.min(), values.max()])
-                begun = cls(
+                term = cls(
                     dof=robot.dof,
                     driver=driver,
                     start=float(span[0]) if driver == "time" else 0.0,
@@ -226,9 +226,9 @@ class Thermal(Term):
                     spread=0.0,
                     span=span,
                 )
-                state = begun.state_at(stated, np.zeros(begun.size)).state
+                state = term.state_at(stated, np.zeros(term.size)).state
                 spread = float(state.mean(axis=1).std())
-                return replace(begun, usual=state.mean(axis=0), spread=spread)
+                return replace(term, usual=state.mean(axis=0), spread=spread)
         return None
 
     def sentences(self, values: Array, variance: Array) -> Sequence[str]:
@@ -238,20 +238,20 @@ class Thermal(Term):
         zero, zero_sd = values[self._zeros] / MDEG, sd[self._zeros] / MDEG
         most = int(np.abs(zero).argmax())
         low, high = self.span - ZERO_CELSIUS if kelvin else (self.span - self.start) / HOUR
-        told = (
+        sentence = (
             f"warmth: links grow by {values[0] / UM:.1f} +- {sd[0] / UM:.1f} um/m {per}, joint "
             f"zeros turn by up to {abs(zero[most]):.2f} +- {zero_sd[most]:.2f} mdeg {per} (joint "
             f"{most + 1}); estimated from {low:.1f} to {high:.1f} "
             f"{'degC' if kelvin else 'h after the start'}, elsewhere extrapolated"
         )
         if not kelvin:
-            told += f"; two thirds of the way after {LAG * np.exp(values[-1]) / HOUR:.1f} h"
+            sentence += f"; two thirds of the way after {LAG * np.exp(values[-1]) / HOUR:.1f} h"
         prior = (ZERO if kelvin else ZERO * RISE) / MDEG
         blind = np.flatnonzero((zero_sd > 0.0) & (zero_sd > BLIND * prior)) + 1
         if not len(blind):
-            return (told,)
+            return (sentence,)
         which = ", ".join(map(str, blind))
-        return told, f"warmth: the rows do not determine the zero rotation of joints {which}"
+        return sentence, f"warmth: the rows do not determine the zero rotation of joints {which}"
 
     def arrays(self, values: Array) -> Mapping[str, Array]:
         """Returns parameters, usual state and span."""
