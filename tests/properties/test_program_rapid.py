@@ -125,7 +125,7 @@ SAMPLE = (
  [[1.0,2,3],[1,0,0,0],[0,0,-1,0],[9E9,9E9,9E9,9E9,9E9,9E9]]]; ! points
 VAR robtarget q1; RECORD pair num a; num b; ENDRECORD
 LOCAL PROC main(\\num n)
-ConfL \\Off; q1:=[[1.0,2,3],[1,0,0,0],[0,0,-1,0],[5,9E9,9E9,9E9,9E9,9E9]];
+PDispOff; ConfL \\Off; q1:=[[1.0,2,3],[1,0,0,0],[0,0,-1,0],[5,9E9,9E9,9E9,9E9,9E9]];
 w1.uframe:=[[800.0,-100.0,450.0],[1,0,0,0]]; t1.tload.mass:=5;
 MoveAbsJ [[10,-70.5,100,5,60,-20],[9E9,9E9,9E9,9E9,9E9,9E9]]\\NoEOffs,v1,z1,t1;
 MoveL Offs(q1,0,0,5),v1,z1,t1\\WObj:=w1;
