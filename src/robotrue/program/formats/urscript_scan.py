@@ -22,6 +22,12 @@ _END: Final = re.compile(rb"\s*end\s*$")
 _BLOCK: Final = re.compile(rb"\s*(?:def|thread|sec|if|while|end)\b")
 _SIGNS: Final = re.compile(rb"[\[(]|[\])]|,")
 _ROUTINES: Final = (b"def", b"thread", b"sec")
+_FLAT: Final = rb"[^\r\n()\[\]]++|\[[^\r\n()\[\]]*+\]"
+_CALL_LINE: Final = re.compile(
+    rb"[\r\n]*+((?![^\S\r\n]*+(?:def|thread|sec|if|while|end)\b)[^\r\n()\[\]]++"
+    rb"\((?:" + _FLAT + rb"|\((?:" + _FLAT + rb")*+\))*+\)[^\r\n()\[\]]*+)(?![^\r\n])"
+)
+"""A statement in one line that is a call, with one call inside at most."""
 
 
 def _six(before: bytes) -> re.Pattern[bytes]:
@@ -74,6 +80,9 @@ def routines(code: bytes, name: str) -> list[Routine]:
     open_routines, blocks = [found[0]], [(b"", 0)]
     at = 3 if code.startswith(b"\xef\xbb\xbf") else 0
     while True:
+        while call := _CALL_LINE.match(code, at):
+            open_routines[-1].statements.append(call.span(1))
+            at = call.end()
         line = _LINE.search(code, at)
         if line is None:
             break
