@@ -27,7 +27,7 @@ from robotrue.calibration.observations import (
     linearise_all,
 )
 from robotrue.calibration.parameters import ParameterLayout, State, difference, retract
-from robotrue.calibration.scale_learning import pulled_scale
+from robotrue.calibration.scale_learning import scale_groups
 from robotrue.calibration.settings import Prior, SolverSettings
 from robotrue.core.arrays import Array, BoolArray
 from robotrue.core.robust import Loss, consistency, robust_variance, weights
@@ -44,6 +44,8 @@ STILL: Final = 1e-2
 LEAST_DAMPING: Final = 1.0
 MOST_DAMPING: Final = 1e15
 """Of a step, in prior precisions: the first tried, and the one at which no step is left."""
+LONG: Final = 0.6
+"""Share of a step with the least misfit below which the step is shortened to it."""
 NOISE_FLOOR: Final = 1e-18
 """m^2 or rad^2: below a nanometre noise means nothing."""
 
@@ -195,6 +197,13 @@ def _descend(
             step = step + _solve_damped(solution.information, bend, scales.sd, damping)
             trial, after = try_step(step)
         if after <= allowed:
+            # Steps that overshoot jump to and fro over the lowest point and gain next to nothing.
+            fall = float(step @ (solution.right / scales.sd))
+            if 0.0 < fall < LONG * (after - before + 2.0 * fall):
+                share = fall / (after - before + 2.0 * fall)  # of the parabola through both ends
+                nearer, least = try_step(share * step)
+                if least < after:
+                    return nearer, share * step, damping
             return trial, step, damping
         damping = max(10.0 * damping, LEAST_DAMPING)
     raise ConvergenceError(
@@ -384,7 +393,8 @@ def _settle(
             noise = np.maximum(noise * np.clip(ratio, 0.01, 100.0), NOISE_FLOOR)
         sd = scales.sd
         if settings.learn_scales:
-            sd = _learn_scales(offset + solution.step, solution, base, group)
+            known = 1.0 - np.diagonal(solution.scaled_covariance)
+            sd = scale_groups(offset + solution.step, known, base, group)
         change = max(
             float(np.max(np.abs(noise - scales.noise) / (noise + instrument))),
             float(np.max(np.abs(sd / scales.sd - 1.0))),
@@ -407,18 +417,6 @@ def _instrument(data: Sequence[Linearisation], channel: int) -> float:
     ]
     known = np.concatenate(parts)
     return max(float(known.mean()) if len(known) else 1.0, NOISE_FLOOR)
-
-
-def _learn_scales(deviation: Array, solution: _Solution, base: Array, group: Array) -> Array:
-    """Prior sd of each free parameter after one update of its group's common factor."""
-    number = group.astype(np.int64) + 1  # 0 collects what is not learned
-    known = 1.0 - np.diagonal(solution.scaled_covariance)
-    seen = np.asarray(np.bincount(number, known), dtype=np.float64)
-    squares = np.asarray(np.bincount(number, (deviation / base) ** 2), dtype=np.float64)
-    factor = pulled_scale(squares, seen, 1.0)
-    factor[0] = 1.0
-    scaled: Array = base * factor[number]
-    return scaled
 
 
 def _objective(data: Sequence[Linearisation], offset: Array, scales: _Scales) -> float:

@@ -197,6 +197,8 @@ def _with_tool_axes(robot: RobotModel, measurements: MeasurementSet) -> Measurem
 
 LINEARISATIONS: Final = 3
 """Steps that take a posterior near its prior to rest."""
+TO_AND_FRO: Final = -0.5
+"""Ratio of a step to the one before below which steps jump over their goal, and are shortened."""
 
 
 def condition_on_rows(
@@ -224,14 +226,20 @@ def condition_on_rows(
         ConvergenceError: Nuisances that still move by more than ``still`` after all steps.
     """
     at, size = (prior if start is None else start), 0.0
+    share, before = 1.0, np.zeros(0)
     for _ in range(steps if start is None else 1):
         columns, values = whiten(rows.pieces(at), noise, row_weights)
-        at = condition(prior, columns, values)
-        step = at.mean[at.end :]
-        rows = rows.move(step)
+        found = condition(prior, columns, values)
+        step = found.mean[found.end :]
         size = float(np.abs(step).max(initial=0.0))
         if size < still:
-            return at, rows
+            return found, rows.move(step)
+        back = float(step @ before / (before @ before)) if before.any() else 0.0
+        if share < 1.0 or back < TO_AND_FRO:  # Aitken's rule
+            share = min(share / (1.0 - min(back, 0.5)), 1.0)
+        before = step
+        at = replace(found, mean=(1.0 - share) * at.mean + share * found.mean)
+        rows = rows.move(share * step)
     if still > 0.0:
         raise ConvergenceError(
             f"the frames still move by {size / MM:.3g} mm (or mrad) after {steps} linearisations.",

@@ -110,6 +110,23 @@ def pulled_scale(squares: Array, seen: Array, rest: float) -> Array:
     return np.asarray(np.sqrt((PULL * rest**2 + squares) / (PULL + seen)))
 
 
+def scale_groups(deviation: Array, known: Array, base: Array, group: Array) -> Array:
+    """Returns the prior sd (p,) of parameters after one update of the factor of each group.
+
+    Args:
+        deviation: (p,) from the centre of the prior.
+        known: (p,) share of each that the data determine.
+        base: (p,) stated sd.
+        group: (p,) number of the group; -1: its sd stays.
+    """
+    number = group.astype(np.int64) + 1  # 0 collects what is not learned
+    seen = np.asarray(np.bincount(number, known), dtype=np.float64)
+    squares = np.asarray(np.bincount(number, (deviation / base) ** 2), dtype=np.float64)
+    factor = pulled_scale(squares, seen, 1.0)
+    factor[0] = 1.0
+    return np.asarray(base * factor[number])
+
+
 def held_scales(groups: Sequence[PriorGroup], squares: Array, seen: Array) -> dict[int, float]:
     """Returns the next sd of every held group, by its number.
 

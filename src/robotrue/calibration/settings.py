@@ -2,7 +2,7 @@
 
 The default scales are those of a production industrial arm. A learned scale follows the data
 (marginal likelihood), held by a weak pull to the default
-(:func:`robotrue.calibration.evidence.pulled_scale`), so that a group without information keeps its
+(:func:`~robotrue.calibration.scale_learning.pulled_scale`), so that a group without data keeps its
 physical scale. As a belief the priors are an unmeasured arm; touches of a part are added to it as
 to any other.
 """
