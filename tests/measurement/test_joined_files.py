@@ -173,3 +173,45 @@ def test_a_literal_of_another_number_of_joints(tmp_path: Path) -> None:
 def test_a_mapping_without_joints_and_without_a_list() -> None:
     with pytest.raises(ConfigurationError, match="names no joint columns"):
         ColumnMapping(name="x", joints=(), position=("X", "Y", "Z"))
+
+
+SA_COMMAS = """// SpatialAnalyzer, millimetres
+Main,Robot poses,p 2,21,22,23
+Main,Robot poses,p 1,11,12,13
+// end
+Main,Robot poses,p 3,31,32,33
+"""
+SA_BLANKS = """// SpatialAnalyzer, millimetres
+Main  "Robot poses"  "p 2"  21  22  23
+Main  Poses          "p 1"  11  12  13
+"Main part"  Poses   "p 3"  31  32  33
+"""
+POLYWORKS_BLANKS = '"p 2" 21.0 22.0 23.0\n"p 1"  11.0 12.0 13.0\n"p 3"  31.0 32.0 33.0\n'
+POLYWORKS_TABS = "p 2\t21\t22\t23\t0\t0\t1\np 1\t11\t12\t13\t0\t0\t1\np 3\t31\t32\t33\t0\t1\t0\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "name"),
+    [(SA_COMMAS, 3), (SA_BLANKS, 3), (POLYWORKS_BLANKS, 1), (POLYWORKS_TABS, 1)],
+)
+@pytest.mark.parametrize("by", ["name", "order"])
+def test_point_lists_without_a_header(tmp_path: Path, text: str, name: int, by: str) -> None:
+    (tmp_path / "points.txt").write_text(text)
+    (tmp_path / "joints.csv").write_text("Name;A1;A2\nP 2;2;0\nP 1;1;0\nP 3;3;0\n")
+    mapping = build_mapping(
+        {
+            "name": "run",
+            "joints": ["A1", "A2"],
+            "position": [str(name + k) for k in (1, 2, 3)],
+            "header": False,
+            "joint_list": {
+                "file": "joints.csv",
+                "by": by,
+                "joint_column": "Name",
+                "point_column": str(name),
+            },
+        },
+        tmp_path / "run.toml",
+    )
+    rows = read_table(*open_sheet(tmp_path / "points.txt", mapping))
+    assert x_of_joints(rows) == {2.0: 21.0, 1.0: 11.0, 3.0: 31.0}

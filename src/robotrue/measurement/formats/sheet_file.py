@@ -32,6 +32,7 @@ BLANKS: Final = " "
 _COMMENTS: Final = ("#", "//", "%")
 """Marks of a comment line; a semicolon is one, too, where it does not separate numbers."""
 _DECIMAL_COMMA: Final = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
+_QUOTED_OR_PLAIN: Final = re.compile(r'"([^"]*)"(?=\s|$)|(\S+)')
 _DECIMAL_POINT: Final = re.compile(r"[+-]?\d*\.\d+(?:[eE][+-]?\d+)?")
 
 
@@ -54,7 +55,7 @@ def read_sheet(
 
     Args:
         path: The file; workbooks are recognised by their suffix.
-        delimiter: Between cells; ``" "`` is any run of blanks.
+        delimiter: Between cells; ``" "`` is any run of blanks outside quotation marks.
         decimal: ``"."`` or ``","``.
         encoding: Python's name of it.
         skip_lines: Lines before the header.
@@ -202,7 +203,7 @@ def _text_rows(
     mark = delimiter or _sniff_delimiter(plain[0])
     numbered = [(i, line) for i, line in numbered if not _is_remark(line, mark, plain[0])]
     if mark == BLANKS:
-        return [(number, tuple(line.split())) for number, line in numbered]
+        return [(number, _split_at_blanks(line)) for number, line in numbered]
     out = []
     for number, line in numbered:
         try:
@@ -216,6 +217,13 @@ def _text_rows(
             ) from None
         out.append((number, tuple(as_written(cell.strip()) for cell in row)))
     return out
+
+
+def _split_at_blanks(line: str) -> tuple[str, ...]:
+    """Returns the cells; quotation marks hold a name with blanks together."""
+    if '"' not in line:
+        return tuple(line.split())
+    return tuple(quoted or plain for quoted, plain in _QUOTED_OR_PLAIN.findall(line))
 
 
 def _is_remark(line: str, mark: str, header: str) -> bool:
