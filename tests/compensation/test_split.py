@@ -13,7 +13,11 @@ import pytest
 from robotrue.compensation import CompensationSettings, Status, compensate
 from robotrue.compensation.split import plan_split
 from robotrue.compensation.split_apply import compensate_split, split_job
-from robotrue.compensation.split_deviation import job_deviation, measure_moves
+from robotrue.compensation.split_deviation import (
+    job_deviation,
+    measure_moves,
+    unknown_deviations,
+)
 from robotrue.compensation.split_shapes import job_moves
 from robotrue.core.arm_words import NO_WORD
 from robotrue.core.poses import inverse
@@ -132,6 +136,27 @@ def test_a_step_in_the_correction_cannot_be_split_away():
     assert plan.stepped.any()
     assert (plan.parts[plan.stepped] == 1).all()
     assert plan.over[plan.stepped].all()
+
+
+@pytest.mark.parametrize(("until", "stepped"), [(np.inf, True), (50, False)])
+def test_a_step_below_half_of_the_deviation_is_found_in_few_trials(until, stepped, monkeypatch):
+    """A bow of 60 um that falls, and 13 um that stay, or are a wave shorter than a 50th."""
+    case, trials = Case("rapid"), []
+    whole = np.where(case.deviation.size > TOLERANCE, 73.0 * UM, case.deviation.size)
+    case.deviation = replace(case.deviation, size=whole)
+
+    def measure(job, rows, parts):
+        trials.append(int(parts.max()))
+        off = 60.0 * UM / parts**2 + np.where(parts < until, 13.0 * UM, 0.0)
+        return replace(unknown_deviations(len(rows)), size=off)
+
+    monkeypatch.setattr("robotrue.compensation.split.measure_moves", measure)
+    found = case.plan()
+    assert max(trials) < 200
+    over = whole > TOLERANCE
+    assert found.stepped.any() == stepped
+    assert np.isin(found.parts[over], [1] if stepped else [1, 50]).all()
+    assert (found.parts == 50).any() != stepped
 
 
 def test_a_force_that_turns_is_carried_over():

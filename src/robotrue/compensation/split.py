@@ -24,6 +24,8 @@ from robotrue.robot.opw import opw_geometry
 
 _TRIED: Final = 8
 """Parts from which on a deviation that does not fall is that of a step in the correction."""
+_TRIED_AGAIN: Final = 64
+"""The same for the deviation of some parts: a part of it has fallen, a step in it has not."""
 _ROUNDS: Final = 40
 _ENDLESS: Final = 1 << 40
 
@@ -108,6 +110,7 @@ def _fewest(
     few, few_size = np.ones(len(rows), np.int64), np.array(whole)  # not enough
     many, many_size = np.full(len(rows), _ENDLESS), np.full(len(rows), np.nan)  # enough
     stepped = np.zeros(len(rows), dtype=np.bool_)
+    seen, seen_size = few.copy(), np.array(whole)  # what later trials are compared with
     for _ in range(_ROUNDS):
         open_ = np.flatnonzero((many - few > 1) & ~stepped)
         if not len(open_):
@@ -124,8 +127,12 @@ def _fewest(
         many_size[open_] = np.where(good, found, many_size[open_])
         few[open_] = np.where(good, few[open_], trial)
         few_size[open_] = np.where(good, few_size[open_], found)
-        firm = ~good & (trial >= _TRIED) & ~(found < 0.5 * whole[open_])
-        stepped[open_] |= firm | np.isnan(found)
+        enough = np.where(seen[open_] > 1, _TRIED_AGAIN, _TRIED)
+        far = (trial >= enough) & (trial >= seen[open_] * 4.0 ** (1.0 / power[open_]))
+        halved = found < 0.5 * seen_size[open_]
+        stepped[open_] |= (~good & ~known & far & ~halved) | np.isnan(found)
+        fell = open_[~good & halved]
+        seen[fell], seen_size[fell] = few[fell], few_size[fell]
     done = np.isfinite(many_size) & ~stepped
     return np.where(done, many, 1), np.where(done, many_size, whole), ~done
 
