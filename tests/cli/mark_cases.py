@@ -345,6 +345,7 @@ CASES: Final[Mapping[str, Case]] = {
         lambda f: (f("m.rtm"), "-o", f("sheet.txt"), "--lossy", "geometry,gear,compliance"),
         files=("sheet.txt",),
     ),
+    "export points": Case(lambda f: (f("cal.csv"), "-o", f("list.txt")), files=("list.txt",)),
     "report calibration": Case(
         lambda f: (f("m.rtm"), f("test.csv"), "-o", f("cert.html")), made=("cert.html",)
     ),

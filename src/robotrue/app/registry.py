@@ -24,7 +24,7 @@ PACKAGE: Final = "robotrue.app.operations"
 GROUPS: Final[Mapping[str, str]] = {
     "drill": "Square the drill to the surface with the corrected readings of a pressure foot.",
     "dynamics": "The dynamic error of milling: frequency response, force, prediction.",
-    "export": "Export the calibrated robot to other software; --lossy names omitted parts.",
+    "export": "Export the calibrated robot, or points, to other software.",
     "record": "Records of the sensing service: content, streams as CSV.",
     "report": "Write reports and certificates: HTML, PDF and JSON, in English or Chinese.",
     "sense": "Sense the tool's error online; `sense CELL ...` is `sense run CELL ...`.",

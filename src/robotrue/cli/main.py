@@ -47,6 +47,7 @@ ORDER: Final = (
     "export urdf",
     "export dh",
     "export controller",
+    "export points",
     "probe-plan",
     "register",
     "slot-test",
