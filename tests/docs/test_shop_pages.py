@@ -17,6 +17,7 @@ PAGES = (
     "from-cam-to-program",
     "test-with-slots",
     "join-joints-and-points",
+    "work-beside-other-software",
     "monuments-and-repeats",
     "warmth-over-a-shift",
     "arm-on-a-rail",
