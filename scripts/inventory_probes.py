@@ -300,13 +300,14 @@ def store() -> Iterator[str]:
     from robotrue.app.operations.exports import ExportRequest
     from robotrue.app.outputs import FORMATS
     from robotrue.app.request import fields_of
-    from robotrue.report import export_controller, export_description
+    from robotrue.report import export_controller, export_description, export_ur
     from robotrue.store.nouns import NOUNS
 
     yield from (f"noun {each}" for each in NOUNS)
     for name, parts in (
         ("controller", export_controller.CANNOT),
         ("dh", export_description.DH_CANNOT),
+        ("ur", export_ur.CANNOT),
         ("urdf", export_description.URDF_CANNOT),
     ):
         yield from (f"export {name} without {part}" for part in parts)

@@ -23,8 +23,10 @@ from robotrue.measurement.formats.canonical import write_canonical
 from robotrue.measurement.formats.part_points import write_points
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.measurement.probing_set import ProbingSet
+from robotrue.robot.presets import preset
 from robotrue.simulation.drilling_machine import drilling_machine, random_campaign
 from robotrue.simulation.online_scenario import WRIST_ATTITUDES, online_scenario
+from robotrue.store.model_file import read_model, write_model
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "dynamics"))
 sys.path.insert(0, str(Path(__file__).parents[1] / "online"))
@@ -247,6 +249,15 @@ def _table(lab: Lab, name: str, head: str, columns: list[np.ndarray]) -> None:
     lab(name).write_text(lab.mark + "\n".join([head, *rows]) + "\n")
 
 
+def _as_ur(lab: Lab) -> Path:
+    """The calibrated errors on an arm of another maker."""
+    stored = read_model(lab("m.rtm"))
+    robot = preset("UR10").with_tool(stored.cell.robot.T_flange_tool)
+    model, cell = replace(stored.model, robot=robot), replace(stored.cell, robot=robot)
+    write_model(lab("ur.rtm"), model, cell)
+    return lab("ur.rtm")
+
+
 def _workspace(lab: Lab, *words: object) -> tuple[object, ...]:
     return (*words, "-w", lab.folder / "space")
 
@@ -344,6 +355,10 @@ CASES: Final[Mapping[str, Case]] = {
     "export controller": Case(
         lambda f: (f("m.rtm"), "-o", f("sheet.txt"), "--lossy", "geometry,gear,compliance"),
         files=("sheet.txt",),
+    ),
+    "export ur": Case(
+        lambda f: (_as_ur(f), "-o", f("arm.yaml"), "--lossy", "gear,compliance"),
+        files=("arm.yaml",),
     ),
     "export points": Case(lambda f: (f("cal.csv"), "-o", f("list.txt")), files=("list.txt",)),
     "report calibration": Case(

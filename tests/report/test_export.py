@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -21,10 +22,14 @@ from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.report.export_controller import export_controller
 from robotrue.report.export_description import export_dh, export_urdf
 from robotrue.report.export_losses import mean_position, prepare_export, without
+from robotrue.report.export_ur import export_ur, kinematics_yaml
+from robotrue.robot.chain import turn_about
 from robotrue.robot.forward import forward
+from robotrue.robot.makers import count_axes
 from robotrue.robot.model import RobotModel, parameter_slice
 from robotrue.robot.presets import preset
 from robotrue.robot.statics import Load
+from robotrue.robot.urdf_writer import joint_origins
 
 PAYLOAD = Load(mass=np.array([40.0]), com=np.array([[0.0, 0.02, 0.1]]))
 RANGE = np.array([[-1.0, -2.0, 0.7, -1.5, -1.2, -2.0], [1.0, -0.7, 2.0, 1.5, 1.2, 2.0]])
@@ -216,3 +221,89 @@ def test_the_zeros_are_in_the_controllers_sense():
 def test_a_model_without_a_range_is_refused():
     with pytest.raises(ModelMismatchError, match="no parameters"):
         prepare_export(replace(model(), summary={}))
+
+
+def kinematics(text: str) -> np.ndarray:
+    """Base to each joint (6, 4, 4) of a file for ROS and its tool, read by another YAML reader."""
+    yaml = pytest.importorskip("yaml", reason="pip install pyyaml")
+    read = yaml.safe_load(text)["kinematics"]
+    assert re.fullmatch(r"calib_[0-9]{1,20}", read.pop("hash"))
+    assert list(read) == ["shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3"]
+    values = [
+        [row[key] for key in ("x", "y", "z", "roll", "pitch", "yaw")] for row in read.values()
+    ]
+    tool = re.search(r"^# tool in wrist_3.*: x (.*)$", text, re.M)
+    assert tool is not None
+    values.append([float(part.split()[-1]) for part in tool[1].split(",")])
+    assert all(isinstance(value, float) for row in values for value in row)
+    return np.stack([origin_of(np.array(row)) for row in values])
+
+
+def origin_of(row: np.ndarray) -> np.ndarray:
+    T = turn_about(2, row[5]) @ turn_about(1, row[4]) @ turn_about(0, row[3])
+    T[:3, 3] = row[:3]
+    return T
+
+
+def along(origins: np.ndarray, joints: np.ndarray) -> np.ndarray:
+    T = np.eye(4)
+    for i in range(6):
+        T = T @ origins[i] @ turn_about(2, joints[:, i])
+    return T @ origins[6]
+
+
+@pytest.mark.parametrize("name", ["UR5", "UR10"])
+def test_the_kinematics_for_ros_in_another_reader_are_the_calibrated_rigid_arm(name):
+    found = prepare_export(model(name), PAYLOAD)
+    made = export_ur(found, lossy=("gear", "compliance"))
+    errors = model(name).errors.copy()
+    for group in ("gear", "compliance"):
+        errors[parameter_slice(6, group)] = 0.0
+    ours = forward(model(name).robot.with_errors(errors), draw(200))
+    assert np.abs(along(kinematics(made.text), draw(200)) - ours).max() < 1e-12
+    off = forward(made.robot, found.joints)[:, :3, 3] - found.position
+    assert made.total.largest == pytest.approx(np.linalg.norm(off, axis=1).max())
+    assert made.nominal_tool.rms > made.total.rms
+    assert "# Left out: compliance" in made.text
+    other = export_ur(prepare_export(replace(model(name), errors=1.01 * errors)))
+    assert other.text.split("calib_")[1] != made.text.split("calib_")[1]
+
+
+@pytest.mark.parametrize(
+    ("name", "z", "x", "wrist"),
+    [
+        ("UR5", 0.089159, (-0.425, -0.39225), (0.10915, -0.09465, 0.0823)),
+        ("UR10", 0.1273, (-0.612, -0.5723), (0.163941, -0.1157, 0.0922)),
+    ],
+)
+def test_the_nominal_kinematics_for_ros_are_those_of_the_maker(name, z, x, wrist):
+    """Lengths of ur_description; each frame is where its meshes are placed."""
+    robot = preset(name)
+    origins, links = joint_origins(robot)
+    half = np.pi / 2.0
+    expected = [
+        [0.0, 0.0, z, 0.0, 0.0, 0.0],
+        [0.0, 0.0, 0.0, half, 0.0, 0.0],
+        [x[0], 0.0, 0.0, 0.0, 0.0, 0.0],
+        [x[1], 0.0, wrist[0], 0.0, 0.0, 0.0],
+        [0.0, wrist[1], 0.0, half, 0.0, 0.0],
+        [0.0, wrist[2], 0.0, half, np.pi, np.pi],
+    ]
+    theirs = np.stack([origin_of(np.array(row)) for row in expected])
+    assert np.abs(origins - theirs).max() < 1e-12
+    assert np.abs(links[-1] - np.eye(4)).max() < 1e-12
+    assert np.abs(forward(robot, draw(50)) - along([*theirs, np.eye(4)], draw(50))).max() < 1e-6
+
+
+def test_kinematics_for_ros_are_of_an_arm_of_universal_robots_alone():
+    with pytest.raises(ConfigurationError, match=r"maker 'kuka', .* arms of maker 'ur'"):
+        export_ur(prepare_export(model()), lossy=ALL)
+    turned = replace(model("UR10"), robot=replace(
+        model("UR10").robot, controller=count_axes("ur", 6, offset=np.full(6, 0.1))
+    ))  # fmt: skip
+    with pytest.raises(ConfigurationError, match="angles other than those its controller displays"):
+        export_ur(prepare_export(turned), lossy=ALL)
+    with pytest.raises(ConfigurationError, match=r"cannot hold gear .* compliance"):
+        export_ur(prepare_export(model("UR10"), PAYLOAD))
+    text = kinematics_yaml(np.full((6, 6), 1e-17))
+    assert "x: 1.0e-17" in text  # YAML 1.1 takes 1e-17 for a word

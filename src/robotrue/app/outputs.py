@@ -24,6 +24,7 @@ _NAMED: Final = {
     "JSON": ".json",
     "TOML": ".toml",
     "XML": ".xml",
+    "YAML": ".yaml .yml",
     "a page": ".html .htm",
     "a PDF": ".pdf",
     "a picture": ".png .svg .jpg .jpeg",

@@ -47,6 +47,7 @@ ORDER: Final = (
     "export urdf",
     "export dh",
     "export controller",
+    "export ur",
     "export points",
     "probe-plan",
     "register",

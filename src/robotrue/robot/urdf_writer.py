@@ -32,22 +32,37 @@ def to_urdf(robot: RobotModel, *, geometry_only: bool = False) -> str:
             and not ``geometry_only``.
     """
     _refuse_loss(robot, geometry_only)
-    before, after = around_joints(robot)
+    origins, links = joint_origins(robot)
     lines = ['<?xml version="1.0"?>', f"<robot name={quoteattr(robot.name)}>"]
     lines.append('  <link name="base_link"/>')
-    parent, gap = "base_link", error_pose(robot.error("base"))
+    parent = "base_link"
     for i in range(robot.dof):
         name = f"link_{i + 1}"
-        turn = turn_about(Z, float(robot.theta[i] + robot.error("theta")[i]))
-        origin, link = before[i] @ turn, after[i]
-        if robot.convention == "mdh":  # the joint is at its link: Tz(d) commutes with it
-            origin, link = origin @ after[i], np.eye(4)
-        lines += _joint(robot, i, parent, gap @ origin)
-        lines += _link(name, float(robot.link_mass[i]), apply(link, robot.link_com[i]))
-        parent, gap = name, link
-    lines += _fixed_joint("flange", parent, gap)
+        lines += _joint(robot, i, parent, origins[i])
+        lines += _link(name, float(robot.link_mass[i]), apply(links[i], robot.link_com[i]))
+        parent = name
+    lines += _fixed_joint("flange", parent, links[-1])
     lines += _fixed_joint("tool0", "flange", robot.T_flange_tool @ error_pose(robot.error("tool")))
     return "\n".join([*lines, "</robot>", ""])
+
+
+def joint_origins(robot: RobotModel) -> tuple[Array, Array]:
+    """Returns the constant transforms of a chain whose joints turn about z, with all errors.
+
+    Returns:
+        (n, 4, 4) m, frame of each joint in that of the joint before, of the first in base; and
+        (n, 4, 4) m, frame of each link in that of its joint, of the last the flange.
+    """
+    before, after = around_joints(robot)
+    turn = turn_about(Z, robot.theta + robot.error("theta"))
+    # Tz(d) commutes with the joint; before it, the frames are those of the makers' own URDF files.
+    ahead = np.tile(np.eye(4), (robot.dof, 1, 1))
+    ahead[:, Z, 3] = robot.d + robot.error("d")
+    back = ahead.copy()
+    back[:, Z, 3] *= -1.0
+    links = back @ after
+    gaps = np.concatenate([error_pose(robot.error("base"))[None], links[:-1]])
+    return gaps @ before @ turn @ ahead, links
 
 
 def _refuse_loss(robot: RobotModel, geometry_only: bool) -> None:
@@ -106,14 +121,19 @@ def _fixed_joint(name: str, parent: str, origin: Array) -> list[str]:
 
 
 def _origin(transform: Array) -> str:
+    values = xyz_rpy(transform)
+    return f'<origin xyz="{_words(values[:3])}" rpy="{_words(values[3:])}"/>'
+
+
+def xyz_rpy(transform: Array) -> Array:
+    """Returns x, y, z in m and roll, pitch, yaw in rad (6,): T(xyz) Rz(yaw) Ry(pitch) Rx(roll)."""
     r = transform[:3, :3]
     yaw = np.arctan2(r[1, 0], r[0, 0])
     pitch = np.arctan2(-r[2, 0], np.hypot(r[0, 0], r[1, 0]))
     # Roll from what yaw leaves: exact also near a pitch of 90 deg, where yaw itself is arbitrary.
     side = np.cos(yaw) * r[1] - np.sin(yaw) * r[0]
     roll = np.arctan2(-side[2], side[1])
-    rpy = np.array([roll, pitch, yaw])
-    return f'<origin xyz="{_words(transform[:3, 3])}" rpy="{_words(rpy)}"/>'
+    return np.array([*transform[:3, 3], roll, pitch, yaw])
 
 
 def _words(values: Array) -> str:

@@ -25,7 +25,7 @@ HELP: Final = "File to write."
 class ExportRequest(Request):
     """Model to export, permitted losses, and the point of evaluation."""
 
-    form: ClassVar[Literal["urdf", "dh", "controller"]]
+    form: ClassVar[Literal["urdf", "dh", "controller", "ur"]]
 
     model: CalibratedModel
     output: Annotated[Path, Output(names=NAMES, help=HELP)]
@@ -81,6 +81,7 @@ def _files(
     """The text of each file, and what all of them miss of the model."""
     from robotrue.report.export_controller import export_controller
     from robotrue.report.export_description import export_dh, export_urdf
+    from robotrue.report.export_ur import export_ur
 
     lossy = tuple(part.strip() for part in request.lossy.split(",") if part.strip())
     if request.form == "urdf":
@@ -89,6 +90,9 @@ def _files(
     if request.form == "dh":
         table = export_dh(found, lossy=lossy)
         return {output: table.text}, table.total
+    if request.form == "ur":
+        file = export_ur(found, lossy=lossy)
+        return {output: file.text}, file.total
     sheet = export_controller(found, lossy=lossy)
     text = sheet.json() if output.suffix.lower() == ".json" else sheet.text()
     return {output: text}, sheet.total
@@ -139,5 +143,19 @@ class ExportControllerRequest(ExportRequest):
 EXPORT_CONTROLLER: Final = Operation(
     help="Write joint zeros, tool and base fitted to the model: .json, or text for any other name.",
     request=ExportControllerRequest,
+    run=export_arm,
+)
+
+
+class ExportUrRequest(ExportRequest):
+    """Model of a Universal Robots arm to write as the kinematics of its ROS driver."""
+
+    form = "ur"
+    output: Annotated[Path, Output(names=NAMES, what="YAML", suffixes=(".yaml", ".yml"), help=HELP)]
+
+
+EXPORT_UR: Final = Operation(
+    help="Write the kinematics file (YAML) of the ROS driver of a Universal Robots arm.",
+    request=ExportUrRequest,
     run=export_arm,
 )
