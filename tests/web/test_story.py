@@ -5,6 +5,8 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Iterator
+from datetime import timedelta
+from email.utils import parsedate_to_datetime
 from pathlib import Path
 from typing import Any
 
@@ -57,6 +59,14 @@ def jobs_of(served: Served, kind: str) -> list[dict[str, Any]]:
     return list(httpx.get(f"{served.address}/api/jobs", params={"kind": kind}).json()["items"])
 
 
+def show_quarter(route: Any) -> None:
+    """A quarter of the job was done in its first minute."""
+    answer = route.fetch()
+    started = parsedate_to_datetime(answer.headers["date"]) - timedelta(minutes=1)
+    job = {"state": "running", "over": False, "progress": 0.25, "started": started.isoformat()}
+    route.fulfill(response=answer, json=answer.json() | job)
+
+
 def over(served: Served, job: dict[str, Any]) -> dict[str, Any]:
     """A job once it is over."""
     until = time.monotonic() + WAIT / 1e3
@@ -95,10 +105,18 @@ def test_from_tracker_file_to_downloaded_program(
 
         watched.find("calibrate-with").click()
         assert watched.find("pick-set").is_checked()
+        watched.find("pick-set").uncheck()
+        watched.find("calibrate").click()
+        page.get_by_text("No set of poses is selected").wait_for()
+        assert not jobs_of(empty, "calibrate")
+        watched.find("pick-set").check()
         watched.find("method").select_option("geometric")
+        page.route("**/api/jobs/*", show_quarter)
         watched.find("calibrate").click()
         watched.find("job").wait_for()
         assert not jobs_of(empty, "calibrate")[0]["over"]
+        assert watched.find("job-progress").inner_text() == "25 %, about 3 min left"
+        page.unroute("**/api/jobs/*")
         page.reload()  # in mid-job: it goes on, and is there again
         page.wait_for_url("**/calibration?model=*")
         watched.find("calibration-tiles").wait_for()

@@ -6,7 +6,7 @@ export default {
     <div class="head" style="margin-bottom:10px">
       <h2>{{ text.title }}</h2><span class="tag" :class="tone">{{ text['state_' + job.state] }}</span>
       <span class="note">{{ step }}</span>
-      <span class="note" v-if="!job.over && job.progress">{{ Math.round(100 * job.progress) }} %</span>
+      <span class="note" v-if="!job.over && job.progress" data-testid="job-progress">{{ Math.round(100 * job.progress) }} %{{ left }}</span>
       <div class="acts"><a class="act" v-if="result" :href="result" data-testid="job-open">{{ text.open }}</a><button class="act quiet" v-if="!job.over" data-testid="cancel" :disabled="job.cancel" @click="cancel">{{ text.cancel }}</button></div>
     </div>
     <div class="progress" v-if="!job.over"><i :style="{width: Math.max(2, 100 * job.progress) + '%'}"></i></div>
@@ -14,12 +14,19 @@ export default {
     <ul class="remarks note" v-if="job.over && job.remarks.length"><li v-for="r in job.remarks.slice(0, 8)">{{ r }}</li></ul>
   </div>`,
   props: { id: String, text: Object, steps: Object, go: String, field: String },
-  data: () => ({ job: null }),
+  data: () => ({ job: null, elapsed: 0 }),
   computed: {
     // "elastic, blocks 2/5": each part in the reader's words, the number after it as it is.
     step() {
       const word = (part) => this.steps[part.replaceAll(" ", "_")] ?? part.replace(/^(blocks|regions|sets|random) /, (all, kind) => `${this.steps?.[kind] ?? kind} `);
       return this.job.text.split(", ").map(word).join(", ");
+    },
+    // Steps differ in length: stated only when a tenth is done, and roughly.
+    left() {
+      const { progress } = this.job, seconds = (this.elapsed * (1 - progress)) / progress;
+      if (progress < 0.1 || !(this.elapsed > 3)) return "";
+      const time = seconds < 90 ? `${5 * Math.ceil(seconds / 5)} s` : `${Math.ceil(seconds / 60)} min`;
+      return ", " + this.text.left.replace("{time}", time);
     },
     result() {
       if (this.job.state === "done" && this.go.includes("{job}")) return this.go.replace("{job}", this.id);
@@ -38,6 +45,7 @@ export default {
         const found = answer.ok ? await answer.json() : this.job;
         if (!this.job && found?.state === "done" && window.bench.own() !== this.id) return; // of somebody else, and over
         this.job = found;
+        this.elapsed = (Date.parse(answer.headers.get("date")) - Date.parse(found?.started)) / 1e3;
       } catch { /* the server is away for a moment */ }
       if (this.job && this.result && window.bench.own() === this.id) {
         window.bench.own("");
