@@ -16,7 +16,7 @@ from typing import Final
 DECIMAL: Final = re.compile(r"(?<![\w.])[-+]?\d+\.\d+(?:e[-+]?\d+)?(?![\w.]*\.\d)")
 ALL_DIGITS: Final = 12
 RELATIVE: Final = Decimal("1e-6")
-DIGEST: Final = re.compile(r"\((?=[0-9a-f]*\d)[0-9a-f]{12}\)")
+DIGEST: Final = re.compile(r"\((?=[0-9a-f]*\d)[0-9a-f]{12}\)|\"[0-9a-f]{64}\"")
 
 
 def agree_in_print(one: str, other: str) -> bool:

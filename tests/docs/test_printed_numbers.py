@@ -21,6 +21,7 @@ from printed_numbers import agree_in_print, assert_answers_agree
         ("0.1 mm", "0.1 deg", False),
         ("the arm (56d7239995fe); twice", "the arm (0a8132f11177); twice", True),
         ("the arm (56d7239995fe); twice", "the arm (none); twice", False),
+        (f'"sha256": "{"0a" * 32}"', f'"sha256": "{"b1" * 32}"', True),
         ("Python 3.11.2", "Python 3.11.3", False),
     ],
 )
