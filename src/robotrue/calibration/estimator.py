@@ -44,7 +44,7 @@ STILL: Final = 1e-2
 LEAST_DAMPING: Final = 1.0
 MOST_DAMPING: Final = 1e15
 """Of a step, in prior precisions: the first tried, and the one at which no step is left."""
-LONG: Final = 0.6
+OVERSHOT: Final = 0.6
 """Share of a step with the least misfit below which the step is shortened to it."""
 NOISE_FLOOR: Final = 1e-18
 """m^2 or rad^2: below a nanometre noise means nothing."""
@@ -199,11 +199,12 @@ def _descend(
         if after <= allowed:
             # Steps that overshoot jump to and fro over the lowest point and gain next to nothing.
             fall = float(step @ (solution.right / scales.sd))
-            if 0.0 < fall < LONG * (after - before + 2.0 * fall):
-                share = fall / (after - before + 2.0 * fall)  # of the parabola through both ends
-                nearer, least = try_step(share * step)
+            curve = after - before + 2.0 * fall  # of the parabola through both ends
+            if 0.0 < fall < OVERSHOT * curve:
+                shorter = fall / curve * step
+                nearer, least = try_step(shorter)
                 if least < after:
-                    return nearer, share * step, damping
+                    return nearer, shorter, damping
             return trial, step, damping
         damping = max(10.0 * damping, LEAST_DAMPING)
     raise ConvergenceError(

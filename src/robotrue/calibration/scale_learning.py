@@ -119,7 +119,7 @@ def scale_groups(deviation: Array, known: Array, base: Array, group: Array) -> A
         base: (p,) stated sd.
         group: (p,) number of the group; -1: its sd stays.
     """
-    number = group.astype(np.int64) + 1  # 0 collects what is not learned
+    number = group.astype(np.int64) + 1  # 0: parameters whose sd stays
     seen = np.asarray(np.bincount(number, known), dtype=np.float64)
     squares = np.asarray(np.bincount(number, (deviation / base) ** 2), dtype=np.float64)
     factor = pulled_scale(squares, seen, 1.0)

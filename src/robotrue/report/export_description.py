@@ -208,8 +208,7 @@ def _dh_remarks(
         "q_drive = (1 + gear) q + compliance * torque on the drive; moment_x, moment_y: "
         "first moments beyond link masses, along x of the link frame and the joint axis times x",
         *loss_sentences(lost, total),
-        f"Read without gear and compliance: misses {as_rigid.rms / MM:.4f} mm rms, "
-        f"{as_rigid.largest / MM:.4f} mm at most.",
+        f"Read without gear and compliance: misses {as_rigid.sizes}.",
     ]
 
 

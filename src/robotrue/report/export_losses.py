@@ -40,6 +40,11 @@ class Loss:
     rms: float
     largest: float
 
+    @property
+    def sizes(self) -> str:
+        """The two sizes in words."""
+        return f"{self.rms / MM:.4f} mm rms, {self.largest / MM:.4f} mm at most"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExportableModel(Columns):
@@ -229,14 +234,9 @@ def loss_sentences(lost: Sequence[Loss], total: Loss) -> list[str]:
     """Returns the same as lines of text."""
     if not lost:
         return ["The export contains the whole model."]
-    parts = [
-        f"Left out: {x.name}, {x.rms / MM:.4f} mm rms, {x.largest / MM:.4f} mm at most."
-        for x in lost
-    ]
     return [
-        *parts,
-        f"Misses the model by {total.rms / MM:.4f} mm rms, {total.largest / MM:.4f} mm at most, "
-        "over poses spread evenly over the training range.",
+        *(f"Left out: {x.name}, {x.sizes}." for x in lost),
+        f"Misses the model by {total.sizes}, over poses spread evenly over the training range.",
     ]
 
 

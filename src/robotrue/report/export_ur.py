@@ -16,7 +16,6 @@ import numpy as np
 from robotrue.core.arrays import Array
 from robotrue.core.csv_text import csv_remark
 from robotrue.core.provenance import mark_line
-from robotrue.core.units import MM
 from robotrue.errors import ConfigurationError
 from robotrue.report.export_description import URDF_CANNOT, rigid
 from robotrue.report.export_losses import (
@@ -78,8 +77,7 @@ def export_ur(found: ExportableModel, *, lossy: Sequence[str] = ()) -> UrExport:
         "tool in wrist_3, which this format does not contain: "
         + ", ".join(f"{key} {value!r}" for key, value in zip(FIELDS, tool.tolist(), strict=True)),
         *loss_sentences(lost, total),
-        f"Read with the nominal tool: misses {nominal_tool.rms / MM:.4f} mm rms, "
-        f"{nominal_tool.largest / MM:.4f} mm at most.",
+        f"Read with the nominal tool: misses {nominal_tool.sizes}.",
     ]
     body = kinematics_yaml(np.array([xyz_rpy(origin) for origin in origins]))
     text = mark_line(found.provenance) + "".join(map(csv_remark, remarks)) + body

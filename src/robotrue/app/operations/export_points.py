@@ -147,11 +147,11 @@ def _work_frame(program: Program, number: int) -> str:
     from robotrue.core.units import DEG, MM
 
     T_base_frame = program.T_base_frame[number]
-    told = f"work frame {number} of {program.name}"
+    name = f"work frame {number} of {program.name}"
     if not np.isfinite(T_base_frame).all():
-        return f"{told} (stored in the controller)"
+        return f"{name} (stored in the controller)"
     pose = [*(T_base_frame[:3, 3] / MM), *(abc_from_matrix(T_base_frame[:3, :3]) / DEG)]
-    return f"{told} (X, Y, Z, A, B, C {', '.join(f'{round(value, 6) + 0.0:g}' for value in pose)})"
+    return f"{name} (X, Y, Z, A, B, C {', '.join(f'{round(value, 6) + 0.0:g}' for value in pose)})"
 
 
 OPERATION: Final = Operation(request=ExportPointsRequest, run=run)

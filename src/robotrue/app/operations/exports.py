@@ -62,10 +62,7 @@ def export_arm(request: ExportRequest, context: Context) -> PlainResult:
     for path, text in files.items():
         write_atomic(path, text.encode("utf-8"))
     context.inform(f"written: {', '.join(str(path) for path in files)}")
-    context.inform(
-        f"misses the model by {loss.rms / MM:.4f} mm rms, {loss.largest / MM:.4f} mm at most, "
-        "over poses spread over its training range"
-    )
+    context.inform(f"misses the model by {loss.sizes}, over poses spread over its training range")
     values = {
         "written": [str(path) for path in files],
         "holds": list(found.held),

@@ -268,7 +268,7 @@ def _marks(program: Program, replacement: Replacement, words: PathWords) -> list
 
 
 def path_losses(program: Program, replacement: Replacement) -> tuple[Unfollowed, ...]:
-    """Returns what is not followed.
+    """Returns the parts of a replacement that the words of the program cannot hold.
 
     Raises:
         ShapeError: The program is not a path of words.
