@@ -9,7 +9,6 @@ guide nothing.
 
 from __future__ import annotations
 
-import contextlib
 import sys
 from importlib import import_module
 from pathlib import Path
@@ -17,7 +16,6 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent))
 
 import atheris
-import numpy as np
 
 ROOT = Path(__file__).parents[2] / "src" / "robotrue"
 
@@ -35,16 +33,13 @@ def left_alone() -> list[str]:
 
 with atheris.instrument_imports(include=["robotrue"], exclude=left_alone()):
     from languages import LANGUAGES, frames_of
-    from laws import read, require_identity, require_undone, survives
+    from laws import survives, warm
     from written import Pen
-
-    from robotrue.errors import ConfigurationError
 
     for path in (ROOT / "program" / "formats").glob("*.py"):  # some are imported when first used
         import_module(f"robotrue.program.formats.{path.stem}")
 
 SEEDS = 150
-WARM = 20
 LIMIT = 10.0
 
 
@@ -59,16 +54,6 @@ def seeded(name: str, corpus: Path) -> Path:
     escaped = ["".join(f"\\x{byte:02x}" for byte in piece) for piece in language.pieces if piece]
     words.write_text("".join(f'"{text}"\n' for text in dict.fromkeys(escaped)))
     return words
-
-
-def warm(name: str) -> None:
-    """Has every kernel compiled before a limit of time can break into it."""
-    rng = np.random.default_rng(0)
-    for k in range(WARM):
-        job = LANGUAGES[name].writer(Pen.of([6, k]))
-        require_identity(name, job.files, read(name, job.files, job.frames))
-        with contextlib.suppress(ConfigurationError):
-            require_undone(name, job, rng)
 
 
 def main() -> None:

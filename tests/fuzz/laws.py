@@ -6,11 +6,13 @@ import signal
 import time
 import warnings
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from functools import cache
 from types import FrameType
 
 import numpy as np
-from written import Job
+from languages import LANGUAGES
+from written import Job, Pen
 
 from robotrue.core.arm_words import NO_WORD
 from robotrue.core.rotations import matrix_from_abc
@@ -27,6 +29,9 @@ COARSE_PLACE = 20e-6
 """m: more than half the third decimal of an inch; corrections are about a millimetre."""
 COARSE_TURN = 1e-4
 """rad: more than half the third decimal of a degree in three angles."""
+
+WARM = 20
+"""Programs that together call every kernel of their language."""
 
 
 class Broken(Exception):
@@ -168,12 +173,27 @@ def _same(before: Sequence[Program], after: Sequence[Program]) -> None:
                 raise Broken(f"corrected, {column} of {one.name} is read otherwise")
 
 
+@cache
+def warm(name: str) -> None:
+    """Has the kernels of a language compiled, which takes longer than the limit of a program.
+
+    Without it, a limit that ends while a kernel is compiled is reported as a slow program.
+    """
+    rng = np.random.default_rng(0)
+    for k in range(WARM):
+        job = LANGUAGES[name].writer(Pen.of([6, k]))
+        require_identity(name, job.files, read(name, job.files, job.frames))
+        with suppress(ConfigurationError):
+            require_undone(name, job, rng)
+
+
 def survives(name: str, files: Files, frames: FrameTable, seed: int, limit: float) -> bool:
     """Whether damaged files were read; refused is as good, anything else is Broken.
 
     What was read gives its bytes back at zero correction; for one seed in five it is corrected,
     too, and read again: its targets are then where the correction sends them.
     """
+    warm(name)
     try:
         with limited(limit):
             try:

@@ -8,13 +8,15 @@ Prints a table, one row per dialect, and leaves with 1 if a law was broken: whol
 given back byte for byte at zero correction, those (of the first ``--undone``) that a correction and
 its undoing leave within half a digit, those refused because a corrected arc is none, targets moved;
 damaged programs, those read and those refused; the slowest of them. ``--seconds`` ends the damage
-of a dialect after so much processor time, Ctrl-C everything; the table is of what was done. Each
-kind of broken case is made smaller and kept in ``--keep``.
+of a dialect after so much processor time. A row is printed when its dialect is done, broken laws
+and progress at once; Ctrl-C or ``kill`` ends the run with the row of what was done. Each kind of
+broken case is made smaller and kept in ``--keep``.
 """
 
 from __future__ import annotations
 
 import argparse
+import signal
 import sys
 import time
 from collections.abc import Sequence
@@ -34,12 +36,15 @@ from robotrue.program.lang import find_language, language_names
 
 POOL = 300
 """Whole programs that damage starts from."""
+PROGRESS = 30.0
+"""Seconds of processor time between two lines of progress."""
 
 
 @dataclass
 class Tally:
     """Counts of one dialect."""
 
+    name: str
     whole: int = 0
     identical: int = 0
     undone: int = 0
@@ -50,8 +55,29 @@ class Tally:
     refused: int = 0
     slowest: float = 0.0
     slowest_case: Files = ()
-    seconds: float = 0.0
+    begun: float = field(default_factory=time.process_time)
+    printed: float = 0.0
     broken: list[tuple[str, Files]] = field(default_factory=list)
+
+    @property
+    def seconds(self) -> float:
+        """Processor time since it was begun."""
+        return time.process_time() - self.begun
+
+    def add_broken(self, case: str, fault: Exception, files: Files) -> None:
+        """Keeps a case, and prints it: a run that is cut has told of it."""
+        said = f"{case}: {type(fault).__name__}: {fault}".replace("\n", " ")[:300]
+        self.broken.append((said, files))
+        sys.stderr.write(f"{self.name}: {said}\n")
+
+    def print_progress(self) -> None:
+        """One line, no more often than every ``PROGRESS`` seconds."""
+        if self.seconds >= self.printed + PROGRESS:
+            self.printed = self.seconds
+            sys.stderr.write(
+                f"{self.name}: {self.whole} whole, {self.damaged} damaged, "
+                f"{len(self.broken)} failures, {self.seconds:.0f} s\n"
+            )
 
 
 def whole_programs(
@@ -72,7 +98,8 @@ def whole_programs(
         except ConfigurationError:  # neighbours moved a millimetre apart leave some arcs no circle
             tally.unwritten += 1
         except Exception as fault:
-            tally.broken.append((f"whole {k}: {_said(fault)}", job.files))
+            tally.add_broken(f"whole {k}", fault, job.files)
+        tally.print_progress()
 
 
 def damaged_programs(
@@ -98,14 +125,11 @@ def damaged_programs(
             tally.read += was_read
             tally.refused += not was_read
         except Exception as fault:
-            tally.broken.append((f"damaged {k}: {_said(fault)}", tuple(files)))
+            tally.add_broken(f"damaged {k}", fault, tuple(files))
         took = time.process_time() - start
         if took > tally.slowest:
             tally.slowest, tally.slowest_case = took, tuple(files)
-
-
-def _said(fault: Exception) -> str:
-    return f"{type(fault).__name__}: {fault}".replace("\n", " ")[:300]
+        tally.print_progress()
 
 
 def seeds_of(name: str, language: Language, seed: int, samples: Path | None) -> list[Files]:
@@ -148,22 +172,14 @@ def smaller(name: str, files: Files, said: str, limit: float) -> Files:
     return files
 
 
-def table(tallies: dict[str, Tally]) -> str:
-    """One row per dialect."""
-    head = ("dialect", "whole", "identical", "undone", "no arc", "targets", "damaged", "read",
-            "refused", "slowest ms", "failures", "CPU s")  # fmt: skip
-    rows = [
-        (name, t.whole, t.identical, t.undone, t.unwritten, t.targets, t.damaged, t.read, t.refused,
-         f"{1e3 * t.slowest:.0f}", len(t.broken), f"{t.seconds:.0f}")
-        for name, t in tallies.items()
-    ]  # fmt: skip
-    text = [[str(cell) for cell in row] for row in (head, *rows)]
-    width = [max(len(row[k]) for row in text) for k in range(len(head))]
-    return "\n".join(
-        "  ".join(c.ljust(w) if k == 0 else c.rjust(w)
-                  for k, (c, w) in enumerate(zip(row, width, strict=True)))
-        for row in text
-    )  # fmt: skip
+HEAD = ("dialect", "whole", "identical", "undone", "no arc", "targets", "damaged", "read",
+        "refused", "slowest ms", "failures", "CPU s")  # fmt: skip
+
+
+def print_row(first: object, *cells: object) -> None:
+    """One line of the table, at once."""
+    sys.stdout.write("  ".join((f"{first!s:12}", *(f"{cell!s:>10}" for cell in cells))) + "\n")
+    sys.stdout.flush()
 
 
 def keep(folder: Path, name: str, broken: list[tuple[str, Files]], limit: float) -> None:
@@ -183,9 +199,8 @@ def keep(folder: Path, name: str, broken: list[tuple[str, Files]], limit: float)
 
 
 def one_dialect(name: str, options: argparse.Namespace, tally: Tally) -> None:
-    """Whole and damaged programs of one dialect; what was broken is said and kept."""
+    """Whole and damaged programs of one dialect; its row is printed, broken cases are kept."""
     language = LANGUAGES[name]
-    start = time.process_time()
     try:
         whole_programs(name, language, options.whole, options.undone, options.seed, tally)
         seeds = seeds_of(name, language, options.seed, options.samples)
@@ -194,14 +209,14 @@ def one_dialect(name: str, options: argparse.Namespace, tally: Tally) -> None:
             tally,
         )  # fmt: skip
     finally:
-        tally.seconds = time.process_time() - start
-    for said, _ in tally.broken[:10]:
-        sys.stderr.write(f"{name}: {said}\n")
-    if options.keep is not None:
-        options.keep.mkdir(parents=True, exist_ok=True)
-        keep(options.keep, name, tally.broken, options.limit)
-        for file, data in tally.slowest_case:
-            (options.keep / f"{name}_slowest_{file}").write_bytes(data)
+        t = tally
+        print_row(name, t.whole, t.identical, t.undone, t.unwritten, t.targets, t.damaged, t.read,
+                  t.refused, round(1e3 * t.slowest), len(t.broken), round(t.seconds))  # fmt: skip
+        if options.keep is not None:
+            options.keep.mkdir(parents=True, exist_ok=True)
+            keep(options.keep, name, tally.broken, options.limit)
+            for file, data in tally.slowest_case:
+                (options.keep / f"{name}_slowest_{file}").write_bytes(data)
 
 
 def main() -> int:
@@ -220,16 +235,20 @@ def main() -> int:
     names = [n for n in options.dialects.split(",") if n] or [
         n for n in language_names() if n in LANGUAGES
     ]
-    tallies: dict[str, Tally] = {}
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    print_row(*HEAD)
+    failures = 0
     try:
         for name in names:
-            tallies[name] = Tally()
-            one_dialect(name, options, tallies[name])
-            sys.stderr.write(table({name: tallies[name]}) + "\n")
-    except KeyboardInterrupt:  # what was done so far is worth a table
+            tally = Tally(name)
+            try:
+                one_dialect(name, options, tally)
+            finally:
+                failures += len(tally.broken)
+    except KeyboardInterrupt:  # the row of what was done is printed
         sys.stderr.write("stopped\n")
-    sys.stdout.write(table(tallies) + "\n")
-    return 1 if any(t.broken for t in tallies.values()) else 0
+        return 1
+    return 1 if failures else 0
 
 
 if __name__ == "__main__":
