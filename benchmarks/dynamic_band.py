@@ -59,19 +59,20 @@ def main() -> None:
     options = parser.parse_args()
     options.folder.mkdir(parents=True, exist_ok=True)
     first, _, last = options.arms.partition("-")
-    raw = [int(seed) for seed in options.raw.split(",") if seed]
+    arms = range(int(first), int(last or first) + 1)
+    wanted = [(source, seed) for seed in arms for source in ("kept", "taken")]
+    wanted += [("raw", int(seed)) for seed in options.raw.split(",") if seed]
     log = options.folder / "folds.jsonl"
     done = {(line["source"], line["arm"]) for line in _read_lines(log)}
-    for seed in [*range(int(first), int(last or first) + 1), *raw]:
-        for source in ("kept", "taken", "raw"):
-            if (source, seed) in done or (source == "raw") != (seed in raw):
-                continue
-            start = time.process_time()
-            windows, row = _windows_of(options.folder, source, seed)
-            with log.open("a", encoding="utf-8") as file:
-                for line in judge_passes(windows, arm_of(milling_arm(seed)), row):
-                    file.write(json.dumps({"source": source, "arm": seed, **line}) + "\n")
-            print(f"{source} {seed}: {time.process_time() - start:.1f} s of CPU", flush=True)
+    for source, seed in wanted:
+        if (source, seed) in done:
+            continue
+        start = time.process_time()
+        windows, row = _windows_of(options.folder, source, seed)
+        with log.open("a", encoding="utf-8") as file:
+            for line in judge_passes(windows, arm_of(milling_arm(seed)), row):
+                file.write(json.dumps({"source": source, "arm": seed, **line}) + "\n")
+        print(f"{source} {seed}: {time.process_time() - start:.1f} s of CPU", flush=True)
     for source in ("kept", "taken", "raw"):
         _print_table(source, [line for line in _read_lines(log) if line["source"] == source])
 

@@ -125,10 +125,12 @@ def by_places(
 
 
 def line(name: str, held: Mapping[str, SocketSpread]) -> str:
-    """Mean and worst of all touches, coverage, and the mean at each place."""
+    """Mean and worst of all touches, coverage, and both at each place."""
     distance = np.concatenate([s.distance for s in held.values()]) / MM
     inside = np.concatenate([s.inside for s in held.values()])
-    each = "  ".join(f"{k} {s.mean / MM:.3f}" for k, s in held.items())
+    each = "  ".join(
+        f"{k} {s.mean / MM:.3f} ({100 * s.inside.mean():.0f} %)" for k, s in held.items()
+    )
     gaps = np.concatenate([s.length_error for s in held.values()]) / MM
     return (
         f"  {name:15s} mean {distance.mean():.3f}  max {distance.max():.2f}  "

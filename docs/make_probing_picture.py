@@ -9,6 +9,7 @@ the 20 touches are planned. Nothing is simulated here: these are expected uncert
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Final
 
@@ -55,7 +56,7 @@ def grid(face: Posture, count: int) -> Array:
 
 
 def main() -> None:
-    """Plans, and writes the picture."""
+    """Plans, prints the expected uncertainty, and writes the picture."""
     robot = feng_cell(0).nominal
     machined: tuple[Posture, ...] = ("R", "L")
     touched: tuple[Posture, ...] = ("R", "T")
@@ -87,6 +88,11 @@ def main() -> None:
         touch_sigma=0.1 * MM,
     )
     plan = plan_touches(task, TOUCHES)
+    sys.stdout.write(
+        f"{TOUCHES} touches on {' and '.join(NAMES[face] for face in touched)}, expected rms of "
+        f"all machined points: planned {plan.mean[-1] / MM:.3f} mm, spread over the same faces "
+        f"{plan.spread_mean[-1] / MM:.3f} mm\n"
+    )
     OUT.write_bytes(part_map(plan, task, np.array([0.0, 0.0, 1.0])).png())
 
 

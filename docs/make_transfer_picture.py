@@ -39,7 +39,7 @@ OUT: Final = HERE / "_static" / "ur10_transfer_joint2.png"
 
 
 def main() -> None:
-    """Fits, carries over, draws, and says the numbers on stderr."""
+    """Fits, transfers, draws, and prints the numbers."""
     source, target = regions()
     model = fit(preset("UR10"), source, method="gp")
     order = np.random.default_rng(0).permutation(len(target))
@@ -52,11 +52,17 @@ def main() -> None:
     angle = rows.joints[:, JOINT] / DEG
     dip = (angle > -108.0) & (angle < -101.0)
     size = np.linalg.norm(left, axis=1) / MM
-    sys.stderr.write(
+    deepest = np.flatnonzero(dip)[np.argmax(np.abs(turn[dip]))]
+    edge, near = float(source.joints[:, JOINT].min() / DEG), np.sort(known.joints[:, JOINT] / DEG)
+    place = np.searchsorted(near, angle[deepest])
+    sys.stdout.write(
         f"{len(rows)} rows, mean {size.mean():.4f} mm; joint 2 between -108 and -101 deg: "
         f"{dip.sum()} rows, {size[dip].mean():.4f} mm; elsewhere {size[~dip].mean():.4f} mm\n"
+        f"largest turn of joint 2 there: {1e6 * turn[deepest]:.0f} urad at {angle[deepest]:.1f} deg"
+        f"; the source ends at {edge:.1f} deg, the target points beside it are at "
+        f"{', '.join(f'{a:.1f}' for a in near[max(0, place - 1) : place + 1])} deg\n"
     )
-    draw(angle, turn, known.joints[:, JOINT] / DEG, float(source.joints[:, JOINT].min() / DEG))
+    draw(angle, turn, near, edge)
 
 
 def regions() -> tuple[MeasurementSet, MeasurementSet]:
