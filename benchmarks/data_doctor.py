@@ -415,17 +415,19 @@ def report(rows: list[dict]) -> None:
     wrong = [row for row in rows if row["kind"] != CLEAN]
     clean = [row for row in rows if row["kind"] == CLEAN]
     if wrong:
-        share = 100.0 * sum(bool(row["right"]) for row in wrong) / len(wrong)
-        print(f"RESULT | right cause, {len(wrong)} corruptions | >= 90 % | {share:.1f} %")
+        right = sum(bool(row["right"]) for row in wrong)
+        print(f"RESULT | right cause, {len(wrong)} corruptions | >= 90 % | "
+              f"{100.0 * right / len(wrong):.1f} %, {right}")  # fmt: skip
     if clean:
-        share = 100.0 * sum(not row["right"] for row in clean) / len(clean)
-        print(f"RESULT | false alarm, {len(clean)} clean sets | <= 2 % | {share:.1f} %")
+        false = sum(not row["right"] for row in clean)
+        print(f"RESULT | false alarm, {len(clean)} clean sets | <= 2 % | "
+              f"{100.0 * false / len(clean):.1f} %, {false}")  # fmt: skip
     cured = [row for row in wrong if np.isfinite(row.get("cured", np.nan))]
     if cured:
-        near = np.mean([row["cured"] <= 1.15 * row["clean"] for row in cured])
+        near = sum(row["cured"] <= 1.15 * row["clean"] for row in cured)
         ratio = np.median([row["cured"] / row["clean"] for row in cured])
         print(f"RESULT | cured error within 15 % of clean, {len(cured)} sets | all | "
-              f"{100.0 * near:.1f} %, median ratio {ratio:.3f}")  # fmt: skip
+              f"{100.0 * near / len(cured):.1f} %, {near}; median ratio {ratio:.3f}")  # fmt: skip
     seconds = [row["seconds"] for row in rows]
     print(f"{np.mean(seconds):.2f} CPU s a diagnosis, at most {np.max(seconds):.2f}")
 
@@ -438,6 +440,8 @@ def _tell_cure(rows: list[dict]) -> str:
     near = sum(row["cured"] <= 1.15 * row["clean"] for row in cured)
     own = [row["at_controller"] for row in cured if "at_controller" in row]
     more = f"; {np.nanmean(own):.3f} at the controller's joints" if own else ""
+    refused = sum(np.isnan(row["wrong"]) for row in cured)
+    more += f"; wrong rows refused {refused}" if refused else ""
     return "; " + " ".join(f"{size:.3f}" for size in mean) + f"; {near} of {len(cured)}{more}"
 
 
