@@ -17,6 +17,7 @@ import numpy as np
 
 from robotrue.core.arrays import IntArray
 from robotrue.errors import FormatError
+from robotrue.program.formats.alike import Alike, note_moves
 from robotrue.program.formats.fanuc_offsets import (
     NO_OFFSET,
     MoveTarget,
@@ -35,10 +36,10 @@ from robotrue.program.formats.text_lines import line_at, line_starts
 from robotrue.program.program import Motion, Reason
 
 _PLAIN: Final = re.compile(
-    rb"\s*+(?:\d{0,6}+\s*+:)?+()[ \t]*+([JLS])[ \t]++P\[(\d{1,6})(?::[^\];]*+)?\]([^;]*+);"
+    rb"\s*+(?:(\d{0,6}+)\s*+:)?+()[ \t]*+([JLS])[ \t]++P\[(\d{1,6})(?::[^\];]*+)?\]([^;]*+);"
     rb"[ \t]*+(?:\r\n|\n|\r)?"
 )
-"""A statement that moves to a record; the first group is where its text begins."""
+"""A statement that moves to a record; the second group is where its text begins."""
 _MOVE: Final = re.compile(rb"\s*([JLCAS])\s+(P|PR)\s*\[(.*)", re.DOTALL)
 _TARGET: Final = re.compile(rb"\b(P|PR)\s*+\[\s*+([^\]:]*+)(?::[^\]]*+)?\]")
 _POINT: Final = re.compile(rb"(?<![\w$])P\s*+\[\s*+([^\]:]*+)(?::[^\]]*+)?\]")
@@ -168,6 +169,7 @@ class _Walk:
         self._starts = line_starts(self.data)
         self._row = {number: row for row, number in enumerate(scan.number.tolist())}
         self._scan, self._others = scan, scan.others
+        self._alike = Alike(self.data, wholes=(1, 4), zones=(), places=(2,))
         self._run: list[int] = []
         self._groups: list[list[int]] = []
         self._told: set[str] = set()
@@ -189,12 +191,21 @@ class _Walk:
         if self._run or self._shifted:
             return at
         while plain := _PLAIN.match(self.data, at, end):
-            letter, number, tail = plain.group(2, 3, 4)
+            letter, number, tail = plain.group(3, 4, 5)
             row, options = self._row.get(int(number)), self._tails.get(tail)
             if row is None or (self._options(tail) if options is None else options):
                 break
-            self._use(plain.start(1), row, _MOTION[letter])
+            self._use(plain.start(2), row, _MOTION[letter])
             at = plain.end()
+            for found in self._alike.after(plain, end):
+                rows = [self._row.get(number, -1) for number in found[:, 4].tolist()]
+                known = rows.index(-1) if -1 in rows else len(rows)
+                note_moves(
+                    self.out.path, self.out.motion, found[:known, 6], rows[:known], _MOTION[letter]
+                )
+                at = int(found[known - 1, 1]) if known else at
+                if known < len(rows):
+                    break
         return at
 
     def statement(self, place: int, text: bytes) -> None:
@@ -278,7 +289,7 @@ class _Walk:
             found = match if match is not None else _TARGET.search(self.data, place)
             span = (0, 0) if found is None else found.span()
             if match is not None:
-                span = match.start(3) - 2, match.start(4)
+                span = match.start(4) - 2, match.start(5)
             target = MoveTarget(row, self._line(place), (span,))
         return target
 

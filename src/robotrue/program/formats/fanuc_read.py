@@ -25,6 +25,8 @@ from robotrue.program.formats.text_lines import line_starts
 from robotrue.program.program import FrameTable, Motion, Program, Reason, leave_far
 
 _HOLDER: Final = {"base": "UFRAME", "tool": "UTOOL"}
+_USUAL: Final = 32
+"""Bytes of CONFIG, at most; longer texts are not compared with the one before."""
 
 
 def read_fanuc(data: bytes, name: str, frames: FrameTable, effects: Effects) -> Program:
@@ -279,37 +281,34 @@ class _Builder:
 
     def _words(self) -> IntArray:
         """Returns CONFIG as numbers (n, 6)."""
-        words = np.full((len(self.source), WORDS["fanuc"]), NO_WORD, np.int64)
-        read: dict[bytes, list[int] | None] = {}
-        odd = np.zeros(len(words), np.bool_)
-        for row, text in enumerate(self._configurations()):
-            if text not in read:
-                match = read_config(text)
-                read[text] = None if match is None else match[0]
-            known = read[text]
-            if known is None:
-                odd[row] = bool(text.strip())
-            else:
-                words[row] = known
+        texts, of_row = self._configurations()
+        read = {text: read_config(text) for text in set(texts)}
+        none = [NO_WORD] * WORDS["fanuc"]
+        known = [none if match is None else match[0] for match in map(read.get, texts)]
+        odd = np.array([read[text] is None and bool(text.strip()) for text in texts], np.bool_)
         if odd.any():
-            line = self.line[np.flatnonzero(odd)[0]]
+            line = self.line[np.flatnonzero(odd[of_row])[0]]
             self.notes.append(
                 f"{self.name}:{line}: CONFIG is not of the form 'N U T, 0, 0, 0'; it is not "
                 "changed and does not determine the arm configuration."
             )
-        return words
+        return np.array(known, np.int64).reshape(-1, len(none))[of_row]
 
-    def _configurations(self) -> list[bytes]:
-        """Returns the text of CONFIG of every row, empty where there is none."""
-        data = self.scan.data
-        own = [
-            data[first : first + size] if first >= 0 else b""
-            for first, size in self.scan.config.tolist()
-        ]
-        return own + [
-            own[target.row] if target.pose is None else target.pose.config
+    def _configurations(self) -> tuple[list[bytes], IntArray]:
+        """Returns texts of CONFIG, empty where there is none, and which of them each row has."""
+        data, (first, size) = self.scan.data, self.scan.config.T
+        text, begins = np.frombuffer(data, np.uint8), np.ones(len(first), np.bool_)
+        begins[1:] = (size[1:] != size[:-1]) | (size[1:] > _USUAL)
+        for k in range(min(int(size.max(initial=0)), _USUAL)):
+            letter = text.take(first + k, mode="clip")
+            begins[1:] |= (letter[1:] != letter[:-1]) & (k < size[1:])
+        own = [data[at : at + n] for at, n in self.scan.config[begins].tolist()]
+        of_row = np.cumsum(begins) - 1
+        written = [
+            own[of_row[target.row]] if target.pose is None else target.pose.config
             for target in self.walk.written
         ]
+        return own + written, np.append(of_row, len(own) + np.arange(len(written)))
 
 
 def _take(column: IntArray | BoolArray, rows: IntArray) -> IntArray:

@@ -17,6 +17,7 @@ import numpy as np
 
 from robotrue.core.arrays import IntArray
 from robotrue.errors import FormatError
+from robotrue.program.formats.alike import Alike
 from robotrue.program.formats.move_trail import line_start
 from robotrue.program.formats.number_table import Numbers, NumberTable
 from robotrue.program.formats.number_text import NUMBER
@@ -196,17 +197,20 @@ class _Reader:
 
     def _plain_records(self, at: int, end: int) -> int:
         """Reads the poses of group 1 alone from a byte on; returns the byte after them."""
-        edges, frames = array("q"), dict[tuple[bytes, ...], tuple[int, int]]()
+        edges, alike = array("q"), Alike(self.data, wholes=(2,), zones=(6,), places=(1, 5))
         while match := _PLAIN.match(self.data, at, end):
-            written = match.group(3, 4)
-            if written not in frames:
-                frames[written] = self._frame(match[3]), self._frame(match[4])
+            frames = self._frame(match[3]), self._frame(match[4])
             first, last = match.span(5)
-            self.rows.extend(
-                (int(match[2]), match.start(1), 0, first, last - first, *frames[written])
-            )
+            self.rows.extend((int(match[2]), match.start(1), 0, first, last - first, *frames))
             edges.extend(match.span(6))
             at = match.end()
+            for found in alike.after(match, end):
+                table = np.empty((len(found), _COLUMNS), np.int64)
+                table[:, :4] = found[:, [2, 6, 0, 8]]
+                table[:, 2], table[:, 4], table[:, 5:] = 0, found[:, 9] - found[:, 8], frames
+                self.rows.frombytes(table.tobytes())
+                edges.frombytes(found[:, 4:6].tobytes())
+                at = int(found[-1, 1])
         self.table.extend(edges, 0)
         return at
 

@@ -66,7 +66,8 @@ class _Reader:
         """Reads every instruction."""
         self.trail.routine()
         for line, text in self.found.body:
-            self._instruction(line, text.partition(b"'")[0].rstrip())
+            for own, each in ((line, text), *self.found.list_alike(line)):
+                self._instruction(own, each.partition(b"'")[0].rstrip())
         self.run.close()
 
     def _instruction(self, line: int, text: bytes) -> None:

@@ -8,7 +8,10 @@ from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
+import numpy as np
+
 from robotrue.errors import FormatError
+from robotrue.program.formats.alike import note_moves
 from robotrue.program.formats.jbi_scan import P_POINTS, JbiScan
 from robotrue.program.formats.target_notes import absent_routine
 from robotrue.program.program import Motion, Reason
@@ -99,13 +102,15 @@ def moves(scan: JbiScan, name: str, harmless: Container[str] = ()) -> JbiMoves:
     walk = _Walk(scan, name, harmless)
     for line, text in scan.body:
         walk.instruction(line, text.partition(b"'")[0] if b"'" in text else text)
+        if line in scan.alike:
+            walk.moves_alike(line, text.partition(b"'")[0])
     walk.finish()
     return walk.out
 
 
 class _Walk:
     def __init__(self, scan: JbiScan, name: str, harmless: Container[str]) -> None:
-        self.name, self._harmless = name, harmless
+        self.name, self._harmless, self._scan = name, harmless, scan
         self._variables: list[int] = []
         self._calls: list[tuple[str, int]] = []
         self.out = JbiMoves()
@@ -153,6 +158,19 @@ class _Walk:
             self._compute(int(number), line)
         if _VARIABLES.search(text):
             self._all_variables(line)
+
+    def moves_alike(self, line: int, text: bytes) -> None:
+        """Reads moves that are alike but for their points, after the first of them."""
+        found, plain = self._scan.alike[line], _PLAIN.match(text)
+        rows = [self._row.get(number, -1) for number in found[:, 2].tolist()]
+        if plain and plain[1] != b"C" and not (self._shift or -1 in rows):
+            if self._is_plain(plain[3]):
+                self._master = rows[-1:]
+                lines = line + 1 + np.arange(len(rows))
+                note_moves(self.out.path, self.out.motion, lines, rows, _MOTION[plain[1]])
+                return
+        for own, each in self._scan.list_alike(line):
+            self.instruction(own, each.partition(b"'")[0])
 
     def finish(self) -> None:
         """Closes what is open at the end."""

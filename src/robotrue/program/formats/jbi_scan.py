@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from array import array
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple, NoReturn
 
@@ -16,6 +17,7 @@ import numpy as np
 
 from robotrue.core.arrays import IntArray
 from robotrue.errors import FormatError
+from robotrue.program.formats.alike import Alike
 from robotrue.program.formats.number_table import Numbers, NumberTable
 from robotrue.program.formats.number_text import NUMBER
 from robotrue.program.formats.text_lines import require_text
@@ -29,6 +31,7 @@ _PLAIN_POINT: Final = re.compile(
     + rb",".join([rb"[ \t]*+" + _FINITE + rb"[ \t]*+"] * 6) + rb")" + _END
 )  # fmt: skip
 """A robot point of six numbers, and the configuration in the line before it."""
+_MOVE: Final = re.compile(rb"[ \t]*+MOV[JLC][ \t]+C(\d{1,6})(?![^ \t\r\n])[^\r\n]*" + _END)
 _OTHER_POINT: Final = re.compile(rb"(C|P|BC|BP|EC|EX)(\d{1,6})[ \t]*=(.*)")
 _HEADER: Final = re.compile(rb"///(\w+)[ \t]*(.*)")
 _NUMBER: Final = re.compile(NUMBER)
@@ -74,7 +77,9 @@ class JbiScan:
         found: Numbers of C, BC, EC, P, BP, EX.
         external: Values of BC, BP, EC and EX points by name.
         pulses: Those of them that are printed in pulses: under ``///PULSE``, or as whole numbers.
-        body: Instruction lines (one-based line, text), headers and comments left out.
+        body: Instruction lines (one-based line, text), headers and comments left out, and moves
+            that are alike but for their point: of those only the first.
+        alike: First byte, end and point of each of the others (k, 3), by the line of the first.
         attributes: Header lines of ``//INST`` (line, name, value).
     """
 
@@ -92,7 +97,14 @@ class JbiScan:
     external: dict[tuple[str, int], tuple[float, ...]]
     pulses: set[tuple[str, int]]
     body: list[tuple[int, bytes]]
+    alike: dict[int, IntArray]
     attributes: list[tuple[int, str, str]]
+
+    def list_alike(self, line: int) -> Iterator[tuple[int, bytes]]:
+        """Yields line and text of the moves after one that are alike."""
+        for begin, end, _ in self.alike[line].tolist() if line in self.alike else ():
+            line += 1
+            yield line, self.data[begin:end].strip(b" \t\r\n")
 
 
 P_POINTS: Final = 10**6
@@ -125,6 +137,7 @@ class _Reader:
     pulses: set[tuple[str, int]] = field(default_factory=set)
     found: dict[str, int] = field(default_factory=dict)
     body: list[tuple[int, bytes]] = field(default_factory=list)
+    alike: dict[int, IntArray] = field(default_factory=dict)
     attributes: list[tuple[int, str, str]] = field(default_factory=list)
     rows: array[int] = field(default_factory=lambda: array("q"))
     fields: dict[bytes, tuple[int, ...]] = field(default_factory=dict)
@@ -167,6 +180,7 @@ class _Reader:
             external=self.external,
             pulses=self.pulses,
             body=self.body,
+            alike=self.alike,
             attributes=self.attributes,
         )
 
@@ -194,7 +208,7 @@ class _Reader:
     def _points(self) -> None:
         """Reads ``//POS`` up to ``//INST``."""
         self.found |= {"C": 0, "P": 0}
-        more = True
+        more, alike = True, Alike(self.data, wholes=(3,), zones=(4,))
         while more:
             header = self._header()
             while match := _PLAIN_POINT.match(self.data, self.at):
@@ -207,7 +221,22 @@ class _Reader:
                 name = self._name(kind.decode(), int(number))
                 self.rows.extend((name, self.line, header, len(self.rconf) - 1, 6))
                 self.table.add(*match.span(4), 0)
+                for found in alike.after(match, len(self.data)):
+                    self._points_alike(kind.decode(), bool(rconf), found)
             more = self._other()
+
+    def _points_alike(self, kind: str, configured: bool, found: IntArray) -> None:
+        """Notes points like the last one."""
+        count = len(found)
+        step = np.arange(1, count + 1)[:, None]
+        table = np.array(self.rows[-5:]) + step * [0, 1 + configured, 0, configured, 0]
+        table[:, 0] = found[:, 2] + (P_POINTS if kind == "P" else 0)
+        self.rows.frombytes(table.tobytes())
+        self.table.extend(array("q", found[:, 4:6].tobytes()), 0)
+        self.rconf += self.rconf[-1:] * (count * configured)
+        self.found[kind] += count
+        self.line += count * (1 + configured)
+        self.at = int(found[-1, 1])
 
     def _configure(self, text: bytes) -> None:
         """Notes the fields of a plain ``///RCONF``; their texts repeat themselves."""
@@ -294,9 +323,8 @@ class _Reader:
 
     def _instructions(self) -> None:
         """Reads ``//INST`` to its ``END``."""
-        ended = False
-        for text in map(_strip, self.data[self.at :].splitlines()):
-            self.line += 1
+        ended, begin, alike = False, self.at, Alike(self.data, wholes=(1,), zones=())
+        while (text := self._next()) is not None:
             if text.startswith(b"/"):
                 header = _HEADER.fullmatch(text.replace(b"////", b"///", 1))
                 if header and not self.body:
@@ -305,6 +333,13 @@ class _Reader:
             elif text and not text.startswith(b"'"):
                 ended = text == b"END"
                 self.body.append((self.line, text))
+                move = _MOVE.match(self.data, begin)
+                found = list(alike.after(move, len(self.data))) if move else []
+                if found:
+                    self.alike[self.line] = np.concatenate(found)[:, :3]
+                    self.at = int(found[-1][-1, 1])
+                    self.line += len(self.alike[self.line])
+            begin = self.at
         if not ended:
             self._refuse("the job has no END", "it is cut off: export it again")
 

@@ -50,8 +50,8 @@ def line_starts(data: bytes) -> IntArray:
     lone = returns[
         (returns + 1 >= len(text)) | (text[np.minimum(returns + 1, len(text) - 1)] != 10)
     ]
-    ends = np.concatenate([[-1], feeds, lone]).astype(np.int64)
-    return np.asarray(np.sort(ends) + 1, dtype=np.int64)
+    ends = np.sort(np.concatenate([feeds, lone])) if len(lone) else feeds
+    return np.concatenate([[0], ends + 1]).astype(np.int64)
 
 
 def line_edges(data: bytes) -> IntArray:
