@@ -246,3 +246,23 @@ def test_a_function_in_no_script_may_set_the_tool() -> None:
 def test_a_local_variable_of_the_program_is_that_of_its_routines() -> None:
     text = f"local p1={P}\ndef sub():\nmovel(pose_add(p1,{P}))\nend\nsub()\nmovel(p1)"
     assert reasons(text) == [EXPRESSION, int(Reason.RELATIVE)]
+
+
+def test_statements_after_a_motion_in_its_line() -> None:
+    text = f"movel({P}, a=1); set_tcp({P})\nmovel({P})"
+    assert reasons(text) == [NONE, UNKNOWN]
+    assert reasons(f"movel({P}); sleep(1)\nmovel({P})") == [NONE, NONE]
+
+
+def test_runs_of_motions_end_where_word_or_frame_changes() -> None:
+    f, moved = "f=p[1,0,0,0,0,0]", P.replace("0.1", "0.2")
+    program = script(
+        f"{f}\nmovel({P})\nmovel({moved})  # x\nmovej({P})\nmovel(pose_trans(f, {P}), a=1)\n"
+        f"movel(pose_trans(f, {moved}))\nmovel(pose_trans(p[2,0,0,0,0,0], {P}))\n"
+        f"f = p[3,0,0,0,0,0]\nmovel(pose_trans(f, {P}))"
+    )
+    moves = program.motion != Motion.UNUSED
+    assert program.motion[moves].tolist() == [Motion.LIN] * 2 + [Motion.PTP] + [Motion.LIN] * 4
+    frame = program.T_base_frame[program.frame[moves], 0, 3]
+    np.testing.assert_array_equal(frame, [0, 0, 0, 1, 1, 2, 3])
+    assert program.position[moves, 0].tolist() == [0.1, 0.2, 0.1, 0.1, 0.2, 0.1, 0.1]

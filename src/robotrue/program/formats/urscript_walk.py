@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from array import array
 from collections.abc import Container
 from dataclasses import dataclass, field
 from typing import Final
@@ -57,13 +58,13 @@ _OTHERS: Final = frozenset(
 _KEYWORD: Final = re.compile(rb"\s*(while|if|elif|else|return|break|end|run|halt)\b")
 _NAME: Final = re.compile(rb"[A-Za-z_]\w*+$")
 _WORDS: Final = re.compile(rb"(?<![\w.])[A-Za-z_]\w*+")
-_NEXT: Final = re.compile(rb"\s*[,)]")
 _NAMED: Final = re.compile(rb"(?:pose|q|pose_via|pose_to)\s*=\s*")
 _FRAMED: Final = re.compile(rb"pose_trans\s*\(")
-_FRAMED_POSE: Final = re.compile(
-    rb"pose_trans\s*\(\s*+([A-Za-z_]\w*+|" + POSE.pattern + rb")\s*+,\s*+("
-    + POSE.pattern + rb")\s*+\)"
+_INLINE: Final = re.compile(
+    rb"\s*+(move[lpj])\s*+\((?:\s*+pose_trans\s*+\(\s*+([A-Za-z_]\w*+|" + POSE.pattern
+    + rb")\s*+,\s*+)?+(" + POSE.pattern + rb")(?(2)\s*+\))\s*+(?:,[^()]*+)?+\)\s*+"
 )  # fmt: skip
+"""A whole motion to a literal, as a post writes it: word, frame, literal."""
 _SOLVED: Final = re.compile(rb"get_inverse_kin\s*\(")
 _OWN_TOOL: Final = re.compile(rb"tcp\w*\s*=")
 _SOLVED_WITH_TOOL: Final = 4
@@ -74,7 +75,8 @@ _ADDED: Final = re.compile(rb"pose_add\s*\(")
 _MOTION: Final = re.compile(
     rb"(?<!\w)((?:optimove|move|servo|speed|jog)[a-z]?(?:_\w+)?|tool_contact_move)\s*\("
 )
-_CARRIED: Final = re.compile(rb"(?<!\w)track_conveyor_\w+\s*\(")
+_CARRYING: Final = b"track_conveyor_"
+_CARRIED: Final = re.compile(rb"(?<!\w)" + _CARRYING + rb"\w+\s*\(")
 
 
 @dataclass(slots=True)
@@ -127,10 +129,16 @@ class ScriptWalk:
             self.course.start(self._at, routine.name, handler=routine.parallel)
             for name in routine.parameters:
                 self.variables.declare(self._scope, name, "parameter").outside = True
-            for start, end in routine.statements:
+            count, statements = 0, routine.statements
+            while count < len(statements):
                 self._at += 1
-                self._statement(start, end)
-        carried = _CARRIED.search(self.code)
+                inline = _INLINE.fullmatch(self.code, *statements[count])
+                if inline:
+                    count = self._inline(inline, statements, count)
+                else:
+                    self._statement(*statements[count])
+                    count += 1
+        carried = _CARRIED.search(self.code) if _CARRYING in self.code else None
         if carried:
             what = "every target of this script may move along with a conveyor (track_conveyor)"
             self.story.notes.append((carried.start(), what))
@@ -141,9 +149,7 @@ class ScriptWalk:
         call = _CALL.match(self.code, start, end)
         word = call[1].decode() if call else ""
         if call and word in _MOVES:
-            close = end
-            if self.code.find(b"move", call.end(), end) >= 0 or self.code[end - 1 : end] != b")":
-                close = min(self._find_close(call.end(), end) + 1, end)
+            close = min(self._find_close(call.end(), end) + 1, end)
             self._move(word, call.end(), close)
             if close < end:
                 self._other(close, end)
@@ -285,21 +291,27 @@ class ScriptWalk:
             self.variables.find(self._scope, text.decode("latin-1")) if _NAME.match(text) else None
         )
 
+    def _inline(self, match: re.Match[bytes], statements: list[tuple[int, int]], first: int) -> int:
+        """Enters motions that are alike but for their literal; returns the statement after them."""
+        code, key, at = self.code, match.group(1, 2), first
+        ahead: re.Match[bytes] | None = match
+        edges = array("q")
+        while ahead and ahead.group(1, 2) == key:
+            edges.extend(ahead.span(3))
+            at += 1
+            ahead = _INLINE.fullmatch(code, *statements[at]) if at < len(statements) else None
+        points = self.story.extend(edges[::2], self.table.extend(edges, POINT), POINT)
+        frame = BASE if key[1] is None else self._frame(*match.span(2))
+        number = self._number_frame(frame, statements[first][0])
+        (motion,) = _MOVES[key[0].decode()]
+        self.story.uses.extend(points, range(self._at, self._at + len(points)), motion, number)
+        self._at += len(points) - 1
+        self.moves += len(points)
+        return at
+
     def _move(self, word: str, start: int, end: int) -> None:
         self.moves += 1
         targets = _MOVES[word]
-        if len(targets) == 1:  # nearly all there are
-            match = POSE.match(self.code, start, end)
-            if match and _NEXT.match(self.code, match.end()):
-                point = self.story.add(match.start(), self.table.add(*match.span(), POINT), POINT)
-                self.story.uses.add(point, self._at, targets[0], 0)
-                return
-            framed = _FRAMED_POSE.match(self.code, start, end)
-            if framed and _NEXT.match(self.code, framed.end()):
-                literal = self.table.add(*framed.span(2), POINT)
-                point = self.story.add(framed.start(2), literal, POINT)
-                self._use(point, self._frame(*framed.span(1)), targets[0], start)
-                return
         close = end - 1 if self.code[end - 1 : end] == b")" else self._find_close(start, end)
         places = arguments(self.code, start, close, len(targets))
         found = [self._operand(*place) for place in places]
@@ -314,9 +326,12 @@ class ScriptWalk:
 
     def _use(self, point: int, frame: int, motion: Motion, place: int) -> None:
         """Notes a motion to a point in a frame."""
+        self.story.uses.add(point, self._at, motion, self._number_frame(frame, place))
+
+    def _number_frame(self, frame: int, place: int) -> int:
         number = self.story.frames.setdefault(frame, len(self.story.frames))
         self.story.asked.setdefault(("base", number), place)
-        self.story.uses.add(point, self._at, motion, number)
+        return number
 
     def _operand(self, start: int, end: int, depth: int = 0) -> tuple[int, int]:
         """Returns the point of an argument and its frame."""
