@@ -118,13 +118,20 @@ def require_identity(name: str, files: Files, programs: Sequence[Program]) -> No
             raise Broken(f"zero correction changes {file}")
 
 
-def require_undone(name: str, job: Job, rng: np.random.Generator) -> int:
+def require_undone(
+    name: str, job: Job, programs: Sequence[Program], rng: np.random.Generator
+) -> int:
     """Raises Broken unless a correction, read again and undone, is gone to half a digit.
+
+    Args:
+        name: Of the dialect.
+        job: The files and how finely they are printed.
+        programs: As they are read.
+        rng: Makes the correction.
 
     Returns:
         The number of targets that were moved.
     """
-    programs = read(name, job.files, job.frames)
     others = {file: data for file, data in job.files}
     first = [moved(program, rng) for program in programs]
     others.update(write(name, programs, first))
@@ -182,9 +189,10 @@ def warm(name: str) -> None:
     rng = np.random.default_rng(0)
     for k in range(WARM):
         job = LANGUAGES[name].writer(Pen.of([6, k]))
-        require_identity(name, job.files, read(name, job.files, job.frames))
+        programs = read(name, job.files, job.frames)
+        require_identity(name, job.files, programs)
         with suppress(ConfigurationError):
-            require_undone(name, job, rng)
+            require_undone(name, job, programs, rng)
 
 
 def survives(name: str, files: Files, frames: FrameTable, seed: int, limit: float) -> bool:

@@ -93,7 +93,9 @@ def whole_programs(
             tally.identical += 1
             if k >= undone:
                 continue
-            tally.targets += require_undone(name, job, np.random.default_rng([seed, k, 1]))
+            tally.targets += require_undone(
+                name, job, programs, np.random.default_rng([seed, k, 1])
+            )
             tally.undone += 1
         except ConfigurationError:  # neighbours moved a millimetre apart leave some arcs no circle
             tally.unwritten += 1

@@ -25,8 +25,9 @@ def test_zero_is_the_identity_and_a_correction_can_be_undone(name: str) -> None:
     targets = 0
     for k in range(WHOLE):
         job = LANGUAGES[name].writer(Pen.of([11, k]))
-        require_identity(name, job.files, read(name, job.files, job.frames))
-        targets += require_undone(name, job, np.random.default_rng([11, k]))
+        programs = read(name, job.files, job.frames)
+        require_identity(name, job.files, programs)
+        targets += require_undone(name, job, programs, np.random.default_rng([11, k]))
     assert targets > 2 * WHOLE
 
 

@@ -53,6 +53,11 @@ class Reason(Explained):
     OUT_OF_REACH = 9, "it is more than 1 km from the origin of its frame"
 
 
+def find_open(reason: IntArray) -> BoolArray:
+    """Returns the targets (n,) that may be compensated: poses, and axis targets on request."""
+    return np.asarray((reason == Reason.NONE) | (reason == Reason.JOINT_TARGET))
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Program(Columns):
     """n targets in file order and the file that contains them.

@@ -28,7 +28,14 @@ from robotrue.program.formats.job_files import companion_paths, gather_files
 from robotrue.program.frames_beside import with_files_beside
 from robotrue.program.lang import find_language
 from robotrue.program.language import LONG, Cutter, Language
-from robotrue.program.program import FrameTable, Program, Reason, Replacement, leave_far
+from robotrue.program.program import (
+    FrameTable,
+    Program,
+    Reason,
+    Replacement,
+    find_open,
+    leave_far,
+)
 from robotrue.program.program_chunk import (
     ChunkLines,
     ProgramChunk,
@@ -290,7 +297,7 @@ def read_chunk(data: bytes, lines: ChunkLines, content: Program | Skeleton) -> R
     if content.splice is not None:
         return ReadChunk(replace(program, line=line, notes=()), head, foot)
     same = np.searchsorted(whole.line, line, side="right") - 1
-    own = ~np.isin(program.reason, (Reason.NONE, Reason.JOINT_TARGET))
+    own = ~find_open(program.reason)
     stated = replace(
         program,
         line=line,

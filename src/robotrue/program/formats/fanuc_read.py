@@ -22,7 +22,7 @@ from robotrue.program.formats.numbered_frames import NumberedFrames
 from robotrue.program.formats.shared_fate import flag_lost_frames, share_fate
 from robotrue.program.formats.target_tokens import TargetTokens, values_of
 from robotrue.program.formats.text_lines import line_starts
-from robotrue.program.program import FrameTable, Motion, Program, Reason, leave_far
+from robotrue.program.program import FrameTable, Motion, Program, Reason, find_open, leave_far
 
 _HOLDER: Final = {"base": "UFRAME", "tool": "UTOOL"}
 _USUAL: Final = 32
@@ -121,7 +121,7 @@ class _Builder:
         So they are in the order in which they are read again once they have one.
         """
         count, spans = len(self.scan.number), program.spans
-        closed = ~np.isin(program.reason, (Reason.NONE, Reason.JOINT_TARGET))
+        closed = ~find_open(program.reason)
         own = self.source[count:]
         rank = np.where(closed[count:], np.where((own >= 0) & (_take(closed, own) == 0), 1, 2), 0)
         order = np.concatenate([np.arange(count), count + np.argsort(rank, kind="stable")])

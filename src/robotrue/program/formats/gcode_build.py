@@ -36,7 +36,7 @@ from robotrue.program.formats.path_words import PathWords, Turn, poses, tool_axe
 from robotrue.program.formats.shared_fate import share_fate
 from robotrue.program.formats.target_notes import TargetNotes
 from robotrue.program.orientation import OrientationRule
-from robotrue.program.program import FrameTable, Motion, Program, Reason
+from robotrue.program.program import FrameTable, Motion, Program, Reason, find_open
 
 INCH: Final = 25.4 * MM
 _TURNS: Final = (WordColumn.A, WordColumn.AX)
@@ -177,7 +177,7 @@ class _Builder:
         reason = table.rows_of(reason)
         known = np.isfinite(value).all(axis=1)
         known &= np.isfinite(rotation).all(axis=(1, 2)) | (turn == Turn.AXES)
-        open_ = (reason == Reason.NONE) | (reason == Reason.JOINT_TARGET)
+        open_ = find_open(reason)
         reason[open_ & ~known] = Reason.INCOMPLETE
         self._tell_unknown(rows, open_[table.place] & ~known[table.place])
         self._keep_inherited(reason, table.place)
@@ -217,7 +217,7 @@ class _Builder:
             place: (m,) row of every block with a move.
         """
         rows, own = self.rows, reason[place]
-        left = ~np.isin(own, (Reason.NONE, Reason.JOINT_TARGET))
+        left = ~find_open(own)
         told = self.words.numbers((WordColumn.X, WordColumn.Y, WordColumn.Z))
         angles = self.words.numbers((WordColumn.A, WordColumn.B, WordColumn.C))[1]
         vector = self.words.numbers((WordColumn.AX, WordColumn.AY, WordColumn.AZ))[1]
@@ -285,7 +285,7 @@ class _Builder:
         """Returns the rows (m,) where an absolute coordinate would be another one."""
         force, flags = self.rows.force, self.blocks.findings.flags
         out = (force[:, Modal.RELATIVE] != 0) | (force[:, Modal.SHIFTED] != 0)
-        out |= ~np.isin(force[:, Modal.MOTION], np.arange(Drive.OTHER))
+        out |= (force[:, Modal.MOTION] < 0) | (force[:, Modal.MOTION] >= Drive.OTHER)
         kinds = (Reason.UNKNOWN_FRAME, Reason.RELATIVE)
         moved = [block for block, why in flags.items() if why in kinds]
         return np.asarray(out | np.isin(self.rows.block, moved))
@@ -328,7 +328,9 @@ class _Builder:
         axes = rows.turn == Turn.AXES
 
         def give(which: BoolArray, why: Reason, what: str) -> None:
-            fresh = which & np.isin(reason, (Reason.NONE, Reason.JOINT_TARGET))
+            if not which.any():
+                return
+            fresh = which & find_open(reason)
             reason[fresh] = why
             if what:
                 self.notes.rows(fresh, what)

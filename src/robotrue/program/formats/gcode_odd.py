@@ -22,6 +22,7 @@ from robotrue.program.formats.gcode_vocabulary import (
     Drive,
     Modal,
     Vocabulary,
+    address_table,
 )
 from robotrue.program.formats.number_text import WHOLE_NUMBER
 from robotrue.program.program import Reason
@@ -167,9 +168,7 @@ class _Block:
     def __init__(self, reader: OddReader, block: int, first: int, text: bytes, at: int) -> None:
         self._out, self._vocabulary = reader.found, reader.vocabulary
         self._block, self._first, self._text, self._at = block, first, text, at
-        self._address = {
-            name.encode(): column for name, column in reader.vocabulary.columns.items()
-        }
+        self._address = address_table(reader.vocabulary)
         self._found: list[tuple[int, int, int, int, float]] = []
         self._quiet = False
         self._keyword = False

@@ -123,6 +123,12 @@ def column_table(vocabulary: Vocabulary) -> IntArray:
 
 
 @cache
+def address_table(vocabulary: Vocabulary) -> Mapping[bytes, int]:
+    """Returns the columns by address as programs write it, for the slow reader."""
+    return {address.encode(): column for address, column in vocabulary.columns.items()}
+
+
+@cache
 def code_tables(vocabulary: Vocabulary) -> tuple[IntArray, IntArray]:
     """Returns group and value (2, CODES) of G and M codes, for the compiled reader."""
     group, setting = np.full((2, CODES), -1), np.zeros((2, CODES), np.int64)

@@ -23,7 +23,7 @@ from robotrue.program.formats.stored_points import firsts, motions_of, moves_to
 from robotrue.program.formats.target_notes import TargetNotes, absent_routine
 from robotrue.program.formats.text_lines import line_starts
 from robotrue.program.formats.written_out import NONE_WRITTEN, TableSpans, WrittenOut
-from robotrue.program.program import FrameTable, Program, Reason
+from robotrue.program.program import FrameTable, Program, Reason, find_open
 from robotrue.program.target_poses import turned_round
 
 _NOT_CONNECTED: Final = 8.9e9
@@ -175,7 +175,7 @@ class _Builder:
                 found = course.versions((FOREIGN, key), self.place[rows])
                 after[rows] = _worse(after[rows], found)
         left = self._any(after != 0) & (self.kind != NOTHING)
-        left &= (self.reason == Reason.NONE) | (self.reason == Reason.JOINT_TARGET)
+        left &= find_open(self.reason)
         self.reason[left] = Reason.UNKNOWN_FRAME
         uses = after[left[self.point]]
         marks = np.unique(uses).tolist()

@@ -41,8 +41,8 @@ class TargetNotes:
 
     def rows(self, rows: BoolArray, what: str) -> None:
         """Adds the lines of some targets and what is true of them."""
-        found = np.unique(self._line[np.flatnonzero(rows)])
-        if len(found):
+        if rows.any():
+            found = np.unique(self._line[rows])
             self._all.append(LineNote(lines=found, count=len(found), what=what))
 
     def each(self, found: list[tuple[int, str]], starts: IntArray) -> None:

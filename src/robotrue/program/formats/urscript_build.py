@@ -27,7 +27,7 @@ from robotrue.program.formats.urscript_walk import (
     ScriptWalk,
 )
 from robotrue.program.formats.written_out import TableSpans
-from robotrue.program.program import FrameTable, Program, Reason
+from robotrue.program.program import FrameTable, Program, Reason, find_open
 
 _SENTENCES: Final = {
     "conflict": "this target is used with more than one tool or frame; it is not compensated",
@@ -141,7 +141,7 @@ class _Builder:
         after = self.walk.course.versions(FOREIGN, self.place)
         left = np.zeros(self.count, np.bool_)
         left[self.point[after != 0]] = True
-        left &= (self.reason == Reason.NONE) | (self.reason == Reason.JOINT_TARGET)
+        left &= find_open(self.reason)
         if not left.any():
             return
         self.reason[left] = Reason.UNKNOWN_FRAME
