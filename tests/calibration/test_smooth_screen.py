@@ -1,4 +1,4 @@
-"""Blocks left out, by refits and in closed form, and linearisation of the fit. Simulated."""
+"""Parts left out, by refits and by elimination, and linearisation of the fit. Simulated."""
 
 from __future__ import annotations
 
@@ -8,14 +8,10 @@ import numpy as np
 import pytest
 from planted_arm import PAYLOAD, arm, planted, postures
 
+from robotrue.calibration import learned
 from robotrue.calibration.estimate import estimate
 from robotrue.calibration.evidence import PriorGroup, posterior
-from robotrue.calibration.held_out_blocks import (
-    AMPLITUDES,
-    compare_left_out,
-    label_blocks,
-    sums_without,
-)
+from robotrue.calibration.held_out_blocks import label_blocks, sums_without
 from robotrue.calibration.learned import (
     LearnedMethod,
     LearnedParts,
@@ -27,11 +23,13 @@ from robotrue.calibration.learned import (
 from robotrue.calibration.methods import FitSettings
 from robotrue.calibration.parameters import retract
 from robotrue.calibration.settings import free_groups
+from robotrue.calibration.smooth_screen import AMPLITUDES, compare_left_out
 from robotrue.calibration.terms.smooth import choose_centres
 from robotrue.measurement.measurement_set import MeasurementSet
 from robotrue.robot.model import parameter_slice
 from robotrue.robot.statics import deflect_arm
 from robotrue.validation.evaluation import evaluate
+from robotrue.validation.selection import default_splits, fit_auto
 
 SETTINGS = FitSettings(payload=PAYLOAD, repeatability=6e-5)
 ROWS = 210
@@ -60,31 +58,51 @@ def fit(data):
     return at, at.design.with_centres(basis)
 
 
-def refit_error(design, sums, groups, noise):
-    """Mean error of every block, predicted from the other blocks' rows at given scales."""
-    block = label_blocks(ROWS)
-    lengths = np.zeros(ROWS)
-    for k in np.unique(block):
-        weights = posterior(sums_without(design, sums, block == k), groups, noise)
-        for item in design.rows(block == k):
+def refit_error(design, sums, groups, noise, parts):
+    """Mean error of the parts, each predicted from the other rows at given scales."""
+    means = []
+    for part in parts:
+        weights = posterior(sums_without(design, sums, part), groups, noise)
+        lengths = []
+        for item in design.rows(part & (design.weights > 0.0)):
             off = (item.values - item.columns @ weights.mean)[:, :3, None]
-            lengths[item.rows] = np.linalg.norm(item.lower[:, :3, :3] @ off, axis=1)[:, 0]
-    return float(lengths[design.weights > 0.0].mean())
+            lengths.append(np.linalg.norm(item.lower[:, :3, :3] @ off, axis=1)[:, 0])
+        means.append(np.concatenate(lengths).mean())
+    return float(np.mean(means))
 
 
-def test_blocks_left_out_in_closed_form_are_refits_without_them(fit):
+BLOCKS = [label_blocks(ROWS) == k for k in range(5)]
+
+
+@pytest.mark.parametrize("parts", [[], [np.arange(ROWS) < 40, np.arange(ROWS) % 3 == 0]])
+def test_parts_left_out_by_elimination_are_refits_without_them(fit, parts):
     at, richer = fit
-    plain, smooth = compare_left_out(richer, at.weights, AMPLITUDE)
+    sums, found = richer.sums(), []
+    plain, smooth = compare_left_out(richer, sums, at.weights, AMPLITUDE, parts)
     noise = at.weights.noise
-    expected = refit_error(at.design, at.sums, at.weights.groups, noise)
+    expected = refit_error(at.design, at.sums, at.weights.groups, noise, parts or BLOCKS)
     assert plain == pytest.approx(expected, rel=1e-6)
     scales = {group.name: group.sd for group in at.weights.groups}
-    sums, found = richer.sums(), []
     for share in AMPLITUDES:
         groups: list[PriorGroup] = richer.groups({**scales, "smooth": share * AMPLITUDE})
-        found.append(refit_error(richer, sums, groups, noise))
+        found.append(refit_error(richer, sums, groups, noise, parts or BLOCKS))
     assert smooth == pytest.approx(min(found), rel=1e-6)
     assert smooth < plain  # there is a smooth error
+
+
+def test_auto_fits_no_smooth_residual_by_which_its_folds_gain_nothing(data, monkeypatch):
+    seen = []
+
+    def lose(design, sums, fit, amplitude, parts):
+        seen.append(parts)
+        return 1e-4, 2e-4
+
+    monkeypatch.setattr(learned, "compare_left_out", lose)
+    method = LearnedMethod(name="gp", parts=LearnedParts(highest=16))
+    model = fit_auto(arm(), data, SETTINGS, methods={"gp": method})
+    assert str(model.training_summary()["smooth"]).startswith("not fitted")
+    left_out = [np.sort(fold.test) for fold in default_splits(data)]
+    assert [np.flatnonzero(part).tolist() for part in seen[0]] == [t.tolist() for t in left_out]
 
 
 def test_a_block_is_predicted_as_by_the_refit_without_it(data):

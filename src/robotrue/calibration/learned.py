@@ -5,7 +5,7 @@
 3. Linearisation, robust weights and noise are renewed with the ripple in place.
 4. The smooth residual is learned on what is left, and kept only where the joint evidence grows
    *and* held-out blocks of the training rows are predicted better with it. With many rows it is not
-   fitted where blocks left out at fixed scales gain nothing by it.
+   fitted where parts left out at fixed scales gain nothing by it.
 5. The covariance gets its factor from the same held-out blocks.
 """
 
@@ -27,7 +27,6 @@ from robotrue.calibration.evidence import Sums, Weights, posterior
 from robotrue.calibration.held_out_blocks import (
     HeldOutRows,
     LearnedScales,
-    compare_left_out,
     predict_held_out,
 )
 from robotrue.calibration.learned_assembly import (
@@ -41,6 +40,7 @@ from robotrue.calibration.observations import linearise_all
 from robotrue.calibration.parameters import retract
 from robotrue.calibration.scale_learning import learn
 from robotrue.calibration.settings import FitSettings, free_groups
+from robotrue.calibration.smooth_screen import compare_left_out
 from robotrue.calibration.terms.backlash import Backlash
 from robotrue.calibration.terms.ripple import (
     LADDER,
@@ -148,9 +148,21 @@ class LearnedMethod:
         return self.fit_whole(robot, measurements, settings).model()
 
     def fit_whole(
-        self, robot: RobotModel, measurements: MeasurementSet, settings: FitSettings
+        self,
+        robot: RobotModel,
+        measurements: MeasurementSet,
+        settings: FitSettings,
+        parts: Sequence[BoolArray] = (),
     ) -> WholeFit:
-        """Returns the learned fit, ready to be refitted without some rows; as :meth:`__call__`."""
+        """Returns the learned fit, ready to be refitted without some rows; as :meth:`__call__`.
+
+        Args:
+            robot: As in :meth:`__call__`.
+            measurements: As in :meth:`__call__`.
+            settings: As in :meth:`__call__`.
+            parts: Masks over the rows, left out in turn to check whether a smooth
+                residual predicts them better; five contiguous blocks if there are none.
+        """
         physical, at, found = _fit_waves(robot, measurements, settings, self.parts)
         base = WholeFit(
             physical=physical,
@@ -161,7 +173,7 @@ class LearnedMethod:
         )
         if not self.parts.smooth or len(measurements) < FEWEST_SMOOTH:
             return base
-        richer, better, notes = _with_smooth(at, found, measurements, settings)
+        richer, better, notes = _with_smooth(at, found, measurements, settings, parts)
         notes = {"method": self.name, **notes}
         if richer is at:
             return replace(base, notes=notes)
@@ -427,7 +439,11 @@ def hold_out_physical(
 
 
 def _with_smooth(
-    at: LinearFit, found: HeldOutRows, measurements: MeasurementSet, settings: FitSettings
+    at: LinearFit,
+    found: HeldOutRows,
+    measurements: MeasurementSet,
+    settings: FitSettings,
+    parts: Sequence[BoolArray],
 ) -> tuple[LinearFit, HeldOutRows, dict[str, object]]:
     """Adds the smooth residual where it earns its place."""
     residual = _in_base(at, found.error, measurements)
@@ -447,13 +463,14 @@ def _with_smooth(
         measurements.joints[counted], scales.length, most=MOST_CENTRES, enough=ENOUGH
     )
     design = at.design.with_centres(basis)
-    screened = None if design.few else compare_left_out(design, at.weights, scales.amplitude)
-    if screened is not None:
+    sums = design.sums()
+    if not design.few and (
+        screened := compare_left_out(design, sums, at.weights, scales.amplitude, parts)
+    ):
         notes["smooth_screen_without_m"], notes["smooth_screen_with_m"] = screened
         if screened[1] >= screened[0]:
-            said = "not fitted: at given scales blocks left out are no better with it"
+            said = "not fitted: at given scales parts left out are no better with it"
             return at, found, {**notes, "smooth": said}
-    sums = design.sums()
     start = _scales(at.weights) | {"smooth": scales.amplitude}
     weights = learn(sums, design.groups(start), at.weights.noise, steps=8)
     notes["smooth_evidence_gain"] = weights.evidence - at.weights.evidence

@@ -259,8 +259,7 @@ def _fold_predictions(
     held out of is predicted already.
     """
     rows, unseen = (measurements.subset(part) for part in used)
-    left_out = np.ones(len(measurements), dtype=bool)
-    left_out[fold.train] = False
+    left_out = fold.mask_left_out(len(measurements))
     # A refit knows a station that no row of the fold shows from the start of the fit alone.
     placed = np.isin(measurements.station[fold.test], measurements.station[fold.train]).all()
     refit: dict[int, Callable[[], LinearFit]] = {}
@@ -416,11 +415,12 @@ def fit_auto(
     candidates: dict[str, FitFunction] = {
         name: partial(_fit_rows, method, robot, used) for name, method in methods.items()
     }
-    refits = _fit_whole(methods, robot, measurements, used, progress)
+    folds = default_splits(measurements) if splits is None else splits
+    refits = _fit_whole(methods, robot, measurements, used, folds, progress)
     trials = hold_out(
         candidates,
         measurements,
-        splits=splits,
+        splits=folds,
         payload=used.payload,
         progress=progress,
         refits=refits,
@@ -457,22 +457,25 @@ def _fit_whole(
     robot: RobotModel,
     measurements: MeasurementSet,
     settings: FitSettings,
+    folds: Sequence[Split],
     progress: Progress | None,
 ) -> dict[str, WholeFit]:
     """Returns the learned methods' fits of all rows; none of few rows, as all choices are repeated.
 
-    A method that cannot be fitted to all rows is left to fit the folds by itself.
+    A method that cannot be fitted to all rows is left to fit the folds by itself. A smooth residual
+    by which the folds gain nothing is not fitted: it could not win.
     """
     if len(measurements) < AVERAGED_ROWS:
         return {}
     learned = {k: method for k, method in methods.items() if isinstance(method, LearnedMethod)}
     fits: dict[str, WholeFit] = {}
+    parts = [fold.mask_left_out(len(measurements)) for fold in folds]
     with share_waves():
         for index, (name, method) in enumerate(learned.items()):
             if progress is not None:
                 progress(f"{name}, all rows", index, len(learned))
             with suppress(RobotrueError):
-                fits[name] = method.fit_whole(robot, measurements, settings)
+                fits[name] = method.fit_whole(robot, measurements, settings, parts)
     return fits
 
 

@@ -15,7 +15,7 @@ from typing import Annotated, Literal, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from robotrue.core.arrays import Array, IntArray
+from robotrue.core.arrays import Array, BoolArray, IntArray
 from robotrue.core.columns import Column, Columns
 from robotrue.errors import ShapeError
 from robotrue.measurement.measurement_set import MeasurementSet
@@ -49,6 +49,12 @@ class Split(Columns):
                 )
         if len(np.intersect1d(self.train, self.test)):
             raise ShapeError(f"split {self.name!r}: a row is in both train and test.")
+
+    def mask_left_out(self, rows: int) -> BoolArray:
+        """Returns a mask (rows,) of all rows but those to fit on."""
+        left_out = np.ones(rows, dtype=bool)
+        left_out[self.train] = False
+        return left_out
 
 
 def random_folds(n: int, *, folds: int = 5, seed: int = 0) -> tuple[Split, ...]:
