@@ -153,9 +153,9 @@ def test_urdf_beside_the_cell_file(tmp_path: Path) -> None:
 
 BAD = {
     'schema = 1\n[robot]\nprest = "UR5"\n': (
-        "cell.toml:3: unknown key robot.prest; allowed are preset, urdf, convention, dh, maker, "
-        "axes_sign, axes_offset_deg, limits_deg, total_mass_kg, mass_kg, centre_of_mass_mm, "
-        "joint_map, stiffness_Nm_per_rad, gravity_m_per_s2, "
+        "cell.toml:3: unknown key robot.prest; allowed are preset, ur_calibration, urdf, "
+        "convention, dh, maker, axes_sign, axes_offset_deg, limits_deg, total_mass_kg, mass_kg, "
+        "centre_of_mass_mm, joint_map, stiffness_Nm_per_rad, gravity_m_per_s2, "
         "link_radius_mm. Try: robot.preset."
     ),
     UR5 + "[payload]\nmass = 3\n": (

@@ -22,13 +22,14 @@ from robotrue.errors import ConfigurationError, ModelMismatchError
 from robotrue.report.export_controller import export_controller
 from robotrue.report.export_description import export_dh, export_urdf
 from robotrue.report.export_losses import mean_position, prepare_export, without
-from robotrue.report.export_ur import export_ur, kinematics_yaml
+from robotrue.report.export_ur import export_ur
 from robotrue.robot.chain import turn_about
 from robotrue.robot.forward import forward
 from robotrue.robot.makers import count_axes
 from robotrue.robot.model import RobotModel, parameter_slice
 from robotrue.robot.presets import preset
 from robotrue.robot.statics import Load
+from robotrue.robot.ur_calibration import kinematics_yaml
 from robotrue.robot.urdf_writer import joint_origins
 
 PAYLOAD = Load(mass=np.array([40.0]), com=np.array([[0.0, 0.02, 0.1]]))

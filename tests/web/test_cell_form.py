@@ -23,7 +23,9 @@ from robotrue.core.units import DEG, MM
 from robotrue.robot.forward import forward
 from robotrue.robot.model import RobotModel
 from robotrue.robot.presets import preset
+from robotrue.robot.ur_calibration import kinematics_yaml
 from robotrue.robot.urdf import to_urdf
+from robotrue.robot.urdf_writer import joint_origins, xyz_rpy
 
 NUMBERS = {
     "tool_x_mm": "12,5", "tool_z_mm": 300, "tool_b_deg": "−30", "mass_kg": "45", "centre_z_mm": 120,
@@ -147,6 +149,22 @@ def test_an_arm_comes_from_a_file(client: Client, name: str) -> None:
     assert ('maker = "kuka"' in found["text"]) is (maker == "kuka")
 
 
+def test_a_factory_calibration_of_a_ur_arm_makes_a_cell(client: Client) -> None:
+    made, arm = client(), preset("UR5")
+    rows = np.array([xyz_rpy(origin) for origin in joint_origins(arm)[0]])
+    rows[2, 0] -= 1.5 * MM
+    text = kinematics_yaml(rows).encode()
+    sent = made.post("/api/files?name=arm.yaml", content=text).json()
+    form = {"robot": "", "arm": sent["id"], "numbers": {}}
+    found = made.post("/api/cells/form", json=form).json()
+    assert (found["faults"], found["arm_files"]) == ({}, ["arm.yaml"])
+    assert 'preset = "UR5"\nur_calibration = "arm.yaml"' in found["text"]
+    stated = {"text": found["text"], "name": "Own arm", "uploads": [sent["id"]]}
+    id = made.post("/api/cells/text", json=stated).json()["id"]
+    drawn = made.get(f"/api/scenes/cell/{id}").json()
+    assert drawn["robot"]["reach_m"] == pytest.approx(arm.reach + 1.5 * MM)
+
+
 @pytest.mark.parametrize(
     ("name", "text", "words"),
     [
@@ -154,7 +172,8 @@ def test_an_arm_comes_from_a_file(client: Client, name: str) -> None:
         ("arm.csv", "theta_deg,alpha_deg,d_mm,a_mm\n0,-90,0.5,0.3\n", "metres"),
         ("arm.toml", 'maker = "kuka"\n', "no DH table"),
         ("arm.urdf", "<robot", "arm.urdf"),
-        ("arm.step", "ISO-10303-21;", "expected .toml, .csv, .urdf or .xml"),
+        ("arm.yaml", "kinematics:\n", "arm.yaml: shoulder has no x"),
+        ("arm.step", "ISO-10303-21;", "expected .toml, .csv, .urdf, .xml or .yaml"),
     ],
 )
 def test_a_file_of_no_arm_is_refused_beside_its_field(

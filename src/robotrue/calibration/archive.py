@@ -48,6 +48,7 @@ _LARGEST: Final = {
     "d": 1e3,
     "a": 1e3,
     "alpha": 100.0,
+    "beta": 100.0,
     "joint_map": 1e3,
     "limits": 1e6,
     "link_mass": 1e6,
@@ -98,6 +99,8 @@ def robot_arrays(robot: RobotModel) -> dict[str, Array]:
     out = {"robot_" + name: getattr(robot, name) for name in _ROBOT_ARRAYS}
     out["robot_controller_sign"] = robot.controller.sign
     out["robot_controller_offset"] = robot.controller.offset
+    if robot.beta.any():
+        out["robot_beta"] = robot.beta
     if robot.controller.coupling.size:
         out["robot_controller_coupling"] = robot.controller.coupling
     return out
@@ -115,6 +118,7 @@ def robot_from(archive: Archive) -> RobotModel:
     if not isinstance(document, dict) or not all(isinstance(document.get(w), str) for w in words):
         raise ArchiveError(f"{archive.kind} holds no robot.")
     parts = {name: archive.array("robot_" + name) for name in _ROBOT_ARRAYS}
+    parts["beta"] = archive.arrays.get("robot_beta", np.zeros(len(parts["d"])))
     parts["errors"] = with_moments(parts["errors"], len(parts["d"]))
     sign, offset = (archive.array(f"robot_controller_{n}") for n in ("sign", "offset"))
     dof = (len(parts["d"]),)

@@ -117,6 +117,7 @@ def _find_key(message: str, file: CellFile) -> tuple[str | int, ...]:
     if "target.a" in message:
         return ("target",)
     for name in (
+        "ur_calibration",
         "preset",
         "link_radius",
         "mass_kg",

@@ -17,6 +17,7 @@ from robotrue.errors import ConfigurationError
 from robotrue.robot.makers import MAKERS, apply_maker
 from robotrue.robot.model import RobotModel, same_geometry
 from robotrue.robot.presets import preset, preset_names, read_dh
+from robotrue.robot.ur_calibration import read_ur_calibration
 
 _REACH: Final = (0.05, 20.0)
 """m; a DH table outside is in another unit."""
@@ -32,7 +33,7 @@ def read_robot(table: RobotTable, path: Path, read_file: Callable[[str], bytes])
 
     Raises:
         ConfigurationError: No geometry or two; lists of a wrong length; lengths in a wrong unit.
-        FormatError: The URDF file cannot be read.
+        FormatError: The file of a URDF or of a factory calibration cannot be read.
     """
     origins = [name for name in ("preset", "urdf", "dh") if getattr(table, name) is not None]
     if len(origins) != 1 or (table.dh is None) != (table.convention is None):
@@ -50,7 +51,11 @@ def read_robot(table: RobotTable, path: Path, read_file: Callable[[str], bytes])
         robot = from_urdf(path.parent / table.urdf, data=read_file(table.urdf))
     else:
         robot = _from_dh(table, path)
-    return _count_axes(_with_lists(robot, table), table)
+    robot = _count_axes(_with_lists(robot, table), table)
+    if table.ur_calibration is None:
+        return robot
+    data = read_file(table.ur_calibration)
+    return read_ur_calibration(robot, data, path.parent / table.ur_calibration)
 
 
 def _count_axes(robot: RobotModel, table: RobotTable) -> RobotModel:
@@ -75,7 +80,7 @@ def _count_axes(robot: RobotModel, table: RobotTable) -> RobotModel:
 
 
 def _from_dh(table: RobotTable, path: Path) -> RobotModel:
-    theta, alpha, d, a = read_dh([row.model_dump() for row in table.dh or []])
+    theta, alpha, d, a, beta = read_dh([row.model_dump() for row in table.dh or []])
     robot = RobotModel(
         name=path.stem,
         convention=table.convention or "dh",
@@ -83,6 +88,7 @@ def _from_dh(table: RobotTable, path: Path) -> RobotModel:
         alpha=alpha,
         d=d,
         a=a,
+        beta=beta,
         joint_map=np.empty((0, 0)) if table.joint_map is None else np.array(table.joint_map),
     )
     low, high = _REACH
@@ -187,12 +193,14 @@ def _counting(robot: RobotModel) -> tuple[list[float], list[float]]:
 
 
 def _geometry(robot: RobotModel) -> dict[str, object]:
-    columns = (
+    columns = [
         ("theta_deg", robot.theta / DEG),
         ("alpha_deg", robot.alpha / DEG),
         ("d_mm", robot.d / MM),
         ("a_mm", robot.a / MM),
-    )
+    ]
+    if robot.beta.any():
+        columns.append(("beta_deg", robot.beta / DEG))
     rows = [{key: round_digits(values[i]) for key, values in columns} for i in range(robot.dof)]
     table: dict[str, object] = {"convention": robot.convention, "dh": rows}
     if not np.array_equal(robot.joint_map, np.eye(robot.dof)):

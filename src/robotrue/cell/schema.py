@@ -35,12 +35,14 @@ class DhRow(_Table):
     alpha_deg: Number
     d_mm: Number
     a_mm: Number
+    beta_deg: Number = 0.0
 
 
 class RobotTable(_Table):
     """``[robot]``: a preset, a URDF file, or a DH table; the lists have one entry per joint."""
 
     preset: str | None = None
+    ur_calibration: str | None = None
     urdf: str | None = None
     convention: Literal["dh", "mdh"] | None = None
     dh: Annotated[list[DhRow], Field(min_length=1)] | None = None

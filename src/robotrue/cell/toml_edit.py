@@ -23,6 +23,7 @@ PART_HEADING: Final = (
 )
 _LONGEST_LINE: Final = 100
 _INLINE: Final = frozenset({"dh"})  # lists of tables that read better as rows of one array
+_ARM_FILES: Final = ("urdf", "ur_calibration")  # keys of [robot]
 _COMMENTS: Final = {
     "registration.model": "programs of another model are refused",
     "part.abc_deg": "KUKA A, B, C: Rz(A) Ry(B) Rx(C)",
@@ -118,14 +119,14 @@ def with_table(text: str, key: str, table: Mapping[str, object]) -> str:
 
 
 def named_files(tables: Mapping[str, object]) -> tuple[str, ...]:
-    """Returns the files a cell.toml names: URDF, files of the controller, model of its parts.
+    """Returns the files a cell.toml names: of the arm, of the controller, model of its parts.
 
     Args:
         tables: Of the file; whether they are a cell's is not checked here.
     """
     files = _table(tables, "controller").get("files", [])
     names = [
-        _table(tables, "robot").get("urdf"),
+        *(_table(tables, "robot").get(key) for key in _ARM_FILES),
         *(files if isinstance(files, list) else [files]),
         _table(_table(tables, "registration"), "model").get("file"),
     ]
@@ -144,8 +145,9 @@ def rename_files(text: str, rename: Callable[[str], str]) -> str:
         return text
     robot, files = document.get("robot", {}), document.get("controller", {}).get("files", [])
     model = document.get("registration", {}).get("model", {})
-    if robot.get("urdf"):
-        robot["urdf"] = rename(str(robot["urdf"]))
+    for key in _ARM_FILES:
+        if robot.get(key):
+            robot[key] = rename(str(robot[key]))
     for place, name in enumerate(list(files)):
         files[place] = rename(str(name))
     if model.get("file"):

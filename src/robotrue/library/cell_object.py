@@ -76,6 +76,7 @@ class RobotCell(Presented):
                 "alpha_deg": robot.alpha / DEG,
                 "d_mm": robot.d / MM,
                 "a_mm": robot.a / MM,
+                "beta_deg": robot.beta / DEG,
                 "limit_low_deg": robot.limits[:, 0] / DEG,
                 "limit_high_deg": robot.limits[:, 1] / DEG,
             }

@@ -218,7 +218,7 @@ def _dh_rows(robot: RobotModel) -> list[list[str]]:
         "d": (robot.d + robot.error("d")) / MM,
         "a": (robot.a + robot.error("a")) / MM,
         "alpha": (robot.alpha + robot.error("alpha")) / DEG,
-        "beta": robot.error("beta") / DEG,
+        "beta": (robot.beta + robot.error("beta")) / DEG,
         "gear": robot.error("gear"),
         **{name: robot.error(name) for name in ("compliance", *MOMENTS)},
     }

@@ -6,14 +6,12 @@ base error is in the first; the tool is outside the format and in a comment.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from robotrue.core.arrays import Array
 from robotrue.core.csv_text import csv_remark
 from robotrue.core.provenance import mark_line
 from robotrue.errors import ConfigurationError
@@ -28,12 +26,11 @@ from robotrue.report.export_losses import (
 )
 from robotrue.robot.chain import error_pose
 from robotrue.robot.model import RobotModel, parameter_slice
+from robotrue.robot.ur_calibration import FIELDS, kinematics_yaml
 from robotrue.robot.urdf_writer import joint_origins, xyz_rpy
 
 CANNOT: Final = URDF_CANNOT
 """What the file has no place for, apart from the tool."""
-JOINTS: Final = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
-FIELDS: Final = ("x", "y", "z", "roll", "pitch", "yaw")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,22 +79,6 @@ def export_ur(found: ExportableModel, *, lossy: Sequence[str] = ()) -> UrExport:
     body = kinematics_yaml(np.array([xyz_rpy(origin) for origin in origins]))
     text = mark_line(found.provenance) + "".join(map(csv_remark, remarks)) + body
     return UrExport(text=text, robot=robot, total=total, nominal_tool=nominal_tool)
-
-
-def kinematics_yaml(values: Array) -> str:
-    """Returns the YAML of six origins (6, 6), a row x, y, z in m and roll, pitch, yaw in rad."""
-    lines = ["kinematics:"]
-    for joint, row in zip(JOINTS, values.tolist(), strict=True):
-        lines.append(f"  {joint}:")
-        lines += [f"    {key}: {_number(value)}" for key, value in zip(FIELDS, row, strict=True)]
-    digest = hashlib.sha256("\n".join(lines).encode("ascii")).hexdigest()
-    return "\n".join([*lines, f"  hash: calib_{int(digest[:16], 16)}", ""])
-
-
-def _number(value: float) -> str:
-    """A float that YAML 1.1 reads as one: its exponent needs a point in the mantissa."""
-    text = repr(value)
-    return text.replace("e", ".0e") if "e" in text and "." not in text else text
 
 
 def _require_ur(robot: RobotModel) -> None:

@@ -132,7 +132,7 @@ def around_joints(robot: RobotModel) -> tuple[Array, Array]:
     along_z[:, Z, ORIGIN] = robot.d + robot.error("d")
     side[:, X, ORIGIN] = robot.a + robot.error("a")
     twist = turn_about(X, robot.alpha + robot.error("alpha"))
-    tilt = turn_about(Y, robot.error("beta"))
+    tilt = turn_about(Y, robot.beta + robot.error("beta"))
     if robot.convention == "dh":
         return still, along_z @ side @ twist @ tilt
     return twist @ side @ tilt, along_z

@@ -178,7 +178,8 @@ def _walk_chain(
     """
     dof = robot.dof
     d, a = (robot.d + robot.error("d")).tolist(), (robot.a + robot.error("a")).tolist()
-    alpha, beta = (robot.alpha + robot.error("alpha")).tolist(), robot.error("beta").tolist()
+    alpha = (robot.alpha + robot.error("alpha")).tolist()
+    beta = (robot.beta + robot.error("beta")).tolist()
     yield from _error_pose(walker, robot.error("base"), 5 * dof)
     for i in range(dof):
         if robot.convention == "dh":

@@ -131,6 +131,7 @@ class RobotModel(Columns):
         d: (n,) m.
         a: (n,) m.
         alpha: (n,) rad.
+        beta: (n,) rad, turn about y that a factory calibration gives a link; else zeros.
         joint_map: (n, n), theta = joint_map @ q; identity, or the coupling of a parallelogram.
         limits: (n, 2) rad, lower and upper limit of q.
         link_mass: (n,) kg; zeros where unknown.
@@ -150,6 +151,7 @@ class RobotModel(Columns):
     d: Annotated[Array, Column("n", unit="m")]
     a: Annotated[Array, Column("n", unit="m")]
     alpha: Annotated[Array, Column("n", unit="rad")]
+    beta: Annotated[Array, Column("n", unit="rad", fill=0.0)] = EMPTY
     joint_map: Annotated[Array, Column("n n", fill=np.eye)] = EMPTY
     limits: Annotated[Array, Column("n 2", unit="rad", fill=_full_turns)] = EMPTY
     link_mass: Annotated[Array, Column("n", unit="kg", fill=0.0)] = EMPTY
@@ -228,7 +230,8 @@ def same_geometry(robot: RobotModel, other: RobotModel) -> bool:
 
 def _nominal_bytes(robot: RobotModel) -> bytes:
     parts = [robot.convention.encode()]
-    for name in ("theta", "d", "a", "alpha", "joint_map"):
+    names = ("theta", "d", "a", "alpha", "joint_map", *(("beta",) if robot.beta.any() else ()))
+    for name in names:
         # A rounded -0.0 is 0.0.
         values = (
             np.round(np.asarray(getattr(robot, name), dtype=np.float64), _IDENTITY_DIGITS) + 0.0

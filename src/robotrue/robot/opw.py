@@ -181,16 +181,16 @@ def opw_geometry(robot: RobotModel) -> OpwGeometry | None:
 
 def pack_table(robot: RobotModel) -> bytes:
     """Returns the nominal table of an arm and its joint map, to keep by what is read from it."""
-    table = [robot.theta, robot.d, robot.a, robot.alpha, robot.joint_map.ravel()]
+    table = [robot.theta, robot.d, robot.a, robot.alpha, robot.beta, robot.joint_map.ravel()]
     return np.concatenate(table).tobytes()
 
 
 def bare_arm(convention: Convention, table: bytes) -> RobotModel:
     """Returns the nominal arm of six joints of a table from :func:`pack_table`, without a tool."""
-    theta, d, a, alpha, *rod = np.frombuffer(table).reshape(-1, 6)
+    theta, d, a, alpha, beta, *rod = np.frombuffer(table).reshape(-1, 6)
     return RobotModel(
         name="bare", convention=convention, theta=theta, d=d, a=a, alpha=alpha,
-        joint_map=np.array(rod),
+        beta=beta, joint_map=np.array(rod),
     )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""The robot of a cell from a file: a DH table (TOML or CSV) or a URDF."""
+"""The robot of a cell from a file: a DH table (TOML or CSV), a URDF, a calibration of a UR arm."""
 
 from __future__ import annotations
 
@@ -10,8 +10,11 @@ from typing import Final
 from robotrue.core.files import read_bytes, read_toml
 from robotrue.errors import ConfigurationError
 from robotrue.measurement.formats.sheet_file import WORKBOOKS, read_sheet
+from robotrue.robot.presets import preset, preset_names
+from robotrue.robot.ur_calibration import joint_gaps, read_joint_frames
 
 URDF: Final = (".urdf", ".xml")
+UR_CALIBRATION: Final = (".yaml", ".yml")
 TABLES: Final = (".csv", ".tsv", ".txt", *WORKBOOKS)
 DH: Final = ("theta_deg", "alpha_deg", "d_mm", "a_mm")
 LIMITS: Final = ("low_deg", "high_deg")
@@ -41,7 +44,7 @@ def read_arm(path: Path, *, convention: str, maker: str) -> ArmFile:
     Args:
         path: TOML with the keys of ``[robot]``; a table of the columns ``theta_deg, alpha_deg,
             d_mm, a_mm`` and perhaps ``low_deg, high_deg, axes_sign, axes_offset_deg``, a row per
-            joint; or a URDF.
+            joint; a URDF; or the factory calibration (YAML) of an arm of Universal Robots.
         convention: Of such a table, ``dh`` or ``mdh``.
         maker: For the controller's convention of the axes; empty: as the file states, else not
             known.
@@ -54,6 +57,10 @@ def read_arm(path: Path, *, convention: str, maker: str) -> ArmFile:
     counted: dict[str, object] = {"maker": maker} if maker else {}
     if kind in URDF:
         return ArmFile(table={"urdf": path.name, **counted}, files={path.name: read_bytes(path)})
+    if kind in UR_CALIBRATION:
+        data = read_bytes(path)
+        arm = {"preset": _nearest_ur(data, path), "ur_calibration": path.name}
+        return ArmFile(table={**arm, **counted}, files={path.name: data})
     if kind == ".toml":
         tables, _ = read_toml(path, example=EXAMPLE)
         stated = tables.get("robot", tables)
@@ -67,9 +74,16 @@ def read_arm(path: Path, *, convention: str, maker: str) -> ArmFile:
     if kind in TABLES:
         return ArmFile(table={**_read_rows(path), "convention": convention, **counted})
     raise ConfigurationError(
-        f"a file {path.name!r} of an arm, expected .toml, .csv, .urdf or .xml.",
+        f"a file {path.name!r} of an arm, expected .toml, .csv, .urdf, .xml or .yaml.",
         hint=f"a table with the columns {', '.join(DH)}.",
     )
+
+
+def _nearest_ur(data: bytes, path: Path) -> str:
+    """The preset of Universal Robots whose joints are nearest; the cell checks how near."""
+    frames = read_joint_frames(data, path)
+    arms = [robot for robot in map(preset, preset_names()) if robot.maker == "ur"]
+    return min(arms, key=lambda robot: joint_gaps(robot, frames)[:, 0].max()).name
 
 
 def _read_rows(path: Path) -> dict[str, object]:

@@ -160,7 +160,7 @@ def _build_robot(name: str) -> RobotModel:
     """Returns the robot of a full name; it is immutable, so one instance is shared."""
     table = read_preset_tables()[name]
     rows = table["dh"]
-    theta, alpha, d, a = read_dh(rows)
+    theta, alpha, d, a, _ = read_dh(rows)
     counting = count_axes(
         table["maker"],
         len(rows),
@@ -183,11 +183,16 @@ def _build_robot(name: str) -> RobotModel:
     )
 
 
-def read_dh(rows: Sequence[Mapping[str, float]]) -> tuple[Array, Array, Array, Array]:
-    """Returns theta, alpha (n,) rad, d, a (n,) m of rows in the keys of ``dh`` in cell.toml."""
-    keys = ("theta_deg", "alpha_deg", "d_mm", "a_mm")
-    theta_deg, alpha_deg, d_mm, a_mm = np.array([[row[key] for key in keys] for row in rows]).T
-    return theta_deg * DEG, alpha_deg * DEG, d_mm * MM, a_mm * MM
+def read_dh(rows: Sequence[Mapping[str, float]]) -> tuple[Array, Array, Array, Array, Array]:
+    """Returns theta, alpha, d, a, beta (n,) rad and m of rows in the keys of ``dh`` in cell.toml.
+
+    A row without ``beta_deg`` has beta zero.
+    """
+    units = {"theta_deg": DEG, "alpha_deg": DEG, "d_mm": MM, "a_mm": MM}
+    theta, alpha, d, a = (
+        np.array([row[key] for row in rows]) * unit for key, unit in units.items()
+    )
+    return theta, alpha, d, a, np.array([row.get("beta_deg", 0.0) for row in rows]) * DEG
 
 
 def _joint_limits(table: _PresetTable, counting: Configuration) -> Array:

@@ -25,7 +25,8 @@ class Form(BaseModel):
 
     Attributes:
         robot: Name of a preset; empty: the arm is that of a file.
-        arm: Upload with a DH table (TOML, CSV) or a URDF, in place of a preset.
+        arm: Upload with a DH table (TOML, CSV), a URDF, or the factory calibration of a UR arm
+            (YAML), in place of a preset.
         convention: Of a DH table that does not state its own.
         maker: That counts the axes of the arm of a file; empty: not known.
         frame: Of measured positions.

@@ -15,7 +15,7 @@ export default {
         <option value="">{{ text.arm_file }}</option></select>
         <span class="wrong" v-if="told('robot') && robot">{{ told('robot') }}</span></label>
       <div v-if="robot === ''" class="fields arm-file">
-        <label class="field arm-choice">{{ text.arm_choose }}<input type="file" accept=".toml,.csv,.tsv,.txt,.xlsx,.ods,.urdf,.xml" @change="sendArm" data-testid="cell-arm" :aria-invalid="!!told('arm')">
+        <label class="field arm-choice">{{ text.arm_choose }}<input type="file" accept=".toml,.csv,.tsv,.txt,.xlsx,.ods,.urdf,.xml,.yaml,.yml" @change="sendArm" data-testid="cell-arm" :aria-invalid="!!told('arm')">
           <span class="note">{{ text.arm_hint }}</span><span class="wrong" v-if="told('arm')" data-testid="wrong-arm">{{ told('arm') }}</span></label>
         <label class="field" v-if="isTable">{{ text.arm_convention }}<select v-model="convention" data-testid="cell-convention"><option value="dh">{{ text.arm_dh }}</option><option value="mdh">{{ text.arm_mdh }}</option></select></label>
         <label class="field">{{ text.arm_maker }}<select v-model="maker" data-testid="cell-maker"><option value="">{{ text.arm_maker_none }}</option><option v-for="m in makers" :key="m" :value="m">{{ m }}</option></select></label>
@@ -45,7 +45,7 @@ export default {
   data: () => ({ groups: GROUPS, presets: [], fields: {}, robot: null, arm: null, armFiles: [], armJoints: 0, convention: "dh", maker: "", makers: [], frame: "base", name: "", numbers: {}, boxes: 0, mostBoxes: MOST_BOXES, faults: {}, cautions: {}, shown: "", ready: false, busy: false, fault: null }),
   computed: {
     typed() { return JSON.stringify([this.robot, this.frame, this.numbers, this.arm?.id, this.convention, this.maker]); },
-    isTable() { return this.arm && !/\.(toml|urdf|xml)$/i.test(this.arm.name); },
+    isTable() { return this.arm && !/\.(toml|urdf|xml|ya?ml)$/i.test(this.arm.name); },
     optional() {
       const joints = this.presets.find((p) => p.name === this.robot)?.joints ?? this.armJoints;
       const boxes = Array.from({ length: this.boxes }, (_, k) => ["low", "high"].flatMap((corner) => point(`box${k + 1}_${corner}`)));
