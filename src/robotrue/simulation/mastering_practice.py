@@ -162,6 +162,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--lost", default="A3=0.12")
     parser.add_argument("--seed", type=int, default=3)
     asked = parser.parse_args(arguments)
+    asked.folder.mkdir(parents=True, exist_ok=True)
     cell = practice_cell(asked.seed)
     if asked.touch is None:
         write_cell(asked.folder, cell)

@@ -183,6 +183,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--seed", type=int, default=1)
     asked = parser.parse_args(arguments)
+    asked.folder.mkdir(parents=True, exist_ok=True)
     rng, nominal = np.random.default_rng(asked.seed), preset("KR160")
     arm = draw_rail(nominal, rng)
     rows, _ = measure_rail(nominal, arm, POSES, rng, still=True)

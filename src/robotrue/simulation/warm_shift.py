@@ -177,6 +177,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--drift", type=float, default=DRIFT / UM, metavar="UM")
     asked = parser.parse_args(arguments)
+    asked.folder.mkdir(parents=True, exist_ok=True)
     rng, nominal = np.random.default_rng(asked.seed), preset("KR160")
     rows, _ = measure_shift(nominal, true_arm(nominal, rng, asked.drift * UM), rng)
     write_canonical(asked.folder / "early.csv", rows.subset(np.arange(EARLY)))
