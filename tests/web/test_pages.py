@@ -62,6 +62,17 @@ def test_a_project_shows_its_stages_and_the_next_step(client: Client, tmp_path: 
         assert form.count(" checked") == 1  # the set that was imported last
 
 
+def test_a_finished_project_offers_the_next_program(
+    client: Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    names = ("setup", "measure", "calibrate", "use", "monitor")
+    monkeypatch.setattr("robotrue.web.server.count_items", lambda _: dict.fromkeys(names, 2))
+    page = client().get("/", headers={"accept-language": "en"}).text
+    assert page.count("stage done") + page.count("stage next done") == 5
+    assert page.count('data-testid="next-step"') == 1
+    assert 'href="/programs">Compensate a program' in page
+
+
 def test_hashes_of_a_set_are_closed(client: Client, filled: Shop) -> None:
     page = client().get(f"/measurements?id={filled.measured.id}").text
     closed = page.partition('<details class="card more" data-testid="provenance">')[2]

@@ -41,6 +41,8 @@ STAGES: Final[tuple[Stage, ...]] = (
     Stage(name="monitor", noun=DRIFT_CHECK, where={}, first="/drift"),
 )
 """In the order of the work; pages name the stage they belong to."""
+REPEATED: Final = STAGES[3]
+"""Next stage of a project that has reached all: the next program."""
 
 
 def count_items(workspace: Workspace) -> dict[str, int]:
@@ -55,10 +57,8 @@ async def _build(context: PageContext) -> str:
     if CELL_WORDS & context.query.keys():
         cell = next(screen for screen in context.screens if screen.name == "cell")
         return await cell.builds[""](replace(context, screen=cell))
-    open_stages = [stage for stage in STAGES if not context.stages[stage.name]]
-    return context.render(
-        "overview.html", stages=STAGES, following=open_stages[0] if open_stages else None
-    )
+    following = next((stage for stage in STAGES if not context.stages[stage.name]), REPEATED)
+    return context.render("overview.html", stages=STAGES, following=following)
 
 
 BUILDS: Final = {"": _build}
