@@ -111,6 +111,12 @@ def test_recorded_sentences_are_told_in_chinese_with_their_numbers(sentence):
     assert set(re.findall(r"\d+\.\d+", sentence)) == set(re.findall(r"\d+\.\d+", told))
 
 
+def test_pages_and_reports_spell_micrometres():
+    recorded = "table E2: axis off by 351 +- 17 um and tilted by 450 +- 17 urad, 2 um/m, use_um"
+    spelled = "table E2: axis off by 351 +- 17 µm and tilted by 450 +- 17 µrad, 2 µm/m, use_um"
+    assert ReportTexts().sentence(recorded) == spelled
+
+
 def test_a_sentence_nobody_knows_stays_as_it_is():
     assert in_chinese("Something new happened.") == "Something new happened."
     assert ReportTexts().sentence("Only 12 poses: ...") == "Only 12 poses: ..."

@@ -30,6 +30,7 @@ SENTENCES: Final = FOLDER / "sentences_zh.toml"
 An unknown sentence stays as it was recorded: a reader would rather have it in English than not.
 """
 _PLACE: Final = re.compile(r"\\\{(?P<name>n[1-9]|[a-z])\\\}")
+_MICRO: Final = re.compile(r"(?<=\d )u(?=(?:m|rad)\b)")
 HTML_LANG: Final[Mapping[Lang, str]] = {"en": "en", "zh": "zh-CN"}
 
 
@@ -57,8 +58,11 @@ class ReportTexts:
             ) from cause
 
     def sentence(self, recorded: str) -> str:
-        """Returns a sentence other rooms wrote in English, in this language where it is known."""
-        return in_chinese(recorded) if self.lang == "zh" else recorded
+        """Returns a sentence other rooms wrote in English, in this language where it is known.
+
+        Command lines print micrometres as ``um``, pages and reports as ``µm``.
+        """
+        return _MICRO.sub("µ", in_chinese(recorded) if self.lang == "zh" else recorded)
 
 
 ENGLISH: Final = ReportTexts()
