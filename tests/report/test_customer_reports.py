@@ -74,7 +74,7 @@ def test_without_a_check_the_certificate_says_so_first(facts):
 def test_no_symbol_of_the_standard_without_its_cycles(facts):
     page = report_json(certificate_content(facts))
     assert "AP_P" not in page
-    assert "are defined by repeated visits and are not stated" in page
+    assert "are defined by repeated measurements of a pose and are not stated" in page
     for cycles, symbol in ((5, False), (30, True)):
         check = measured(cycles, error=wave)
         joints = np.broadcast_to(check.joints[0], check.joints.shape)

@@ -60,7 +60,7 @@ WHERE: Final[Mapping[str, Mapping[str, str]]] = {
         "base": "base frame of the mechanical unit, or wobjdata of every work object in use",
     },
     "ur": {
-        "joint zeros": "joint calibration; not open to users on all versions",
+        "joint zeros": "joint calibration; not accessible to users in all versions",
         "tool": "TCP of the installation",
         "base": "no parameter: move the feature (plane) programs refer to",
     },

@@ -183,7 +183,7 @@ def export_dh(found: ExportableModel, *, lossy: Sequence[str] = ()) -> DhExport:
     robot = found.tables.robot
     if not np.array_equal(robot.joint_map, np.eye(robot.dof)):
         raise ConfigurationError(
-            f"{robot.name} couples its joints (parallelogram), which a DH table does not say.",
+            f"{robot.name} couples its joints (parallelogram), which a DH table cannot hold.",
             hint="export the serial arm: replace(robot, joint_map=np.eye(6)).",
         )
     lost = losses(found, [name for name in found.held if name in DH_CANNOT])

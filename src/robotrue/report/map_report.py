@@ -50,7 +50,7 @@ def map_slices(found: WorkspaceMap, *, title: str) -> MapSlices:
     lost = int((~found.reachable).sum())
     gaps = f" Crosses: {lost} poses out of reach." if lost else ""
     return MapSlices(
-        quantities=("length", "along x", "along y", "along z", "stays, 95 %"),
+        quantities=("length", "along x", "along y", "along z", "residual, 95 %"),
         slices=tuple(f"{s_name} {float(axes[found.along][k]) / s_size:.4g} {s_unit}" for k in cut),
         values=values,
         signed=(False, True, True, True, False),
@@ -60,8 +60,8 @@ def map_slices(found: WorkspaceMap, *, title: str) -> MapSlices:
         up_label=f"{u_name}, {u_unit}",
         title=title,
         caption=(
-            "Predicted error, actual minus commanded, base axes; last row: the radius that holds "
-            "the residual error after compensation with 95 %. "
+            "Predicted error, actual minus commanded, base axes; last row: the radius that "
+            "contains the residual error after compensation with 95 % probability. "
             f"{ATTITUDES[found.attitude].capitalize()}." + gaps
         ),
     )
@@ -148,7 +148,7 @@ def _sectors(found: WorkspaceMap, alike: tuple[SectorSimilarity, ...]) -> Sectio
             columns=(
                 *plain_columns("sector", "poses"),
                 *plain_columns("mean", "max", "mean x", "mean y", "mean z", unit="mm"),
-                *plain_columns("stays, 95 %", unit="mm"),
+                *plain_columns("residual, 95 %", unit="mm"),
             ),
             rows=tuple(rows),
         )

@@ -49,8 +49,8 @@ def part_map(plan: ProbePlan, task: ProbingTask, tip_axis: Array) -> PartMap:
         touch=plan.touches.point,
         touch_group=drawn.astype(np.float64),
         uncovered=tuple(group.name for group in plan.groups if not group.covered),
-        caption="Points in the part frame; rings are points touched with the tool as it machines "
-        "there. Touches from other sides are not drawn.",
+        caption="Points in the part frame; rings are points probed from the side from which the "
+        "tool machines there. Touches from other sides are not drawn.",
     )
 
 
@@ -71,7 +71,7 @@ def probing_content(
     text = f"{n} touches; 95 % of the errors within {radius.max():.2f} mm at every machined point."
     if not covered:
         named = ", ".join(group.name for group in plan.groups if not group.covered)
-        text = f"{n} touches leave postures that none covers: {named}."
+        text = f"With {n} touches no touch covers the postures of {named}."
     return ReportContent(
         title=f"Touches of a part: {robot}",
         verdict=Conclusion(
@@ -124,7 +124,7 @@ def _groups(plan: ProbePlan, task: ProbingTask) -> ReportTable:
         title="Machined groups",
         columns=(
             *plain_columns("group", "points"),
-            *plain_columns("rms, one sigma", "worst, 95 % within", "at best", unit="mm"),
+            *plain_columns("rms, one sigma", "worst, 95 % within", "limit", unit="mm"),
             *plain_columns("covered"),
         ),
         rows=tuple(

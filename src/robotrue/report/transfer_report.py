@@ -112,7 +112,10 @@ def _tiles(verdict: GuardVerdict, selection: Selection | None) -> tuple[KeyFigur
         KeyFigure(label="mean error, held out", value=score.mean / MM, unit="mm", note=note),
         KeyFigure(label="largest", value=score.max / MM, unit="mm"),
         KeyFigure(
-            label="stated 95 % regions hold", value=100.0 * score.coverage, unit="%", digits=1
+            label="coverage of the stated 95 % regions",
+            value=100.0 * score.coverage,
+            unit="%",
+            digits=1,
         ),
     )
 

@@ -80,7 +80,7 @@ def _blocks(
     yield Table(
         title=f"{title}; {ATTITUDES[mapped.attitude]}",
         columns=(
-            "sector", "poses", "mean mm", "max mm", "x mm", "y mm", "z mm", "stays 95 % mm",
+            "sector", "poses", "mean mm", "max mm", "x mm", "y mm", "z mm", "residual 95 % mm",
         ),
         rows=tuple(_sector_rows(mapped)),
     )  # fmt: skip
