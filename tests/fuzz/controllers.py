@@ -28,7 +28,8 @@ class Move(NamedTuple):
     """A motion: base and tool (4, 4); target (4, 4), or (6,) axes in rad; auxiliary point.
 
     The target is None if components are left out. ``follows``: the motion itself computes it, from
-    another, with a function that shifts targets.
+    another, with a function that shifts targets. ``step``: what it adds to where the robot is,
+    which no correction may change.
     """
 
     base: np.ndarray
@@ -36,6 +37,7 @@ class Move(NamedTuple):
     target: np.ndarray | None
     via: bool
     follows: bool = False
+    step: np.ndarray = np.zeros(0)
 
 
 class Controller(Protocol):

@@ -132,6 +132,8 @@ def find_strays(language: str, files: Files, count: Counter[str]) -> list[str]:
         if len(one) != len(two):
             return [f"way {seed}: {len(one)} motions before, {len(two)} after"]
         for number, (was, now) in enumerate(zip(one, two, strict=True)):
+            if not np.array_equal(was.step, now.step):
+                strays.append(f"way {seed}, motion {number}: an increment is corrected")
             if was.target is None or now.target is None:
                 continue
             if was.target.ndim == 1:

@@ -23,7 +23,7 @@ from robotrue.core.units import DEG, MM
 RECORD = re.compile(r"P\[(\d+)[^\]]*\]\{(.*?)\n?\};", re.DOTALL)
 FRAMES = re.compile(r"UF *: *(\w+), *UT *: *(\w+)")
 VALUE = re.compile(r"\b(J\d|[XYZWPR])\s*=\s*(-?[\d.]+)")
-MOVE = re.compile(r"([JLSC]) +(PR?\[.*?\]+)(?: +(PR?\[.*?\]+))? +\d+(?:mm/sec|%) +\w+ *(.*)$")
+MOVE = re.compile(r"([JLSCA]) +(PR?\[.*?\]+)(?: +(PR?\[.*?\]+))? +\d+(?:mm/sec|%) +\w+ *(.*)$")
 UNKNOWN = None
 
 
@@ -297,7 +297,8 @@ class FanucController:
         offset = re.search(r"(Tool_)?Offset(?:,PR\[(\d+)\])?", tail)
         if offset and target is not None:
             target = self._shift(target, offset)
-        self.moves.append(Move(base, tool, target, via, follows))
+        step = values if follows else np.zeros(0)
+        self.moves.append(Move(base, tool, target, via, follows, step))
 
     def _step(self, values: np.ndarray, base: np.ndarray, tool: np.ndarray) -> np.ndarray | None:
         """The last target, in its own frames, and a step along the axes of the user frame."""

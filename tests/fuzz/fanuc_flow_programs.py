@@ -78,10 +78,11 @@ class FanucFlowWriter:
     def _move(self) -> str:
         tail = self.pen.pick("", "", "", "", " Offset,PR[10]", " Tool_Offset,PR[11]", " Offset", "")
         word = self.pen.pick("L", "L", "J")
-        if self.pen.chance(0.04):
-            tail = " INC"
+        target = self._target()
+        if self.pen.chance(0.06):
+            target, tail = self.pen.pick(target, "PR[10]", "PR[11]"), " INC"
         speed = "20%" if word == "J" else "200mm/sec"
-        return f"{word} {self._target()} {speed} {self.pen.pick('FINE', 'CNT50')}{tail}"
+        return f"{word} {target} {speed} {self.pen.pick('FINE', 'CNT50')}{tail}"
 
     def _block(self, depth: int, name: str, size: int = 0) -> list[str]:
         count = size or self.pen.whole(1, 4)
@@ -93,6 +94,8 @@ class FanucFlowWriter:
             kind = 0
         if kind <= 9:
             return [self._move()]
+        if kind == 10 and pen.chance(0.4):
+            return [f"A {self._target()} 200mm/sec FINE" for _ in range(pen.whole(1, 4))]
         if kind == 10:
             return [f"C {self._place()} {pen.pick(self._place(), self._register())} 200mm/sec FINE"]
         if kind <= 17:

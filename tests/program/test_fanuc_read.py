@@ -296,3 +296,35 @@ def test_a_called_program_that_is_given_and_sets_no_number_is_no_matter() -> Non
         job = [("main.ls", main.replace("/PROG  TEST", "/PROG  MAIN").encode())]
         job.append(("test.ls", text(record(1), f"{inside}\n{MOVE}").encode()))
         assert find_language("fanuc_ls").read_job(job, frames=TABLE)[0].reason.tolist() == [why]
+
+
+@pytest.mark.parametrize("order", [1, -1])
+@pytest.mark.parametrize(
+    ("statement", "reason"),
+    [
+        ("UFRAME[1:fixture]=PR[3] ;", Reason.UNKNOWN_FRAME),
+        ("UTOOL[01]=PR[3] ;", Reason.UNKNOWN_FRAME),
+        ("UFRAME[R[4]]=PR[3] ;", Reason.UNKNOWN_FRAME),
+        ("IF (DI[1]=ON),UFRAME[1]=(PR[3]) ;", Reason.UNKNOWN_FRAME),
+        ("UFRAME[7]=PR[3] ;", Reason.NONE),
+        ("! UFRAME[1]=PR[3] ;", Reason.NONE),
+        ("PR[3]=UFRAME[1] ;", Reason.NONE),
+    ],
+)
+def test_a_frame_that_another_program_of_the_job_changes(
+    statement: str, reason: Reason, order: int
+) -> None:
+    files = [
+        ("move.ls", text(record(1), MOVE).encode()),
+        ("frames.ls", text(record(1), statement).encode()),
+    ][::order]
+    moving = find_language("fanuc_ls").read_job(tuple(files), frames=TABLE)[::order][0]
+    assert moving.reason.tolist() == [reason]
+    assert ("is changed by frames.ls in line 7" in "\n".join(moving.notes)) == bool(reason)
+
+
+@pytest.mark.parametrize("step", ["P[2]", "PR[3]", "PR[R[1]]"])
+def test_a_step_is_told_of_wherever_it_is_kept(step: str) -> None:
+    program = body(record(1) + record(2), f"{MOVE}\nL {step} 200mm/sec FINE INC ;")
+    assert program.reason[0] == Reason.NONE
+    assert "INC moves by a step from the target before it" in "\n".join(program.notes)

@@ -119,6 +119,26 @@ def test_frames_and_tools_that_the_job_makes_itself() -> None:
     assert "tool 1 is changed by the job in line 15" in program.notes[0]
 
 
+@pytest.mark.parametrize(
+    ("instruction", "left"),
+    [
+        ("MFRAME UF#(2) P001 P002 P003", True),
+        ("SETTOOL TL#(1) P010", True),
+        ("MFRAME UF#(3) P001 P002 P003", False),
+        ("' MFRAME UF#(2) P001 P002 P003", False),
+    ],
+)
+def test_frames_and_tools_that_another_job_makes(instruction: str, left: bool) -> None:
+    points = f"///USER 2\n///TOOL 1\n///POSTYPE USER\n///RECTAN\nC00000={P}\n"
+    files = (
+        ("move.jbi", text(points, "MOVL C00000 V=1.0").encode()),
+        ("frames.jbi", text(points, f"{instruction}\nMOVL C00000 V=1.0").encode()),
+    )
+    moving = find_language("jbi").read_job(files, frames=TABLE)[0]
+    assert moving.reason.tolist() == [Reason.UNKNOWN_FRAME if left else Reason.NONE]
+    assert ("is changed by frames.jbi in line 15" in "\n".join(moving.notes)) == left
+
+
 def test_moves_and_arcs() -> None:
     points = HEAD + "".join(f"C{i:05d}={P}\n" for i in range(10))
     moves = (

@@ -187,6 +187,8 @@ class FrameTable:
             arm's configuration at a first target that does not state it; empty if not stated.
         harmless_routines: Routines in no given file that change neither frames nor points, in lower
             case; after calls of others, targets are left alone.
+        changed_frames: What changes numbered frames in any program of a job, by side (``base``,
+            ``tool``) and number, ``?`` for a computed one: the controller has them once for all.
         units_without_point: Meaning of ``X10`` without a point in a Fanuc control: ``mm``, the unit
             in force, or an ``increment``. Only where it is the unit in force such points are
             compensated; empty: not stated.
@@ -205,4 +207,5 @@ class FrameTable:
     orientation: OrientationRule = field(default_factory=OrientationRule)
     start: Array = field(default_factory=lambda: np.empty(0))
     harmless_routines: tuple[str, ...] = ()
+    changed_frames: Mapping[tuple[str, str], str] = field(default_factory=dict)
     units_without_point: WholeNumbers = ""

@@ -32,6 +32,7 @@ from robotrue.program.formats.fanuc_offsets import (
 )
 from robotrue.program.formats.fanuc_scan import STATEMENT, FanucScan, find_program
 from robotrue.program.formats.fanuc_values import State
+from robotrue.program.formats.numbered_frames import list_changed_frames
 from robotrue.program.formats.text_lines import line_at, line_starts
 from robotrue.program.program import Motion, Reason
 
@@ -48,11 +49,16 @@ _FRAME_DATA: Final = re.compile(rb"\b(UFRAME|UTOOL|BENUTZER|WKZ)\s*+\[")
 _MOTION: Final = {b"J": Motion.PTP, b"L": Motion.LIN, b"S": Motion.SPLINE}
 _CALL: Final = re.compile(rb"\b(?:CALL|RUN)\s+([\w.]+)")
 _SIDE: Final = {b"UFRAME": "base", b"BENUTZER": "base", b"UTOOL": "tool", b"WKZ": "tool"}
+_REMARKS: Final = (b"!", b"//", b"--")
 _SHIFT: Final = re.compile(rb"(?:TOUCH|MP)[ \t]+OFFSET\b[ \t]*(END\b)?")
 _LEAP: Final = re.compile(rb"\bJMP\b|[:;]\s*(?:FOR|IF|ELSE|SELECT)\b")
 _TRACKING: Final = re.compile(rb"\bLINE_TRACK_SCHEDULE_NUMBER\s*:\s*0*([1-9]\d*)")
 _OPTIONS: Final = (
-    (re.compile(rb"\bINC\b"), Reason.RELATIVE, "INC moves by a step"),
+    (
+        re.compile(rb"\bINC\b"),
+        Reason.RELATIVE,
+        "INC moves by a step from the target before it, and with its correction",
+    ),
     (
         re.compile(rb"\b(?:TOOL_OFFSET|OFFSET|VOFFSET)\b"),
         Reason.EXPRESSION,
@@ -114,6 +120,28 @@ def quiet_programs(files: Sequence[tuple[str, bytes]]) -> tuple[str, ...]:
         for found, data in named
         if found and not (_FRAME_NUMBER.search(data, *found[1:]) or _CALL.search(data, *found[1:]))
     )
+
+
+def fanuc_frame_changes(files: Sequence[tuple[str, bytes]]) -> Mapping[tuple[str, str], str]:
+    """Returns what changes numbered frames of the controller in the programs of a job."""
+
+    def read(line: bytes) -> list[tuple[str, str]]:
+        text = line.lstrip(b" \t0123456789").removeprefix(b":").lstrip()
+        return [] if text.startswith(_REMARKS) else _list_set_frames(text)
+
+    return list_changed_frames(files, tuple(_SIDE), read)
+
+
+def _list_set_frames(text: bytes) -> list[tuple[str, str]]:
+    """Returns side and number, ``?`` if computed, of the frames that a statement sets."""
+    out = []
+    for part in text.split(b"=")[:-1]:
+        given = part.rstrip()
+        holder = _FRAME_DATA.search(given) if given.endswith(b"]") else None
+        if holder:
+            number = given[holder.end() : -1].partition(b":")[0]
+            out.append((_SIDE[holder[1]], _digits(number)))
+    return out
 
 
 def moves(
@@ -212,7 +240,7 @@ class _Walk:
         """Reads one; comments and remarked statements are skipped."""
         place += len(text) - len(text.lstrip())
         text = text.lstrip()
-        if not text or text.startswith((b"!", b"//", b"--")):
+        if not text or text.startswith(_REMARKS):
             return
         self._branched |= text.startswith((b"IF", b"FOR", b"SELECT", b"JMP"))
         move = _MOVE.match(text)
@@ -356,6 +384,10 @@ class _Walk:
         """Returns a target of a move; None where it is no record and no known register."""
         text, line = match[2].strip(), self._line(place)
         span = place + match.start(), place + match.end()
+        step = dict(self._options(tail)).get(Reason.RELATIVE)
+        if match[1] == b"PR" and step:  # which step it is changes nothing
+            self._tell(step, place, f"{step}; such targets are not compensated")
+            return None
         if not text.isdigit() or len(text) > 6:
             if match[1] == b"P":
                 self._note_computed(place)
@@ -416,14 +448,8 @@ class _Walk:
         for called in _CALL.findall(text):
             if called.decode("latin-1").lower() not in self._harmless:
                 self.out.calls.append(called.decode("latin-1"))
-        for part in text.split(b"=")[:-1]:
-            given = part.rstrip()
-            holder = _FRAME_DATA.search(given) if given.endswith(b"]") else None
-            if holder:
-                number = given[holder.end() : -1].partition(b":")[0]
-                key = _SIDE[holder[1]], _digits(number)
-                if key not in self.out.changed:
-                    self.out.changed[key] = self._line(place)
+        for key in _list_set_frames(text):
+            self.out.changed.setdefault(key, self._line(place))
         for match in _POINT.finditer(text, 0, text.rfind(b"]") + 1):
             found, plain = match[1], _digits(match[1])
             sets = _SETS.match(text, match.end()) is not None

@@ -193,8 +193,9 @@ class _Builder:
         return np.array(found, np.int64)[inverse]
 
     def _number(self, side: str, number: str, line: int) -> int:
-        if (side, "?") in self.walk.changed:
-            what = f"is changed by a computed number in line {self.walk.changed[side, '?']}"
+        computed = self.given.changed_frames.get((side, "?"))
+        if computed:
+            what = f"{computed} by a computed number"
             return self.frames.unknown(side, what, line, "write the number out")
         if number.isdigit():
             return self.frames.number(side, number, line)

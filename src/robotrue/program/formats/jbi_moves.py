@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from array import array
-from collections.abc import Container, Iterator, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -13,6 +13,7 @@ import numpy as np
 from robotrue.errors import FormatError
 from robotrue.program.formats.alike import note_moves
 from robotrue.program.formats.jbi_scan import P_POINTS, JbiScan
+from robotrue.program.formats.numbered_frames import list_changed_frames
 from robotrue.program.formats.target_notes import absent_routine
 from robotrue.program.program import Motion, Reason
 
@@ -57,8 +58,7 @@ class JbiMoves:
         flags: Reasons found in instructions, by row.
         partners: External points in the same move, by row.
         runs: Rows of each run of ``MOVC``, in order.
-        frames: User frames that the job computes (number, line).
-        tools: Tools likewise.
+        frames: Frames that the job computes: side, number and line.
         path: As ``Program.path``: line, row or minus the line, motion.
         notes: Sentences.
     """
@@ -67,8 +67,7 @@ class JbiMoves:
     flags: dict[int, Reason] = field(default_factory=dict)
     partners: dict[int, list[tuple[str, int]]] = field(default_factory=dict)
     runs: list[list[int]] = field(default_factory=list)
-    frames: list[tuple[str, int]] = field(default_factory=list)
-    tools: list[tuple[str, int]] = field(default_factory=list)
+    frames: list[tuple[str, str, int]] = field(default_factory=list)
     path: array[int] = field(default_factory=lambda: array("q"))
     notes: list[str] = field(default_factory=list)
 
@@ -86,6 +85,18 @@ def quiet_jobs(files: Sequence[tuple[str, bytes]]) -> tuple[str, ...]:
         for match, data in named
         if match and not _SETS.search(data, match.end())
     )
+
+
+def jbi_frame_changes(files: Sequence[tuple[str, bytes]]) -> Mapping[tuple[str, str], str]:
+    """Returns what changes numbered frames of the controller in the jobs given."""
+    words = (b"MFRAME", b"SETUFRAME", b"SETTOOL")
+    return list_changed_frames(files, words, lambda line: _list_set_frames(line.partition(b"'")[0]))
+
+
+def _list_set_frames(text: bytes) -> list[tuple[str, str]]:
+    """Returns side and number of the frames that an instruction sets."""
+    kinds = (("base", _FRAME), ("tool", _TOOL))
+    return [(side, number.decode()) for side, kind in kinds for number in kind.findall(text)]
 
 
 def moves(scan: JbiScan, name: str, harmless: Container[str] = ()) -> JbiMoves:
@@ -150,8 +161,7 @@ class _Walk:
         if text.startswith(b"CALL") and self._shift:
             self._tell("called", f"{self.name}:{line}: a job that is called while SFTON shifts "
                 "moves away from its points; do not compensate it.")  # fmt: skip
-        for pattern, found in ((_FRAME, self.out.frames), (_TOOL, self.out.tools)):
-            found += [(number.decode(), line) for number in pattern.findall(text)]
+        self.out.frames += [(side, number, line) for side, number in _list_set_frames(text)]
         for number in _VARIABLE.findall(text):
             self._compute(int(number) + P_POINTS, line)
         for number in _USED.findall(text):

@@ -53,9 +53,8 @@ class _Builder:
         self.scan, self.walk, self.name, self.given = found, walk, name, given
         self.notes: list[str] = []
         self.frames = NumberedFrames(given, name, holder=_HOLDER, zero_is_root=False)
-        for side, changed in (("base", walk.frames), ("tool", walk.tools)):
-            for number, line in changed:
-                self.frames.change(side, number, line, "the job")
+        for side, number, line in walk.frames:
+            self.frames.change(side, number, line, "the job")
         self._relative = next((v for _, k, v in found.attributes if k == "FRAME"), "").split()
         groups = [value for _, key, value in found.attributes if key.startswith("GROUP")]
         self._rail = any("BS" in value for value in groups)

@@ -2,16 +2,49 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Final
 
 import numpy as np
 
 from robotrue.core.arrays import Array, IntArray
 from robotrue.program.external_axes import Carried, carry_frames, plain_key, riders_of
+from robotrue.program.formats.text_lines import line_at
 from robotrue.program.program import FrameTable
 
 _SIDES: Final = {"base": "work frame", "tool": "tool"}
+_END: Final = re.compile(rb"[\r\n]")
+_LINE: Final = 1000
+"""Bytes looked back for the beginning of a line."""
+
+
+def list_changed_frames(
+    files: Sequence[tuple[str, bytes]],
+    words: Sequence[bytes],
+    read: Callable[[bytes], Iterable[tuple[str, str]]],
+) -> Mapping[tuple[str, str], str]:
+    """Returns what changes numbered frames, by side and number, in the programs of a job.
+
+    Args:
+        files: Name and bytes of each.
+        words: Of the statements that change one.
+        read: Returns side and number of the frames that a line changes.
+    """
+    out: dict[tuple[str, str], str] = {}
+    for name, data in files:
+        for word in words:
+            at = data.find(word)
+            while at >= 0:
+                least = max(at - _LINE, 0)
+                begin = max(data.rfind(sign, least, at) for sign in (b"\n", b"\r"))
+                end = found.start() if (found := _END.search(data, at)) else len(data)
+                for side, number in read(data[max(begin + 1, least) : end]):
+                    key = side, plain_key(number)
+                    if key not in out:
+                        out[key] = f"is changed by {name} in line {line_at(data, at)}"
+                at = data.find(word, end)
+    return out
 
 
 class NumberedFrames:
@@ -44,6 +77,7 @@ class NumberedFrames:
         self._riders = {0: riders_of(table.external, "base")}
         self._on_robot: set[int] = set()
         self._index: dict[tuple[str, str], int] = {}
+        self._elsewhere = table.changed_frames
         self._changed: dict[tuple[str, str], str] = {}
         self._numbered: dict[tuple[str, str], int] = {}
 
@@ -86,10 +120,9 @@ class NumberedFrames:
 
     def _find_number(self, side: str, number: str, line: int) -> int:
         printed, number = number.strip(), plain_key(number)
-        if (side, number) in self._changed:
-            return self.unknown(
-                side, f"{number} {self._changed[side, number]}", line, "compensate without it"
-            )
+        what = self._changed.get((side, number)) or self._elsewhere.get((side, number))
+        if what:
+            return self.unknown(side, f"{number} {what}", line, "compensate without it")
         for key, matrix in self._given[side].items():
             if plain_key(key) == number:
                 index = self._enter(side, number, np.asarray(matrix, dtype=np.float64))

@@ -56,7 +56,7 @@ def _score(data: bytes) -> float:
 
 
 def _read(files: NamedBytes, frames: FrameTable) -> tuple[Program, ...]:
-    from robotrue.program.formats.fanuc_moves import quiet_programs
+    from robotrue.program.formats.fanuc_moves import fanuc_frame_changes, quiet_programs
     from robotrue.program.formats.fanuc_read import read_fanuc
     from robotrue.program.formats.fanuc_register_files import names_registers
     from robotrue.program.formats.fanuc_registers import list_effects
@@ -64,7 +64,8 @@ def _read(files: NamedBytes, frames: FrameTable) -> tuple[Program, ...]:
     named = any(names_registers(data) for _, data in files)
     effects = list_effects(files, frames.harmless_routines) if named else {}
     quiet = (*frames.harmless_routines, *quiet_programs(files))
-    frames = replace(frames, harmless_routines=quiet)
+    changed = fanuc_frame_changes(files)
+    frames = replace(frames, harmless_routines=quiet, changed_frames=changed)
     return tuple(read_fanuc(data, name, frames, effects) for name, data in files)
 
 

@@ -53,11 +53,11 @@ def _score(data: bytes) -> float:
 
 
 def _read(files: NamedBytes, frames: FrameTable) -> tuple[Program, ...]:
-    from robotrue.program.formats.jbi_moves import quiet_jobs
+    from robotrue.program.formats.jbi_moves import jbi_frame_changes, quiet_jobs
     from robotrue.program.formats.jbi_read import read_jbi
 
     quiet = (*frames.harmless_routines, *quiet_jobs(files))
-    frames = replace(frames, harmless_routines=quiet)
+    frames = replace(frames, harmless_routines=quiet, changed_frames=jbi_frame_changes(files))
     return tuple(read_jbi(data, name, frames) for name, data in files)
 
 
